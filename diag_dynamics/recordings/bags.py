@@ -16,7 +16,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import DamageError, Messages, Notes, describe_error, merge_parts
+from diag_dynamics.recordings.messages import Messages, Notes, describe_error, merge_parts
 
 METADATA = "metadata.yaml"
 """File that rosbag2 writes into a folder when it closes a recording."""
@@ -64,7 +64,8 @@ class Bag:
 
         yield from merge_parts(read_file(file, *maps) for file, maps in zip(self._files, self._maps, strict=True))
         for k, count in failed.items():
-            what = f"{count} messages of '{self.connections[k].topic}' are not of its type"
+            topic, kind = self.connections[k][:2]
+            what = f"{count} messages of '{topic}' are not of its type, {kind} of ROS Noetic"
             self._notes.add_damage(self.path, "messages of ROS 1", what)
 
     def _open_file(self, path, name):
@@ -107,15 +108,10 @@ class Bag:
         for k, one in enumerate(file.connections):
             one = one._replace(type=_normalize_type(one.type))
             if one.encoding in ROS1:
-                ros1, encoding = import_module("diag_dynamics.recordings.ros1_file"), "cdr"
-                try:
-                    if convert := ros1.find_conversion(one.type, one.md5):
-                        conversions[k] = convert
-                except DamageError as error:
-                    what = f": the type of topic '{one.topic}' is not understood: {error}."
-                    self._notes.add_finding(self.path, what)
-                    encoding = "ros1"
-                one = one._replace(encoding=encoding)
+                ros1 = import_module("diag_dynamics.recordings.ros1_file")
+                if convert := ros1.find_conversion(one.type, one.md5):
+                    conversions[k] = convert
+                one = one._replace(encoding="cdr")
             others = enumerate(self.connections)
             place = next((n for n, other in others if other == one and n not in places), None)
             if place is None:

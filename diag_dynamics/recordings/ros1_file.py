@@ -50,16 +50,17 @@ class Ros1File:
 
 @lru_cache(64)
 def find_conversion(name, md5):
-    """Return the function that converts messages of a type of ROS 1 to CDR; None if none are read.
-
-    A DamageError says that the type is not that of ROS Noetic.
-    """
+    """Return the function that converts messages of a type of ROS 1 to CDR; None if none are read."""
     if name not in TYPES:
         return None
     typesys = require("rosbags.typesys", "reading the recording")
     noetic = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
-    expected = noetic.generate_msgdef(name, ros_version=1)[1]
-    if md5 not in ("", "*", expected):
-        raise DamageError(f"its MD5 sum is {md5}; expected {expected}")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)  # its headers have no `seq`
-    return partial(store.ros1_to_cdr, typename=name)
+    is_known = md5 in ("", "*", noetic.generate_msgdef(name, ros_version=1)[1])
+
+    def convert(raw):
+        if not is_known:
+            raise DamageError("the type has another definition")
+        return store.ros1_to_cdr(raw, name)
+
+    return convert

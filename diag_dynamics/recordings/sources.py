@@ -131,10 +131,8 @@ class BagSource:
         chosen = [(k, one) for k, one in every if one.topic in topics]
         for _, one in chosen:
             if one.encoding != ENCODING:
-                why = "".join(f" {note}" for note in self._bag.findings if f"topic '{one.topic}' is not" in note)
-                raise InputError(
-                    f"'{self._path}': messages of {one.topic} are encoded as '{one.encoding}'; expected {EXPECTED}.{why}"
-                )
+                what = f"messages of {one.topic} are encoded as '{one.encoding}'; expected {EXPECTED}"
+                raise InputError(f"'{self._path}': {what}.")
         return [k for k, _ in chosen]
 
     def _choose_topics(self, kind, every):
