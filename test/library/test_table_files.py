@@ -257,35 +257,19 @@ def test_a_damaged_array_is_an_error(written):
         read(path)
 
 
-def test_files_that_are_cut_or_none(written, tmp_path, monkeypatch):
-    for content, what in (
-        (pa.table({"t": [0.0], "q1": [1.0]}), "is no Parquet file that can be read: .*not copied whole"),
-        ({"t": np.arange(100.0), "q": np.ones((100, 2))}, "is no npz that can be read: .*not copied whole"),
-    ):
+def test_files_that_are_cut_or_none(written, monkeypatch):
+    for content, what in ((pa.table({"t": [0.0]}), "no Parquet file"), ({"t": np.arange(100.0)}, "no npz")):
         path = written(content)
-        whole = path.read_bytes()
-        for cut in (len(whole) // 2, len(whole) - 30):
-            path.write_bytes(whole[:cut])
-            with pytest.raises(dd.InputError, match=what):
-                read(path)
-    with zipfile.ZipFile(tmp_path / "book.xlsx", "w") as file:
+        path.write_bytes(path.read_bytes()[:-30])
+        with pytest.raises(dd.InputError, match=f"is {what} that can be read: .*not copied whole"):
+            read(path)
+    with zipfile.ZipFile(path, "w") as file:
         file.writestr("xl/workbook.xml", "<x/>")
     with pytest.raises(dd.InputError, match="is a zip archive without numpy's arrays"):
-        read(tmp_path / "book.xlsx")
+        read(path)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(dd.InputError, match="needs the package pyarrow: pip install pyarrow"):
         read(written("t,q1\n0,1\n"))
-
-
-def test_losses_come_before_notes(written):
-    """Rows of garbage are rejected by the monitor's rules, and counted."""
-    lines = [f"{k / 100},{0.01 * k},1" for k in range(100)]
-    lines[20], lines[30] = "0.2,0.2,1e297", "1,2"
-    recording = dd.read_recording(written("\n".join(["t,q1,qd1", *lines])), robot("a"))
-    assert recording.counts["rejected: absurd value"] == 1 and len(recording) == 98
-    causes = [one.cause for one in recording.findings]
-    assert causes[0] == "unread" and causes.index("note") > causes.index("rejected: absurd value")
-    assert recording.offset == 10**9  # a stamp of zero is none
 
 
 def test_rows_of_other_topics_are_no_messages(written):
@@ -304,7 +288,7 @@ def test_rows_of_other_topics_are_no_messages(written):
         recording = dd.read_recording(written(content), robot("a"))
         counts = [recording.counts.get(one, 0) for one in ("rows of other topics", "rejected: no position")]
         assert (counts, len(recording), lost(recording)) == ([others, rejected], states, [])
-        assert sum(one.count for one in recording.findings if one.cause == "rows of other topics") == others
+        assert recording.offset == 10**9  # a stamp of zero is none
     stamped = [f"{k}.9,{k},,1,3\n{k}.95,,{k},,\n" for k in range(20)]  # no stamp where another topic has its own
     header = "__time,/js/header/stamp,/imu/header/stamp,/js/a/position,/js/a/velocity\n"
     recording = read(written(header + "".join(stamped)), parameters=LOOSE)
@@ -419,19 +403,18 @@ def test_a_line_of_units_below_the_header(written):
 
 # --- Columns by a map ---
 
-MAPS = {
-    "pattern": {"position": "a_{joint}", "velocity": "b_{joint}", "effort": "c_{joint}"},
-    "names": {"position": ["a_s", "a_e"], "velocity": ["b_s", "b_e"], "effort": ["c_s", "c_e"]},
-    "numbers": {"position": [1, 2], "velocity": [3, 4], "effort": [5, 6]},
-    "by joint": {"position": {"s": "a_s", "e": 2}, "velocity": {"e": "b_e", "s": "b_s"}, "effort": [5, 6]},
-    "joints": {"position": [2, 1], "velocity": [4, 3], "effort": [6, 5], "joints": ["e", "s"]},
-}
+MAPS = [
+    {"position": "a_{joint}", "velocity": "b_{joint}", "effort": "c_{joint}"},
+    {"position": ["a_s", "a_e"], "velocity": ["b_s", "b_e"], "effort": ["c_s", "c_e"]},
+    {"position": {"s": "a_s", "e": 2}, "velocity": {"e": "b_e", "s": "b_s"}, "effort": [5, 6]},
+    {"position": [2, 1], "velocity": [4, 3], "effort": [6, 5], "joints": ["e", "s"]},
+]
 PLAIN = "t,a_s,a_e,b_s,b_e,c_s,c_e"
 
 
-@pytest.mark.parametrize("kind", MAPS)
-def test_maps(in_columns, kind):
-    assert found(in_columns(PLAIN, {"time": "t"} | MAPS[kind], "se")) == (0, [1, 2], [3, 4], [5, 6])
+@pytest.mark.parametrize("columns", MAPS)
+def test_maps(in_columns, columns):
+    assert found(in_columns(PLAIN, {"time": "t"} | columns, "se")) == (0, [1, 2], [3, 4], [5, 6])
 
 
 def test_maps_in_files(in_columns, written):
@@ -485,7 +468,6 @@ def test_a_scale_replaces_what_names_say(in_columns):
         ("t,x,q1,x\n0,1,1,3\n1,1,2,3\n", None),
         ("robot: 5\nby hand, 2024\n\nt,q1\n0,1\n1,2\n", {"skip": 2}),
         ("t;q1\n0,0;1,5\n1,0;2,5\n", {"decimal": ","}),
-        ("0,1\n1,2\n", {"time": 0, "position": [1], "header": False}),
         ("t,x\n0,1\n1,2\n", {"time": 0, "position": [1]}),
         ("5,7\n0,1\n1,2\n", {"time": 0, "position": [1], "header": True}),
         ("t  q1\n0  1\n1  2\n", {"delimiter": "space"}),
@@ -661,7 +643,6 @@ def test_times_of_pandas(tmp_path, zone, unit):
     frame = pd.DataFrame({"time": times, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
     frame.to_parquet(tmp_path / "times.parquet")
     frame.to_csv(tmp_path / "times.csv", index=False)
-    frame.assign(time=times.astype(str)).to_parquet(tmp_path / "texts.parquet")
     frame.assign(time=times.astype(str).astype("category")).to_parquet(tmp_path / "categories.parquet")
     frame.rename(columns={"time": "when"}).to_parquet(tmp_path / "column.parquet", index=False)
     frame.set_index("time").rename_axis(None).to_parquet(tmp_path / "index.parquet")
@@ -679,8 +660,6 @@ def test_texts_that_are_no_times(written):
     text = "t,q1,qd1\n2026-02-30T00:00:00Z,1,0\n2026-01-01T00:00:00Z,1,0\n2026-01-01 25:00,1,0\n1_0,1,0\n"
     recording = read(written(text))
     assert lost(recording) == ["line 2: " + NO_TIME.format(" ('2026-02-30T00:00:00Z')", 3)] and len(recording) == 1
-    texts = pa.table({"time": ["2026-01-01 12:00:00", "noon"], "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
-    assert lost(read(written(texts))) == ["row 1: " + NO_TIME.format(" ('noon')", 1)]
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
@@ -716,11 +695,8 @@ def test_missing_times(written, unit):
 
 
 def test_numbers_of_any_kind(written):
-    kinds = [pa.float32(), pa.float16(), pa.int8(), pa.uint64(), pa.decimal128(10, 3)]
-    columns = {
-        f"q{k}": pa.array([Decimal(1), None, Decimal(3)] if pa.types.is_decimal(one) else [1, None, 3], one)
-        for k, one in enumerate(kinds)
-    }
+    kinds = [pa.float32(), pa.float16(), pa.int8(), pa.uint64(), pa.decimal128(22, 3)]
+    columns = {f"q{k}": pa.array([1, None, 3]).cast(one) for k, one in enumerate(kinds)}
     columns |= {f"qd{k}": [0.0, 0.0, 0.0] for k in range(len(kinds))}
     recording = read(written(pa.table({"t": [0, 1, 2], "state": ["a", "b", "c"]} | columns)), joints="abcde")
     assert not lost(recording) and recording.q.tolist() == [[1.0] * 5, [3.0] * 5]
@@ -736,10 +712,8 @@ def test_lists(written, kind):
     assert recording.q.tolist() == [[1, 2], [3, 4]] and recording.states.effort_known.tolist() == [False, True]
     with pytest.raises(dd.InputError, match="'q' has 2 columns, but there are 3 joints"):
         read(path, joints=ARM)
-    assert read(path, {"position": "q", "velocity": "qd", "effort": "tau"}, "ab").tau[1].tolist() == [7, 8]
     lists = pa.array([[1.0, 2.0], [3.0], [4.0, 5.0, 6.0], [7.0, 8.0]])
-    still = pa.array([[0.0, 0.0]] * 4)
-    recording = read(written(pa.table({"t": [0.0, 1.0, 2.0, 3.0], "q": lists, "qd": still})), joints="ab")
+    recording = read(written(pa.table({"t": [0.0, 1.0, 2.0, 3.0], "q": lists, "qd": [[0.0, 0.0]] * 4})), joints="ab")
     assert recording.q.tolist() == [[1, 2], [7, 8]]
     what = "list of another length than there are joints (column 'q': 1 instead of 2): 2 rows of it are NaN"
     assert lost(recording) == [f"row 1: {what}"]

@@ -374,6 +374,7 @@ CONTRADICTIONS = [
     (rostopic(lambda row: HIP), "rows name hip, knee, toe, none of which the robot has. Its joints are shoulder"),
     (rostopic(lambda row: ("elbow", "elbow", "wrist")), "'elbow' is listed twice"),
     (NUMBERS | {"joint_names": np.array(LIST, object)}, r"'joint_names' cannot be read: .* dtype=str\)"),
+    (rostopic(FIXED).replace("position2", "position7"), "has the numbers 0, 1, 7, but 'field.name.' 0, 1, 2"),
     ("t,joint,position\n0,0,1\n0,1,1\n0,2,1\n", "has 1 columns, but there are 3 joints"),
     (long_table(FIXED, by_joint=True), "in the order of joints, 'elbow' before 'shoulder'. Sort"),
 ]

@@ -55,7 +55,7 @@ class _Group(NamedTuple):
     """Columns that differ in the joint only."""
 
     pattern: str
-    members: dict[str, int]  # the first column of each joint, by its name or number
+    members: dict[str, int]  # the first column of each joint, by its name or number; numbers in their order
     doubled: str = ""  # which two columns are of one joint
     ordered: bool = False  # whether the order of the joints is that of a list, an array, or one column
     width: int = 0  # columns of an array
@@ -65,20 +65,12 @@ class _Group(NamedTuple):
         return self.width or len(self.members)
 
     @property
-    def numbers(self):
-        """Columns by the numbers of their joints, in the order of the numbers."""
-        numbered = {int(joint): k for joint, k in self.members.items() if re.fullmatch("[0-9]{1,4}", joint)}
-        return dict(sorted(numbered.items()))
-
-    @property
     def columns(self):
-        """Columns in their order, or in that of their numbers."""
-        return tuple(self.members.values() if self.ordered else self.numbers.values())
+        return tuple(self.members.values())
 
     def names_joints(self, model):
         """Whether headers name joints instead of numbering them."""
-        named = any(joint in model for joint in self.members) or len(self.numbers) < len(self.members)
-        return named and not self.ordered
+        return not self.ordered and not all(joint.isdecimal() and joint not in model for joint in self.members)
 
 
 def choose(columns, wanted, model, file, texts=()):
@@ -112,7 +104,7 @@ class _Chooser:
             overruled += joint_names.find_orders(self._texts, self._model, len(joints))
             other = [f"{listed(names)} of {where}" for names, where in overruled if names != joints and len(names) > 1]
             self._notes += [f"joints: those of the map of columns, not {one}." for one in other]
-        numbers = [number for k in columns for number, column in group.numbers.items() if column == k]
+        numbers = [joint for k in columns for joint, column in group.members.items() if column == k]
         chosen = {"position": (group, columns)}
         chosen |= {quantity: self._choose_other(quantity, joints, numbers) for quantity in QUANTITIES[1:]}
         for quantity, one in chosen.items():
@@ -187,15 +179,19 @@ class _Chooser:
         """Joints of columns of positions, a column for each, and the RowNames or the text that names the joints."""
         if not self._by_map and not group.names_joints(self._model):
             if rows := self._rows_for(group):
-                places = range(group.width) or (group.members if group.ordered else group.numbers)
-                return tuple(map(str, places)), group.columns, rows, None
+                numbers = rows.numbers if not group.ordered else ()
+                shifts = {int(joint) - number for joint, number in zip(group.members, numbers, strict=False)}
+                if len(shifts) > 1 or len(numbers or group.members) != len(group.members):
+                    both = f"{listed(group.members)}, but '{rows.pattern}' {listed(numbers)}"
+                    raise InputError(f"{group.pattern} has the numbers {both}.")
+                return tuple(map(str, range(group.width) or group.members)), group.columns, rows, None
             for one in self._row_names:
                 if one.known and not one.listed and len(one.columns) > 1:
                     named = f"{len(one.columns)} columns name joints: {one.pattern}"
                     raise InputError(f"{group.pattern} has {group.count} columns, but {named}.")
             if stated := joint_names.stated_order(self._texts, self._model, group.count):
                 return stated[0], group.columns, None, stated[1]
-        joints, columns = tuple(group.members), tuple(group.members.values())
+        joints, columns = tuple(group.members), group.columns
         if self._known:
             joints, columns = self._known, self._match(group, self._known)
             if self._wanted.joints and None in columns:
@@ -203,9 +199,8 @@ class _Chooser:
             if not group.width:
                 there = [k for k, column in enumerate(columns) if column is not None]
                 joints, columns = (tuple(one[k] for k in there) for one in (joints, columns))
-        elif group.ordered or _count_up(group.numbers, group.count):
-            numbers = range(1, group.count + 1) if group.ordered else group.numbers
-            joints, columns = tuple(f"joint{number}" for number in numbers), group.columns
+        elif group.ordered or _count_up(joints):
+            joints = tuple(f"joint{number}" for number in (range(1, group.count + 1) if group.ordered else joints))
         return joints, columns, None, None
 
     def _rows_for(self, group):
@@ -232,12 +227,12 @@ class _Chooser:
 
     def _match(self, group, joints, numbers=()):
         """The column of each joint, None where it has none; `numbers` are those of the joints' positions."""
-        by_joint, by_number = group.members, group.numbers
-        if not group.ordered and by_joint.keys() & set(joints):
-            return tuple(map(by_joint.get, joints))
-        if by_number and by_number.keys() <= set(numbers) and len(numbers) == len(joints):
-            return tuple(map(by_number.get, numbers))
-        if group.count == len(joints) and (group.ordered or _count_up(by_number, group.count)):
+        if not group.ordered and group.members.keys() & set(joints):
+            return tuple(map(group.members.get, joints))
+        numbered = {joint for joint in group.members if joint.isdecimal()}
+        if numbered and numbered <= set(numbers) and len(numbers) == len(joints):
+            return tuple(map(group.members.get, numbers))
+        if group.count == len(joints) and (group.ordered or _count_up(group.members)):
             return group.columns
         what = f"{group.count} columns" if group.ordered else listed(group.members)
         raise InputError(f"{group.pattern} has {what}, but there are {len(joints)} joints: {listed(joints)}.")
@@ -285,10 +280,9 @@ class _Chooser:
         """The columns that match a pattern, with or without their units in brackets."""
         before, after = pattern.split(JOINT)
         matcher = re.compile(f"{re.escape(before)}(.+){re.escape(after)}")
-        with_units = split_unit(pattern)[1] is not None
-        names = self._headers if with_units else [split_unit(one)[0] for one in self._headers]
-        found = [(matcher.fullmatch(name), k) for k, name in enumerate(names)]
-        members = [(one[1], k) for one, k in found if one and self._columns[k].numeric and not self._columns[k].width]
+        found = [matcher.fullmatch(split_unit(name)[0]) or matcher.fullmatch(name) for name in self._headers]
+        numeric = [one.numeric and not one.width for one in self._columns]
+        members = [(one[1], k) for k, one in enumerate(found) if one and numeric[k]]
         if not members:
             raise InputError(f"{quantity}: no column is like '{pattern}'. There are {listed(self._headers)}.")
         return self._make_group(pattern, members)
@@ -310,10 +304,13 @@ class _Chooser:
         """A group of pairs of joint and column, the joint empty where headers have none."""
         first, doubled, (joint, column) = {}, "", members[0]
         for one, k in members:
+            one = str(int(one)) if re.fullmatch("[0-9]{1,4}", one) else one
             if one in first:
                 both = " and ".join(f"'{self._headers[n]}' (column {n})" for n in (first[one], k))
                 doubled = doubled or f"{both} are both '{pattern}' of '{one}'."
             first.setdefault(one, k)
+        if all(one.isdecimal() for one in first):
+            first = dict(sorted(first.items(), key=lambda item: int(item[0])))
         return _Group(f"'{pattern}'", first, doubled, not joint, 0 if joint else self._columns[column].width)
 
     # --- Units ---
@@ -370,6 +367,6 @@ def _times(scale, quantity):
     return "" if each == [1.0] else f", times {listed([f'{one:g}' for one in each])} for {_SI[quantity]}"
 
 
-def _count_up(numbers, count):
-    """Whether numbers are 0, 1, 2, … or 1, 2, 3, … in any order."""
-    return sorted(numbers) in (list(range(count)), list(range(1, count + 1)))
+def _count_up(numbers):
+    """Whether texts are the numbers 0, 1, 2, … or 1, 2, 3, … in their order."""
+    return list(numbers) in [[str(k + first) for k in range(len(numbers))] for first in (0, 1)]
