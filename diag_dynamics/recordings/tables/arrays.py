@@ -69,8 +69,7 @@ class ParquetSource:
         try:
             return parquet.ParquetFile(self.path, pre_buffer=False, buffer_size=1 << 20)
         except _UNREADABLE as error:
-            why = f"{describe_error(error)}. {_NOT_WHOLE}"
-            raise InputError(f"'{self.path}' is no Parquet file that can be read: {why}") from error
+            raise InputError(f"'{self.path}' cannot be read: {describe_error(error)}. {_NOT_WHOLE}") from error
 
 
 def _sample_column(file, field, empty):
@@ -111,7 +110,7 @@ class NpzSource:
 
     def __init__(self, path, wanted, joints):
         self.path = path
-        arrays = self._read_arrays()
+        arrays = _read_arrays(path)
         if not arrays:
             raise InputError(f"'{path}' is a zip archive without numpy's arrays.")
         turned = _turn(arrays)
@@ -135,28 +134,28 @@ class NpzSource:
             arrays = {k: _convert(array[begin : begin + ROWS]) for k, array in self._arrays.items()}
             yield arrays, np.arange(begin, min(begin + ROWS, count))
 
-    def _read_arrays(self):
-        """Arrays by name, bytes as texts; those of Python objects are left out."""
-        arrays = {}
-        try:
-            file = np.load(self.path)
-        except _BROKEN as error:
-            raise InputError(
-                f"'{self.path}' is no npz that can be read: {describe_error(error)}. {_NOT_WHOLE}"
-            ) from error
-        with file:
+
+def _read_arrays(path):
+    """Arrays by name, bytes as texts; those of Python objects are left out unless they may be names."""
+    arrays, name = {}, ""
+    try:
+        with np.load(path) as file:
             for name in file.files:
                 try:
                     array = file[name]
-                except _BROKEN as error:
-                    why = describe_error(error)
-                    if "allow_pickle" in why and _last(name).lower() not in NAMES:
+                except ValueError as error:
+                    if "allow_pickle" in str(error) and _last(name).lower() not in NAMES:
                         continue
-                    save = f" Save names as np.array({name}, dtype=str)." if "allow_pickle" in why else ""
-                    raise InputError(f"'{self.path}': array '{name}' cannot be read: {why}.{save}") from error
+                    raise
                 if isinstance(array, np.ndarray):
                     arrays[name] = array.astype(str) if array.dtype.kind == "S" else array
-        return arrays
+    except _BROKEN as error:
+        why, where = describe_error(error), f"'{path}': array '{name}'" if name else f"'{path}'"
+        advice = (
+            " Save names as np.array(names, dtype=str)." if "allow_pickle" in why else "" if name else f" {_NOT_WHOLE}"
+        )
+        raise InputError(f"{where} cannot be read: {why}.{advice}") from error
+    return arrays
 
 
 def _is_numeric(array):

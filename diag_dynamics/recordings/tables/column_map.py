@@ -96,24 +96,19 @@ def _require(valid, value):
     return value
 
 
-def _parse_columns(value, most=1 << 20):
-    columns = list(value) if isinstance(value, list | tuple) else [value]
-    valid = all((type(one) is str and one) or (type(one) is int and one >= 0) for one in columns)
-    return _require(valid and 0 < len(columns) == len(set(columns)) <= most, columns)
+def _parse_list(value, kinds=(str, int), most=1 << 20):
+    """A list of different texts that are not empty, or of numbers from 0; of one without a list."""
+    values = list(value) if isinstance(value, list | tuple) else [value]
+    valid = all(type(one) in kinds and (one >= 0 if isinstance(one, int) else one) for one in values)
+    return _require(valid and 0 < len(values) == len(set(values)) <= most, values)
 
 
 def _parse_quantity(value):
     if isinstance(value, str):
         return _require(value and value.count(JOINT) < 2, value)
     if isinstance(value, Mapping):
-        columns = _parse_columns(list(value.values()))
-        return dict(zip(_parse_joints(list(value)), columns, strict=True))
-    return _parse_columns(value)
-
-
-def _parse_joints(value):
-    valid = isinstance(value, list | tuple) and value and len(set(value)) == len(value)
-    return tuple(_require(isinstance(one, str) and one, one) for one in _require(valid, value))
+        return dict(zip(_parse_list(list(value), (str,)), _parse_list(list(value.values())), strict=True))
+    return _parse_list(value)
 
 
 def _parse_delimiter(value):
@@ -143,9 +138,9 @@ _COLUMNS = (
     f"a column's name, a pattern with {JOINT} once, or a list of columns by name or number from 0, each once",
 )
 _PARSERS = {
-    "time": (lambda value: tuple(_parse_columns(value, 2)), "one column, or two: seconds and nanoseconds"),
+    "time": (lambda value: tuple(_parse_list(value, most=2)), "one column, or two: seconds and nanoseconds"),
     **dict.fromkeys(QUANTITIES, _COLUMNS),
-    "joints": (_parse_joints, "a list of the joints' names, each once"),
+    "joints": (lambda value: tuple(_parse_list(value, (str,))), "a list of the joints' names, each once"),
     "joint_names": _checked(lambda value: True, ""),  # JointNames checks it
     "scale": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(UNITS)}"),
     "header": _checked(lambda value: value in (True, False), "true or false"),

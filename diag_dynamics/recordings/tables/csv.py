@@ -16,7 +16,7 @@ from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
-from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_date, is_number, make_column, unify
+from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_number, make_column, unify
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
 from diag_dynamics.recordings.tables.headers import is_unit
@@ -28,6 +28,7 @@ MAX_LINE = 1 << 26  # bytes
 _BEGINNING = 1 << 20  # bytes in which the header and the first rows are
 _COMMENTED = 100  # first lines whose comments may name joints
 _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
+_POINT, _COMMA = re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE), re.compile(rb",(?=\d)")
 _PACKINGS = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
@@ -56,13 +57,11 @@ class CsvSource:
         texts = {at: lines[at - 1].lstrip("#% \t\r") for at, one in enumerate(marked, 1) if one and lines[at - 1]}
         self.choice = choose(columns, wanted, joints, path, comment_texts(texts))
         self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
-        self._scalars = {*self.choice.values, *self.choice.time} - {k for k, one in enumerate(columns) if one.listed}
-        numbers = self._scalars.difference(self.choice.time)
+        numbers = self.choice.values.difference(self.choice.time, (k for k, one in enumerate(columns) if one.listed))
         self._convert = arrow_csv.ConvertOptions(
             column_types={str(k): pa.float64() if k in numbers else pa.string() for k in self.choice.used},
             include_columns=[str(k) for k in self.choice.used],
             null_values=list(BLANK),
-            decimal_point=wanted.decimal,
         )
 
     def blocks(self, lose):
@@ -71,6 +70,9 @@ class CsvSource:
             if line == 1:  # the lines above the rows are all in it
                 *above, text = text.split(b"\n", self._above)
                 line, text = self._above + 1, text if len(above) == self._above else b""
+            if self._decimal == ",":
+                text = _POINT.sub(b"_", text)  # of thousands: no number
+                text = _COMMA.sub(b".", text)
             yield self._parse(text, line) or self._parse_lines(text, line, lose)
         if self._broken:
             last = line + text.count(b"\n") - 1
@@ -120,7 +122,7 @@ class CsvSource:
         if table.num_rows != count:  # empty lines, or some between quotes
             return None
         arrays = {k: table.column(str(k)).combine_chunks() for k in self.choice.used}
-        return self._replace_commas(arrays), np.arange(line, line + count)
+        return arrays, np.arange(line, line + count)
 
     def _parse_lines(self, text, line, lose):
         """A block line by line; what is no row is counted."""
@@ -138,16 +140,7 @@ class CsvSource:
                 cause, example = "another number of columns than the header has", f"{len(fields)} instead of {width}"
                 lose(cause, f"line {at}", LEFT_OUT, example=example)
         arrays = {k: pa.array([fields[k] for fields in kept], pa.string()) for k in self.choice.used}
-        return self._replace_commas(arrays), np.array(lines, np.int64)
-
-    def _replace_commas(self, arrays):
-        """Texts of numbers with a point for the decimal comma; a point, which separates thousands, makes them none."""
-        for k in self._scalars if self._decimal == "," else ():
-            if pa.types.is_string(arrays[k].type):
-                texts = arrays[k].to_pylist()
-                texts = [one if is_date(one) else one.replace(".", "_").replace(",", ".") for one in texts]
-                arrays[k] = pa.array(texts, pa.string())
-        return arrays
+        return arrays, np.array(lines, np.int64)
 
 
 def _decode(data):
