@@ -143,7 +143,6 @@ class Table:
                 example = f"{quantity} {one[odd][0]:g}"
                 cause = "values without the name of a joint"
                 self._lose_rows(rows, "", cause, "values left out", np.nonzero(odd)[0], example)
-                one[odd] = np.nan
         return names
 
 
