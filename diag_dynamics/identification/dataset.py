@@ -19,8 +19,8 @@ from diag_dynamics.identification.data_checks import find_delay
 from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.findings import Finding, without_efforts, without_states
 from diag_dynamics.recordings.recording import Recording
-from diag_dynamics.recordings.refused_units import refuse_units
 from diag_dynamics.recordings.states import States
+from diag_dynamics.recordings.units import refuse_units
 
 MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
 SIZE = 20_000  # states over which dynamics are evaluated at once

@@ -10,7 +10,7 @@ from diag_dynamics.identification.data_checks import DOUBTFUL
 from diag_dynamics.identification.dataset import Dataset
 from diag_dynamics.identification.result import parameters_of, payload_certainty
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
-from diag_dynamics.recordings.effort_relation import Run, smoothed
+from diag_dynamics.recordings.effort_relation import smoothed
 from diag_dynamics.recordings.observer import Observer
 
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
@@ -33,7 +33,7 @@ def validate(model, dataset, begin):
         observed.append(torque[valid])
         energies.append(s.kinetic_energy.copy())
         if part.duration >= MIN_SMOOTHED:
-            q, qd, tau, qdd = smoothed(Run(t, q, qd, tau), tau)
+            q, qd, tau, qdd = smoothed(t, q, qd, tau)
             errors.append(tau - dynamics.inverse_dynamics_batch(q, qd, qdd))
     unknown, torque = np.full(model.nv, np.nan), np.concatenate(observed)
     return {

@@ -16,7 +16,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
-from diag_dynamics.recordings.refused_units import refuse_units
+from diag_dynamics.recordings.units import refuse_units
 
 
 def calibrate(

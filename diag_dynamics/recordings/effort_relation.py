@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.model import RobotModel
+from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.optional import require
-from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
 """Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and time after which it has forgotten all [s]."""
@@ -33,17 +34,16 @@ LIMITS, WIDE_LIMITS, GEARED_LIMITS = (0.6, 1.6), (0.2, 5.0), (0.2, 100.0)
 SINGULAR = 1e-9  # fraction of a column's square below which it depends on others
 
 
-def smoothed(segment, tau):
-    """Return positions, rates, efforts `tau` and accelerations at even times, through a zero-phase low-pass.
+def smoothed(t, q, qd, tau):
+    """Return positions, rates, efforts and accelerations at even times, through a zero-phase low-pass.
 
     Its gain is that of a Butterworth filter, forward and backward: 1 / (1 + (f/f_c)^2n). Ends are reflected.
     """
     next_fast_len = require("scipy.fft", "the judgement of efforts").next_fast_len
-
-    t, count = segment.t, len(segment.t)
+    count, nq, nv = len(t), q.shape[1], qd.shape[1]
     even = np.linspace(t[0], t[-1], count)
     step = even[1] - even[0]
-    columns = np.ascontiguousarray(np.hstack([segment.q, segment.qd, tau]).T)
+    columns = np.ascontiguousarray(np.hstack([q, qd, tau]).T)
     values = np.stack([np.interp(even, t, column) for column in columns])
     memory = int(min(count - 1, np.ceil(MEMORY / step)))
     more = next_fast_len(count + 2 * memory, real=True) - count
@@ -53,7 +53,6 @@ def smoothed(segment, tau):
     trend = whole[:, :1] + np.linspace(0.0, 1.0, whole.shape[1]) * (whole[:, -1:] - whole[:, :1])
     gain = 1.0 / (1.0 + (np.fft.rfftfreq(whole.shape[1], step) / CUTOFF) ** (2 * ORDER))
     smooth = np.fft.irfft(gain * np.fft.rfft(whole - trend), whole.shape[1]) + trend
-    nq, nv = segment.q.shape[1], segment.qd.shape[1]
     smooth = np.vstack([smooth, np.gradient(smooth[nq : nq + nv], step, axis=1)])[:, head : head + count]
     return tuple(np.ascontiguousarray(part.T) for part in np.split(smooth, [nq, nq + nv, nq + 2 * nv]))
 
@@ -67,17 +66,21 @@ def remaining(products, kept, rest):
     return kept @ products @ kept.T - np.swapaxes(across, -1, -2) @ inverse @ across
 
 
-def _square(products, column, rest):
-    """Return the square of a column without what the rest explains; 0 if it depends on that."""
-    left = remaining(products, column[None], rest)[..., 0, 0]
-    return np.where(left > SINGULAR * (products @ column @ column), left, 0.0)
+def _regress(products, column, rest):
+    """Return the square of a column without what the rest explains, and the slope of each joint's effort over it.
 
-
-def _slope(products, column, effort, rest):
-    """Return the slope of the effort over a column beside the rest; NaN if the column depends on that."""
-    square = _square(products, column, rest)
+    A column that depends on the rest has the square 0 and the slope NaN.
+    """
+    left = remaining(products, np.vstack([column, np.eye(len(column))[COLUMNS:]]), rest)
+    square = np.where(left[..., 0, 0] > SINGULAR * (products @ column @ column), left[..., 0, 0], 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return remaining(products, np.stack([column, effort]), rest)[..., 0, 1] / np.where(square, square, np.nan)
+        return square, np.diagonal(left[..., 0, 1:], axis1=-2, axis2=-1) / np.where(square, square, np.nan)
+
+
+def largest_of_kind(model, values):
+    """Return for each joint the largest value of a joint of its kind, rotary or prismatic; shape (nv,)."""
+    slides = np.array(sliding_dofs(model))
+    return np.array([values[slides == one].max(initial=0.0) for one in slides])
 
 
 def _jackknife(values):
@@ -89,18 +92,13 @@ def _jackknife(values):
     return np.where(np.isfinite(error), error, np.inf)
 
 
-class Run(NamedTuple):
-    """States that follow one another without gaps: t [s], q [rad, m], qd [rad/s, m/s], tau [N m, N]."""
-
-    t: np.ndarray
-    q: np.ndarray
-    qd: np.ndarray
-    tau: np.ndarray
-
-
 class Relation(NamedTuple):
-    """Factors from the model's torque to the measured effort, by joint; shape (nv,) each."""
+    """Factors from the model's torque to the measured effort, by joint; shape (nv,) each but for the first two."""
 
+    model: RobotModel
+    products: (
+        np.ndarray
+    )  # means, of gravity's columns, inertia and all efforts without what resists, (nv, 4 + nv, 4 + nv)
     factor: np.ndarray  # slope over the torque of gravity and inertia; NaN if the motion does not show it
     error: np.ndarray  # its standard error, by blocks of time left out: residuals of neighbours in time are alike
     model_error: np.ndarray  # error of the factor due to the model
@@ -111,103 +109,85 @@ class Relation(NamedTuple):
     torque: np.ndarray  # standard deviation of the model's torque that no friction or offset explains [N m, N]
 
     def limits(self, tolerant=False):
-        """Return the smallest and the largest accepted factor, shape (nv,) each; `tolerant` of a payload."""
-        wide = ~self.heavy | tolerant
-        bounds = zip(LIMITS, WIDE_LIMITS, GEARED_LIMITS, strict=True)
-        return tuple(np.where(self.geared, geared, np.where(wide, other, own)) for own, other, geared in bounds)
+        """Return the smallest and the largest accepted factor, shape (2, nv); `tolerant` of a payload."""
+        wide = (~self.heavy | tolerant)[:, None]
+        return np.where(self.geared[:, None], GEARED_LIMITS, np.where(wide, WIDE_LIMITS, LIMITS)).T
 
     def judged(self):
         """Return which joints have a factor that tells 1 from 0, bool."""
         return ERRORS * self.error + self.model_error < 1.0
 
     def unrelated(self):
-        """Return which joints have a factor that is 0 by its error, though the motion tells 1 from 0, bool."""
+        """Return which joints have a factor that is 0 by its error, and cannot be 1, bool."""
         spread = ERRORS * self.error
         return self.judged() & (np.abs(self.factor) <= spread) & (self.factor + spread + self.model_error < 1.0)
 
     def wrong(self, tolerant=False):
         """Return which joints have a factor beyond the limits by more than its errors, or are unrelated, bool."""
-        low, high = self.limits(tolerant)
-        margin = ERRORS * self.error + self.model_error
-        with np.errstate(invalid="ignore"):
-            return (self.factor + margin < low) | (self.factor - margin > high) | self.unrelated()
+        (low, high), margin = self.limits(tolerant), ERRORS * self.error + self.model_error
+        return (self.factor + margin < low) | (self.factor - margin > high) | self.unrelated()
 
     def doubtful(self):
         """Return which joints have a factor below 0 or far from 1 without the error of the model, bool."""
-        low, high = self.limits(tolerant=True)
-        with np.errstate(invalid="ignore"):
-            other_sign = self.factor + ERRORS * self.error < 0.0
-            small, large = self.factor + SMALL_ERRORS * self.error < low, self.factor - ERRORS * self.error > high
-            return other_sign | small | large
+        (low, high), spread = self.limits(tolerant=True), ERRORS * self.error
+        small = self.factor + SMALL_ERRORS * self.error < low
+        return small | (self.factor + spread < 0.0) | (self.factor - spread > high)
 
 
 class EffortRelation:
     """Compare efforts with the torques of a model with a fixed base and joints of one degree of freedom."""
 
     def __init__(self, model):
-        self.model = model
-        self._dynamics = DiagonalDynamics(model)
+        self._model, self._dynamics = model, DiagonalDynamics(model)
         self._pulls = [DiagonalDynamics(model.with_gravity(axis)) for axis in np.eye(3)]
         coupled = {joint for group in model.coupled_groups for joint in group}
         self._turning = [name in model.continuous_joints and name not in coupled for name in model.dof_names]
-        own = model.bodies[1:][model.bodies["owner"][1:] == np.arange(1, len(model.bodies))]
-        self.slides = np.zeros(model.nv, dtype=bool)
-        self.slides[own["dof"][own["direction"] < ANGULAR_X]] = True
-        self.rows, self._blocks, self._length = 0, [], BLOCK
+        size = COLUMNS + model.nv
+        self._rows, self._length, self._blocks = 0, BLOCK, np.zeros((0, model.nv, size, size))
 
-    @property
-    def products(self):
-        """Products of each joint's columns and all efforts with one another, shape (nv, COLUMNS + nv, COLUMNS + nv)."""
-        size = COLUMNS + self.model.nv
-        return sum(self._blocks, np.zeros((self.model.nv, size, size)))
-
-    def add_run(self, run):
-        """Add a :class:`Run`."""
-        if len(run.t) < 2:
+    def add_run(self, t, q, qd, tau):
+        """Add states without gaps: times [s], positions [rad, m], rates [rad/s, m/s] and efforts [N m, N]."""
+        if len(t) < 2:
             return
-        if any(self._turning):
-            run = run._replace(q=np.where(self._turning, np.unwrap(run.q, axis=0), run.q))
-        q, qd, tau, qdd = smoothed(run, run.tau)
+        number = ((t - t[0]) // self._length).astype(int)
+        q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
         pulls = np.stack([one.gravity_torque_batch(q) for one in self._pulls])
-        inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(self.model.gravity, pulls, 1)
-        turned = np.tanh(qd / max(self.model.friction_velocity, 1e-9))
+        inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(self._model.gravity, pulls, 1)
+        turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
         columns = np.stack([*pulls, inertial, qd, turned, np.ones_like(qd), qdd], axis=-1).transpose(1, 0, 2)
-        columns = np.concatenate([columns, np.broadcast_to(tau, (self.model.nv, *tau.shape))], axis=-1)
-        number = ((run.t - run.t[0]) // self._length).astype(int)
-        for part in np.split(columns, np.flatnonzero(np.diff(number)) + 1, axis=1):
-            self._blocks.append(part.transpose(0, 2, 1) @ part)
-        self.rows += len(tau)
+        columns = np.concatenate([columns, np.broadcast_to(tau, (self._model.nv, *tau.shape))], axis=-1)
+        parts = np.split(columns, np.flatnonzero(np.diff(number)) + 1, axis=1)
+        self._blocks = np.concatenate([self._blocks, [part.transpose(0, 2, 1) @ part for part in parts]])
+        self._rows += len(tau)
         while len(self._blocks) > MAX_BLOCKS:
-            pairs = [self._blocks[k : k + 2] for k in range(0, len(self._blocks), 2)]
-            self._blocks, self._length = [sum(pair[1:], pair[0]) for pair in pairs], 2.0 * self._length
+            self._blocks = np.add.reduceat(self._blocks, np.arange(0, len(self._blocks), 2))
+            self._length *= 2.0
 
     def fit(self):
         """Return the :class:`Relation`."""
-        joints = np.arange(self.model.nv)
-        own = np.hstack([np.tile(np.arange(COLUMNS), (len(joints), 1)), COLUMNS + joints[:, None]])
-        blocks = np.array([self.products, *self._blocks])[:, joints[:, None, None], own[:, :, None], own[:, None]]
-        samples = np.concatenate([blocks[:1], blocks[0] - blocks[1:]])
-        columns = np.eye(COLUMNS + 1)
-        pull = np.append(self.model.gravity, np.zeros(COLUMNS - 2))
-        inertia, effort, rest = columns[INERTIAL], columns[COLUMNS], columns[DAMPING:COLUMNS]
-        needed = pull + inertia
-        factors = _slope(samples, needed, effort, rest)
-        inertial = _slope(samples, inertia, effort, np.vstack([pull, rest[:-1]]))
+        model, joints = self._model, np.arange(self._model.nv)
+        whole, columns = self._blocks.sum(axis=0), np.eye(COLUMNS + model.nv)
+        samples = np.concatenate([whole[None], whole - self._blocks])
+        pull, inertia = np.append(model.gravity, np.zeros(len(columns) - 3)), columns[INERTIAL]
+        rest, offset = columns[DAMPING:COLUMNS], columns[[OFFSET]]
+        squares, factors = _regress(samples, pull + inertia, rest)
+        inertial = _regress(samples, inertia, np.vstack([pull, rest[:-1]]))[1]
         errors = [_jackknife(one[1:]) for one in (factors, inertial)]
         geared = ~np.isfinite(factors[0]) & np.isfinite(inertial[0])
-        square = np.where(geared, *(_square(blocks[0], needed, one) for one in (rest[:-1], rest)))
-        torque = np.sqrt(square / max(self.rows, 1))
-        weight, moving = (_square(blocks[0], one, columns[[OFFSET]]) for one in (pull, inertia))
-        largest = np.array([torque[self.slides == one].max(initial=0.0) for one in self.slides])
+        square = np.where(geared, _regress(whole, pull + inertia, rest[:-1])[0], squares[0])
+        torque = np.sqrt(square / max(self._rows, 1))
         with np.errstate(divide="ignore", invalid="ignore"):
-            model_error = np.where(torque > 0.0, MODEL_ERROR * largest / torque, np.inf)
+            model_error = np.where(torque > 0.0, MODEL_ERROR * largest_of_kind(model, torque) / torque, np.inf)
+        kept = [*range(INERTIAL + 1), *(COLUMNS + joints)]
         return Relation(
+            model,
+            remaining(whole, columns[kept], rest) / max(self._rows, 1),
             np.where(geared, inertial[0], factors[0]),
             np.where(geared, *errors[::-1]),
             model_error,
             inertial[0],
             errors[1],
-            weight > moving,
+            _regress(whole, pull, offset)[0] > _regress(whole, inertia, offset)[0],
             geared,
             torque,
         )

@@ -10,29 +10,11 @@ from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.intake import ABSURD, LOST
 from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
-from diag_dynamics.recordings.refused_units import MIN_REJECTED, UNITS
+from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 
-NOTE = "note"
-"""Cause of findings about how a file was understood, of which nothing is wrong."""
-
-
-OTHER_TOPICS = "(--topic reads several)"
-"""In the note about topics of joint states that are not read."""
-
-
-class Finding(NamedTuple):
-    """A finding: a short cause such as ``rejected: late`` or ``unread``, its count, and a text on the first one."""
-
-    cause: str
-    count: int
-    text: str
-
-    def __str__(self) -> str:
-        return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
-
-
-WITHOUT_VALUES = "rows of other topics"
-"""Name of the count of rows of a table that have no value of any joint."""
+NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
+OTHER_TOPICS = "(--topic reads several)"  # in the note about topics of joint states that are not read
+WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no value of any joint
 
 TEXTS = {
     "incomplete": None,
@@ -50,6 +32,17 @@ TEXTS = {
 """Texts of counts of messages that were not rejected; None for the text on the last time."""
 
 
+class Finding(NamedTuple):
+    """A finding: a short cause such as ``rejected: late`` or ``unread``, its count, and a text on the first one."""
+
+    cause: str
+    count: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
+
+
 def without_efforts(counts):
     """Return why a recording has no efforts, by the counts of its messages: the beginning of an error."""
     absurd = counts.get("absurd effort", 0)
@@ -64,24 +57,13 @@ def without_efforts(counts):
 def without_states(path, findings):
     """Return the InputError about a recording without a single state, which says what became of its messages."""
     found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
-    told = "; ".join(map(str, found[:3])) or "it has no messages"
+    what = "; ".join(map(str, found[:3])) or "it has no messages"
     topics = "".join(f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text)
-    return InputError(f"'{path}' has not a single state: {told.removesuffix('.')}.{topics}")
+    return InputError(f"'{path}' has not a single state: {what.removesuffix('.')}.{topics}")
 
 
 def find_all(intake, source):
-    """Return what a reader of a recording should know.
-
-    Parameters
-    ----------
-    intake : Intake
-    source : BagSource or TableSource
-
-    Returns
-    -------
-    list of Finding
-        Losses first, notes last.
-    """
+    """Return what an Intake and a source of messages say of a recording: a list of Finding, losses first, notes last."""
     counts = intake.counts + Counter({WITHOUT_VALUES: source.without_values})
     found, rejected, units = [], counts[f"rejected: {ABSURD}"], intake.units.text()
     if units and rejected > MIN_REJECTED * counts["received"]:
@@ -99,26 +81,24 @@ def find_all(intake, source):
 
 def _name_texts(intake, counts):
     """Return texts on joints that never came, and on messages of other joints, by the name of a count."""
-    missing, own = intake.assembler.missing, intake.assembler.names
-    foreign = "messages without a joint of this robot, of "
+    missing, own, joints = intake.assembler.missing, intake.assembler.names, intake.assembler.joint_names
+    foreign, incomplete = "messages without a joint of this robot, of ", "messages before all joints were known"
     if not missing:
-        robot = f"the robot has {listed(intake.assembler.joint_names)}"
-        foreign += f"{listed(intake.assembler.last_foreign)}; {robot}"
-        return {"incomplete": "messages before all joints were known", "foreign": foreign}
+        foreign += f"{listed(intake.assembler.last_foreign)}; the robot has {listed(joints)}"
+        return {"incomplete": incomplete, "foreign": foreign}
     map_name = intake.names.map_name if intake.names else str
     others = [name for name in intake.assembler.arrived if map_name(name) not in own]
-    nothing = len(missing) == len(intake.assembler.joint_names)
-    lock = f"A joint that does not move is held by locked_joints={missing[0]}=0"
-    maps = propose_maps(others, missing)
+    maps, lock = propose_maps(others, missing), f"A joint that does not move is held by locked_joints={missing[0]}=0"
+    nothing = len(missing) == len(joints)
     if maps:
         advice = describe_maps(maps, others, own)
     else:
         advice = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
         advice += "" if nothing else f". {lock}"
     foreign += f"{listed(others)}; {'the robot has' if nothing else 'never came:'} {listed(missing)}. {advice}"
-    incomplete = f"messages before all joints were known; never came: {listed(missing)}. "
-    if counts["foreign"] or not others:
-        incomplete += lock
-    else:
+    incomplete += f"; never came: {listed(missing)}. "
+    if others and not counts["foreign"]:
         incomplete += f"Messages name {listed(others)}, which the robot lacks. {advice}"
+    else:
+        incomplete += lock
     return {"foreign": foreign, "incomplete": incomplete}

@@ -295,16 +295,18 @@ def _add_up(pairs):
 
 def _merge_balances(summaries):
     """Return the balance of power over the windows of all recordings."""
-    pooled = {}  # mean and variance of all windows
-    for name in ("kinetic", "total", "residual"):
+
+    def pooled(name):
+        """Return number, mean and variance over all windows."""
         moments = [one["balance"]["moments"][name] for one in summaries]
         count, means, squares = (np.array([one[key] for one in moments]) for key in ("count", "mean", "squares"))
-        windows = int(count.sum())
-        mean = count @ means / max(windows, 1)
-        pooled[name] = mean, (squares.sum() + count @ (means - mean) ** 2) / max(windows, 1)
-    mean, variance = pooled["residual"]
+        windows = max(int(count.sum()), 1)
+        mean = count @ means / windows
+        return count.sum(), mean, (squares.sum() + count @ (means - mean) ** 2) / windows
+
+    windows, mean, variance = pooled("residual")
     has_moved = any(one["explained"] is not None for one in summaries)
-    shares = [explained_share(variance, pooled[name][1]) if has_moved else None for name in ("kinetic", "total")]
+    shares = [explained_share(variance, pooled(name)[2]) if has_moved else None for name in ("kinetic", "total")]
     balance = *shares, float(np.sqrt(variance + mean**2))
     names = "explained", "explained_with_potential", "residual_power"
     return dict(zip(names, balance if windows >= MIN_WINDOWS else [None] * 3, strict=True))

@@ -16,8 +16,8 @@ from diag_dynamics.assembly.rejected import cause_of
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.assembler import StateAssembler
-from diag_dynamics.recordings.refused_units import RejectedUnits
 from diag_dynamics.recordings.states import States
+from diag_dynamics.recordings.units import RejectedUnits
 from diag_dynamics.wire.definitions import read_message
 from diag_dynamics.wire.odometry import odometry_of
 

@@ -3,20 +3,16 @@
 
 """Names of joints in a recording that are not those of the robot: their map, and a proposal for one."""
 
+import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from itertools import product, takewhile
 
 from diag_dynamics.exceptions import InputError
 
-ANY = "*"
-"""Stands for the same text in a name of the recording and in that of the robot."""
-
-FEW = 8
-"""Names that a text has."""
-
-MAX_NAMES = 100
-"""Names of each side that a proposal is sought for."""
+ANY = "*"  # the same text in a name of the recording and in that of the robot
+FEW = 8  # names that a text has
+MAX_NAMES = 100  # names of each side that a proposal is sought for
 
 
 class JointNames:
@@ -51,47 +47,40 @@ class JointNames:
                 raise InputError(
                     f"{where} maps '{joints[joint]}' and '{name}' to '{joint}'; expected one name for each."
                 )
-        self._entries, self._where = dict(entries), where
-        self._patterns = sorted((name for name in entries if ANY in name), key=len, reverse=True)
+        self._where = where
+        self._entries = dict(sorted(entries.items(), key=lambda entry: (ANY in entry[0], -len(entry[0]))))
 
     def map_name(self, name):
         """Return the robot's name of a joint."""
-        return _replaced(entry, self._entries[entry], name) if (entry := self._entry(name)) else name
+        entry = self._entry(name)
+        return _replace(entry, self._entries[entry], name) if entry else name
 
     def unmap_joint(self, joint):
         """Return the recording's name of a joint of the robot."""
-        for name, other in sorted(self._entries.items(), key=lambda entry: (ANY in entry[0], -len(entry[1]))):
-            if _fits(other, joint) and self.map_name(found := _replaced(other, name, joint)) == joint:
-                return found
-        return joint
+        names = (_replace(other, name, joint) for name, other in self._entries.items())
+        return next((name for name in names if name and self.map_name(name) == joint), joint)
 
     def check_recording(self, pieces, model):
         """Compare the map with the joints of a recording, of which no more is read than necessary.
 
-        Parameters
-        ----------
-        pieces : iterable of iterables of str
-            Names of joints in the recording.
-        model : RobotModel
-
-        Returns
-        -------
-        list of str
-            Names of joints in the recording, as far as it was read.
-
-        Raises
-        ------
-        InputError
-            An entry names no joint of the recording or of the robot, or two names are mapped to one joint.
+        `pieces` are iterables of names in the recording; the names are returned, as far as they were read. Raises InputError
+        if an entry names no joint of the recording or of the robot, or two names are mapped to one joint.
         """
         names = {}
         for some in pieces:
             names |= dict.fromkeys(some)
-            if all(any(_fits(entry, name) for name in names) for entry in self._entries):
+            if all(any(_replace(entry, entry, name) for name in names) for entry in self._entries):
                 break
         robot, mapped = {*model.joint_names, *model.mimics, *model.locked_joints}, {}
         for entry in self._entries if names else ():
-            self._check_entry(entry, names, robot, model)
+            own = {name: self.map_name(name) for name in names if self._entry(name) == entry}
+            if not any(_replace(entry, entry, name) for name in names):
+                found = f"has '{entry}', which is no joint of the recording. Its joints are {listed(names)}."
+                raise InputError(f"{self._where} {found}{_suggest(entry, names)}")
+            if own and not robot & set(own.values()):
+                name, joint = next(iter(own.items()))
+                found = f"maps '{name}' to '{joint}', which is no joint of robot '{model.name}'. Its joints are"
+                raise InputError(f"{self._where} {found} {listed(model.joint_names)}.{_suggest(joint, robot)}")
         for name in names:
             joint = self.map_name(name)
             if joint in robot and mapped.setdefault(joint, name) != name:
@@ -101,27 +90,20 @@ class JointNames:
                 )
         return list(names)
 
-    def _check_entry(self, entry, names, robot, model):
-        if not any(_fits(entry, name) for name in names):
-            near = get_close_matches(entry, names, n=1)
-            raise InputError(
-                f"{self._where} has '{entry}', which is no joint of the recording. Its joints are {listed(names)}."
-                f"{f' Is {near[0]!r} meant?' if near else ''}"
-            )
-        own = {name: self.map_name(name) for name in names if self._entry(name) == entry}
-        if own and not robot & set(own.values()):
-            name, joint = next(iter(own.items()))
-            near = get_close_matches(joint, robot, n=1)
-            raise InputError(
-                f"{self._where} maps '{name}' to '{joint}', which is no joint of robot '{model.name}'. Its joints are "
-                f"{listed(model.joint_names)}.{f' Is {near[0]!r} meant?' if near else ''}"
-            )
-
     def _entry(self, name):
         """Return the entry by which a name is mapped, or None."""
-        if name in self._entries and ANY not in name:
-            return name
-        return next((entry for entry in self._patterns if _fits(entry, name)), None)
+        return next((entry for entry in self._entries if _replace(entry, entry, name)), None)
+
+
+def _suggest(name, names):
+    near = get_close_matches(name, names, n=1)
+    return f" Is '{near[0]}' meant?" if near else ""
+
+
+def _replace(entry, other, name):
+    """Return the name that `other` gives for one that fits an entry; None for one that does not."""
+    match = re.fullmatch(re.escape(entry).replace(re.escape(ANY), "(.*)"), name, re.DOTALL)
+    return other.replace(ANY, *match.groups()) if match and ANY in entry else match and other
 
 
 def listed(names):
@@ -131,67 +113,35 @@ def listed(names):
 
 
 def propose_maps(names, joints):
-    """Return entries with ``*`` that each map names of a recording to joints of a robot.
+    """Return entries with ``*``, pairs of str, that each map names of a recording to joints of a robot.
 
     Prefixes are compared first, then suffixes. An entry leads to every joint, or from every name; without such an entry, to
-    two joints or more and half of them.
-
-    Parameters
-    ----------
-    names, joints : sequence of str
-        Without those that are alike on both sides.
-
-    Returns
-    -------
-    list of tuple
-        Both names of an entry, and the number of joints it leads to. Two or more where it is not certain which is meant, as
-        for two arms.
+    two joints or more and half of them. There are several where it is not certain which is meant, as for two arms.
     """
     names, joints = list(names)[:MAX_NAMES], list(joints)[:MAX_NAMES]
     for turn in (str, _reversed):
         turned, wanted = [turn(name) for name in names], {turn(joint) for joint in joints}
         whole, part = {}, {}
         for old, new in {_heads(name, joint) for name, joint in product(turned, wanted)} - {None}:
-            own = {name: new + name[len(old) :] for name in turned if name.startswith(old)}
-            own = {name: joint for name, joint in own.items() if joint in wanted}
-            entry = turn(old + ANY), turn(new + ANY), len(own)
+            own = [(name, new + name[len(old) :]) for name in turned if name.startswith(old)]
+            own = tuple(pair for pair in own if pair[1] in wanted)
+            entry = turn(old + ANY), turn(new + ANY)
             if own and len(own) in (len(wanted), len(turned)):
-                whole.setdefault(tuple(sorted(own.items())), set()).add(entry)
+                whole.setdefault(own, []).append(entry)
             elif 2 * len(own) >= max(4, len(wanted)):
-                part.setdefault(tuple(sorted(own.items())), set()).add(entry)
+                part.setdefault(own, []).append(entry)
         if whole or part:
             return sorted(min(alike, key=lambda entry: (len(entry[0]), entry)) for alike in (whole or part).values())
     return []
 
 
 def describe_maps(found, names, joints):
-    """Return entries of :func:`propose_maps` as a sentence without its point.
-
-    Parameters
-    ----------
-    found : list of tuple
-    names, joints : iterable of str
-        Names of the recording, and all joints of the robot.
-    """
-    options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint, _ in found)
-    names, (entry, joint, _) = list(names), found[0]
-    count = sum(_fits(entry, name) and _replaced(entry, joint, name) in joints for name in names)
+    """Return entries of :func:`propose_maps` as a sentence without its point; `joints` are all those of the robot."""
+    options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint in found)
+    names = list(names)
+    count = sum(_replace(*found[0], name) in joints for name in names)
     which = "they" if count == len(names) else f"{count} of them"
     return f"With {options} (joint_names) {which} are the robot's"
-
-
-def _fits(entry, name):
-    """Return whether a name is an entry, or an entry with * fits it."""
-    head, star, tail = entry.partition(ANY)
-    if not star:
-        return entry == name
-    return len(name) >= len(head) + len(tail) and name.startswith(head) and name.endswith(tail)
-
-
-def _replaced(entry, other, name):
-    """Return the name that `other` gives for one that fits an entry."""
-    head, star, tail = entry.partition(ANY)
-    return other.replace(ANY, name[len(head) : len(name) - len(tail)]) if star else other
 
 
 def _reversed(text):
@@ -199,20 +149,13 @@ def _reversed(text):
 
 
 def _heads(name, joint):
-    """Return what stands before the longest common end of two names, None without one that begins with a word."""
-    pairs = zip(_reversed(name), _reversed(joint), strict=False)
-    common = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
-    for k in range(common, 0, -1):
-        at, there = len(name) - k, len(joint) - k
-        if _begins_word(name, at) and _begins_word(joint, there):
-            if at and there and k > 1 and not name[at].isalnum():  # the separator goes with what is before it
-                at, there = at + 1, there + 1
-            return name[:at], joint[:there]
-    return None
-
-
-def _begins_word(text, at):
-    """Return whether a word or a number begins at a place, or ends before it."""
-    if at == 0 or not (text[at - 1].isalnum() and text[at].isalnum()):
-        return True
-    return text[at - 1].isdigit() != text[at].isdigit()
+    """Return what stands before the longest common words at the end of two names; None without any."""
+    words = [re.findall(r"\d+|[^\W\d_]+|[\W_]", text) for text in (name, joint)]
+    pairs = zip(*map(reversed, words), strict=False)
+    common = [word for word, other in takewhile(lambda pair: pair[0] == pair[1], pairs)]
+    if not common:
+        return None
+    alone = min(map(len, words)) == len(common)
+    if not (alone or len(common) == 1 or common[-1].isalnum()):  # the separator goes with what is before it
+        common.pop()
+    return tuple("".join(some[: len(some) - len(common)]) for some in words)

@@ -7,7 +7,7 @@ import numpy as np
 
 from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.units import position_changes, position_ratios
+from diag_dynamics.recordings.units import RATIO_ERROR, cause_of_ratio, position_changes, position_ratios
 from diag_dynamics.recordings.windows import WindowIntegrals, column_counts, column_maxima
 
 WINDOW, MAX_INTERVAL = 0.05, 0.1
@@ -28,20 +28,7 @@ SAMPLE, MAX_LEVELS, MOVING = 5000, 0.2, 0.05
 """First states that units and steps are judged by, fraction of distinct values of a signal with steps, and speed at
 which a position has to change [rad/s, m/s]."""
 
-RATIO_ERROR, WRONG_RATIO = 1.1, 1.5  # factors up to which a ratio is a known one, and from which it is wrong
-RATIOS = {
-    1e-3: "times seem to be milliseconds (scale: {time: ms} in a map of columns)",
-    1e-6: "times seem to be microseconds (scale: {time: us} in a map of columns)",
-    1e-9: "times seem to be nanoseconds (scale: {time: ns} in a map of columns)",
-    60.0: "times seem to be minutes, 60 s each (scale: {time: min} in a map of columns)",
-    3600.0: "times seem to be hours, 3600 s each (scale: {time: h} in a map of columns)",
-    86400.0: "times seem to be days, 86400 s each (scale: {time: d} in a map of columns)",
-    np.pi / 180.0: "velocities seem to be in degrees (scale: {velocity: deg/s} in a map of columns)",
-    180.0 / np.pi: "positions seem to be in degrees (scale: {position: deg} in a map of columns)",
-    -1.0: "velocities seem to have the wrong sign",
-}
-"""Causes by the ratio of Δq to ∫q̇dt."""
-
+WRONG_RATIO = 1.5  # factor from which an unknown ratio is wrong
 UNKNOWN = "times, positions or velocities seem to have a wrong unit"
 
 
@@ -220,9 +207,7 @@ def _judge_ratios(ratios):
     causes, moving = {}, sum(map(np.isfinite, ratios.values()))
     for name, ratio in ratios.items():
         if np.isfinite(ratio) and not 1.0 / RATIO_ERROR < ratio < RATIO_ERROR:
-            apart = {cause: abs(np.log(ratio / one)) for one, cause in RATIOS.items() if ratio / one > 0.0}
-            cause = min(apart, key=apart.get)
-            causes.setdefault(cause if apart[cause] < np.log(RATIO_ERROR) else UNKNOWN, {})[name] = ratio
+            causes.setdefault(cause_of_ratio(ratio) or UNKNOWN, {})[name] = ratio
     warnings, unit = [], None
     for cause, wrong in causes.items():
         which = "all joints" if len(wrong) == len(ratios) else ", ".join(wrong)

@@ -1,14 +1,38 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Units of positions, velocities and times, by the regression of Δq on ∫q̇dt."""
+"""Units of positions, velocities and times, by the regression of Δq on ∫q̇dt and by the limits of joints."""
+
+import math
 
 import numpy as np
 
+from diag_dynamics.assembly.assembler import joints_of
 from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.single_joints import places, sliding_dofs
 
-MIN_CORRELATION = 0.9
-"""Least squared correlation of Δq and ∫q̇dt that determines a ratio."""
+MIN_CORRELATION = 0.9  # least squared correlation of Δq and ∫q̇dt that determines a ratio
+RATIO_ERROR = 1.1  # factor up to which a ratio is a known one
+DEGREE = math.pi / 180.0
+RATIOS = {
+    1e-3: "times seem to be milliseconds (scale: {time: ms} in a map of columns)",
+    1e-6: "times seem to be microseconds (scale: {time: us} in a map of columns)",
+    1e-9: "times seem to be nanoseconds (scale: {time: ns} in a map of columns)",
+    60.0: "times seem to be minutes, 60 s each (scale: {time: min} in a map of columns)",
+    3600.0: "times seem to be hours, 3600 s each (scale: {time: h} in a map of columns)",
+    86400.0: "times seem to be days, 86400 s each (scale: {time: d} in a map of columns)",
+    DEGREE: "velocities seem to be in degrees (scale: {velocity: deg/s} in a map of columns)",
+    1.0 / DEGREE: "positions seem to be in degrees (scale: {position: deg} in a map of columns)",
+    -1.0: "velocities seem to have the wrong sign",
+}
+"""Causes by the ratio of Δq to ∫q̇dt."""
+
+UNITS = "units"  # cause of the finding about rejected values
+MAX_SAMPLE, MIN_SAMPLE = 2000, 10  # rejected messages that are sampled, the first ones
+MIN_REJECTED = 0.5  # fraction of all messages: fewer rejected ones are garbage between good ones
+MIN_WITHIN, SLACK = 0.99, 0.2  # fraction of values within the limits as degrees, and slack of these [rad]
+MIN_TRAVEL, NEAR = 0.01, 1.2  # least range of a joint with a ratio, and factor within which it is a known one
 
 
 def position_changes(position, continuous, out=None):
@@ -16,6 +40,13 @@ def position_changes(position, continuous, out=None):
     changes = np.subtract(position[1:], position[:-1], out=out)
     changes[:, continuous] = (changes[:, continuous] + np.pi) % (2.0 * np.pi) - np.pi
     return changes
+
+
+def regress_changes(changes, integrals):
+    """Return the slope of Δq over ∫q̇dt of each joint, and their squared correlation, shape (n,); NaN at rest."""
+    size, square, product = ((a * b).sum(0) for a, b in ((changes,) * 2, (integrals,) * 2, (changes, integrals)))
+    with np.errstate(all="ignore"):
+        return product / square, product**2 / (size * square)
 
 
 def position_ratios(stamps, position, velocity, continuous):
@@ -42,6 +73,83 @@ def position_ratios(stamps, position, velocity, continuous):
         changes = position_changes(position, continuous)
         integrals = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
         used = forward & (elapsed < 2.0 * np.median(elapsed[forward])) & np.isfinite(changes + integrals)
-        changes, integrals = np.where(used, changes, 0.0), np.where(used, integrals, 0.0)
-        size, square, product = ((a * b).sum(0) for a, b in ((changes,) * 2, (integrals,) * 2, (changes, integrals)))
-        return np.where(product**2 > MIN_CORRELATION * size * square, product / square, np.nan)
+        slope, correlation = regress_changes(np.where(used, changes, 0.0), np.where(used, integrals, 0.0))
+    return np.where(correlation > MIN_CORRELATION, slope, np.nan)
+
+
+def cause_of_ratio(ratio):
+    """Return the cause of a ratio of Δq to ∫q̇dt that is not 1, as of :data:`RATIOS`; None for an unknown one."""
+    apart = {cause: abs(np.log(ratio / one)) for one, cause in RATIOS.items() if ratio / one > 0.0}
+    cause = min(apart, key=apart.get)
+    return cause if apart[cause] < np.log(RATIO_ERROR) else None
+
+
+class RejectedUnits:
+    """Sample messages that were rejected for absurd values; `map_name` returns the robot's name of a joint."""
+
+    def __init__(self, model, map_name):
+        joints, slides = joints_of(model), dict(zip(model.dof_names, sliding_dofs(model), strict=True))
+        which = [k for k, name in enumerate(joints.names) if not slides[name]]
+        self._map_name, self._names = map_name, [joints.names[k] for k in which]
+        self._continuous = np.array([name in joints.continuous for name in self._names], dtype=bool)
+        self._lower, self._upper = joints.lower[which] - SLACK, joints.upper[which] + SLACK
+        self._limited = ~self._continuous & np.isfinite(self._lower) & np.isfinite(self._upper)
+        self._limit = np.where(joints.velocity[which] > 0.0, joints.velocity[which], np.inf)
+        self._rows = []  # place of the message, stamp [ns], positions, velocities
+
+    def read(self, parts, rejected):
+        """Sample JointStates of which `rejected`, bool by the place of a message, are true."""
+        if not rejected.any() or len(self._rows) >= MAX_SAMPLE or not self._names:
+            return
+        found = []
+        for part in parts:
+            names = [self._map_name(name) for name in part.names]
+            if not set(self._names) <= set(names) or part.position.shape[1] != len(names):
+                continue
+            at, missing = places(self._names, names), np.full(len(self._names), math.nan)
+            for k in np.flatnonzero(rejected[part.rows]).tolist():
+                velocity = part.velocity[k, at] if part.velocity.shape[1] == len(names) else missing
+                stamp = int(part.sec[k]) * SECOND + int(part.nanosec[k])
+                found.append((part.rows[k], stamp, part.position[k, at], velocity))
+        found.sort(key=lambda one: one[0])
+        self._rows += found[: MAX_SAMPLE - len(self._rows)]
+
+    def text(self):
+        """Return the units that the values seem to have, and what to do; None if they are not degrees."""
+        if len(self._rows) < MIN_SAMPLE:
+            return None
+        _, stamps, position, velocity = (np.array(column) for column in zip(*self._rows, strict=True))
+        ratios = position_ratios(stamps, position, velocity, self._continuous)
+        ratios = ratios[np.isfinite(ratios) & (np.ptp(position, axis=0) > MIN_TRAVEL)]
+        ratio = float(np.median(ratios)) if len(ratios) else math.nan
+        q, lower, upper = (x[..., self._limited] for x in (position, self._lower, self._upper))
+        if _are_degrees(q, lower, upper):
+            units = "position: deg" + ", velocity: deg/s" * _is_near(ratio, 1.0)
+        elif _are_degrees(velocity, -self._limit, self._limit) and _is_near(ratio, DEGREE):
+            units = "velocity: deg/s"
+        else:
+            return None
+        what = " and ".join(name for name in ("positions", "velocities") if name[:6] in units)
+        agrees = ", and positions then change as velocities say" if len(ratios) else ""
+        return (
+            f"{what} seem to be in degrees: most are beyond what the joints can do, and as degrees within it{agrees}. In a "
+            f"table, scale: {{{units}}} in a map of columns says so (docs/recordings.md); messages have radians (REP 103)"
+        )
+
+
+def _are_degrees(values, lower, upper):
+    """Return whether most rows are beyond the limits, and within them as degrees."""
+    beyond = ((values < lower) | (values > upper)).any(axis=1)
+    within = (values * DEGREE >= lower) & (values * DEGREE <= upper)
+    return bool(beyond.mean() > MIN_REJECTED and within.mean() >= MIN_WITHIN)
+
+
+def _is_near(ratio, expected):
+    return 1.0 / NEAR < ratio / expected < NEAR
+
+
+def refuse_units(findings):
+    """Reject a recording whose values are in degrees, by an InputError."""
+    for finding in findings:
+        if finding.cause == UNITS:
+            raise InputError(f"{finding.text}.")

@@ -205,7 +205,7 @@ def changed(model, data, **columns):
     ("factors", "message"),
     [
         (dict.fromkeys(range(7), 180.0 / np.pi), r"velocities of joint 'panda_joint\d' reach .* degrees"),
-        ({2: -1.0}, r"'panda_joint3' change by -1 times .* of the other sign"),
+        ({2: -1.0}, r"'panda_joint3' change by -1 times .* the wrong sign"),
         ({4: 1.3}, r"'panda_joint5' change by 0.769\d* times"),
     ],
 )

@@ -284,6 +284,26 @@ def test_the_numbers_are_the_librarys(recording):
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
 
 
+@pytest.mark.parametrize(
+    ("given", "efforts", "missing", "words"),
+    [
+        (WATCHED[:1], True, ["external_torque.gain"], ("gain is not set", "calibrate")),
+        (WATCHED[1:], True, ["external_torque.threshold"], ("threshold is not set", "calibrate")),
+        (WATCHED, False, [], ("no efforts",)),
+    ],
+    ids=["no gain", "no threshold", "no efforts"],
+)
+def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, missing, words):
+    """Summary and text name the missing parameter and do not report zero contacts."""
+    columns = recording.columns(slice(750, 1500))  # the push is in it
+    if not efforts:
+        del columns["tau"]
+    _, summary = recording.analyse("part", "--set", *given, **columns)
+    observer, said = summary["observer"], " ".join(capsys.readouterr().out.split())
+    assert (observer["missing"], observer["observed"], summary["collisions"]) == (missing, 749 * efforts, [])
+    assert "0 collisions" not in said and all(word in said for word in ("Nothing is known of contacts", *words)), said
+
+
 def test_states_without_an_effort_are_counted(recording):
     columns = recording.columns()
     columns["tau"] = columns["tau"].copy()
@@ -317,8 +337,10 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
 
 def test_times_behind_a_long_gap_are_right(recording):
     """Two hours are longer than the 71.6 minutes of 32-bit microseconds. A made model has no points of contact."""
-    columns = recording.columns(slice(0, 1000))
-    path, html = (recording.folder / f"gap.{kind}" for kind in ("npz", "html"))
+    columns, path, html = (
+        recording.columns(slice(0, 1000)),
+        *(recording.folder / f"gap.{kind}" for kind in ("npz", "html")),
+    )
     columns["t"] = columns["t"] + 7200.0 * (np.arange(1000) >= 600)
     np.savez(path, **columns)
     reading = Reading(path, recording.model, parameters={"external_torque.gain": 25.0})

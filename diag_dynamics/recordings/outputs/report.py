@@ -73,16 +73,21 @@ class ReportOutput:
     def _records(self, piece):
         """Return the states of a piece as records: all that a report needs of them."""
         states, s, (residual, torque, norm, valid, collision) = piece[:3]
-        self._first = int(states.stamp[0]) if self._first is None else self._first
+        if self._first is None:
+            self._first = int(states.stamp[0])
         t = (states.stamp - self._first) * 1e-9
         epsilon = np.where(states.effort_known[:, None], s.epsilon, np.nan)
         terms = epsilon, s.coriolis, s.gravity, s.articulated_inertia, s.kinetic_energy
-        columns = States(t, states.position, states.velocity, states.effort, s.nu, *terms)._asdict()
-        columns |= Seen(valid, residual, torque, norm, np.asarray(collision, dtype=bool))._asdict()
-        columns |= {"estimated": states.velocity_estimated, "received": states.stamp_received}
         friction = np.zeros_like(s.nu) if s.friction is None else s.friction
         powers = [np.einsum("tk,tk->t", s.nu, force) for force in (epsilon, -s.gravity, -friction, residual)]
-        columns |= {"index": self._count + np.arange(len(t)), "sums": self._work.integrate(t, np.stack(powers, axis=1))}
+        columns = {
+            **States(t, states.position, states.velocity, states.effort, s.nu, *terms)._asdict(),
+            **Seen(valid, residual, torque, norm, np.asarray(collision, dtype=bool))._asdict(),
+            "estimated": states.velocity_estimated,
+            "received": states.stamp_received,
+            "index": self._count + np.arange(len(t)),
+            "sums": self._work.integrate(t, np.stack(powers, axis=1)),
+        }
         self._count += len(t)
         return records_of(columns)
 
