@@ -195,18 +195,14 @@ def _cut(states, jumped):
     t = (states.stamp - states.stamp[:1] + later) * 1e-9
     begins = (steps * 1e-9 > gap) | jumped | restarts
     parts = np.split(np.arange(len(t)), np.flatnonzero(begins[1:]) + 1)
-    return [_segment(t[rows], states[rows]) for rows in parts if len(rows) >= MIN_STATES], restarts.sum()
-
-
-def _segment(t, states):
-    """Return a segment, whose first state alone is marked as a jump."""
-    return Segment(t, replace(states, jumped=np.arange(len(t)) == 0, effort_known=np.ones(len(t), dtype=bool)))
+    return [Segment(t[rows], states[rows]) for rows in parts if len(rows) >= MIN_STATES], restarts.sum()
 
 
 def _shifted(segment, delay):
-    """Return a segment with velocities of the time of its positions; ends without any are cut off."""
+    """Return a segment with velocities of the time of its positions; its first state alone is marked as a jump."""
     t, states = segment
     at = t + delay
-    inside = (at >= t[0]) & (at <= t[-1])
     velocity = np.column_stack([np.interp(at, t, column) for column in states.velocity.T])
-    return _segment(t[inside], replace(states, velocity=velocity)[inside])
+    inside = (at >= t[0]) & (at <= t[-1])  # ends have no velocity
+    jumped, known = np.cumsum(inside) == 1, np.ones(len(t), dtype=bool)
+    return Segment(t[inside], replace(states, velocity=velocity, jumped=jumped, effort_known=known)[inside])

@@ -131,12 +131,10 @@ def excite(
         Fractions of the limits of velocity and effort. A joint without an effort limit has no bound.
     margin : float
         Fraction of a joint's range at either end that is left free.
-    trials : int
-        Number of trajectories that are tried.
+    trials, seed : int
+        Number of trajectories that are tried, and seed of their random numbers.
     rate : float
         Of points [1/s].
-    seed : int
-        Of random numbers.
     progress : callable, optional
         Called with the number of trials and the best condition so far.
 
@@ -147,8 +145,8 @@ def excite(
     Raises
     ------
     InputError
-        An argument has a wrong value, a joint that moves has no limit of velocity or position, no joint
-        would move, the robot has no degrees of freedom, or a joint's effort limit is too small.
+        An argument has a wrong value, a joint that moves has no limit of velocity or position, the robot
+        has no degrees of freedom, or a joint would stand still or need too much effort.
     UnsupportedError
         The robot has a floating base, or a joint of several degrees of freedom.
     """

@@ -39,12 +39,11 @@ def identify(
 ) -> Identification:
     """Identify friction, rotor inertias, a payload or link inertias from recordings without contact.
 
-    The momentum balance is fitted through a low-pass of 1 Hz, which needs no accelerations. Rows of a
-    joint are weighted by the variance of their residual. Inertias stay physical, and near the model's
-    where the motion does not determine them; friction and rotor inertias stay positive. A step is taken
-    if it reduces the residual of rows that are held out by a tenth; of friction and rotors, for joints
-    whose residual in cross-validation it reduces. All rows are then fitted. Columns follow Gautier and
-    Khalil, the prior Lee, Wensing and Park (IEEE T-RO 36(2), 2020). See docs/identify.md.
+    The momentum balance is fitted through a low-pass of 1 Hz, which needs no accelerations. Inertias stay
+    physical, and near the model's where the motion does not determine them; friction and rotor inertias
+    stay positive. A step is taken if it reduces the residual of rows that are held out by a tenth; of
+    friction and rotors, for joints whose residual in cross-validation it reduces. All rows are then fitted.
+    See docs/identify.md for the equations.
 
     Parameters
     ----------
@@ -68,19 +67,25 @@ def identify(
     Raises
     ------
     InputError
-        An argument has a wrong value; a recording is of another robot, or has no efforts; velocities or
-        efforts cannot be in SI units; or no joint moves enough. The joint and, if it can be guessed, the
-        unit are named.
+        An argument has a wrong value, a recording is of another robot, has no efforts, or has velocities or
+        efforts that cannot be in SI units, or no joint moves enough.
     UnsupportedError
         The robot has a floating base, or a joint of several degrees of freedom.
     """
     instance("model", model, RobotModel)
-    steps, payload = _read_what(what, model, reference)
+    _, steps, asked = read_what(what, model)
+    if len(asked) > 1:
+        raise InputError(f"what is {what!r}; expected one payload at most.")
+    if asked and reference is None and "inertias" in steps:
+        raise InputError(f"what is {what!r}; give a recording without the payload as reference.")
+    if reference is not None and not asked:
+        raise InputError(f"what is {what!r}; expected payload:<link>, as reference is a recording without it.")
     require_single_joints(model)
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
-    tips = [_payload_at(model, model.link_names[link]) for link in model.bodies["link"][ends]]
-    carriers = [one.body for one in ([payload] if payload else tips)]
-    data = Data(model, carriers, recordings, reference, payload is not None)
+    links = [model.link_names[link] for link in model.bodies["link"][ends]]
+    payloads = [Payload(link, *model.placement_in_body(link)) for link in (asked or links)]
+    data = Data(model, payloads, recordings, reference, bool(asked))
+    payload = payloads[0] if asked else None
     selection = Selection(model, steps, payload, data)
     last = selection.fit_all() if selection.fit else None
     quality = quality_of(model, selection, data, last)
@@ -88,35 +93,19 @@ def identify(
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for
         free &= ~selection.layout.inertial
     parameters = parameters_of(selection.layout, x, free, _origin(model, data, quality))
-    if payload is None and "inertias" not in selection.taken:
-        quality["warnings"] += _warn_of_payload(model, steps, tips, data, selection.score)
+    if not asked and "inertias" not in selection.taken:
+        quality["warnings"] += _warn_of_payload(model, steps, payloads, data, selection.score)
     return Identification(model.with_parameters(parameters), parameters, quality)
 
 
-def _read_what(what, model, reference):
-    """Return steps, in order, and the Payload or None."""
-    _, steps, links = read_what(what, model)
-    if len(links) > 1:
-        raise InputError(f"what is {what!r}; expected one payload at most.")
-    if links and reference is None and "inertias" in steps:
-        raise InputError(f"what is {what!r}; give a recording without the payload as reference.")
-    if reference is not None and not links:
-        raise InputError(f"what is {what!r}; expected payload:<link>, as reference is a recording without it.")
-    return steps, _payload_at(model, links[0]) if links else None
-
-
-def _payload_at(model, link):
-    return Payload(link, *model.placement_in_body(link))
-
-
 class Data:
-    """Normal equations of recordings, with and without (`unloaded`) the payload that bodies `carriers` may have.
+    """Normal equations of recordings, with and without (`unloaded`) the payloads.
 
     The part from the time `begin` [s] of the last one on is held out; `blocks` are the others.
     """
 
-    def __init__(self, model, carriers, recordings, reference, tolerant):
-        self.regressors = Regressors(model, carriers)
+    def __init__(self, model, payloads, recordings, reference, tolerant):
+        self.regressors = Regressors(model, [payload.body for payload in payloads])
         loaded = list_recordings("recordings", recordings)
         unloaded = [] if reference is None else list_recordings("reference", reference)
         share = MAX_VALUES // (len(loaded) + len(unloaded))
@@ -164,10 +153,10 @@ class Data:
         return parts
 
 
-def _warn_of_payload(model, steps, tips, data, left):
+def _warn_of_payload(model, steps, payloads, data, left):
     """Return a warning of the payload at an end of the robot that would explain much of the residual that is left."""
     best, warnings = (1.0 - UNASKED_GAIN) * left, []
-    for payload in tips:
+    for payload in payloads:
         try:
             trial = Selection(model, steps, payload, data)
         except DiagDynamicsError:

@@ -9,6 +9,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.data_checks import DOUBTFUL
 from diag_dynamics.identification.dataset import Dataset
 from diag_dynamics.identification.result import parameters_of, payload_certainty
+from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
 from diag_dynamics.recordings.effort_relation import smoothed
 from diag_dynamics.recordings.observer import Observer
@@ -106,8 +107,8 @@ def _warnings(quality, without_reference, nothing):
         warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
     if payload and without_reference:
         warnings.append(
-            f"payload of {payload['link']}: its deviations take the model of the robot for right. Give a reference "
-            "without the payload"
+            f"payload of {payload['link']}: its deviations take the model of the robot for right; a reference without the "
+            "payload would tell"
         )
     before, after = quality["kinetic_energy"]
     if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:
@@ -117,9 +118,10 @@ def _warnings(quality, without_reference, nothing):
             warnings.append(f"the held-out residual of joint '{name}' is {then:.3g}, with the model {first:.3g}")
     for step, joints in quality["kept"].items():
         for name, (without, own) in joints.items():
+            again = "" if own >= without else f"; a step that was refused before needs {GAIN:.0%} less"
             warnings.append(
                 f"{step} of joint '{name}': as the model has it. In cross-validation the residual is {own:.3g} with numbers "
-                f"of its own, {without:.3g} with the model's"
+                f"of its own, {without:.3g} with the model's{again}"
             )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:

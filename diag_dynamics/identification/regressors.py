@@ -26,13 +26,11 @@ def require_single_joints(model):
 class Regressors:
     """Rows Y_p and Y_g − Y_∂ with d/dt(Y_p π) + (Y_g − Y_∂) π = τ, without friction and rotors.
 
-    Unknowns are ten parameters of each body with inertia, in its frame, then damping, Coulomb friction,
-    offset and rotor inertia of each degree of freedom. The row of a degree of freedom has `columns` of
-    them, of the bodies that it moves and its own, and then the effort. `rows` are their places in the row
-    of all. Bodies in `also` are unknowns even without inertia.
-
-    Normal equations of rows are an array of objects, so that those of several parts add up: [Y τ]ᵀ[Y τ] of
-    each degree of freedom, and the sum of weights.
+    Unknowns are ten parameters of each body with inertia, and of those in `also`, then damping, Coulomb
+    friction, offset and rotor inertia of each degree of freedom. The row of a degree of freedom has `columns`
+    of them, of the bodies that it moves and its own, and then the effort. `rows` are their places in the row
+    of all. Normal equations are an array of objects: [Y τ]ᵀ[Y τ] of each degree of freedom, and the sum of
+    weights.
     """
 
     def __init__(self, model, also=()):

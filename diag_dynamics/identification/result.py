@@ -32,12 +32,8 @@ class Identification:
         With the parameters.
     parameters : Parameters
     quality : dict
-        Plain values in SI units. Pairs are before and after, on the part held out, for parameters
-        fitted to the rest: ``held_out`` (begin and end of that part, in times of the last recording),
-        ``held_out_duration``, ``torque_rms``, ``row_residual`` and ``observer_spread`` by joint [N m, N],
-        ``explained``, ``explained_total``, ``kinetic_energy``. Of the fit: ``taken``, ``ladder``, ``kept``,
-        ``effort_factor``, ``efforts_judged``, ``velocity_delay``, ``effective_parameters``, ``payload``,
-        ``warnings``, ``findings``. docs/identify.md explains each.
+        Plain values in SI units by the keys of docs/identify.md. Pairs are before and after, on the part
+        held out, for parameters fitted to the rest.
     """
 
     def __init__(self, model: RobotModel, parameters: Parameters, quality: dict[str, Any]) -> None:

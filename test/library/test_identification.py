@@ -251,29 +251,27 @@ def test_a_joint_keeps_its_friction_where_blocks_left_out_speak_against_another(
     assert other.quality["kept"] == found.quality["kept"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "key"),
-    [
-        (lambda data: (data, data.model, ("friction", "mass")), "what is .*mass.*; expected one or more of"),
-        (lambda data: (data, data.model, ()), r"what is \(\); expected"),
-        (lambda data: (data, data.model, "payload:panda_link0"), "no joint moves link 'panda_link0'"),
-        (
-            lambda data: (data, data.model, ("payload:panda_hand", "payload:panda_link7")),
-            "expected one payload at most",
-        ),
-        (lambda data: (data, data.model, ("payload:panda_hand", "inertias")), "without the payload as reference"),
-        (lambda data: (data, data.model, "friction", data), "what is 'friction'; expected payload"),
-        (lambda data: (data, dd.load_urdf(PANDA, floating_base=True)), "floating base"),
-        (lambda data: (data, dd.load_robot("ur5")), r"recordings\[0\] is of robot"),
-        (lambda data: (recorded(data.model, data.t, data.q, data.qd, None), data.model), "no efforts"),
-        (lambda data: (in_pieces(data, 1000)(), data.model), r"recordings is <generator .*Give lambda"),
-        (lambda data: (lambda: ["my_bag"], data.model), r"a piece of recordings\[0\] is 'my_bag'"),
-    ],
-)
-def test_arguments_are_checked(noisy, arguments, key):
-    data, model, *what = arguments(noisy)
+HAND = "payload:panda_hand"
+WRONG = {
+    r"what is .*mass.*; expected one or more of": lambda data: (data, data.model, ("friction", "mass")),
+    r"what is \(\); expected": lambda data: (data, data.model, ()),
+    "no joint moves link 'panda_link0'": lambda data: (data, data.model, "payload:panda_link0"),
+    "expected one payload at most": lambda data: (data, data.model, (HAND, "payload:panda_link7")),
+    "without the payload as reference": lambda data: (data, data.model, (HAND, "inertias")),
+    "floating base": lambda data: (data, dd.load_urdf(PANDA, floating_base=True)),
+    r"recordings\[0\] is of robot": lambda data: (data, dd.load_robot("ur5")),
+    "no efforts": lambda data: (recorded(data.model, data.t, data.q, data.qd, None), data.model),
+    "recordings is <generator .*Give lambda": lambda data: (in_pieces(data, 1000)(), data.model),
+    r"a piece of recordings\[0\] is 'my_bag'": lambda data: (lambda: ["my_bag"], data.model),
+}
+
+
+@pytest.mark.parametrize("key", WRONG)
+def test_arguments_are_checked(noisy, key):
     with pytest.raises((dd.InputError, dd.UnsupportedError), match=key):
-        dd.identify(data, model, *what[:1], reference=what[1] if what[1:] else None)
+        dd.identify(*WRONG[key](noisy))
+    with pytest.raises(dd.InputError, match="what is 'friction'; expected payload"):
+        dd.identify(noisy, noisy.model, "friction", reference=noisy)
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@
 """A recording of a small arm that swings and is pushed once, and reports of it."""
 
 import base64
-import itertools
 import json
 import re
 
@@ -18,17 +17,13 @@ RATE, LENGTH, PUSHED = 500.0, 8.0, (2.0, 2.3)
 
 SHAPE = '<collision><geometry><box size="0.1 0.1 0.4"/></geometry></collision></link>'
 INERTIA = (2.0, (0.0, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01))
-LINKS = "upper", "lower", "tool"
 ARM = description(
     "arm",
     link("base"),
-    *(link(name, *INERTIA).replace("</link>", SHAPE) for name in LINKS),
-    *(
-        joint(f"joint_{child}", "revolute", parent, child, axis, (0.0, 0.0, 0.4))
-        for (parent, child), axis in zip(
-            itertools.pairwise(("base", *LINKS)), ((0, 0, 1), (0, 1, 0), (1, 0, 0)), strict=True
-        )
-    ),
+    *(link(name, *INERTIA).replace("</link>", SHAPE) for name in ("upper", "lower", "tool")),
+    joint("joint_upper", "revolute", "base", "upper", (0, 0, 1), (0.0, 0.0, 0.4)),
+    joint("joint_lower", "revolute", "upper", "lower", (0, 1, 0), (0.0, 0.0, 0.4)),
+    joint("joint_tool", "revolute", "lower", "tool", (1, 0, 0), (0.0, 0.0, 0.4)),
 )
 WATCHED = "external_torque.threshold=10.0", "external_torque.gain=25.0"
 
@@ -49,17 +44,17 @@ class Recording:
         pace = 0.7 + 0.3 * np.arange(self.model.nv)
         phase = pace * t[:, None]
         q, qd, qdd = 0.6 * np.sin(phase), 0.6 * pace * np.cos(phase), -0.6 * pace**2 * np.sin(phase)
-        tau = np.array([self.dyn.inverse_dynamics(*state) for state in zip(q, qd, qdd, strict=True)])
+        tau = self.dyn.inverse_dynamics_batch(q, qd, qdd)
         for (begin, end), force in zip(pushes, forces, strict=False):
             tau[(t >= begin) & (t < end), 1] -= force
         return t, q, qd, tau
 
-    def analyse(self, name, *options, wanted=(0, 1), **columns):
+    def analyse(self, name, *options, **columns):
         """Analyse columns; return the path of the report and the summary."""
         path, html, summary = (self.folder / f"{name}.{kind}" for kind in ("npz", "html", "json"))
         np.savez(path, **columns)
         arguments = ["analyse", path, "--urdf", self.urdf, "--report", html, "--json", summary, *options]
-        assert main(list(map(str, arguments))) in wanted
+        assert main(list(map(str, arguments))) in (0, 1)
         return html, json.loads(summary.read_text(encoding="utf-8"))
 
     def columns(self, part=slice(None)):
