@@ -345,12 +345,9 @@ def test_what_names_no_joints_is_ignored(read, kind):
     require_digits(read(UNRELATED[kind], parameters=ESTIMATED), 1, 2, 3)
 
 
-def test_texts_and_arrays_beside_names(read):
-    """A column that has the name of one joint contradicts no header; an array whose names are used is read."""
+def test_a_column_that_has_the_name_of_one_joint_contradicts_no_header(read):
     text = "t,worst joint,q_shoulder,q_elbow,q_wrist\n" + "".join(f"{k},elbow,{k},1,2\n" for k in range(ROWS))
     assert read(text, parameters=ESTIMATED).q[-1].tolist() == [ROWS - 1, 1, 2]
-    recording = read(NUMBERS | {"joint_names": np.array(LIST), "limits": np.ones(3)}, parameters=ESTIMATED)
-    assert [text for text in texts_of(recording) if text.startswith("not read")] == ["not read: limits."]
 
 
 # --- Contradictions ---

@@ -271,8 +271,8 @@ class _Chooser:
             return [self._group_of_pattern(quantity, value)]
         places = self._find_columns(quantity, [value] if isinstance(value, str) else value)
         widths = [self._columns[k].width for k in places]
-        if any(widths) and len(places) > 1:
-            raise InputError(f"{quantity}: the list {listed(value)} has a whole array; expected it alone.")
+        if len(places) > 1 and (any(widths) or len(set(places)) < len(places)):
+            raise InputError(f"{quantity}: {listed(value)} has an array or a column twice; expected different columns.")
         what = f"the list {listed(value)}" if len(places) > 1 else f"'{self._headers[places[0]]}'"
         return [_Group(what, {f"#{n}": k for n, k in enumerate(places)}, ordered=True, width=widths[0])]
 

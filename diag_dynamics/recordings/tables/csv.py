@@ -53,8 +53,11 @@ class CsvSource:
             raise InputError(f"'{path}' is neither CSV nor Parquet or npz that can be read: {why}.")
         columns, self._delimiter, named, self._above = _read_head(lines, wanted, joints, path)
         self.headers = [one.name for one in columns]
-        marked = [at <= wanted.skip or at == named or line[:1] in "#%" for at, line in enumerate(lines[:_COMMENTED], 1)]
-        texts = {at: lines[at - 1].lstrip("#% \t\r") for at, one in enumerate(marked, 1) if one and lines[at - 1]}
+        texts = {
+            at: line.lstrip("#% \t\r")
+            for at, line in enumerate(lines[:_COMMENTED], 1)
+            if line and (at <= wanted.skip or at == named or line[0] in "#%")
+        }
         self.choice = choose(columns, wanted, joints, path, comment_texts(texts))
         self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
         numbers = self.choice.values.difference(self.choice.time, (k for k, one in enumerate(columns) if one.listed))
