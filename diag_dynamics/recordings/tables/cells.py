@@ -80,9 +80,8 @@ def _parse_number(text):
 def make_column(name, array, unit=None, numeric=False):
     """Return the Column of an array with the first rows; `numeric`: texts may be numbers."""
     kind = array.type
-    moments, numeric = pa.types.is_timestamp(kind), numeric or _is_numeric(kind)
-    dated = moments or pa.types.is_duration(kind)
-    column = Column(name, unit=unit or None, numeric=numeric, dated=dated, moments=moments, type=str(kind))
+    moments, numeric = pa.types.is_timestamp(kind) or pa.types.is_duration(kind), numeric or _is_numeric(kind)
+    column = Column(name, unit=unit or None, numeric=numeric, moments=moments, type=str(kind))
     if is_list(kind):
         lists = [one or () for one in array.to_pylist()]
         first = next(filter(None, lists), ())
@@ -93,7 +92,7 @@ def make_column(name, array, unit=None, numeric=False):
         return column
     given = [text for text in texts if text not in MISSING]
     if any(map(is_number, given)):
-        return column._replace(dated=True, moments=all(map(is_date, given)))
+        return column._replace(numeric=True, moments=all(map(is_date, given)))
     numbers = [numbers_of(text) for text in given]
     if any(numbers) and None not in numbers:
         return column._replace(width=max(map(len, numbers)), listed=True, numeric=True)

@@ -256,7 +256,7 @@ class _Chooser:
 
     def _require_numbers(self, k, quantity):
         column, is_time = self._columns[k], quantity == "time"
-        if (is_time and column.width) or not (column.numeric or (is_time and column.dated)):
+        if (is_time and column.width) or not (column.numeric or (is_time and column.moments)):
             text = next((f" such as '{one!s:.40}'" for one in column.sample if one), "")
             holds = f"has {column.width} columns" if column.width else f"is of type {column.type}{text}"
             expected = "numbers or ISO 8601 times" if is_time else "numbers in one or two dimensions"

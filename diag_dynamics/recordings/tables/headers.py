@@ -85,7 +85,6 @@ class Column(NamedTuple):
     numeric: bool = True  # whether the column holds numbers or times
     sample: tuple = ()  # texts of the first rows, or lists of them, of a column without numbers
     listed: bool = False  # whether each row has a list
-    dated: bool = False  # whether the texts are times or numbers
     moments: bool = False  # whether all values are ISO 8601 times, or of a type of times
     type: str = ""  # of values that are no numbers, for messages
 
@@ -142,7 +141,7 @@ def time_columns(columns):
     """Return columns that may be the times: tuples of one index or two, by name, the best kind only."""
     kinds, pairs = [{}, {}, {}, {}], {}
     for k, column in enumerate(columns):
-        if not (column.numeric or column.dated) or (column.sample and not any(column.sample)):
+        if not (column.numeric or column.moments) or (column.sample and not any(column.sample)):
             continue
         name = split_unit(column.name.strip())[0].lower()
         kind = next((n for n, pattern in enumerate(_TIMES) if pattern.fullmatch(name)), 3 if column.moments else None)
