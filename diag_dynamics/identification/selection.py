@@ -83,7 +83,8 @@ class Selection:
 
     def _choose_rotors(self, steps):
         """Leave the model's rotor inertias out if the efforts do not contain them, as of torque sensors."""
-        free, known, columns = self.free(steps[: "friction" in steps]), self.layout.known, self.layout.own(ROTOR)
+        free = self.free(["friction"] if "friction" in steps else [])
+        known, columns = self.layout.known, self.layout.own(ROTOR)
         rotors, scores = known[columns], []
         for armature in (0.0, rotors):
             known[columns] = armature

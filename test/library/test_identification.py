@@ -18,7 +18,7 @@ from diag_dynamics.model.rewriting import urdf_with
 from examples import shortened, some_of
 from motions import efforts, fourier, recorded
 from oracles import Oracle
-from robots import robot
+from robots import robot, without_hand
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
@@ -157,12 +157,7 @@ def test_payload(panda, known, seed):
 def test_a_negative_payload(panda):
     """The model has a hand that the robot lacks: its mass is found, and the links that are left are physical."""
     model, _ = panda
-    bare = re.sub(
-        r'<link name="panda_(hand|leftfinger|rightfinger)">.*?</link>',
-        lambda found: re.sub("<inertial>.*?</inertial>", "", found.group(0), flags=re.DOTALL),
-        PANDA,
-        flags=re.DOTALL,
-    )
+    bare = without_hand(PANDA)
     missing = model.total_mass - dd.load_urdf(bare, locked_joints=HELD).total_mass
     oracle = Oracle(bare, model.dof_names, locked_joints=HELD)
     found = dd.identify(recording(model, oracle, 5, noise=1.0, resist=np.zeros_like), model, "payload:panda_link7")

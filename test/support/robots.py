@@ -8,6 +8,7 @@ is regular at random configurations. `EXCLUDED` lists the other files with their
 each reason. `robots_to_test` decides which robots the laws run over, in the gate and in the full tier.
 """
 
+import re
 import xml.etree.ElementTree as ET
 import zlib
 from collections.abc import Mapping
@@ -416,3 +417,10 @@ def samples(id: str, oracle) -> list[Sample]:
         qd, tau, qdd = (scale * rng.standard_normal(oracle.nv)[at] for scale in (speed, 5.0, 10.0))
         out.append(Sample(q, qd, tau, qdd))
     return out
+
+
+def without_hand(panda):
+    """Return the URDF of a Panda whose hand and fingers have no inertia."""
+    link = r'<link name="panda_(hand|leftfinger|rightfinger)">.*?</link>'
+    inertial = re.compile("<inertial>.*?</inertial>", re.DOTALL)
+    return re.sub(link, lambda found: inertial.sub("", found.group(0)), panda, flags=re.DOTALL)
