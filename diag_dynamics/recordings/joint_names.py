@@ -19,19 +19,8 @@ class JointNames:
     """A map from the names of joints in a recording to those of the robot.
 
     A name is mapped by the entry that equals it, otherwise by the longest one with ``*`` that fits. Without such an entry it
-    stays as it is.
-
-    Parameters
-    ----------
-    entries : mapping of str to str
-        Both names of an entry have one ``*``, or neither has.
-    where : str
-        Source of the map, for errors.
-
-    Raises
-    ------
-    InputError
-        An entry is not possible, or two are of one joint.
+    stays as it is. Both names of an entry have one ``*``, or neither has. Raises InputError, which names the source `where`
+    of the map, if an entry is not possible or two are of one joint.
     """
 
     def __init__(self, entries, where="joint_names"):

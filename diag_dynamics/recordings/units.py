@@ -50,20 +50,10 @@ def regress_changes(changes, integrals):
 
 
 def position_ratios(stamps, position, velocity, continuous):
-    """Return the slope of Δq over ∫q̇dt of each joint, 1 if units agree; NaN where they do not correlate.
+    """Return the slope of Δq over ∫q̇dt of each joint, 1 if units agree; NaN where they do not correlate, shape (n,).
 
-    Parameters
-    ----------
-    stamps : ndarray of int64, shape (T,)
-        [ns]
-    position, velocity : ndarray, shape (T, n)
-        Pairs of rows with a gap between them, or with a value that is not finite, are left out.
-    continuous : ndarray of bool, shape (n,)
-        Joints without limits, whose positions may be wrapped.
-
-    Returns
-    -------
-    ndarray, shape (n,)
+    Stamps [ns] have the shape (T,), positions and velocities (T, n). Pairs of rows with a gap between them, or with a value
+    that is not finite, are left out. Positions of joints that are `continuous` may be wrapped.
     """
     elapsed = np.diff(stamps)[:, None] / SECOND
     forward = elapsed > 0.0
