@@ -42,14 +42,7 @@ other sign, may be the model's fault."""
 WEIGHTLESS = 0.35  # largest factor of any joint without gravity
 EXCHANGE = 4.0  # factor by which an exchange of two joints reduces the square that is left
 
-UNITS = {
-    1e3: "mN m, mA or per mille",
-    1e2: "N cm or %",
-    10.2: "kgf cm",
-    0.102: "kgf m",
-    8.85: "lbf in",
-    141.6: "ozf in",
-}
+UNITS = {1e3: "mN m, mA or ‰", 1e2: "N cm or %", 10.2: "kgf cm", 0.102: "kgf m", 8.85: "lbf in", 141.6: "ozf in"}
 """Names of units by their factors to N m."""
 
 UNIT_ERROR = 1.15  # factor up to which one is that of a unit

@@ -83,6 +83,13 @@ def test_residuals_of_neighbours_in_time_are_alike(arm):
     assert abs(factor - 1.0) < 4.0 * error < 2.0
 
 
+def test_no_relation_is_named_beside_a_payload(arm):
+    """Wider limits would accept a factor of 0 with its errors."""
+    t, q, qd, tau = motion()
+    with pytest.raises(dd.InputError, match="has no relation to the motion"):
+        dd.identify(recording(t, q, qd, noise(tau, 1.0)), arm, "payload:fore")
+
+
 def test_slow_motion_does_not_tell_the_other_sign_from_a_ceiling(arm):
     t, q, qd, _ = motion()
     tau = 1e-3 * np.sin(t)[:, None] - dd.DiagonalDynamics(arm).gravity_torque_batch(q)
@@ -135,6 +142,15 @@ def test_light_joints_are_judged_by_their_own_errors(name, case):
     for k in factors:
         key = key.replace(f"{{{k}}}", model.dof_names[k])
     assert re.search(key, said) if key else not said
+
+
+def test_a_small_factor_of_a_lighter_joint_may_be_the_models_fault(arm):
+    """Of a joint with less than half the torque of another one; another sign of it is no fault of the model."""
+    t, q, qd, tau = motion(seed=4)
+    found = dd.identify(recording(t, q, qd, tau * [1.0, 1.0, 0.01]), arm, "friction")
+    assert any("effort doubtful: the effort of joint 'elbow'" in text for text in found.quality["findings"])
+    with pytest.raises(dd.InputError, match="joint 'elbow' is of the other sign"):
+        dd.identify(recording(t, q, qd, tau * [1.0, 1.0, -1.0]), arm, "friction")
 
 
 AXES = {"prismatic": ("1 0 0", "0 1 0", "0 0 1"), "revolute": ("0 0 1",)}
