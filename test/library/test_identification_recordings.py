@@ -184,16 +184,21 @@ def test_commands_name_degrees_and_how_to_read_them(arm, command, which, scale, 
 
 
 @pytest.mark.parametrize(
-    ("rows", "garbage", "rejected"),
-    [(slice(50, None), 253.0, 950), (slice(50, None), 1e297, 950), (slice(100, 300), None, 200)],
-    ids=["one number in every field", "absurd numbers", "some rows in degrees"],
+    ("rows", "position", "velocity", "rejected"),
+    [
+        (slice(50, None), 253.0, 253.0, 950),
+        (slice(50, None), 1e297, 1e297, 950),
+        (slice(50, None), None, 150.0, 950),
+        (slice(100, 300), "deg", None, 200),
+    ],
+    ids=["one number in every field", "absurd numbers", "one number as velocity", "some rows in degrees"],
 )
-def test_garbage_is_not_taken_for_degrees(arm, rows, garbage, rejected, tmp_path):
+def test_garbage_is_not_taken_for_degrees(arm, rows, position, velocity, rejected, tmp_path):
     model, t, q, qd, tau = arm
     q, qd = q.copy(), qd.copy()
-    if garbage is None:
-        q[rows] *= DEGREES
-    else:
-        q[rows], qd[rows] = garbage, garbage
+    if position is not None:
+        q[rows] = q[rows] * DEGREES if position == "deg" else position
+    if velocity is not None:
+        qd[rows] = velocity
     data = dd.read_recording(table(tmp_path / "garbage.csv", model.dof_names, t, q, qd, tau), model)
     assert data.counts["rejected: absurd value"] == rejected and not units(data)
