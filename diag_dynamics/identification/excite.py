@@ -151,7 +151,14 @@ def excite(
         The robot has a floating base, or a joint of several degrees of freedom.
     """
     instance("model", model, RobotModel)
-    names, moving = model.dof_names, _read_joints(model, joints)
+    names = model.dof_names
+    if not names:
+        raise InputError(f"robot '{model.name}' has no degrees of freedom; expected one joint at least that can move.")
+    require_single_joints(model)
+    joints = names if joints is None else joints
+    for name in joints:
+        choice("joints: one of them", name, names)
+    moving = np.isin(names, joints)
     wanted, _, payloads = read_what(what, model)
     for name, value, unit in (("duration", duration, "[s]"), ("period", period, "[s]"), ("rate", rate, "[1/s]")):
         positive(name, value, unit)
@@ -178,19 +185,6 @@ def excite(
             "most. Widen its limits or its range, or leave it out of joints."
         )
     return Excitation(names, time, q, qd, qdd, tau, period, condition, wanted)
-
-
-def _read_joints(model, joints):
-    """Return which degrees of freedom move, bool (nv,)."""
-    if not model.nv:
-        raise InputError(f"robot '{model.name}' has no degrees of freedom; expected one joint at least that can move.")
-    require_single_joints(model)
-    joints = model.dof_names if joints is None else joints
-    for name in joints:
-        choice("joints: one of them", name, model.dof_names)
-    if not joints:
-        raise InputError("joints is empty; expected one joint at least that moves.")
-    return np.isin(model.dof_names, joints)
 
 
 def _find_limits(model, moving, velocities, positions):
@@ -278,7 +272,7 @@ class _Series:
         excited = sum(self._information(*self.motion(one)) for one in genes)
         self._scale = 1.0 / np.sqrt(np.maximum(np.diag(excited), 1e-300))
         values, vectors = np.linalg.eigh(self._scale[:, None] * excited * self._scale)
-        self._basis = vectors[:, values > MIN_EIGENVALUE * values[-1]]
+        self._basis = vectors[:, values > MIN_EIGENVALUE * values.max(initial=0.0)]
 
     def random_genes(self, rng):
         """Return random genes, (nv, 2 HARMONICS)."""

@@ -309,10 +309,11 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
         np.testing.assert_allclose(getattr(thinned.model, name), getattr(whole.model, name), atol=0.03)
 
 
-def test_the_held_out_part_of_delayed_velocities(panda):
-    """A third of the time that has velocities, which ends between two states: counted in states it begins one earlier."""
+@pytest.mark.parametrize("duration", [10.0, 10.01])
+def test_the_held_out_part_of_delayed_velocities(panda, duration):
+    """A third of the time that has velocities, which ends between two states: rounded to states it begins elsewhere."""
     model, oracle = panda
-    data, delay = recording(model, oracle, 6, 10.0, 100.0), 0.0123
+    data, delay = recording(model, oracle, 6, duration, 100.0), 0.0123
     late, t = np.column_stack([np.interp(data.t - delay, data.t, column) for column in data.qd.T]), data.t - data.t[0]
     quality = dd.identify(changed(model, data, qd=late), model, "friction").quality
     assert quality["velocity_delay"] == [pytest.approx(delay, abs=1e-3)]
