@@ -64,12 +64,10 @@ class Layout:
         self.regressors, self.own, self.without_rotors = regressors, regressors.own, False
         self.robot = regressors.size
         self.size = self.robot + (PARAMETERS if payload else 0)
-        # Unknowns of the robot, without and with the payload in them, are these matrices times all unknowns.
-        self._maps = np.repeat(np.eye(self.robot, self.size)[None], 2, axis=0)
         if payload:
-            carrier = self.block(int(np.searchsorted(self.bodies, payload.body)))
+            self._carrier = self.block(int(np.searchsorted(self.bodies, payload.body)))
             units = [inertias.moved(unit, payload.placement) for unit in np.eye(PARAMETERS)]
-            self._maps[1, carrier, self.robot :] = np.transpose(units)
+            self._placed = np.transpose(units)  # times the payload's parameters: what is added to its body's
         self.known, (self.positive, self.inertial) = np.zeros(self.size), np.zeros((2, self.size), dtype=bool)
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
@@ -91,7 +89,10 @@ class Layout:
 
     def squares(self, rows, x):
         """Return the sum of squared residuals of each degree of freedom."""
-        return sum(self.regressors.residual_squares(sums, self._maps[int(loaded)] @ x) for sums, loaded in rows)
+        own, carrying = x[: self.robot], x[: self.robot].copy()
+        if self.payload:
+            carrying[self._carrier] += self._placed @ x[self.robot :]
+        return sum(self.regressors.residual_squares(sums, carrying if loaded else own) for sums, loaded in rows)
 
     def mean_squares(self, rows, x):
         """Return the mean squared residual of each degree of freedom; of efforts, if the unknowns are 0."""
@@ -99,12 +100,17 @@ class Layout:
 
     def weighted(self, rows, variance):
         """Return A and b over all rows."""
-        A, b = np.zeros((self.size, self.size)), np.zeros(self.size)
+        A, b, own = np.zeros((self.size, self.size)), np.zeros(self.size), slice(self.robot)
         for sums, loaded in rows:
             square, right = self.regressors.weighted(sums, variance)
-            matrix = self._maps[int(loaded)]
-            A += matrix.T @ square @ matrix
-            b += matrix.T @ right
+            A[own, own] += square
+            b[own] += right
+            if loaded and self.payload:
+                carried, across = slice(self.robot, None), square[:, self._carrier] @ self._placed
+                A[own, carried] += across
+                A[carried, own] += across.T
+                A[carried, carried] += self._placed.T @ across[self._carrier]
+                b[carried] += self._placed.T @ right[self._carrier]
         return A, b
 
 
