@@ -148,14 +148,12 @@ def _summary(chosen, recording, parameters, robot):
     messages = partial(McapOutput, topics=WRITTEN if chosen.topics is None else chosen.topics.split(","))
     kinds = (chosen.mcap, messages), (chosen.parquet, TableOutput), (chosen.csv, partial(TableOutput, kind="csv"))
     analysis, outputs = Analysis(reading, gain=given.gain_of(chosen), threads=chosen.threads), []
-    report = None
     try:
         for path, kind in kinds:
             if path:
                 outputs.append(kind(path, reading, analysis.friction))
         if chosen.report:
-            report = ReportOutput(chosen.report, reading)
-            outputs.append(report)
+            outputs.append(ReportOutput(chosen.report, reading))
         with _Progress(chosen.quiet) as progress:
             analysis.run(outputs, progress)
         if not analysis.states:
@@ -166,10 +164,7 @@ def _summary(chosen, recording, parameters, robot):
             raise without_states(printable(recording), analysis.findings)
         summary = summary_of(analysis) | {"recording": str(recording)}
         for output in outputs:
-            if output is not report:
-                output.close()
-        if report:
-            report.close(summary)
+            output.close(summary)
     except BaseException:
         for output in outputs:
             output.drop()

@@ -62,7 +62,7 @@ REVISION = 1
 
 
 class McapOutput:
-    """Writes messages on some topics about pieces, at the log time of the message that completed each state."""
+    """Write messages about each state on some topics, at the log time of the message that completed the state."""
 
     def __init__(self, path, reading, friction=False, topics=WRITTEN):
         for topic in topics:
@@ -97,8 +97,8 @@ class McapOutput:
                         message = data[at : at + size]
                         self._writer.add_message(channel, time, message, time, number)
 
-    def close(self):
-        """Complete the file."""
+    def close(self, _summary=None):
+        """Complete the file and give it its name."""
         with self._target.errors():
             self._writer.finish()
             self._file.close()
@@ -112,14 +112,14 @@ class McapOutput:
 
 
 class CountedFile(BufferedWriter):
-    """A file that is written from its beginning, of which pipes, too, know the place."""
+    """A file that counts its bytes, because a pipe cannot tell its position."""
 
     def __init__(self, path):
         super().__init__(FileIO(path, "wb"))
         self._size = 0
 
     def write(self, data):
-        """Write bytes."""
+        """Write bytes and count them."""
         self._size += len(data)
         return super().write(data)
 
@@ -129,7 +129,7 @@ class CountedFile(BufferedWriter):
 
 
 class TopicRows:
-    """Makes the messages of one topic about pieces, each a row of bytes."""
+    """Make the messages of one topic, a row of bytes for each state."""
 
     def __init__(self, topic, reading, friction=False):
         model, observation = reading.model, reading.settings.observation

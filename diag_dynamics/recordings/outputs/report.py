@@ -27,7 +27,7 @@ POWERS = "p_effort", "p_gravity", "p_friction", "p_external", "dK"
 
 
 class ReportOutput:
-    """Writes the analysis of a Reading into a report at a path, piece by piece."""
+    """Write the analysis of a Reading into a report."""
 
     def __init__(self, path, reading):
         self._target, self._reading = AtomicFile(path), reading

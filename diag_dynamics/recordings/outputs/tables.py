@@ -33,7 +33,7 @@ OF_STATES, OF_EFFORTS, OBSERVED = ("velocity", "effort"), ("epsilon", "kappa"), 
 
 
 class TableOutput:
-    """Writes the analysis of a Reading into a table, piece by piece; `kind` is ``"parquet"`` or ``"csv"``.
+    """Write the analysis of a Reading into a table; `kind` is ``"parquet"`` or ``"csv"``.
 
     Parquet has units in the metadata of fields and NaN for what is unknown, CSV units in the header
     (``nu.joint1 [J^0.5]``) and empty fields.
