@@ -25,7 +25,7 @@ def records_of(columns):
 
 
 class Work:
-    """Integrates k powers over a recording, piece by piece."""
+    """Integrate k powers over a recording, batch by batch."""
 
     def __init__(self):
         self._last = None
@@ -59,9 +59,9 @@ def mean_powers(states):
 
 
 class Overview:
-    """Keeps at most `size` states: of each run of consecutive states the first, and the extremes.
+    """Keep at most `size` states: of each run of consecutive states the first one and the extremes.
 
-    Runs become twice as long whenever there are more.
+    Runs become twice as long whenever more states are kept.
     """
 
     def __init__(self, size):
@@ -91,15 +91,15 @@ def _extremes(states, stride):
 
 
 class ContactRuns:
-    """Finds all states around contacts; it holds the newest back until this is known of them."""
+    """Find all states around contacts. The newest are held back, because the next contact may be near them."""
 
     def __init__(self):
-        self._held, self._run, self._edges, self._touches = None, [], np.array([-np.inf, np.inf]), False
+        self._held, self._run, self._edges, self._collides = None, [], np.array([-np.inf, np.inf]), False
 
     def add(self, states):
         """Add the next states; yield the runs that are complete."""
-        edges = states["t"][np.diff(states["collision"], prepend=self._touches)]
-        self._touches, self._edges = bool(states["collision"][-1]), np.sort(np.append(self._edges, edges))
+        edges = states["t"][np.diff(states["collision"], prepend=self._collides)]
+        self._collides, self._edges = bool(states["collision"][-1]), np.sort(np.append(self._edges, edges))
         held = states if self._held is None else np.concatenate([self._held, states])
         is_known = held["t"] < held["t"][-1] - AROUND
         self._held = held[~is_known]
