@@ -21,6 +21,7 @@ from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, styled
 from diag_dynamics.recordings import balance as power
+from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.findings import without_efforts
 from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import SIZE, Recording
@@ -126,8 +127,10 @@ def balance(of: Recording) -> Any:
     _check_states(of)
     if of.tau is None:
         raise InputError(f"{without_efforts(of.counts)}. A balance of power needs them.")
-    windows, whole = _integrate(of), power.Balance(of.model.dof_names)
+    windows, whole, efforts = _integrate(of), power.Balance(of.model.dof_names), EffortRange(of.model.dof_names)
+    efforts.add_values(of.q[:, -of.model.nv :], of.tau)
     whole.add_windows(windows)
+    whole.moved = efforts.moved
     if not len(windows.kinetic):
         raise InputError(f"there is no balance of power: {whole.judgement()}.")
     share, total, what = whole.explained, whole.explained_total, "dK/dt"

@@ -122,9 +122,10 @@ class Analysis:
             observed = *observed[:4], judged.alarm
         else:
             self.collisions.add_states(states.stamp, torque, norm, collision)
-        self.balance.add_windows(self._windows.integrate_states(states, s))
-        self.quality.add_states(states)
         self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)
+        self.balance.add_windows(self._windows.integrate_states(states, s))
+        self.balance.moved = self.efforts.moved
+        self.quality.add_states(states)
         self.motion.add_states(states)
         if self.exposure:
             options = {"threads": self._threads}

@@ -13,7 +13,7 @@ from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
 WINDOW, MAX_GAP = 0.1, 0.1
 """Length of a window, and longest interval between its states [s]: noise of velocities spoils shorter ones."""
 
-MIN_WINDOWS, MIN_POWER = 20, 1e-3  # fewest windows, and least root mean square of dK/dt [W], of an explained share
+MIN_WINDOWS, MIN_POWER = 20, 1e-3  # fewest windows of an explained share; least rms of dK/dt of the monitor [W]
 NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8
 """Explained shares below which the balance explains nothing, and too little."""
 
@@ -73,12 +73,12 @@ class WindowSums:
 class Balance:
     """Judge windows of a robot with these degrees of freedom.
 
-    `moved` tells whether any joint moves; None if that is unknown. Count, means and sums of squared deviations are those of
-    POWERS and of the residual of each joint (Chan, Golub and LeVeque 1983).
+    `moved` tells whether any joint moves. Count, means and sums of squared deviations are those of POWERS and of the residual
+    of each joint (Chan, Golub and LeVeque 1983).
     """
 
     def __init__(self, names):
-        self._names, self.moved = tuple(names), None
+        self._names, self.moved = tuple(names), True
         self.count, self.mean, self.squares = 0, *np.zeros((2, len(POWERS) + len(names)))
 
     def add_windows(self, windows):
@@ -103,8 +103,7 @@ class Balance:
         return self._explained_share(TOTAL)
 
     def _explained_share(self, change):
-        moved = self._mean_squares()[KINETIC] >= MIN_POWER**2 if self.moved is None else self.moved
-        if self.count < MIN_WINDOWS or not moved:
+        if self.count < MIN_WINDOWS or not self.moved:
             return None
         variance = self.squares / self.count
         return explained_share(variance[RESIDUAL], variance[change])

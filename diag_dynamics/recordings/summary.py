@@ -26,7 +26,7 @@ def summary_of(analysis):
 
     largest, (quality, warnings) = peaks.largest(), analysis.quality.report()
     quality["longest_gap_at"] = time(quality["longest_gap_at"])
-    balance.moved, unmeasured = analysis.efforts.moved, _unmeasured(analysis, quality["without_effort"])
+    unmeasured = _unmeasured(analysis, quality["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
     fault = None if good or unmeasured else analysis.motion.fault()
     says = fault.text if fault else ""
