@@ -1,7 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags: files of messages and folders of them, opened by their first bytes."""
+"""Bags: files of messages and folders of them, opened by their first bytes.
+
+A reader of files, such as McapFile, has `connections`, the first log time `start` [ns] or None, and `parts(wanted)`. These
+are, for some connections by index, (first log time, last one, function that returns Messages or None), in order.
+"""
 
 import re
 import shutil
@@ -36,7 +40,7 @@ REASON = "reading the recording"
 class Bag:
     """Messages of a file, or of the files of a folder. Damage of a file raises no exception.
 
-    Messages of ROS 1 are converted to CDR. `unread` (damage) and `findings` (oddities without loss)
+    Messages of ROS 1 are converted to CDR. `unread` (damage) and `oddities` (without loss)
     are complete after the last piece. No message precedes the log time `start` [ns], which is None
     without messages.
     """
@@ -44,7 +48,7 @@ class Bag:
     def __init__(self, path):
         self.path, self.connections = Path(path), []
         self._notes, self._folders = Notes(), []  # temporary folders are deleted with the bag
-        self.unread, self.findings = self._notes.unread, self._notes.findings
+        self.unread, self.oddities = self._notes.unread, self._notes.oddities
         paths = _find_files(self.path, self._notes) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(one, str(one)) for one in paths]
         self._maps = [self._map_connections(file) for file in self._files]
@@ -169,7 +173,7 @@ def _find_files(folder, notes):
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
         raise InputError(f"'{folder}' {why}, and has no bags in it; there are {KNOWN}.{meant}")
     if not listed:
-        notes.add_finding(folder, f" {why}. All bags in it are read, in the order of their names.")
+        notes.add_oddity(folder, f" {why}. All bags in it are read, in the order of their names.")
         return [folder / name for name in bags]
     files = {}
     for name in listed:
@@ -184,12 +188,12 @@ def _find_files(folder, notes):
                 f"is not certain which are meant. Give one file, or delete {METADATA} to read all of them."
             )
         for name, other in zip(missing, others, strict=True):
-            notes.add_finding(folder, f": {METADATA} lists {name}, which is not there; {other} is read instead.")
+            notes.add_oddity(folder, f": {METADATA} lists {name}, which is not there; {other} is read instead.")
         return [folder / name for name in others]
     for name in missing:
         notes.add_damage(folder, name, f"{METADATA} lists this file, which is not there")
     if others:
-        notes.add_finding(folder, f": {METADATA} does not list {', '.join(others)}: not read.")
+        notes.add_oddity(folder, f": {METADATA} does not list {', '.join(others)}: not read.")
     return [folder / file for file in files.values() if file is not None]
 
 

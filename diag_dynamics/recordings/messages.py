@@ -73,8 +73,8 @@ class Messages(NamedTuple):
 def merge_parts(files):
     """Yield the messages of several files in log-time order.
 
-    A file iterates over pairs (start, read): `read()` returns Messages from log time `start` on
-    [ns], or None. Starts of a file are in order. Parts that overlap in time are in memory.
+    A file yields pairs (start, read): `read()` returns Messages from log time `start` on [ns], or None.
+    Starts of a file are in order. Parts that overlap in time are in memory.
     """
     held = []
     for start, read in heapq.merge(*files, key=itemgetter(0)):
@@ -96,7 +96,7 @@ def group_rows(rows):
 
 
 class Unread(NamedTuple):
-    """Damage."""
+    """Part of a file that cannot be read."""
 
     file: str
     where: str  # such as byte 1024
@@ -104,20 +104,20 @@ class Unread(NamedTuple):
 
 
 class Notes:
-    """Damage and oddities of the files of a bag, each once."""
+    """Damage (`unread`) and oddities without loss (`oddities`, texts) of the files of a bag, each once."""
 
     def __init__(self):
-        self.unread, self.findings = [], []
+        self.unread, self.oddities = [], []
 
     def add_damage(self, file, where, what):
         """Report data that cannot be read."""
         if (damage := Unread(str(file), where, what)) not in self.unread:
             self.unread.append(damage)
 
-    def add_finding(self, file, what):
+    def add_oddity(self, file, what):
         """Report an oddity without loss."""
-        if (finding := f"'{file}'{what}") not in self.findings:
-            self.findings.append(finding)
+        if (text := f"'{file}'{what}") not in self.oddities:
+            self.oddities.append(text)
 
 
 class DamageError(Exception):

@@ -1,7 +1,15 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files and folders of any format as batches of messages about one robot."""
+"""Files and folders of any format as batches of messages about one robot.
+
+A source, BagSource or TableSource, has
+
+* `batches(model)`, which yields each :class:`~diag_dynamics.recordings.intake.Batch`; `limit(begin, end)` before it is a hint
+  of log times [ns] between which messages are read;
+* `description()`, the robot_description; `names`, JointNames or None; `start`, the first log time [ns], None if unknown;
+* when all batches are read, `offset`, `without_values`, `unread` and `notes` for findings.
+"""
 
 import os
 from difflib import get_close_matches
@@ -88,7 +96,7 @@ class BagSource:
     @property
     def notes(self):
         """Oddities without loss: a list of str."""
-        return [*self._bag.findings, *self._notes]
+        return [*self._bag.oddities, *self._notes]
 
     def limit(self, begin, end):
         """Allow to omit messages before one log time, and from another one on [ns]."""

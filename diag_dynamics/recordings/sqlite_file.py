@@ -26,7 +26,7 @@ class SqliteFile:
             self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
             for one in (path, *journals):
                 shutil.copy(one, self._copy.name)
-            notes.add_finding(name, " has a journal: its recorder was ended. What is in it is read, too.")
+            notes.add_oddity(name, " has a journal: its recorder was ended. What is in it is read, too.")
         try:
             with closing(self._open()) as database:
                 for key, *declaration in database.execute("SELECT id, name, type, serialization_format FROM topics"):
