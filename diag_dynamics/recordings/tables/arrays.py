@@ -18,7 +18,7 @@ from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables.cells import SAMPLE, is_list, make_column, unify
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.headers import Column
-from diag_dynamics.recordings.tables.joint_names import NAMES, label_text, metadata_texts
+from diag_dynamics.recordings.tables.names_in_data import NAMES, label_text, metadata_texts
 from diag_dynamics.recordings.tables.table import ROWS
 
 _UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)

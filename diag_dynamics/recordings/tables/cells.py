@@ -12,7 +12,7 @@ import pyarrow as pa
 from pyarrow import compute as pc
 
 from diag_dynamics.recordings.tables.headers import Column
-from diag_dynamics.recordings.tables.joint_names import MAX_LENGTH, numbers_of
+from diag_dynamics.recordings.tables.names_in_data import MAX_LENGTH, numbers_of
 
 SAMPLE = 6  # first rows that show what a column of texts holds
 BLANK = ("", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "--")  # nan is a value that was sent

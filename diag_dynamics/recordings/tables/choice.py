@@ -14,7 +14,7 @@ import numpy as np
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.joint_names import listed
-from diag_dynamics.recordings.tables import headers, joint_names
+from diag_dynamics.recordings.tables import headers, names_in_data
 from diag_dynamics.recordings.tables.column_map import QUANTITIES, UNSAID
 from diag_dynamics.recordings.tables.headers import JOINT, split_unit
 
@@ -38,7 +38,7 @@ class Choice(NamedTuple):
     time_scale: float | None  # None: nothing says the unit
     quantities: dict[str, Quantity | None]
     notes: list[str]
-    names: joint_names.RowNames | None  # columns that name the joints of each row
+    names: names_in_data.RowNames | None  # columns that name the joints of each row
 
     @property
     def values(self):
@@ -91,7 +91,7 @@ class _Chooser:
         self._headers = [one.name for one in columns]
         self._known = wanted.joints or model
         self._by_map = bool(wanted.joints) or isinstance(wanted.position, list)
-        self._row_names = joint_names.find_row_names(columns, model)
+        self._row_names = names_in_data.find_row_names(columns, model)
         self._groups, self._notes = self._group_columns(), []
 
     def choose(self):
@@ -101,7 +101,7 @@ class _Chooser:
             self._notes.append(f"joints: {listed(joints)}, by {where}.")
         if self._by_map:
             overruled = [(one.first, f"'{one.pattern}' in the first row") for one in self._row_names if one.known]
-            overruled += joint_names.find_orders(self._texts, self._model, len(joints))
+            overruled += names_in_data.find_orders(self._texts, self._model, len(joints))
             other = [f"{listed(names)} of {where}" for names, where in overruled if names != joints and len(names) > 1]
             self._notes += [f"joints: those of the map of columns, not {one}." for one in other]
         numbers = [joint for k in columns for joint, column in group.members.items() if column == k]
@@ -142,7 +142,7 @@ class _Chooser:
         found = headers.time_columns(self._columns)
         if len(found) > 1 and all("stamp" in name.lower() for name in found):
             pattern = self._choose_position()[0].pattern.strip("'")
-            shared = {name: joint_names.shared_length(name, pattern) for name in found}
+            shared = {name: names_in_data.shared_length(name, pattern) for name in found}
             near = {name: found[name] for name in found if shared[name] == max(shared.values())}
             found = near if len(near) == 1 else found
         if len(found) != 1:
@@ -189,7 +189,7 @@ class _Chooser:
                 if one.known and not one.listed and len(one.columns) > 1:
                     named = f"{len(one.columns)} columns name joints: {one.pattern}"
                     raise InputError(f"{group.pattern} has {group.count} columns, but {named}.")
-            if stated := joint_names.stated_order(self._texts, self._model, group.count):
+            if stated := names_in_data.stated_order(self._texts, self._model, group.count):
                 return stated[0], group.columns, None, stated[1]
         joints, columns = tuple(group.members), group.columns
         if self._known:
@@ -207,7 +207,7 @@ class _Chooser:
         """The columns of names that belong to columns of positions; None without any."""
         pattern = group.pattern.strip("'")
         fitting = [one for one in self._row_names if _fits(one, group)]
-        shared = joint_names.shared_length
+        shared = names_in_data.shared_length
         rank = [(len(one.columns), bool(one.numbers), shared(one.pattern, pattern)) for one in fitting]
         return fitting[rank.index(max(rank))] if fitting else None
 
@@ -291,7 +291,7 @@ class _Chooser:
         """Groups by quantity."""
         sets, groups, longest_first = {}, {}, sorted(self._known, key=len, reverse=True)
         for k, column in enumerate(self._columns):
-            named = any(name in self._known for text in column.sample for name in joint_names.names_of(text))
+            named = any(name in self._known for text in column.sample for name in names_in_data.names_of(text))
             header = headers.parse_header(column, longest_first) if column.numeric and not named else None
             if header:
                 quantity, pattern, joint = header

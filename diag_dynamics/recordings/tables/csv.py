@@ -20,7 +20,7 @@ from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_num
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
 from diag_dynamics.recordings.tables.headers import is_unit
-from diag_dynamics.recordings.tables.joint_names import comment_texts
+from diag_dynamics.recordings.tables.names_in_data import comment_texts
 from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS
 
 SPACES = " "  # as a delimiter: any number of spaces and tabs

@@ -12,7 +12,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables.cells import are_blank, read_lists, read_numbers, read_texts, read_times, unify
 from diag_dynamics.recordings.tables.column_map import QUANTITIES
-from diag_dynamics.recordings.tables.joint_names import read_row_names
+from diag_dynamics.recordings.tables.names_in_data import read_row_names
 
 ROWS = 20_000  # about as many are in a piece
 LEFT_OUT = "rows left out"
