@@ -229,7 +229,7 @@ class _Explanations:
         return float(self._weight @ self._left(needed, factor)[pairs] / whole) if whole > 0.0 else 1.0
 
     def scale(self):
-        """A factor of all efforts."""
+        """Explain the efforts by one factor of all of them."""
         factor = float(self._weight @ self._own @ self.needed / max(self._weight @ self.torque, 1e-300))
         if factor == 0.0 or 1.0 / UNIT < factor < UNIT:
             return None
@@ -244,7 +244,7 @@ class _Explanations:
         )
 
     def gravity(self):
-        """Gravity in another direction: the one that explains the efforts best."""
+        """Explain the efforts by another direction of gravity, the best one."""
         A = np.einsum("k,kij->ij", self._weight, self._inner[:, :3, :3])
         inverse = np.linalg.pinv(A, rcond=1e-6, hermitian=True)
         found = inverse @ (self._weight @ (self._own[:, :3] - self._inner[:, :3, INERTIAL]))
@@ -261,7 +261,7 @@ class _Explanations:
         )
 
     def order(self):
-        """Another order of the efforts; each joint out of place has to be worth it."""
+        """Explain the efforts by another order; an exchange of two joints has to reduce the rest by EXCHANGE."""
         cost = np.log((self._left(self.needed) + self._tiny[:, None]) * self._weight[:, None])
         cost[~np.eye(len(cost), dtype=bool)] += 0.5 * np.log(EXCHANGE)
         order = require("scipy.optimize", "the judgement of efforts").linear_sum_assignment(cost)[1]

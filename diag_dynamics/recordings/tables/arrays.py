@@ -73,7 +73,7 @@ class ParquetSource:
 
 
 def _sample_column(file, field, empty):
-    """Content of a column by its type, and by its first rows with a value if it has texts or lists."""
+    """Return the Column of a field, with its first rows that have a value if it has texts or lists."""
     unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
     array = unify(empty.combine_chunks())
     groups = range(min(file.num_row_groups, 64)) if pa.types.is_string(array.type) or is_list(array.type) else ()
@@ -93,7 +93,7 @@ def _read_tables(file, group, rows, names):
 
 
 def _flatten(table):
-    """A table with the fields of structs as columns; an ArrowException where damage has left invalid values."""
+    """Return a table with the fields of structs as columns; raise ArrowException for damaged values."""
     while any(map(pa.types.is_struct, table.schema.types)):
         table = table.flatten()
     table.validate(full=True)
@@ -136,7 +136,7 @@ class NpzSource:
 
 
 def _read_arrays(path):
-    """Arrays by name, bytes as texts; those of Python objects are left out unless they may be names."""
+    """Return arrays by name, bytes as texts, without arrays of Python objects that cannot be names."""
     arrays, name = {}, ""
     try:
         with np.load(path) as file:
@@ -178,7 +178,7 @@ def _turn(arrays):
 
 
 def _pop_texts(arrays, lengths, known):
-    """Take out the arrays of text that have no row for each time; return those that may state names of joints."""
+    """Remove the arrays of text that have no row for each time; return those that may state names of joints."""
     found = []
     for name, array in list(arrays.items()):
         value = array.tolist() if array.dtype.kind == "U" and array.ndim < 2 else None
@@ -190,7 +190,7 @@ def _pop_texts(arrays, lengths, known):
 
 
 def _make_array_column(name, array, lengths):
-    """Content of an array."""
+    """Return the Column of an array."""
     of_rows = array.ndim == 1 or (array.ndim == 2 and len(array) in lengths)
     if _is_numeric(array) or (array.dtype.kind == "U" and of_rows):
         return make_column(name, unify(_convert(array[:SAMPLE])))
@@ -202,7 +202,7 @@ def _last(name):
 
 
 def _convert(array):
-    """An array (n,) or (n, k) as an array or lists of pyarrow."""
+    """Return an array (n,) or (n, k) as an array or as lists of pyarrow."""
     kind = array.dtype.kind
     native = {"M": "M8[ns]", "m": "m8[ns]", "f": float}.get(kind, array.dtype.newbyteorder("="))
     array = array.astype(native, copy=False)

@@ -70,7 +70,7 @@ def is_number(text):
 
 
 def _parse_number(text):
-    """The number in a text, NaN for a sign of no value; None for any other text."""
+    """Return the number in a text, NaN for a text of MISSING; None for any other text."""
     with suppress(ValueError):
         text = text.strip()
         return np.nan if text in MISSING else None if "_" in text else float(text)
@@ -205,7 +205,7 @@ def _scale_floats(values, scale):
 
 
 def _scale_integers(array, scale):
-    """Times and stamps; exact if a unit is a whole number of nanoseconds."""
+    """Return times and stamps; these are exact if the unit is a whole number of nanoseconds."""
     values, unit = array.fill_null(0).to_numpy(zero_copy_only=False), round(scale * _SECOND)
     time, stamp = _scale_floats(values.astype(float), scale)
     if unit / _SECOND == scale:
@@ -216,7 +216,7 @@ def _scale_integers(array, scale):
 
 
 def _parse_time(text, unit):
-    """A text as Decimal [s]; NaN if it is no time."""
+    """Return the time in a text as Decimal [s]; NaN if it is no time."""
     date = _ISO.fullmatch(text)
     if date is None:
         plain = text.isascii() and "_" not in text

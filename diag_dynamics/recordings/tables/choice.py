@@ -69,7 +69,7 @@ class _Group(NamedTuple):
         return tuple(self.members.values())
 
     def names_joints(self, model):
-        """Whether headers name joints instead of numbering them."""
+        """Return whether headers name joints instead of numbering them."""
         return not self.ordered and not all(joint.isdecimal() and joint not in model for joint in self.members)
 
 
@@ -95,6 +95,7 @@ class _Chooser:
         self._groups, self._notes = self._group_columns(), []
 
     def choose(self):
+        """Return the :class:`Choice`."""
         time, scale = self._choose_time()
         group, (joints, columns, rows, where) = self._choose_position()
         if where:
@@ -120,7 +121,7 @@ class _Chooser:
     # --- Time ---
 
     def _choose_time(self):
-        """Columns of the times and their scale, None if nothing says it."""
+        """Return the columns of times and their scale, None if it is not known."""
         scale, wanted = self._wanted.scale.get("time"), self._wanted.time
         time = self._find_time() if wanted is UNSAID else self._find_columns("time", wanted)
         for k in time:
@@ -138,7 +139,7 @@ class _Chooser:
         return time, scale
 
     def _find_time(self):
-        """Columns of the times by their names; of several stamps those beside the positions."""
+        """Return the columns of times by their names; of several stamps those of the topic of the positions."""
         found = headers.time_columns(self._columns)
         if len(found) > 1 and all("stamp" in name.lower() for name in found):
             pattern = self._choose_position()[0].pattern.strip("'")
@@ -153,7 +154,7 @@ class _Chooser:
     # --- Joints ---
 
     def _choose_group(self, quantity, word, match):
-        """The only group that fits and what `match` returns of it, or None; and why others do not fit."""
+        """Return the only group that fits and the result of `match` for it, or None; and why others do not fit."""
         fitting, problems = [], []
         for group in self._candidates(word):
             try:
@@ -168,7 +169,7 @@ class _Chooser:
         return fitting[0] if fitting else None, problems
 
     def _choose_position(self):
-        """The group of the positions, and what `_joints_of` returns of it."""
+        """Return the group of the positions, and the result of `_joints_of` for it."""
         found, problems = self._choose_group("position", "position", self._joints_of)
         if not found:
             none = f"no column is known as a position, of {listed(self._headers)}."
@@ -176,7 +177,7 @@ class _Chooser:
         return found
 
     def _joints_of(self, group):
-        """Joints of columns of positions, a column for each, and the RowNames or the text that names the joints."""
+        """Return joints of positions, a column for each, and RowNames or the place of a text that names them."""
         if not self._by_map and not group.names_joints(self._model):
             if rows := self._rows_for(group):
                 numbers = rows.numbers if not group.ordered else ()
@@ -204,7 +205,7 @@ class _Chooser:
         return joints, columns, None, None
 
     def _rows_for(self, group):
-        """The columns of names that belong to columns of positions; None without any."""
+        """Return the columns of names that belong to columns of positions; None without any."""
         pattern = group.pattern.strip("'")
         fitting = [one for one in self._row_names if _fits(one, group)]
         shared = names_in_data.shared_length
@@ -212,7 +213,7 @@ class _Chooser:
         return fitting[rank.index(max(rank))] if fitting else None
 
     def _choose_other(self, quantity, joints, numbers):
-        """The group of velocities or efforts, and an index or None for each joint; None without columns."""
+        """Return the group of velocities or efforts, and an index or None for each joint; None without columns."""
         value = getattr(self._wanted, quantity)
         if value is None or (value is UNSAID and self._wanted.position is not UNSAID):
             return None
@@ -226,7 +227,7 @@ class _Chooser:
         return None
 
     def _match(self, group, joints, numbers=()):
-        """The column of each joint, None where it has none; `numbers` are those of the joints' positions."""
+        """Return the column of each joint, None where it has none; `numbers` are those of the joints' positions."""
         if not group.ordered and group.members.keys() & set(joints):
             return tuple(map(group.members.get, joints))
         numbered = {joint for joint in group.members if joint.isdecimal()}
@@ -240,7 +241,7 @@ class _Chooser:
     # --- Columns ---
 
     def _find_columns(self, quantity, entries):
-        """Indices of columns by their names, with or without units, or numbers."""
+        """Return indices of columns by their names, with or without units, or numbers."""
         found, stems = [], [split_unit(one.strip())[0] for one in self._headers]
         for one in entries:
             places = [k for k, name in enumerate(self._headers) if one in (k, name)]
@@ -263,7 +264,7 @@ class _Chooser:
             raise InputError(f"{quantity}: '{column.name}' {holds}, expected {expected}.")
 
     def _candidates(self, quantity):
-        """Groups that may be a quantity: the one that the map names, or all by the rules for names."""
+        """Return the groups that may be a quantity: the one of the map, or all by the rules for names."""
         value = getattr(self._wanted, quantity, UNSAID)
         if value is UNSAID:
             return self._groups.get(quantity, [])
@@ -277,7 +278,7 @@ class _Chooser:
         return [_Group(what, {f"#{n}": k for n, k in enumerate(places)}, ordered=True, width=widths[0])]
 
     def _group_of_pattern(self, quantity, pattern):
-        """The columns that match a pattern, with or without their units in brackets."""
+        """Return the group of columns that match a pattern, with or without their units in brackets."""
         before, after = pattern.split(JOINT)
         matcher = re.compile(f"{re.escape(before)}(.+){re.escape(after)}")
         found = [matcher.fullmatch(split_unit(name)[0]) or matcher.fullmatch(name) for name in self._headers]
@@ -288,7 +289,7 @@ class _Chooser:
         return self._make_group(pattern, members)
 
     def _group_columns(self):
-        """Groups by quantity."""
+        """Return the groups of all columns by quantity."""
         sets, groups, longest_first = {}, {}, sorted(self._known, key=len, reverse=True)
         for k, column in enumerate(self._columns):
             named = any(name in self._known for text in column.sample for name in names_in_data.names_of(text))
@@ -301,7 +302,7 @@ class _Chooser:
         return groups
 
     def _make_group(self, pattern, members):
-        """A group of pairs of joint and column, the joint empty where headers have none."""
+        """Return the group of pairs of joint and column; the joint is empty where headers have none."""
         first, doubled, (joint, column) = {}, "", members[0]
         for one, k in members:
             one = str(int(one)) if re.fullmatch("[0-9]{1,4}", one) else one
@@ -316,7 +317,7 @@ class _Chooser:
     # --- Units ---
 
     def _make_quantity(self, quantity, group, columns, joints, rows):
-        """Columns with their scale, and a note of both."""
+        """Return columns with their scale, and note both."""
         scale = np.array(self._find_scale(quantity, group, columns, joints, rows), float)
         whose = f"the joints that '{rows.pattern}' names in each row" if rows else f"{len(joints)} joints"
         whose = listed(joints) if self._by_map else whose
@@ -326,7 +327,7 @@ class _Chooser:
         return Quantity(columns, bool(group.width), scale)
 
     def _find_scale(self, quantity, group, columns, joints, rows):
-        """Factors of the columns by the map, or by their units."""
+        """Return the factors of columns by the map, or by their units."""
         scale = self._wanted.scale.get(quantity)
         if scale is None:
             labels = {k: joint for joint, k in group.members.items()}
@@ -346,7 +347,7 @@ class _Chooser:
 
 
 def _factor(quantity, unit, header):
-    """Factor of a unit to SI."""
+    """Return the factor of a unit to SI; 1 without a unit."""
     factor = 1.0 if unit is None else headers.factor_of(quantity, unit)
     if factor is None:
         unknown = f"column '{header}' is in '{unit}', from which the {quantity} in SI units does not follow"
@@ -355,18 +356,18 @@ def _factor(quantity, unit, header):
 
 
 def _fits(rows, group):
-    """Whether columns of names may belong to columns of positions."""
+    """Return whether columns of names may belong to columns of positions."""
     if not rows.listed and not rows.numbers and len(rows.columns) == 1:  # a joint in each row
         return group.count == 1 and (rows.known or "joint" in rows.pattern.lower())
     return len(rows.first) == group.count or (rows.labelled and (rows.known or bool(group.width)))
 
 
 def _times(scale, quantity):
-    """What numbers are multiplied by, unless it is 1."""
+    """Return factors for a note; an empty text if all are 1."""
     each = sorted(set(scale))
     return "" if each == [1.0] else f", times {listed([f'{one:g}' for one in each])} for {_SI[quantity]}"
 
 
 def _count_up(numbers):
-    """Whether texts are the numbers 0, 1, 2, … or 1, 2, 3, … in their order."""
+    """Return whether texts are the numbers 0, 1, 2, … or 1, 2, 3, … in their order."""
     return list(numbers) in [[str(k + first) for k in range(len(numbers))] for first in (0, 1)]

@@ -75,7 +75,7 @@ def column_map(columns):
 
 
 def _parse(values, parsers, where):
-    """Values by key, each checked by its parser."""
+    """Return values by key, each checked by its parser."""
     parsed = {}
     for key, value in values.items():
         if key not in parsers:
@@ -90,14 +90,14 @@ def _parse(values, parsers, where):
 
 
 def _require(valid, value):
-    """A value that is valid; ValueError of others."""
+    """Return a value that is valid; raise ValueError for others."""
     if not valid:
         raise ValueError
     return value
 
 
 def _parse_list(value, kinds=(str, int), most=1 << 20):
-    """A list of different texts that are not empty, or of numbers from 0; of one without a list."""
+    """Return a list of different texts that are not empty, or of numbers from 0; one value becomes a list."""
     values = list(value) if isinstance(value, list | tuple) else [value]
     valid = all(type(one) in kinds and (one >= 0 if isinstance(one, int) else one) for one in values)
     return _require(valid and 0 < len(values) == len(set(values)) <= most, values)
@@ -118,7 +118,7 @@ def _parse_delimiter(value):
 
 
 def _parse_scale(quantity, value):
-    """A scale as a number, or as numbers in a list or by joint; YAML 1.1 reads 1e-9 as text."""
+    """Return a scale as a number, or as numbers in a list or by joint; YAML 1.1 reads 1e-9 as text."""
     if quantity != "time" and isinstance(value, Mapping):
         return {str(joint): _parse_scale(quantity, one) for joint, one in value.items()}
     if quantity != "time" and isinstance(value, list | tuple):
@@ -129,7 +129,7 @@ def _parse_scale(quantity, value):
 
 
 def _checked(valid, expected):
-    """A parser that returns what is valid as it is."""
+    """Return a parser that accepts valid values unchanged, and its expectation."""
     return lambda value: _require(valid(value), value), expected
 
 

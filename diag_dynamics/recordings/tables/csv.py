@@ -111,7 +111,7 @@ class CsvSource:
         yield b""
 
     def _parse(self, text, line):
-        """A block in which each line is a row of numbers; None for others."""
+        """Return the columns of a block in which each line is a row; None for others."""
         if text.startswith(b"#") or b"\n#" in text or self._delimiter == SPACES:
             return None
         names = [str(k) for k in range(len(self.headers))]  # headers may be there twice
@@ -128,7 +128,7 @@ class CsvSource:
         return arrays, np.arange(line, line + count)
 
     def _parse_lines(self, text, line, lose):
-        """A block line by line; what is no row is counted."""
+        """Return the columns of a block line by line; count lines that are no rows."""
         width, kept, lines = len(self.headers), [], []
         for at, one in enumerate(_decode(text).split("\n"), line):
             if one.startswith("#") or not one.strip():
@@ -147,7 +147,7 @@ class CsvSource:
 
 
 def _decode(data):
-    """Bytes as text: UTF-8, or Latin-1 of older spreadsheets."""
+    """Return bytes as text: UTF-8, or Latin-1 of older spreadsheets."""
     try:
         return data.decode()
     except UnicodeDecodeError:
@@ -170,7 +170,7 @@ def fields_of(line, delimiter):
 
 
 def _read_head(lines, wanted, known, path):
-    """Columns, delimiter, the number of a line of names below the header or None, and that of lines above the rows."""
+    """Return columns, delimiter, the number of a line of names below the header or None, and of lines above the rows."""
     at, comment = wanted.skip, None
     while at < len(lines) and (not lines[at].strip() or _COMMENT.match(lines[at].lstrip())):
         comment = lines[at].lstrip("#% \t").rstrip() if lines[at].strip() else comment
@@ -197,7 +197,7 @@ def _read_head(lines, wanted, known, path):
 
 
 def _guess_delimiter(rows, decimal):
-    """What separates the columns of the first lines."""
+    """Return the delimiter of the first lines."""
     first = re.sub(r'\[[^\]]*\]|\([^)]*\)|"[^"]*"', "", rows[0])
     candidates = [one for one in "\t;|," if one in first and one != decimal]
     for one in candidates:
@@ -208,7 +208,7 @@ def _guess_delimiter(rows, decimal):
 
 
 def _read_header(fields, comment, wanted, path):
-    """Names of columns by the first lines, and how many of these are above the rows."""
+    """Return names of columns by the first lines, and how many of these are above the rows."""
     line, first = fields[0]
     kinds, numbers = _kinds(first), list(map(str, range(len(first))))
     names = _find_echoed_names(first) if wanted.header is None and wanted.position is UNSAID else None
@@ -227,12 +227,12 @@ def _read_header(fields, comment, wanted, path):
 
 
 def _kinds(fields):
-    """A letter for each field: number or time, text, or nothing."""
+    """Return a letter for each field: n for a number or time, t for text, a blank for no value."""
     return "".join("n" if is_number(one) else " " if one.strip() in MISSING else "t" for one in fields)
 
 
 def _find_echoed_names(fields):
-    """Names of columns of `ros2 topic echo --csv` of joint states, which has no header; None for any other line."""
+    """Return names of columns of `ros2 topic echo --csv`, which has no header; None for any other line."""
     match = re.fullmatch(r"nn[t ]([t ]+)(n+) *", _kinds(fields))
     if not match or len(match[2]) not in (len(match[1]), 3 * len(match[1])) or not "".join(fields[:2]).isdecimal():
         return None

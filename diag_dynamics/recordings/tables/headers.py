@@ -93,7 +93,7 @@ class Column(NamedTuple):
 
 
 def _normalized(unit):
-    """A unit in lower case without signs of multiplication and spaces; ``s^-1`` is ``/s``."""
+    """Return a unit in lower case without signs of multiplication and spaces; ``s^-1`` is ``/s``."""
     text = re.sub(r"[\s·*⋅.]", "", unit.lower()).replace("\u03bc", "µ").replace("º", "°")
     text = re.sub(r"(?:s\^?-1|s⁻¹)$", "/s", text).replace("//", "/")
     return re.sub(r"^(deg|rad)[a-z]*/", r"\1/", re.sub(r"/sec(?:ond)?$", "/s", text))
@@ -187,7 +187,7 @@ def parse_header(column, known):
 
 
 def _parse_unknown_joint(column, name):
-    """The header of a column that names none of the model's joints: the joint follows or precedes the quantity."""
+    """Parse a header without one of the model's joints: the joint follows or precedes the quantity."""
     quantity, word = _find_quantity(name.lower()), _UNIT_WORD.search(name.lower())
     if quantity is None:
         return None
@@ -208,7 +208,7 @@ def _parse_unknown_joint(column, name):
 
 
 def _find_quantity(text):
-    """The match of the last word of the only quantity in a header; None without one, or of two quantities."""
+    """Return the match of the last word of the only quantity in a header; None for none or two quantities."""
     found = {match.lastgroup: match for match in _QUANTITY.finditer(text)}
     if len(found) > 1:
         found.pop("current", None)  # the current position is no current

@@ -77,7 +77,7 @@ def numbers_of(text):
 
 
 def _inner(text):
-    """The text between the innermost brackets at the end, or the text; scalars of numpy without their type."""
+    """Return the text between the innermost brackets at the end, or the text; scalars of numpy without their type."""
     text = re.sub(r"\b(?:np|numpy)\.\w+\(([^()\[\]]*)\)", r"\1", text.strip())
     match = re.search(r"[\[({]([^\[\](){}]*)[\])}]", text)
     return match[1] if match and text[-1] in "])}" else text
@@ -112,7 +112,7 @@ def find_row_names(columns, known):
 
 
 def _row_names(columns, known, stem, labelled, members):
-    """The RowNames of columns of one stem, or of any header without one; None if their texts are no names."""
+    """Return the RowNames of columns of one stem, or of any header without one; None if their texts are no names."""
     numbers, places, names = zip(*members, strict=True)
     column, numbered = columns[places[0]], -1 not in numbers
     if stem is not None and len(places) == 1 and (column.listed or any(len(one) > 1 for one in names[0])):
@@ -222,7 +222,7 @@ def find_orders(texts, known, count):
 
 @lru_cache(maxsize=8)
 def _tokens(known):
-    """A pattern of names of joints with a quantity before or after, words in brackets, numbers, and words."""
+    """Return a pattern of names of joints with a quantity before or after, words in brackets, numbers, and words."""
     names = [re.escape(one) for one in sorted(known, key=len, reverse=True) if re.search(r"[^\W\d]", one)]
     every = "|".join(names) or r"(?!)"
     before, after = rf"(?<!\w)(?:(?:{_QUANTITIES})\d*[_.])?", rf"(?:[_.](?:{_QUANTITIES})(?:\[\d+\])?)?"
@@ -233,7 +233,7 @@ def _tokens(known):
 
 @lru_cache(maxsize=4096)
 def _order(text, known, count):
-    """So many joints of the model in the order that a text gives them; empty if it gives none."""
+    """Return `count` joints of the model in the order of a text; empty if it gives none."""
     kinds, tokens, names = "", [], set()
     for token in _tokens(known).finditer(text):
         name, number, word = token["name"], token["number"], token["word"]

@@ -85,7 +85,7 @@ class Table:
             self._lose("there are no rows", "end")
 
     def _read(self, arrays, rows):
-        """The rows that have a time and a value."""
+        """Return the rows that have a time and a value."""
         choice, names = self._choice, None
         times = [arrays[k] for k in choice.time]
         time, stamp = read_times(times[0], choice.time_scale or 1.0)
@@ -106,7 +106,7 @@ class Table:
         return columns.select(~left_out) if left_out.any() else columns
 
     def _read_values(self, quantity, arrays, rows):
-        """Values of a quantity in SI units, (n, k)."""
+        """Return values of a quantity in SI units, (n, k)."""
         if quantity.whole:
             k, width = quantity.columns[0], None if self._choice.names else len(self.joints)
             values = read_lists(arrays[k], width, self._lose_in_column(k, rows))
@@ -124,7 +124,7 @@ class Table:
         return partial(self._lose_rows, rows, f"column '{self._source.headers[k]}': ")
 
     def _are_empty(self, values, names, arrays, rows):
-        """Whether rows have neither a value nor the name of any joint, and no NaN in place of one."""
+        """Return whether rows have neither a value nor the name of any joint, and no NaN in place of one."""
         empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
         for one in values.values():
             empty &= np.isnan(one).all(axis=1)
@@ -133,7 +133,7 @@ class Table:
         return empty
 
     def _name_values(self, values, names, rows):
-        """Give values and names as many places; values without a name are lost."""
+        """Return the names, with values and names padded to one width; count values without a name as lost."""
         width = max(one.shape[1] for one in (names, *values.values()))
         names = _widen(names, width, "")
         for quantity, one in values.items():
@@ -163,7 +163,7 @@ def _widen(values, width, fill):
 
 
 def _join_rows(held, columns, path):
-    """Rows of single joints as one of each time, and those of the last time, which may not be complete."""
+    """Return rows of single joints as one of each time, and those of the last time, which may be incomplete."""
     if held:
         pairs = zip(held, columns, strict=True)
         columns = Columns(*(None if a is None else np.concatenate([a, b]) for a, b in pairs))
@@ -179,7 +179,7 @@ def _join_rows(held, columns, path):
 
 
 def _join(columns, starts):
-    """Rows from each start on as one."""
+    """Return the rows from each start on as one."""
     counts = np.diff([*starts, len(columns.rows)])
     row = np.repeat(np.arange(len(starts)), counts)
     place = np.arange(len(columns.rows)) - starts[row]
