@@ -7,22 +7,20 @@ from importlib import import_module
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.tables.column_map import column_map
 
 _SOURCES = {b"PAR1": ("arrays", "ParquetSource")} | dict.fromkeys(
     (b"PK\x03\x04", b"PK\x05\x06"), ("arrays", "NpzSource")
 )
 
 
-def open_table(path, columns=None, joints=()):
+def open_table(path, columns, joints):
     """Return the :class:`Table` of a file, whose kind follows from its first bytes.
 
     Parameters
     ----------
     path : str or Path
-    columns : str, Path, dict, ColumnMap or None
-        The map of columns; None: all follows from their names.
-    joints : iterable of str
+    columns : ColumnMap
+    joints : tuple of str
         Names of the model's joints that move, in their order; empty: unknown.
 
     Raises
@@ -41,5 +39,5 @@ def open_table(path, columns=None, joints=()):
         raise InputError(f"'{path}' is a single array without names: write an npz, np.savez(path, time=…, position=…).")
     require("pyarrow", f"'{path}'")
     module, name = _SOURCES.get(begin[:4], ("csv", "CsvSource"))
-    source = getattr(import_module(f"{__name__}.{module}"), name)(path, column_map(columns), tuple(joints))
+    source = getattr(import_module(f"{__name__}.{module}"), name)(path, columns, joints)
     return import_module(f"{__name__}.table").Table(source)
