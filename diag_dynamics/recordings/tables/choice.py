@@ -68,30 +68,30 @@ class _Group(NamedTuple):
     def columns(self):
         return tuple(self.members.values())
 
-    def names_joints(self, model):
+    def names_joints(self, model_joints):
         """Return whether headers name joints instead of numbering them."""
-        return not self.ordered and not all(joint.isdecimal() and joint not in model for joint in self.members)
+        return not self.ordered and not all(joint.isdecimal() and joint not in model_joints for joint in self.members)
 
 
-def choose(columns, wanted, model, file, texts=()):
+def choose(columns, wanted, model_joints, file, texts=()):
     """Return the :class:`Choice` among columns by a ColumnMap; InputError if one is missing, ambiguous or lacks a scale.
 
-    `model` are the names of the model's joints that move, in their order, or empty; `texts` may state names of joints.
+    `model_joints` are the names of the model's joints that move, in their order, or empty; `texts` may state names of joints.
     """
     try:
-        return _Chooser(columns, wanted, tuple(model), texts).choose()
+        return _Chooser(columns, wanted, tuple(model_joints), texts).choose()
     except InputError as error:
         by = "" if wanted.source == "columns" else f" (by {wanted.source})"
         raise InputError(f"'{file}'{by}: {error.args[0]} {_ADVICE}") from None
 
 
 class _Chooser:
-    def __init__(self, columns, wanted, model, texts):
-        self._columns, self._wanted, self._model, self._texts = columns, wanted, model, texts
+    def __init__(self, columns, wanted, model_joints, texts):
+        self._columns, self._wanted, self._model_joints, self._texts = columns, wanted, model_joints, texts
         self._headers = [one.name for one in columns]
-        self._known = wanted.joints or model
+        self._known = wanted.joints or model_joints
         self._by_map = bool(wanted.joints) or isinstance(wanted.position, list)
-        self._row_names = names_in_data.find_row_names(columns, model)
+        self._row_names = names_in_data.find_row_names(columns, model_joints)
         self._groups, self._notes = self._group_columns(), []
 
     def choose(self):
@@ -102,7 +102,7 @@ class _Chooser:
             self._notes.append(f"joints: {listed(joints)}, by {where}.")
         if self._by_map:
             overruled = [(one.first, f"'{one.pattern}' in the first row") for one in self._row_names if one.known]
-            overruled += names_in_data.find_orders(self._texts, self._model, len(joints))
+            overruled += names_in_data.find_orders(self._texts, self._model_joints, len(joints))
             other = [f"{listed(names)} of {where}" for names, where in overruled if names != joints and len(names) > 1]
             self._notes += [f"joints: those of the map of columns, not {one}." for one in other]
         numbers = [joint for k in columns for joint, column in group.members.items() if column == k]
@@ -178,20 +178,27 @@ class _Chooser:
 
     def _joints_of(self, group):
         """Return joints of positions, a column for each, and RowNames or the place of a text that names them."""
-        if not self._by_map and not group.names_joints(self._model):
-            if rows := self._rows_for(group):
-                numbers = rows.numbers if not group.ordered else ()
-                shifts = {int(joint) - number for joint, number in zip(group.members, numbers, strict=False)}
-                if len(shifts) > 1 or len(numbers or group.members) != len(group.members):
-                    both = f"{listed(group.members)}, but '{rows.pattern}' {listed(numbers)}"
-                    raise InputError(f"{group.pattern} has the numbers {both}.")
-                return tuple(map(str, range(group.width) or group.members)), group.columns, rows, None
-            for one in self._row_names:
-                if one.known and not one.listed and len(one.columns) > 1:
-                    named = f"{len(one.columns)} columns name joints: {one.pattern}"
-                    raise InputError(f"{group.pattern} has {group.count} columns, but {named}.")
-            if stated := names_in_data.stated_order(self._texts, self._model, group.count):
-                return stated[0], group.columns, None, stated[1]
+        by_headers = self._by_map or group.names_joints(self._model_joints)
+        return (None if by_headers else self._joints_in_data(group)) or self._joints_of_headers(group)
+
+    def _joints_in_data(self, group):
+        """Return the same for joints that rows, comments or metadata name; None without such names."""
+        if rows := self._rows_for(group):
+            numbers = rows.numbers if not group.ordered else ()
+            shifts = {int(joint) - number for joint, number in zip(group.members, numbers, strict=False)}
+            if len(shifts) > 1 or len(numbers or group.members) != len(group.members):
+                both = f"{listed(group.members)}, but '{rows.pattern}' {listed(numbers)}"
+                raise InputError(f"{group.pattern} has the numbers {both}.")
+            return tuple(map(str, range(group.width) or group.members)), group.columns, rows, None
+        for one in self._row_names:
+            if one.known and not one.listed and len(one.columns) > 1:
+                named = f"{len(one.columns)} columns name joints: {one.pattern}"
+                raise InputError(f"{group.pattern} has {group.count} columns, but {named}.")
+        stated = names_in_data.stated_order(self._texts, self._model_joints, group.count)
+        return (stated[0], group.columns, None, stated[1]) if stated else None
+
+    def _joints_of_headers(self, group):
+        """Return the same for joints of the map, of the model, or of headers."""
         joints, columns = tuple(group.members), group.columns
         if self._known:
             joints, columns = self._known, self._match(group, self._known)
