@@ -14,7 +14,7 @@ from statistics import median
 from graph import prebuilt
 from graph.session import Session, Subject, private_domain
 
-from diag_dynamics.nodes.encoded.topic_bits import ORDER
+from diag_dynamics.nodes.support.topics import ORDER
 
 ROBOTS = ("double_pendulum", "ur5_robot", "panda", "talos_reduced")
 RATES = (100.0, 1000.0)  # Hz
@@ -50,7 +50,7 @@ def main():
     for _ in range(chosen.rounds):
         for robot in ROBOTS:
             for name, topics in LISTENED.items():
-                for rate, values in measured(Subject("template", topics, robot), chosen.seconds):
+                for rate, values in measured(Subject("monitor", topics, robot), chosen.seconds):
                     found[robot, rate, name].append(values)
     print("| robot | dof | rate | " + " | ".join(f"{name} subscribed" for name in LISTENED) + " |")
     print("|---|---|---|" + "---|" * len(LISTENED))

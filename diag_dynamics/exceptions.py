@@ -102,3 +102,21 @@ class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
         super().__init__(message, joint, articulated_inertia)
         self.joint = joint
         self.articulated_inertia = articulated_inertia
+
+
+class RejectedError(Exception):
+    """A message cannot be used, or completes a state that cannot; `cause` is a short key to count by."""
+
+    def __init__(self, cause: str, message: str) -> None:
+        super().__init__(message)
+        self.cause = cause
+
+    def __str__(self) -> str:
+        return shown(self)
+
+
+def cause_of(error: Exception) -> str:
+    """Return a short key to count by what has kept a message from making a state."""
+    if isinstance(error, RejectedError):
+        return error.cause
+    return type(error).__name__ if isinstance(error, DiagDynamicsError) else "internal error"

@@ -7,7 +7,7 @@ import sys
 from collections import defaultdict
 from typing import NamedTuple
 
-from diag_dynamics.nodes.encoded.topic_bits import ORDER
+from diag_dynamics.nodes.support.topics import ORDER
 from graph.executors import EXECUTORS
 from graph.processes import GraphError
 from graph.session import TIMED, Burst, Session, Subject, private_domain
@@ -15,7 +15,7 @@ from graph.sweep import Search, search
 
 RATE = 1000.0  # Hz
 WARM_UP = 1.0  # s
-FLOOR, MONITORS = "floor", ("template", "rclpy")
+FLOOR, MONITOR = "floor", "monitor"
 QUEUE = 200
 """Joint states that may wait while the highest rate is looked for: else how long the machine stalls decides, not the node."""
 
@@ -65,8 +65,8 @@ def measure(plan):
         A process ended, or the floor's messages are not of the monitor's size.
     """
     private_domain()
-    subjects = [Subject(node, topics) for topics in SETS.values() for node in (FLOOR, *MONITORS)]
-    under = [Subject(node, SETS["all"], executor=name) for name in plan.executors for node in (FLOOR, MONITORS[0])]
+    subjects = [Subject(node, topics) for topics in SETS.values() for node in (FLOOR, MONITOR)]
+    under = [Subject(node, SETS["all"], executor=name) for name in plan.executors for node in (FLOOR, MONITOR)]
     found = Found(defaultdict(list), defaultdict(list), defaultdict(list), defaultdict(dict))
     for k in range(plan.rounds):
         _say(f"measures nodes, round {k + 1} of {plan.rounds}")

@@ -5,9 +5,9 @@
 
 import matplotlib
 import numpy as np
-from plots import DARK, DENSE, OURS, STYLE, plain
+from plots import DENSE, OURS, STYLE, plain
 
-from graph.compare import FLOOR, RATE, SETS, Subject
+from graph.compare import FLOOR, MONITOR, RATE, SETS, Subject
 from graph.sweep import LOSSLESS
 
 matplotlib.use("agg")
@@ -15,8 +15,7 @@ from matplotlib import pyplot as plt
 
 NODES = {
     FLOOR: ("the floor: rclpy, nothing computed", DENSE),
-    "rclpy": ("monitor, rclpy's serialization", DARK),
-    "template": ("monitor, templates", OURS),
+    MONITOR: ("monitor", OURS),
 }
 TITLES = {"all": "all topics listened to"}
 

@@ -10,12 +10,12 @@ import numpy as np
 from rclpy.serialization import serialize_message
 
 import diag_dynamics as dd
-from diag_dynamics.assembly.assembler import RobotState
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.model.single_joints import single_joints
-from diag_dynamics.nodes.encoded.topic_bits import MATRICES, ORDER
 from diag_dynamics.nodes.monitor.described import matrix
 from diag_dynamics.nodes.support.messages import MessageMaker
+from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import RATES
 
 

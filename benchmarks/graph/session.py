@@ -30,7 +30,7 @@ BUSY = 0.95
 class Subject(NamedTuple):
     """What is measured: a node, and who listens to what."""
 
-    node: str  # "floor", or a monitor by its serialization: "template", "rclpy"
+    node: str  # "floor" or "monitor"
     topics: tuple[str, ...]
     robot: str = "xarm7"
     executor: str = "EventsExecutor"
@@ -43,7 +43,6 @@ class Subject(NamedTuple):
             return Process("graph.relay", self.executor, str(self.queue), json.dumps(wanted))
         parameters = {
             "robot_description": find_urdf(self.robot),
-            "serialization": self.node,
             "qos_overrides./joint_states.subscription.depth": self.queue,
         }
         arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]

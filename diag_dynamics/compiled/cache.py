@@ -22,10 +22,7 @@ ROOMS = (
     "sweeps",
     "simulation",
     "joint_states",
-    "assembly",
-    "wire",
     "identification/kernels",
-    "nodes/encoded",
 )
 """Where kernels are, and the constants that they are compiled with."""
 

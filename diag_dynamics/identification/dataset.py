@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.checks import instance
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.data_checks import find_delay
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.findings import Finding, without_efforts, without_states
 from diag_dynamics.recordings.recording import Recording

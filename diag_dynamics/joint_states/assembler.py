@@ -1,50 +1,37 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Assembler of states from joint states in columns: arrays of the rules, and counts and texts of what they return."""
+"""Assembler of a robot's states from joint states, each of which may bring only some of the joints: one message or many."""
 
+import struct
 from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.assembly.bounds import Bounds
-from diag_dynamics.assembly.efforts import Efforts
-from diag_dynamics.assembly.followers import Followers
-from diag_dynamics.assembly.frozen import SAMPLES
-from diag_dynamics.assembly.gaps import WINDOW
-from diag_dynamics.assembly.jumps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT
-from diag_dynamics.assembly.stamps import nanoseconds
-from diag_dynamics.entries import by_name
+from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.joint_states import codes, memory
+from diag_dynamics.joint_states.decoding import FIELDS, Decoder
+from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.limits import EffortMeaning, age_limits, joint_limits
 from diag_dynamics.joint_states.rules import judge_messages
+from diag_dynamics.joint_states.stamps import SECOND, nanoseconds
 from diag_dynamics.joint_states.steps import ROWS
+from diag_dynamics.joint_states.watches import SAMPLES, WINDOW
+from diag_dynamics.model.followers import Followers
 
 
-class JointStates(NamedTuple):
-    """Joint states with one list of names, in columns."""
+class Accepted(NamedTuple):
+    """A message that is accepted, and the RobotState that it completes; None where it completes none."""
 
-    rows: np.ndarray
-    """Place of each message among all of a batch: int64, shape (k,)."""
-    names: tuple
-    """Of joints, length n."""
-    sec: np.ndarray
-    """Seconds and nanoseconds of header.stamp: int64, shape (k,)."""
-    nanosec: np.ndarray
-    position: np.ndarray
-    """[rad, m], shape (k, n), or (k, any other number), which rejects the messages but for 0."""
-    velocity: np.ndarray
-    """[rad/s, m/s], likewise."""
-    effort: np.ndarray
-    """As sent, likewise."""
-
-    def select(self, which):
-        """Return the messages of a mask."""
-        names, columns = self.names, (column[which] for column in self[2:])
-        return JointStates(self.rows[which], names, *columns)
+    state: RobotState | None
 
 
-FIELDS = "position", "velocity", "effort"
+class Rejected(NamedTuple):
+    """A message that is rejected, or completes a state that is."""
+
+    cause: str
+    text: str
 
 
 class Assembled(NamedTuple):
@@ -53,7 +40,7 @@ class Assembled(NamedTuple):
     outcome: np.ndarray
     """Of memory.OUTCOME."""
     position: np.ndarray
-    """States of the joints, (number of messages, number of joints); they count where the code is STATE."""
+    """States, (number of messages, nq) and (number of messages, nv); they count where the code is STATE."""
     velocity: np.ndarray
     effort: np.ndarray
     rejected: dict
@@ -66,6 +53,8 @@ MAX_LAYOUTS = 256
 MAX_NAMES = 1000
 """Names of joints in messages that are kept."""
 
+IN_STEP = {-1: None, 0: False, 1: True}
+
 
 class StateAssembler:
     """Keeps the newest values of every joint, and completes states from joint states that may bring only some of them.
@@ -74,27 +63,31 @@ class StateAssembler:
     ----------
     joints : Joints
     options : Options
-    frozen_timeout : float
-        Of stuck sensors [s]; 0: not judged.
-    refuse_frozen : bool
-        Whether states with stuck sensors are rejected.
+    base : OdometryBase, optional
+        Of a floating base, which completes states.
     map_name : callable, optional
         Returns the robot's name of a joint by its name in messages.
+    labels : sequence of str, optional
+        What joints, then followers are called in texts.
+    limit : str
+        Name of the parameter of ``options.max_age``.
 
     Attributes
     ----------
     names : tuple of str
         Joints, then followers.
+    followers : Followers
+    efforts : EffortMeaning
     counts : Counter
         Messages that complete no state and are not rejected, by cause, and events, by name.
+    last_texts : dict
+        Text on the last time of each event, by its name.
     frozen : Counter
         States with stuck sensors that were compared, by text.
     arrived : dict
         Names of joints in messages as keys, in their order, at most :data:`MAX_NAMES`.
     last_foreign : tuple of str
         Names in the last message without a joint of this robot.
-    without_gravity : ndarray or None
-        1 for each joint whose effort has gravity taken out, 0 for the others.
 
     Raises
     ------
@@ -102,14 +95,14 @@ class StateAssembler:
         The options name a joint that is not there.
     """
 
-    def __init__(self, joints, options, frozen_timeout=0.0, refuse_frozen=False, map_name=None):
-        self._map_name = map_name or str
-        self._followers = Followers(joints.names, joints.mimics, options.mimic_tolerance, joints.continuous)
-        self._sources = [source for source, _, _ in joints.mimics.values()]
-        self.names = (*joints.names, *self._followers.names)
-        self.counts, self.frozen, self.last_foreign, self._last = Counter(), Counter(), (), {}
-        self._layouts, self.arrived = {}, {}
-        count, beside = len(joints.names), len(self._followers.names)
+    def __init__(self, joints, options, base=None, map_name=None, labels=None, limit="max_age"):
+        self._joints, self._base, self._map_name, self._limit = joints, base, map_name or str, limit
+        self.followers = Followers(joints.names, joints.mimics, continuous=joints.continuous)
+        self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
+        self._labels = labels or tuple(f"joint '{name}'" for name in self.names)
+        self.counts, self.frozen, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
+        self._layouts, self._known, self.arrived, self._apart = {}, {}, {}, 0
+        count, beside = len(joints.names), len(self.followers.names)
         self._memory = memory.Memory(
             np.zeros(1, memory.SHARED),
             np.zeros(count, memory.JOINT),
@@ -118,53 +111,53 @@ class StateAssembler:
             np.zeros((count, WINDOW)),
             np.zeros((ROWS, max(count, WINDOW))),
         )
-        shared, own = self._memory.shared, self._memory.joints
-        for field in ("in_step", "frozen_last", "base_stamp"):
-            shared[field] = -1
-        shared["frozen_timeout"], shared["frozen_refused"] = round(frozen_timeout * 1e9), refuse_frozen
-        shared["frozen_step"] = np.maximum(1, -(-shared["frozen_timeout"] // SAMPLES))
-        own["gap_last"] = -1
-        own["position"] = own["velocity"] = own["effort"] = self._memory.followers["effort"] = np.nan
-        self._configure(joints, options)
+        self._shared, self._own = self._memory.shared[0], self._memory.joints
+        self._shared["in_step"] = self._shared["frozen_last"] = self._shared["base_stamp"] = -1
+        self._shared["needs_base"] = base is not None
+        self._own["gap_last"] = -1
+        for field in FIELDS:
+            self._own[field] = np.nan
+        self._memory.followers["effort"] = np.nan
+        self._batch = memory.batch(1, count, beside)
+        outcome = self._batch.outcome
+        self._numbers = outcome.view(np.int64)
+        self._found = [outcome[field] for field in ("code", "events", "frozen_kind")]
+        self._completed = [outcome[field] for field in ("newest", "oldest", "with_effort", "received", "estimated")]
+        self._decoder = Decoder()
+        self.configure(options)
 
-    def _configure(self, joints, options):
-        """Write rules into the arrays."""
-        own, followers = joints.names, self._followers
-        efforts = Efforts(own, followers.names, options, joints.effort)
-        turns = [name in joints.continuous for name in own]
-        lower = np.full(len(own), -np.inf) if joints.lower is None else joints.lower
-        upper = np.full(len(own), np.inf) if joints.upper is None else joints.upper
-        bounds = Bounds(own, lower, upper, turns, options, joints.velocity)
-        ages = by_name("joint_timeouts", options.timeouts, self.names)
-        spans = np.array([nanoseconds(ages.get(name, options.timeout)) or np.inf for name in self.names])
-        reach = (
-            np.zeros(len(own))
-            if joints.velocity is None
-            else np.where(np.isfinite(joints.velocity), joints.velocity, 0)
-        )
-        _write(
-            self._memory.joints,
-            lower=bounds.lower,
-            upper=bounds.upper,
-            fastest=bounds.fastest,
-            factor=efforts.factors,
-            strongest=efforts.strongest,
-            reach=reach,
-            turns=turns,
-            span=spans[: len(own)],
-            lasting=np.where(reach > 0.0, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT),
-        )
+    # --- Options ---
+
+    def check_options(self, options):
+        """Raise InputError if options name a joint that is not there."""
+        return EffortMeaning(self.joint_names, self.followers.names, options), age_limits(self.names, options)
+
+    def configure(self, options):
+        """Use other options from now on; nothing changes if they are refused.
+
+        Raises
+        ------
+        InputError
+            They name a joint that is not there.
+        """
+        efforts, ages = self.check_options(options)
+        count, own, followers = len(self._own), self._own, self.followers
+        limits = joint_limits(self._joints, options)
+        _write(own, factor=efforts.factors[:count], span=ages[:count], **limits)
         _write(
             self._memory.followers,
             source=followers.leaders,
             multiplier=followers.multipliers,
             offset=followers.offsets,
             turns=followers.turns,
-            factor=efforts.follower_factors,
-            span=spans[len(own) :],
+            factor=efforts.factors[count:],
+            span=ages[count:],
         )
+        timeout = nanoseconds(options.frozen_timeout)
+        if (timeout, options.refuse_frozen) != (self._shared["frozen_timeout"], self._shared["frozen_refused"]):
+            _write(self._shared, frozen_last=-1, frozen_kind=0)
         _write(
-            self._memory.shared,
+            self._shared,
             max_age=nanoseconds(options.max_age),
             refuse_foreign=options.refuse_foreign,
             estimate=options.estimate_velocity,
@@ -172,52 +165,202 @@ class StateAssembler:
             max_velocity=options.max_velocity,
             slack=options.jump,
             tolerance=options.mimic_tolerance,
-            max_effort=efforts.most,
+            max_effort=options.max_effort or np.inf,
+            frozen_timeout=timeout,
+            frozen_step=max(1, -(-timeout // SAMPLES)),
+            frozen_refused=options.refuse_frozen,
+            base_timeout=nanoseconds(options.odom_timeout),
         )
-        self.without_gravity = efforts.without_gravity
+        if not options.estimate_velocity:
+            own["velocity"][own["estimated"] > 0] = np.nan
+            _write(own, estimated=0, estimate_known=0)
+        if not options.jump:
+            _write(own, other_count=0, other_returns=0, bare_count=0)
+        self.efforts, self.followers.tolerance = efforts, options.mimic_tolerance
+        if self._base:
+            self._base.configure(options)
+
+    # --- What is known ---
 
     @property
     def lost(self):
         """Number of states that never came, by gaps in stamps."""
-        return int(self._memory.shared["lost"][0])
-
-    @property
-    def joint_names(self):
-        """The joints, without followers."""
-        return self.names[: len(self._memory.joints)]
+        return int(self._shared["lost"])
 
     @property
     def missing(self):
         """Joints that never arrived."""
-        return [self.names[k] for k in np.flatnonzero(self._memory.joints["known"] == 0)]
+        return self._joints_where(self._own["known"] == 0)
+
+    @property
+    def estimated(self):
+        """Joints whose velocities are estimated from their positions."""
+        return self._joints_where((self._own["known"] > 0) & (self._own["estimated"] > 0))
 
     @property
     def without_effort(self):
+        """Joints that have arrived, their efforts not."""
+        return self._joints_where((self._own["known"] > 0) & ~np.isfinite(self._own["effort"]))
+
+    @property
+    def lacking_effort(self):
         """Joints without a last effort, although others have one, and efforts of these are available."""
-        own = self._memory.joints
-        unknown = np.isnan(own["effort"])
-        lacks = unknown & np.isfinite(own["factor"])
-        return [] if unknown.all() else [self.names[k] for k in np.flatnonzero(lacks)]
+        unknown = np.isnan(self._own["effort"])
+        return [] if unknown.all() else self._joints_where(unknown & np.isfinite(self._own["factor"]))
+
+    def stale(self, now):
+        """Return the joints that have arrived, but not within their age limit before `now` [ns]."""
+        return self._joints_where((self._own["known"] > 0) & (now - self._own["stamp"] > self._own["span"]))
+
+    def _joints_where(self, which):
+        return [self.names[k] for k in np.flatnonzero(which)]
 
     @property
-    def last_texts(self):
-        """Text on the last time of each event, by its name."""
-        return {codes.EVENTS[event]: text for event, text in self._last.items()}
-
-    def use_base(self, stamp, unstamped, timeout):
-        """Complete states by a base of this stamp [ns], −1 for none, within a timeout [s], 0 for any."""
-        _write(
-            self._memory.shared,
-            needs_base=1,
-            base_stamp=stamp,
-            base_unstamped=unstamped,
-            base_timeout=nanoseconds(timeout),
-        )
+    def newest(self):
+        """The newest stamp of the joints that have arrived [ns]; 0 without any."""
+        return int(self._own["stamp"][self._own["known"] > 0].max(initial=0))
 
     @property
-    def base_stamp(self):
-        """Stamp of the base [ns]; −1 where time restarted without it."""
-        return int(self._memory.shared["base_stamp"][0])
+    def in_step(self):
+        """Whether stamps agree with this node's clock; None before that is known."""
+        return IN_STEP[int(self._shared["in_step"])]
+
+    @property
+    def offset(self):
+        """Clock of this node less the stamp of the last single message that was accepted [s]."""
+        return self._apart * 1e-9
+
+    @property
+    def frozen_text(self):
+        """Text on the joint whose sensor is stuck; empty if none is."""
+        kind, joint, more = (int(self._shared[f"frozen_{one}"]) for one in ("kind", "joint", "more"))
+        return codes.frozen_text(kind, joint, more, self._labels) if kind else ""
+
+    # --- Restarts ---
+
+    def forget(self):
+        """Forget all joints and the base, as after a restart of time."""
+        self._judge_one(memory.FORGET, 0)
+        if self._base:
+            self._base.forget()
+
+    def forget_clock(self):
+        """Forget how stamps relate to this node's clock, and late stamps."""
+        _write(self._shared, in_step=-1, refused=0)
+        self._own["late_count"] = 0
+        if self._base:
+            self._base.stamps.forget_clock()
+
+    def pause(self):
+        """Count no states as lost up to the next message: others came that were not looked at."""
+        self._own["gap_last"] = -1
+
+    # --- Messages ---
+
+    def accept(self, message, now):
+        """Judge a joint state.
+
+        Parameters
+        ----------
+        message : sensor_msgs.msg.JointState or bytes
+        now : int
+            Time of reception [ns], which stands for a stamp of zero.
+
+        Returns
+        -------
+        Accepted or Rejected
+            A rejected message leaves no trace but what a later restart of time, setting of a clock or jump depends on.
+        """
+        if not isinstance(message, bytes):
+            stamp, fields = message.header.stamp, (message.position, message.velocity, message.effort)
+            return self.accept_values(tuple(message.name), stamp.sec, stamp.nanosec, fields, now)
+        try:
+            places = self._decoder.find_places(message)
+        except ValueError as error:
+            self._judge_one(memory.UNREADABLE, now)
+            return Rejected("malformed", f"joint_states: {error}")
+        layout, at = self._known.get(places) or self._remember(places)
+        sec, nanosec = struct.unpack_from(places.order + "iI", message, 4)
+        values = np.frombuffer(message, np.uint8)[at].view(places.order + "f8")
+        return self._accept(layout, places.names, sec, nanosec, values, now)
+
+    def accept_values(self, names, sec, nanosec, fields, now):
+        """Judge a joint state by its names, stamp, and positions, velocities and efforts."""
+        layout = self._layout(names, *map(len, fields))
+        values = np.concatenate([np.asarray(field, dtype=float) for field in fields])[layout.source]
+        return self._accept(layout, names, sec, nanosec, values, now)
+
+    def _remember(self, places):
+        """Return the layout of bytes, and indices of the bytes of its values."""
+        layout = self._layout(places.names, *places.counts)
+        if len(self._known) >= MAX_LAYOUTS:
+            self._known.clear()
+        self._known[places] = known = layout, places.numbers[layout.source].ravel()
+        return known
+
+    def _accept(self, layout, names, sec, nanosec, values, now):
+        self._batch.values.fill(np.nan)
+        self._batch.values[0, layout.place] = values
+        code, events, frozen = self._judge_one(0, now, sec, nanosec, layout.tables)
+        if code or events or frozen:
+            self._count(self._batch.outcome, np.zeros(1, int), [names])
+        if code > 0:
+            text = layout.text if code in codes.LAYOUT_ERRORS else self._text(self._batch.outcome[0])
+            return Rejected(codes.CAUSES[code], text)
+        if sec or nanosec:
+            self._apart = now - (sec * SECOND + nanosec)
+        return Accepted(None if code else self._state())
+
+    def accept_odometry(self, message, now):
+        """Judge a nav_msgs.msg.Odometry; it completes a state of a robot that is all base."""
+        try:
+            self._base.update(message, now)
+        except RejectedError as error:
+            return Rejected(error.cause, str(error))
+        if self.joint_names:
+            return Accepted(None)
+        base, nothing = self._base, np.zeros(0)
+        state = RobotState(nothing, nothing, None, base.stamp, base.stamp, base.unstamped)
+        return Accepted(self._with_base(state))
+
+    def _judge_one(self, layout, now, sec=0, nanosec=0, tables=memory.NO_LAYOUTS):
+        """Judge the message in the arrays; return code, events and kind of stuck sensor."""
+        self._give_base()
+        self._numbers.fill(0)
+        self._batch.messages[0] = sec, nanosec, now, layout
+        judge_messages(*self._memory, *tables, *self._batch)
+        self._take_base()
+        return [field.item() for field in self._found]
+
+    def _state(self):
+        """Return the RobotState of the message in the arrays."""
+        position, velocity, effort = self._batch.states[:, 0].copy()
+        newest, oldest, with_effort, received, estimated = (field.item() for field in self._completed)
+        effort = effort if with_effort else None
+        state = RobotState(position, velocity, effort, newest, oldest, received > 0, estimated > 0)
+        return self._with_base(state) if self._base else state
+
+    # --- Base ---
+
+    def _give_base(self):
+        if self._base:
+            known = self._base.stamp is not None
+            stamp = self._base.stamp if known else -1
+            _write(self._shared, base_stamp=stamp, base_unstamped=self._base.unstamped)
+
+    def _take_base(self):
+        """Forget the base where time restarted without it."""
+        if self._base and self._base.stamp is not None and self._shared["base_stamp"] < 0:
+            self._base.forget()
+
+    def _with_base(self, state):
+        """Return a state of joints with that of the base."""
+        position = np.concatenate([self._base.position, state.position])
+        velocity = np.concatenate([self._base.velocity, state.velocity])
+        effort = None if state.effort is None else np.concatenate([np.zeros(6), state.effort])
+        return state._replace(position=position, velocity=velocity, effort=effort)
+
+    # --- Many messages ---
 
     def assemble(self, parts, now):
         """Judge messages one after the other.
@@ -233,87 +376,122 @@ class StateAssembler:
         -------
         Assembled
         """
-        own, beside = len(self._memory.joints), len(self._memory.followers)
-        if len(self._layouts) > MAX_LAYOUTS:
-            self._layouts.clear()
-        messages, outcome = np.zeros(len(now), memory.MESSAGE), np.zeros(len(now), memory.OUTCOME)
-        messages["now"], messages["layout"] = now, -1
-        values = [np.full((len(now), own), np.nan) for _ in FIELDS]
-        others = [np.full((len(now), beside), np.nan) for _ in FIELDS]
-        layouts = [self._layout(part) for part in parts]
+        batch = memory.batch(len(now), len(self._own), len(self._memory.followers))
+        messages = batch.messages
+        messages["now"], messages["layout"] = now, memory.UNREADABLE
+        layouts = [self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS)) for part in parts]
         for k, (part, layout) in enumerate(zip(parts, layouts, strict=True)):
             messages["sec"][part.rows], messages["nanosec"][part.rows] = part.sec, part.nanosec
             messages["layout"][part.rows] = k
-            if not layout.error:
-                _place(part, layout.joints, values)
-                _place(part, layout.followers, others)
-        states = [np.empty((len(now), own)) for _ in FIELDS]
-        tables = _tables(layouts, own, beside)
-        judge_messages(*self._memory, *tables, messages, *values, others[0], others[2], outcome, *states)
-        self._count(outcome, messages["layout"], parts)
-        errors = [layout.text for layout in layouts]
-        return Assembled(outcome, *states, _texts(outcome, messages["layout"], errors, self.names))
+            values = np.hstack([part.position, part.velocity, part.effort])
+            batch.values[part.rows[:, None], layout.place] = values[:, layout.source]
+        tables = (
+            memory.Layouts(*map(np.concatenate, zip(*(layout.tables for layout in layouts), strict=True)))
+            if layouts
+            else memory.NO_LAYOUTS
+        )
+        self._give_base()
+        judge_messages(*self._memory, *tables, *batch)
+        base = self._base and (self._base.position, self._base.velocity)
+        self._take_base()
+        self._count(batch.outcome, messages["layout"], [part.names for part in parts])
+        states = batch.states if base is None else _with_bases(base, batch)
+        return Assembled(batch.outcome, *states, self._texts(batch.outcome, messages["layout"], layouts))
 
-    def _layout(self, part):
-        """Return the layout of messages with one list of names."""
-        key = part.names, *(getattr(part, field).shape[1] for field in FIELDS)
-        if key not in self._layouts:
-            self._layouts[key] = self._make_layout(*key)
-        return self._layouts[key]
+    def _layout(self, names, *lengths):
+        """Return the layout of messages with one list of names, and lengths of the fields."""
+        layout = self._layouts.get((names, lengths))
+        if layout is None:
+            if len(self._layouts) >= MAX_LAYOUTS:
+                self._layouts.clear()
+            layout = self._layouts[names, lengths] = self._make_layout(names, lengths)
+        return layout
 
-    def _make_layout(self, names, *lengths):
+    def _make_layout(self, names, lengths):
         self.arrived |= dict.fromkeys(names[: MAX_NAMES - len(self.arrived)])
         joints = [self._map_name(name) for name in names]
-        count = len(self._memory.joints)
+        count, code, text = len(self._own), 0, ""
+        index = {name: k for k, name in enumerate(self.names)}
+        there, here = np.array([(k, index[one]) for k, one in enumerate(joints) if one in index], int).reshape(-1, 2).T
+        own, beside = (there[here < count], here[here < count]), (there[here >= count], here[here >= count] - count)
+        wrong = [k for k, length in enumerate(lengths) if names and length not in (0, len(names))]
         if len(set(joints)) < len(joints):
             twice = next(name for name, number in Counter(joints).items() if number > 1)
-            return _Layout(codes.DUPLICATE_NAME, f"joint '{twice}' is listed twice in one message")
-        index = {name: k for k, name in enumerate(self.names)}
-        found = [(k, index[joint]) for k, joint in enumerate(joints) if joint in index]
-        there = np.array(found, dtype=np.int64).reshape(-1, 2).T
-        own, beside = there[:, there[1] < count], there[:, there[1] >= count] - [[0], [count]]
-        for field, length in zip(FIELDS, lengths, strict=True):
-            if names and length not in (0, len(names)):
-                at = min(length, len(names) - 1)  # the first joint without a value, or without a name
-                text = f"{field} has {length} entries for {len(names)} names (first at '{names[at]}')"
-                return _Layout(codes.WRONG_LENGTH, text, own, beside)
-        return _Layout(0, "", own, beside)
+            code, text = codes.DUPLICATE_NAME, f"joint '{twice}' is listed twice in one message"
+            own = beside = (there[:0], here[:0])
+        elif wrong:
+            length = lengths[wrong[0]]
+            at = min(length, len(names) - 1)  # the first joint without a value, or without a name
+            text = f"{FIELDS[wrong[0]]} has {length} entries for {len(names)} names (first at '{names[at]}')"
+            code = codes.WRONG_LENGTH
+        tables = memory.layouts(code, own[1], beside[1], len(self._memory.followers), count)
+        return _Layout(code, text, tables, *self._gather(own, beside, lengths, bool(code)))
 
-    def _count(self, outcome, layout, parts):
+    def _gather(self, own, beside, lengths, wrong):
+        """Return where values of all fields one after the other are in a message, and their places in the arrays."""
+        count, more = len(self._own), len(self._memory.followers)
+        begins, source, place = np.cumsum([0, *lengths]), [np.zeros(0, int)], [np.zeros(0, int)]
+        arrays = (
+            (0, own, 0),
+            (1, own, count),
+            (2, own, 2 * count),
+            (0, beside, 3 * count),
+            (2, beside, 3 * count + more),
+        )
+        for field, (there, here), begin in arrays:
+            if lengths[field] and not wrong:
+                source.append(begins[field] + there)
+                place.append(begin + here)
+        return np.concatenate(source), np.concatenate(place)
+
+    def _count(self, outcome, layout, names):
         """Count what came of messages."""
         for code, name in codes.COUNTS.items():
             self.counts[name] += int((outcome["code"] == code).sum())
         foreign = np.flatnonzero(outcome["code"] == codes.FOREIGN)
         if len(foreign):
-            self.last_foreign = parts[layout[foreign[-1]]].names
+            self.last_foreign = names[layout[foreign[-1]]]
         for event, name in codes.EVENTS.items():
             rows = np.flatnonzero(outcome["events"] & event)
             self.counts[name] += len(rows)
             if len(rows):
-                self._last[event] = self._event_text(event, outcome[rows[-1]])
+                self.last_texts[name] = self._event_text(event, outcome[rows[-1]])
         stuck = outcome[["frozen_kind", "frozen_joint", "frozen_more"]][outcome["frozen_kind"] > 0]
         for kind, number in Counter(stuck.tolist()).items():
-            self.frozen[codes.frozen_text(*kind, self.names)] += number
+            self.frozen[codes.frozen_text(*kind, self._labels)] += number
 
     def _event_text(self, event, outcome):
         if event == codes.MOVED:
-            return codes.moved_text(outcome, self.names)
+            return codes.moved_text(outcome, self._labels)
         if event == codes.CONTRADICTS:
-            return codes.contradiction_text(outcome, self.names)
+            return codes.contradiction_text(outcome, self._labels)
         if event == codes.DISAGREES:
-            shared, followers = self._memory.shared[0], self._memory.followers
-            own = self.names[len(self._memory.joints) :]
-            return codes.disagreement_text(followers, own, self._sources, shared["tolerance"])
+            own, expected = (self._memory.followers[field] for field in ("own", "expected"))
+            astray = np.flatnonzero(~np.isnan(own))
+            return "; ".join(self.followers.disagreement(k, own[k], expected[k]) for k in astray)
         return ""
+
+    def _text(self, outcome):
+        return codes.rejection_text(outcome, self._labels, self._limit)
+
+    def _texts(self, outcome, layout, layouts):
+        """Return cause and text of each rejected message, but for malformed ones, by its place."""
+        found = {}
+        for k in np.flatnonzero(outcome["code"] > codes.MALFORMED).tolist():
+            code = int(outcome["code"][k])
+            text = layouts[layout[k]].text if code in codes.LAYOUT_ERRORS else self._text(outcome[k])
+            found[k] = codes.CAUSES[code], text
+        return found
 
 
 class _Layout(NamedTuple):
-    """Places of joints, and of followers, in messages and in the robot: (2, number)."""
+    """Messages with one list of names, and lengths of the fields."""
 
     error: int
     text: str
-    joints: np.ndarray = np.zeros((2, 0), np.int64)
-    followers: np.ndarray = np.zeros((2, 0), np.int64)
+    tables: memory.Layouts  # of one layout
+    source: np.ndarray  # places of values in positions, velocities and efforts one after the other
+    place: np.ndarray  # places of the same values in a row of Batch.values
 
 
 def _write(array, **fields):
@@ -321,31 +499,15 @@ def _write(array, **fields):
         array[name] = values
 
 
-def _place(part, where, arrays):
-    """Write values of messages into the arrays of a batch, in the order of the robot."""
-    there, here = where
-    for field, array in zip(FIELDS, arrays, strict=True):
-        values = getattr(part, field)
-        if values.shape[1] and len(there):
-            array[part.rows[:, None], here] = values[:, there]
-
-
-def _tables(layouts, own, beside):
-    """Return the Layouts of a batch."""
-    sizes = np.zeros(len(layouts), memory.LAYOUT)
-    joints, followers = np.zeros((len(layouts), own), np.int64), np.zeros((len(layouts), beside), np.int64)
-    for k, layout in enumerate(layouts):
-        here, others = layout.joints[1], layout.followers[1]
-        sizes[k] = len(here), len(others), layout.error
-        joints[k, : len(here)], followers[k, : len(others)] = here, others
-    return memory.Layouts(sizes, joints, followers)
-
-
-def _texts(outcome, layout, errors, names):
-    """Return cause and text of each rejected message, but for malformed ones, by its place."""
-    found = {}
-    for k in np.flatnonzero(outcome["code"] > codes.MALFORMED).tolist():
-        code = int(outcome["code"][k])
-        text = errors[layout[k]] if code in codes.LAYOUT_ERRORS else codes.rejection_text(outcome[k], names)
-        found[k] = codes.CAUSES[code], text
-    return found
+def _with_bases(base, batch):
+    """Return the states of a batch with that of the base, NaN where it is unknown."""
+    position, velocity = (
+        np.full(width, np.nan) if one is None else one for width, one in zip((7, 6), base, strict=True)
+    )
+    count = len(batch.messages)
+    effort = np.where(batch.outcome["with_effort"][:, None] > 0, np.zeros(6), np.nan)
+    return (
+        np.hstack([np.broadcast_to(position, (count, 7)), batch.states[0]]),
+        np.hstack([np.broadcast_to(velocity, (count, 6)), batch.states[1]]),
+        np.hstack([effort, batch.states[2]]),
+    )

@@ -3,8 +3,6 @@
 
 """Codes of what comes of a message, and their causes and texts."""
 
-import numpy as np
-
 STATE = 0
 """The message completes a state."""
 
@@ -89,7 +87,7 @@ CAUSES = {
 }
 """Causes of rejections, by which they are counted."""
 
-CLOCK = "{name}: stamp {apart:.3f} s {where} this node's clock, expected within max_age = {second:g} s"
+CLOCK = "{name}: stamp {apart:.3f} s {where} this node's clock, expected within {limit} = {second:g} s"
 
 TEXTS = {
     MALFORMED_STAMP: "header.stamp is {first:.0f} s and {second:.0f} ns, expected no less than 0 s and less than 1e9 ns",
@@ -122,62 +120,44 @@ FROZEN_TEXTS = {
 }
 
 
-def rejection_text(outcome, names):
+def rejection_text(outcome, labels, limit="max_age"):
     """Return the text of a rejection.
 
     Parameters
     ----------
     outcome : numpy.void
         Of OUTCOME, its code one of :data:`CAUSES`.
-    names : sequence of str
-        Joints and followers.
+    labels : sequence of str
+        What joints and followers are called.
+    limit : str
+        Name of the parameter of the largest age.
     """
     code = int(outcome["code"])
     if code == FROZEN:
-        return frozen_text(int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), names)
+        return frozen_text(int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), labels)
     numbers = {key: float(outcome[key]) for key in ("first", "second", "third", "fourth", "fifth", "sixth")}
-    name = f"joint '{names[outcome['joint']]}'" if len(names) else ""
+    name = labels[outcome["joint"]] if len(labels) else ""
     if code in (CLOCK_BEHIND, CLOCK_AHEAD, FOREIGN_TIME):
         where = "behind" if numbers["first"] > 0.0 else "ahead of"
-        return CLOCK.format(name=name, apart=abs(numbers["first"]), where=where, second=numbers["second"])
+        return CLOCK.format(name=name, apart=abs(numbers["first"]), where=where, second=numbers["second"], limit=limit)
     text = TEXTS[code].format(name=name, step=STEP.format(name=name, **numbers), **numbers)
     if code == NO_VELOCITY and outcome["contradicting"] >= 0:
-        return f"{text}; {contradiction_text(outcome, names)}"
+        return f"{text}; {contradiction_text(outcome, labels)}"
     return text
 
 
-def contradiction_text(outcome, names):
+def contradiction_text(outcome, labels):
     """Return the text of the event CONTRADICTS."""
     joint = outcome["contradicting"]
-    return SAME_STAMP if joint < 0 else OTHER_SOURCE.format(name=f"joint '{names[joint]}'")
+    return SAME_STAMP if joint < 0 else OTHER_SOURCE.format(name=labels[joint])
 
 
-def moved_text(outcome, names):
+def moved_text(outcome, labels):
     """Return the text of the event MOVED."""
-    name = f"joint '{names[outcome['moved']]}'"
-    return STEP.format(name=name, first=outcome["moved_from"], second=outcome["moved_to"])
+    return STEP.format(name=labels[outcome["moved"]], first=outcome["moved_from"], second=outcome["moved_to"])
 
 
-def frozen_text(kind, joint, more, names):
+def frozen_text(kind, joint, more, labels):
     """Return the text on stuck sensors."""
     others = f" (and {more} more)" if more else ""
-    return f"frozen values: joint '{names[joint]}'{others} {FROZEN_TEXTS[kind]} (frozen_timeout)"
-
-
-def disagreement_text(followers, names, sources, tolerance):
-    """Return the text of the last event DISAGREES.
-
-    Parameters
-    ----------
-    followers : ndarray of FOLLOWER
-    names, sources : sequence of str
-        Followers, and the joints that they follow.
-    tolerance : float
-        [rad, m]
-    """
-    return "; ".join(
-        f"position of joint '{names[k]}' is {one['own']:.9g}, expected {one['expected']:.9g} from '{sources[k]}', which it "
-        f"follows, within mimic_tolerance = {tolerance:g}"
-        for k, one in enumerate(followers)
-        if not np.isnan(one["own"])
-    )
+    return f"frozen values: {labels[joint]}{others} {FROZEN_TEXTS[kind]} (frozen_timeout)"

@@ -3,18 +3,45 @@
 
 """Serialized joint states as columns: messages of one list of names and lengths are read by their numbers' places."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.joint_states.assembler import FIELDS, JointStates
 from diag_dynamics.wire.definitions import ALIGNMENT
 
 MAX_LAYOUTS = 64
-"""Lists of names and lengths whose places are kept. Beyond it, messages are read one by one."""
+"""Lists of names and lengths whose places are kept."""
 
 
-class Places(NamedTuple):
+FIELDS = "position", "velocity", "effort"
+
+
+class JointStates(NamedTuple):
+    """Joint states with one list of names, in columns."""
+
+    rows: np.ndarray
+    """Place of each message among all of a batch: int64, shape (k,)."""
+    names: tuple
+    """Of joints, length n."""
+    sec: np.ndarray
+    """Seconds and nanoseconds of header.stamp: int64, shape (k,)."""
+    nanosec: np.ndarray
+    position: np.ndarray
+    """[rad, m], shape (k, n), or (k, any other number), which rejects the messages but for 0."""
+    velocity: np.ndarray
+    """[rad/s, m/s], likewise."""
+    effort: np.ndarray
+    """As sent, likewise."""
+
+    def select(self, which):
+        """Return the messages of a mask."""
+        names, columns = self.names, (column[which] for column in self[2:])
+        return JointStates(self.rows[which], names, *columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
     """Where the numbers of a message are."""
 
     names: tuple
@@ -27,6 +54,16 @@ class Places(NamedTuple):
     """Indices of the bytes that are neither numbers nor padding."""
     text: np.ndarray
     """These bytes."""
+    parts: tuple
+    """Slices between the numbers, padding included, and their bytes: a message that has them is alike for certain."""
+    numbers: np.ndarray
+    """Indices of the bytes of all positions, velocities and efforts, (their number, 8)."""
+
+    def holds(self, raw):
+        """Whether a message of this length has these names and lengths."""
+        if all(raw[part] == text for part, text in self.parts):
+            return True
+        return bool((np.frombuffer(raw, np.uint8)[self.fixed] == self.text).all())
 
 
 class Decoder:
@@ -59,10 +96,35 @@ class Decoder:
             self._decode_rows(raw, rows, parts, errors)
         return sorted(parts, key=lambda part: part.rows[0]), errors
 
+    def find_places(self, raw):
+        """Return the Places of one message.
+
+        Raises
+        ------
+        ValueError
+            The bytes are no joint state.
+        """
+        for places in self._places.get(len(raw), ()):
+            if places.holds(raw):
+                return places
+        return self._learn(raw)
+
+    def _learn(self, raw):
+        """Return the places of a message, and keep them."""
+        try:
+            places = find_places(raw)
+        except ValueError as error:
+            raise ValueError(f"{len(raw)} bytes that are no sensor_msgs/msg/JointState ({error})") from error
+        if self._count >= MAX_LAYOUTS:
+            self._places.clear()
+            self._count = 0
+        self._count += 1
+        self._places.setdefault(len(raw), []).append(places)
+        return places
+
     def _decode_rows(self, raw, rows, parts, errors):
         """Read messages of one length, (n, length)."""
-        known = self._places.setdefault(raw.shape[-1], [])
-        for places in known:
+        for places in self._places.get(raw.shape[-1], ()):
             if not len(rows):
                 return
             alike = (raw[:, places.fixed] == places.text).all(axis=1)
@@ -74,18 +136,11 @@ class Decoder:
                 raw, rows = raw[~alike], rows[~alike]
         while len(rows):
             try:
-                places = find_places(raw[0].tobytes() if raw.size else b"")
+                places = self._learn(raw[0].tobytes() if raw.size else b"")
             except ValueError as error:
-                text = f"joint_states: {raw.shape[-1]} bytes that are no sensor_msgs/msg/JointState ({error})"
-                errors[int(rows[0])] = text
+                errors[int(rows[0])] = f"joint_states: {error}"
                 raw, rows = raw[1:], rows[1:]
                 continue
-            if self._count >= MAX_LAYOUTS:
-                parts.append(_joint_states(raw[:1], rows[:1], places))
-                raw, rows = raw[1:], rows[1:]
-                continue
-            self._count += 1
-            known.append(places)
             alike = (raw[:, places.fixed] == places.text).all(axis=1)
             parts.append(_joint_states(raw[alike], rows[alike], places))
             raw, rows = raw[~alike], rows[~alike]
@@ -140,9 +195,19 @@ def find_places(raw):
         at += 8 * count
         if at > len(raw):
             raise ValueError("the message ends before its numbers do")
-    fixed = np.array(fixed)
-    text = np.frombuffer(raw, np.uint8)[fixed]
-    return Places(tuple(names), "<" if raw[1] % 2 else ">", tuple(first), tuple(counts), fixed, text)
+    ends = [at + 8 * count for at, count in zip(first, counts, strict=True)]
+    parts = [slice(0, 4), *map(slice, (12, *ends[:-1]), first)]
+    numbers = np.concatenate([np.arange(*pair) for pair in zip(first, ends, strict=True)]).reshape(-1, 8)
+    return Places(
+        names=tuple(names),
+        order="<" if raw[1] % 2 else ">",
+        first=tuple(first),
+        counts=tuple(counts),
+        fixed=np.array(fixed),
+        text=np.frombuffer(raw, np.uint8)[fixed],
+        parts=tuple((part, raw[part]) for part in parts),
+        numbers=numbers,
+    )
 
 
 def _joint_states(raw, rows, places):

@@ -66,7 +66,10 @@ LAYOUT = _record(("i8", "joints followers error"))
 """Of each list of names and lengths: numbers of joints and followers; 0, DUPLICATE_NAME or WRONG_LENGTH."""
 
 MESSAGE = _record(("i8", "sec nanosec now layout"))
-"""An element for each message; `now` is the time of reception, `layout` −1 for bytes that are no joint state."""
+"""An element for each message; `now` is the time of reception, `layout` a place, UNREADABLE or FORGET."""
+
+UNREADABLE, FORGET = -1, -2
+"""Bytes that are no joint state; no message, but to forget all joints."""
 
 OUTCOME = _record(
     ("i8", "code joint events"),  # codes.py; followers come after joints
@@ -100,23 +103,29 @@ class Layouts(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Messages: values in the order of the robot's joints, of which those count that the layout lists."""
+    """Messages, and what comes of them, with n joints and f followers."""
 
     messages: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
-    follower_position: np.ndarray
-    follower_effort: np.ndarray
-
-
-class Outcomes(NamedTuple):
-    """Outcomes of messages; values count where a state is complete."""
-
+    values: (
+        np.ndarray
+    )  # positions, velocities and efforts of joints, then positions and efforts of followers, (k, 3 n + 2 f)
     outcome: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
+    states: np.ndarray  # positions, velocities and efforts, (3, k, n); they count where a state is complete
+
+
+def batch(count, joints, followers):
+    """Return a Batch of a number of messages, its values NaN."""
+    values = np.full((count, 3 * joints + 2 * followers), np.nan)
+    return Batch(np.zeros(count, MESSAGE), values, np.zeros(count, OUTCOME), np.empty((3, count, joints)))
+
+
+def layouts(error, joints, followers, follower_count, joint_count):
+    """Return the Layouts of one."""
+    sizes, rows = np.zeros(1, LAYOUT), [np.zeros((1, count), np.int64) for count in (joint_count, follower_count)]
+    sizes[0] = len(joints), len(followers), error
+    for row, places in zip(rows, (joints, followers), strict=True):
+        row[0, : len(places)] = places
+    return Layouts(sizes, *rows)
 
 
 def _array(dtype, ndim):
@@ -125,5 +134,7 @@ def _array(dtype, ndim):
 
 MEMORY_TYPES = *(_array(dtype, 1) for dtype in (SHARED, JOINT, FOLLOWER)), *[_array(float, 2)] * 3
 LAYOUT_TYPES = _array(LAYOUT, 1), *[_array(int, 2)] * 2
-BATCH_TYPES = _array(MESSAGE, 1), *[_array(float, 2)] * 5
-OUTCOME_TYPES = _array(OUTCOME, 1), *[_array(float, 2)] * 3
+BATCH_TYPES = _array(MESSAGE, 1), _array(float, 2), _array(OUTCOME, 1), _array(float, 3)
+
+NO_LAYOUTS = layouts(0, (), (), 0, 0)
+"""Of an element that is no message."""

@@ -11,25 +11,35 @@ import math
 
 import numpy as np
 
-from diag_dynamics.assembly.stamps import LATE_COUNT, LATE_TIME, PATIENCE, SECOND
-from diag_dynamics.assembly.velocities import LONGEST, PERIODS
 from diag_dynamics.compiled.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import (
     BATCH_TYPES,
+    FORGET,
     LAYOUT_TYPES,
     MEMORY_TYPES,
-    OUTCOME_TYPES,
     Batch,
     Layouts,
     Memory,
-    Outcomes,
 )
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.joint_states.steps import DISPLACED, FAR, NOTHING, accept_step, is_contradicted, judge_step
 from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_frozen
 
+PATIENCE = 10 * SECOND
+"""Time [ns] for which all stamps must differ from this node's clock by the same amount before they are accepted again."""
 
-@entry_kernel(*MEMORY_TYPES, *LAYOUT_TYPES, *BATCH_TYPES, *OUTCOME_TYPES, nogil=True)
+LATE_COUNT, LATE_TIME = 5, SECOND // 2
+"""Late stamps in a row, and time [ns] from the first to the last of them, after which time has restarted instead."""
+
+LONGEST = 10.0 * SECOND
+"""Longest time [ns] between the first two positions from which a velocity is estimated."""
+
+PERIODS = 3.0
+"""Periods without a position after which an estimate restarts."""
+
+
+@entry_kernel(*MEMORY_TYPES, *LAYOUT_TYPES, *BATCH_TYPES, nogil=True)
 def judge_messages(
     shared,
     joints,
@@ -41,44 +51,42 @@ def judge_messages(
     layout_joints,
     layout_followers,
     messages,
-    position,
-    velocity,
-    effort,
-    follower_position,
-    follower_effort,
+    values,
     outcome,
-    state_position,
-    state_velocity,
-    state_effort,
+    states,
 ):
-    """Judge messages one after the other; the arguments are the fields of Memory, Layouts, Batch and Outcomes."""
+    """Judge messages one after the other; the arguments are the fields of Memory, Layouts and Batch."""
     memory = Memory(shared, joints, followers, bare, intervals, scratch)
     layouts = Layouts(sizes, layout_joints, layout_followers)
-    batch = Batch(messages, position, velocity, effort, follower_position, follower_effort)
-    outcomes = Outcomes(outcome, state_position, state_velocity, state_effort)
+    batch = Batch(messages, values, outcome, states)
     for k in range(len(messages)):
         one = outcome[k]
         one.contradicting = one.moved = -1
         layout = messages[k].layout
+        if layout == FORGET:
+            _forget(memory)
+            shared[0].frozen_last, shared[0].frozen_kind = -1, 0
+            continue
         if layout < 0:
             one.code = codes.MALFORMED
         else:
-            one.code = _judge(memory, layouts, batch, k, layout, outcomes)
+            one.code = _judge(memory, layouts, batch, k, layout)
         if one.code == codes.STATE and shared[0].needs_base:
             one.code = _complete_by_base(shared[0], one)
-        if one.code == codes.STATE and not watch_frozen(memory, state_position[k], state_velocity[k], one.newest, one):
+        if one.code == codes.STATE and not watch_frozen(memory, states[0, k], states[1, k], one.newest, one):
             one.code = codes.FROZEN
         if one.code > 0:
             pause_gaps(memory)
 
 
 @large_kernel
-def _judge(memory, layouts, batch, k, layout, outcomes):
+def _judge(memory, layouts, batch, k, layout):
     """Judge one message and return the code of what comes of it."""
-    message, one = batch.messages[k], outcomes.outcome[k]
+    message, one = batch.messages[k], batch.outcome[k]
     size = layouts.sizes[layout]
     here, beside = layouts.joints[layout, : size.joints], layouts.followers[layout, : size.followers]
-    position, velocity, effort = batch.position[k], batch.velocity[k], batch.effort[k]
+    n, f, row = len(memory.joints), len(memory.followers), batch.values[k]
+    position, velocity, effort = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
     if size.error == codes.DUPLICATE_NAME:
         return codes.DUPLICATE_NAME
     if len(here) == 0 and len(beside) == 0:
@@ -124,12 +132,12 @@ def _judge(memory, layouts, batch, k, layout, outcomes):
     if len(here) and not unstamped:
         count_gap(memory, _first(here), stamp)
     absurd = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
-    absurd |= _store_followers(memory, beside, batch.follower_position[k], batch.follower_effort[k], stamp, one)
+    absurd |= _store_followers(memory, beside, row[3 * n : 3 * n + f], row[3 * n + f :], stamp, one)
     if absurd:
         one.events |= codes.ABSURD_EFFORT
     if len(here) == 0:
         return codes.FOLLOWERS_ONLY
-    return _assemble(memory, outcomes, k)
+    return _assemble(memory, batch, k)
 
 
 @kernel
@@ -366,9 +374,9 @@ def _distance(memory, f, position, stamp):
 
 
 @kernel
-def _assemble(memory, outcomes, k):
+def _assemble(memory, batch, k):
     """Make up the state of all joints; return its code."""
-    one, joints = outcomes.outcome[k], memory.joints
+    one, joints = batch.outcome[k], memory.joints
     newest, oldest = joints[0].stamp, joints[0].stamp
     for j in range(len(joints)):
         if not joints[j].known:
@@ -387,8 +395,8 @@ def _assemble(memory, outcomes, k):
         if not np.isfinite(joints[j].velocity):
             one.joint, one.first = j, joints[j].velocity
             return codes.NO_VELOCITY
-        outcomes.position[k, j], outcomes.velocity[k, j] = joints[j].position, joints[j].velocity
-        outcomes.effort[k, j] = joints[j].effort
+        batch.states[0, k, j], batch.states[1, k, j] = joints[j].position, joints[j].velocity
+        batch.states[2, k, j] = joints[j].effort
         one.received |= joints[j].unstamped
         one.estimated |= joints[j].estimated
         one.with_effort &= int(np.isfinite(joints[j].effort))
@@ -396,10 +404,10 @@ def _assemble(memory, outcomes, k):
         for f in range(len(memory.followers)):
             follower = memory.followers[f]
             fresh = abs(newest - follower.stamp) <= follower.span and np.isfinite(follower.effort)
-            outcomes.effort[k, follower.source] += follower.multiplier * (follower.effort if fresh else 0.0)
+            batch.states[2, k, follower.source] += follower.multiplier * (follower.effort if fresh else 0.0)
     else:
         for j in range(len(joints)):
-            outcomes.effort[k, j] = np.nan
+            batch.states[2, k, j] = np.nan
     return codes.STATE
 
 

@@ -18,16 +18,27 @@ rest.
 
 import numpy as np
 
-from diag_dynamics.assembly.jumps import (
-    CANDIDATE_TIMEOUT,
-    MARGIN,
-    MIN_STEP_TIME,
-    SOURCE_TIMEOUT,
-    STATES,
-    STOP_FRACTION,
-)
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.joint_states import codes
+
+STATES = 3
+"""Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
+
+MIN_STEP_TIME, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT = 0.01, 0.5, 0.05
+"""Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the longest over which a step is
+judged, with a velocity limit and without. Over a longer one the two velocities do not bound the way in between."""
+
+SOURCE_TIMEOUT = 0.5
+"""Time [s] without a message of the source in force after which another source may take its place."""
+
+CANDIDATE_TIMEOUT = 5.0
+"""Time [s] after which a pose that comes again is no longer that of the source that sent it before."""
+
+MARGIN = 1e-3
+"""Largest distance [rad, m] between positions of one stamp that says nothing."""
+
+STOP_FRACTION = 0.15
+"""Fraction of the slack by which a robot may stop elsewhere than its velocities lead: some counts of a coarse encoder."""
 
 FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, ROWS = range(8)
 """Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is

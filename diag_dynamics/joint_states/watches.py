@@ -14,10 +14,23 @@ neither. States further apart than the timeout say nothing.
 
 import numpy as np
 
-from diag_dynamics.assembly.frozen import MOVED, MOVING, SAMPLES
-from diag_dynamics.assembly.gaps import IRREGULAR, LONGEST, WINDOW
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.joint_states import codes
+
+WINDOW, LONGEST = 32, 1_000_000_000
+"""Intervals between stamps that are judged together, and the longest one [ns]: a longer one is a pause of the sender."""
+
+IRREGULAR = 0.15
+"""Mean distance of intervals from multiples of the period, in periods, beyond which there is no period."""
+
+SAMPLES = 5
+"""Number of states that are compared within the timeout: the first one after each multiple of its fifth part."""
+
+MOVING = 0.05
+"""Speed [rad/s, m/s] at which a joint's position must change. Velocity noise of a joint at rest stays below it."""
+
+MOVED = 0.05
+"""Distance [rad, m] within the timeout that a joint with velocity zero does not go."""
 
 
 @large_kernel

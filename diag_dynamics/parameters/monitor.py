@@ -6,10 +6,10 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from diag_dynamics.assembly.assembler import Options
 from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.joints import Options
 from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.parameters.contact import PARAMETERS as CONTACT_PARAMETERS
 from diag_dynamics.parameters.contact import Wanted
@@ -46,13 +46,6 @@ PARAMETERS = {
         "robot_description is used, and used again whenever a new description arrives there.",
     ),
     **SHARED_PARAMETERS,
-    "serialization": Spec(
-        "template",
-        "How messages are read and written. template: as bytes; of a message like the one before, only the numbers are read "
-        "or written. rclpy: as rclpy's Python objects, at about four times the cost. The numbers are the same either way.",
-        while_unconfigured=True,
-        choices=("template", "rclpy"),
-    ),
     "odom_twist_frame": Spec(
         "child",
         "Axes of the twist in odom: those of child_frame_id (child), as REP 147 has it, or of header.frame_id (header).",
@@ -342,6 +335,9 @@ class Settings(NamedTuple):
             beyond_velocity=values["absurd.beyond_velocity"],
             beyond_effort=values["absurd.beyond_effort"],
             jump=values["absurd.jump"],
+            frozen_timeout=values["frozen_timeout"],
+            refuse_frozen=values["frozen_values"] == "refuse",
+            odom_timeout=values["odom_timeout"],
         )
         thresholds = Thresholds(
             values["warn_energy"],

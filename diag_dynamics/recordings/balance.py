@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
 
 WINDOW, MAX_GAP = 0.1, 0.1

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.joint_states.stamps import SECOND
 
 MAX_INTERVAL = 0.5  # longest interval between states that is counted [s]
 MOMENTS, SEPARATION = 5, SECOND  # number of the worst moments, and time between them [ns]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.effort_relation import (

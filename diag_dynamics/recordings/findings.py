@@ -6,8 +6,8 @@
 from collections import Counter
 from typing import NamedTuple
 
-from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
 from diag_dynamics.recordings.intake import ABSURD, LOST
 from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
@@ -22,7 +22,7 @@ TEXTS = {
     WITHOUT_VALUES: "rows without a value of any joint, such as rows of other topics; they are no messages",
     LOST: "states that never came, by the gaps in the stamps",
     "positions jumped": None,
-    INTERLEAVED: None,
+    CAUSES[INTERLEAVED]: None,
     "mimic disagreement": None,
     "absurd effort": "efforts beyond what can be, taken as unknown (absurd.effort)",
     "before odometry": "joint states before the base was known",

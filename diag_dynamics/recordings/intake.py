@@ -5,21 +5,19 @@
 
 from collections import Counter
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.assembly.assembler import joints_of
-from diag_dynamics.assembly.odometry import OdometryBase
-from diag_dynamics.assembly.rejected import cause_of
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import cause_of
 from diag_dynamics.joint_states import codes
-from diag_dynamics.joint_states.assembler import StateAssembler
+from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
+from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import RejectedUnits
 from diag_dynamics.wire.definitions import read_message
-from diag_dynamics.wire.odometry import odometry_of
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
@@ -72,13 +70,9 @@ class Intake:
     def __init__(self, model, settings, names=None):
         values = settings.values
         self.names, self._model, self._dynamics = names, model, DiagonalDynamics(model)
-        frozen = values["frozen_timeout"], values["frozen_values"] == "refuse"
         map_name = names.map_name if names else None
-        self.assembler = StateAssembler(joints_of(model), settings.inputs, *frozen, map_name)
-        self._base, self._timeout = None, values["odom_timeout"]
-        if model.floating_base:
-            self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
-            self._base.configure(settings.inputs)
+        self._base = OdometryBase(model, values["odom_twist_frame"] == "header") if model.floating_base else None
+        self.assembler = StateAssembler(joints_of(model), settings.inputs, self._base, map_name)
         self._counts, self.rejections = Counter(), []
         self.units = RejectedUnits(model, map_name or str)
         self._moved = False  # whether positions jumped since the last state
@@ -113,7 +107,7 @@ class Intake:
         """Return the States of a batch without odometry."""
         now, parts = batch.log_time, batch.parts
         self._counts["received"] += len(now)
-        found = self._assemble(parts, now)
+        found = self.assembler.assemble(parts, now)
         malformed = np.flatnonzero(found.outcome["code"] == codes.MALFORMED).tolist()
         rejected = found.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}
         for k, (cause, text) in sorted(rejected.items()):
@@ -129,25 +123,6 @@ class Intake:
         flags = (outcome[field] > 0 for field in ("with_effort", "received", "estimated"))
         return States(*stamps, now[made], *values, *flags, moved)
 
-    def _assemble(self, parts, now):
-        """Return what comes of joint states, completed by the base where there is one."""
-        base = self._base
-        if not base:
-            return self.assembler.assemble(parts, now)
-        nq, nv = self._model.nq, self._model.nv
-        known = base.stamp is not None
-        self.assembler.use_base(base.stamp if known else -1, base.unstamped, self._timeout)
-        found = self.assembler.assemble(parts, now)
-        position, velocity = (np.full((len(now), width), np.nan) for width in (nq, nv))
-        effort = np.where(found.outcome["with_effort"][:, None] > 0, np.zeros((1, nv)), np.nan)
-        if known:
-            position[:, :7], velocity[:, :6] = base.position, base.velocity
-        for whole, own in ((position, found.position), (velocity, found.velocity), (effort, found.effort)):
-            whole[:, whole.shape[1] - own.shape[1] :] = own
-        if known and self.assembler.base_stamp < 0:
-            base.forget()
-        return found._replace(position=position, velocity=velocity, effort=effort)
-
     def _moved_at(self, moved, made):
         """Return for each state whether positions jumped since the state before."""
         total = np.cumsum(moved) + int(self._moved)
@@ -159,21 +134,26 @@ class Intake:
         """Store the base of an odometry message; return the state that it makes of a robot that is all base."""
         self._counts["odometry received"] += 1
         try:
-            self._base.update(odometry_of(raw, partial(read_message, kind=ODOMETRY)), now)
+            message = read_message(raw, ODOMETRY)
         except Exception as error:  # nothing that was recorded may end the reading of the rest
-            self._reject(now, f"odometry rejected: {cause_of(error)}", str(error))
+            found = Rejected("malformed", f"odom: {len(raw)} bytes that are no nav_msgs/msg/Odometry ({error})")
+        else:
+            found = self.assembler.accept_odometry(message, now)
+        if isinstance(found, Rejected):
+            self._reject(now, f"odometry rejected: {found.cause}", found.text)
             return self._nothing
-        if self.assembler.joint_names:
+        if found.state is None:
             return self._nothing
         self._counts["published from odometry"] += 1
-        stamp, flag = np.array([self._base.stamp]), np.array([False])
-        position, velocity = self._base.position[None, :], self._base.velocity[None, :]
-        effort, received = np.full((1, self._model.nv), np.nan), np.array([self._base.unstamped])
+        state, flag = found.state, np.array([False])
+        stamp, received = np.array([state.newest]), np.array([state.stamp_is_receive_time])
+        effort = np.full((1, self._model.nv), np.nan)
+        position, velocity = state.position[None, :], state.velocity[None, :]
         return States(stamp, stamp, np.array([now]), position, velocity, effort, flag, received, flag, flag)
 
     def _with_gravity(self, states):
         """Return states whose efforts contain gravity, where the parameters say that they do not."""
-        without = self.assembler.without_gravity
+        without = self.assembler.efforts.without_gravity
         if without is None or not states.effort_known.any():
             return states
         gravity = self._dynamics.gravity_torque_batch(states.position)

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.assembly.stamps import SECOND
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import RATIO_ERROR, cause_of_ratio, position_changes, position_ratios
 from diag_dynamics.recordings.windows import WindowIntegrals, column_counts, column_maxima

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings

@@ -81,7 +81,7 @@ def _kinetic_energy(analysis, time):
 
 def _unmeasured(analysis, without_effort):
     """Return which efforts cannot have been measured, in words; or an empty text."""
-    names, absurd = analysis.reading.intake.assembler.without_effort, analysis.reading.counts["absurd effort"]
+    names, absurd = analysis.reading.intake.assembler.lacking_effort, analysis.reading.counts["absurd effort"]
     if not names or absurd or without_effort < analysis.states:
         return analysis.efforts.unmeasured()
     return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"

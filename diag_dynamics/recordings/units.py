@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
-from diag_dynamics.assembly.assembler import joints_of
-from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.single_joints import places, sliding_dofs
 
 MIN_CORRELATION = 0.9  # least squared correlation of Δq and ∫q̇dt that determines a ratio

@@ -7,8 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from diag_dynamics.assembly.rejected import RejectedError
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, RejectedError
 
 ZERO, BRAKE = "zero", "brake"
 """Behaviour of drives without a command: no effort, or joints held by brakes."""

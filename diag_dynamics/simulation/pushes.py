@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from diag_dynamics.assembly.rejected import RejectedError
+from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.simulation.drives import ROUNDING
 
 

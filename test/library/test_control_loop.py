@@ -11,13 +11,13 @@ import pytest
 import diag_dynamics as dd
 from arm import gravity_of, pinocchio_command, state_at, waypoints
 from described import MS, UR5, S, robot
-from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES, POSE, TRACKING
 from diag_dynamics.control.pose import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.parameters.controller import PARAMETERS
 from examples import shortened, some_of
 

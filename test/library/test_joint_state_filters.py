@@ -4,32 +4,37 @@
 """Closed forms of what watches joint states over time: the velocity filter, stuck sensors, gaps in stamps."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diag_dynamics.assembly.frozen import Frozen
-from diag_dynamics.assembly.gaps import Gaps
-from diag_dynamics.assembly.velocities import LONGEST, VelocityEstimator
+from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
+from diag_dynamics.joint_states.joints import Joints, Options
 from examples import examples
-from joint_state_messages import INF, MS, NAN, S
+from joint_state_messages import MS, NAN, S
 
 # --- velocity filter
 
 
-def estimates(times, positions, time, *, turns=False, longest=INF, fastest=INF):
-    """Return the estimate after each position of one joint; times in nanoseconds."""
-    estimator = VelocityEstimator([turns])
-    here, longest = np.array([0]), np.array([longest])
-    return np.array(
-        [
-            estimator.update(here, np.array([position]), int(stamp), time, longest, fastest)[0]
-            for stamp, position in zip(times, positions, strict=True)
-        ]
-    )
+LONG = 1e6 * S
+
+
+def accept(assembler, names, stamp, position, velocity=()):
+    """Have an assembler judge a joint state stamped `stamp` [ns]."""
+    values = [np.array(field, dtype=float) for field in (position, velocity, ())]
+    return assembler.accept_values(names, *divmod(int(stamp), S), values, 0)
+
+
+def estimates(times, positions, time, *, turns=False, longest=LONG, fastest=0.0):
+    """Return the estimate after each position of one joint, NaN before there is one; times in nanoseconds."""
+    options = Options(1e-9 * longest, estimate_velocity=True, velocity_filter_time=time, max_velocity=fastest)
+    assembler = StateAssembler(Joints(("joint",), continuous=frozenset(["joint"] * turns)), options)
+    found = [
+        accept(assembler, ("joint",), *one, [NAN]) for one in zip(times, np.reshape(positions, (-1, 1)), strict=True)
+    ]
+    return np.array([NAN if one.state is None else one.state.velocity[0] for one in found])
 
 
 def grid(dt, count):
@@ -130,7 +135,6 @@ def test_pause(period, longest, gap, beyond, goes_on):
 @pytest.mark.parametrize(("beyond", "estimate"), [(0, 0.5), (1, NAN)])
 def test_first_two_positions(beyond, estimate):
     """They may be ten seconds apart, because the period is not known yet."""
-    assert LONGEST == 10 * S
     stamps = [100 * S, 110 * S + beyond]
     np.testing.assert_allclose(estimates(stamps, [0.0, 5.0], 0.0, longest=0.0), [NAN, estimate], rtol=1e-9)
 
@@ -148,15 +152,16 @@ def test_many_positions_of_each_stamp(count, dt, time):
 
 
 def test_step_that_no_joint_makes():
-    """A quotient beyond the fastest is infinite, and no position of that message is kept."""
-    estimator = VelocityEstimator([False, False])
-    stamps, _ = grid(0.1, 5)
+    """A quotient beyond the fastest rejects the message, and none of its positions is kept."""
+    names, (stamps, _) = ("shoulder", "elbow"), grid(0.1, 5)
+    options = Options(0.0, estimate_velocity=True, velocity_filter_time=0.0, max_velocity=100.0)
+    assembler = StateAssembler(Joints(names), options)
     positions = [(0.0, 0.0), (1.0, 1.0), (5.0, 99.0), (3.0, 1.5), (4.0, 2.5)]
-    velocities = [
-        estimator.update(np.arange(2), np.array(both), int(stamp), 0.0, np.full(2, INF), 100.0)
-        for stamp, both in zip(stamps, positions, strict=True)
-    ]
-    np.testing.assert_allclose(velocities[2:], [(NAN, INF), (10.0, 2.5), (10.0, 10.0)], rtol=1e-9)
+    found = [accept(assembler, names, *one, [NAN] * 2) for one in zip(stamps, positions, strict=True)]
+    assert (
+        isinstance(found[2], Rejected) and "joint 'elbow': its step to position 99 is faster than 100" in found[2].text
+    )
+    np.testing.assert_allclose([one.state.velocity for one in found[3:]], [(10.0, 2.5), (10.0, 10.0)], rtol=1e-9)
 
 
 # --- stuck sensors
@@ -164,12 +169,11 @@ def test_step_that_no_joint_makes():
 
 def texts(period, count, position, velocity, timeout=0.5):
     """Return the text after each state of two joints, by functions of time."""
-    watch, found = Frozen(("shoulder", "elbow"), timeout, False), []
+    names, found = ("shoulder", "elbow"), []
+    assembler = StateAssembler(Joints(names), Options(frozen_timeout=timeout))
     for k in range(count):
-        t = 1e-9 * k * period
-        state = SimpleNamespace(position=np.array([9.0, *position(t)]), velocity=np.array([9.0, *velocity(t)]))
-        watch.judge(S + k * period, lambda state=state: state)
-        found.append(watch.text)
+        accept(assembler, names, S + k * period, position(1e-9 * k * period), velocity(1e-9 * k * period))
+        found.append(assembler.frozen_text)
     return found
 
 
@@ -214,10 +218,10 @@ def test_not_stuck(position, velocity):
 
 def lost(stamps):
     """Return how many states are lost between stamps of one source."""
-    gaps = Gaps()
+    assembler = StateAssembler(Joints(("arm",)), Options())
     for stamp in stamps:
-        gaps.take("arm", int(stamp))
-    return gaps.lost
+        assert not isinstance(accept(assembler, ("arm",), stamp, [0.0], [0.0]), Rejected)
+    return assembler.lost
 
 
 @pytest.mark.parametrize("part", [0.0, 0.05, 0.12])
@@ -251,11 +255,11 @@ def test_no_gaps(stamps):
 
 def test_no_gaps_where_messages_were_not_read():
     """A pause of the reader is no gap; each source has a period of its own."""
-    gaps = Gaps()
+    assembler = StateAssembler(Joints(("arm", "gripper")), Options(timeout=0.0))
     for k in range(1, 400):
         if k % 10:
-            gaps.take("arm", k * 10 * MS)
-            gaps.take("gripper", k * 25 * MS)
+            accept(assembler, ("arm",), k * 10 * MS, [0.0], [0.0])
+            accept(assembler, ("gripper",), k * 25 * MS, [0.0], [0.0])
         else:
-            gaps.pause()
-    assert gaps.lost == 0
+            assembler.pause()
+    assert assembler.lost == 0

@@ -5,19 +5,19 @@
 
 import gc
 from collections import Counter
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diag_dynamics.wire.cdr import Template
-from diag_dynamics.wire.joint_states import LONGEST, MOST_LAYOUTS
+from diag_dynamics.joint_states import decoding
 from examples import examples
 from joint_state_cases import TABLE
 from joint_state_messages import INF, MIMICS, MS, NAMES, NAN, NOW, S, joint_state, odometry
 from joint_state_model import Model
-from joint_state_readers import READERS, BytesReader, Message, Reader, model, positive, read_columns
+from joint_state_readers import READERS, Message, Reader, model, positive, read_columns
 
 
 def expected_counts(steps):
@@ -291,7 +291,7 @@ def test_any_rejected_message_leaves_no_trace(chosen, journey, which):
 # --- change of parameters and memory
 
 
-@pytest.mark.parametrize("kind", [Reader, BytesReader])
+@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
 def test_parameters_that_change(kind):
     """They count from the next message on; estimates are forgotten where they are no longer made."""
     reader = kind(model("arm"), {"missing_velocity": "estimate", "velocity_filter_time": 0.0})
@@ -317,7 +317,7 @@ def test_parameters_that_change(kind):
     assert outcome(402) == "published"
 
 
-@pytest.mark.parametrize("kind", [Reader, BytesReader])
+@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
 def test_start_anew(kind):
     """After a pause all joints have to arrive, and nothing of before is a jump, a step or a late stamp."""
     reader = kind(model("arm"), {"absurd.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0})
@@ -343,38 +343,37 @@ def test_start_anew(kind):
     read(NOW - 50 * S, position=3.0)
     assert reader.result().counts["rejected: stamp from the past"] == 1
     assembler.forget()
-    assembler.stamps.forget()
+    assembler.forget_clock()
     read(NOW - 50 * S, position=5.0)
-    assert reader.result().counts["published"] == 4 and assembler.stamps.in_step is False
-    assert assembler.stamps.offset == pytest.approx(50.0)
+    assert reader.result().counts["published"] == 4 and assembler.in_step is False
+    assert assembler.offset == pytest.approx(50.0)
 
 
-@pytest.mark.parametrize("kind", [Reader, BytesReader])
+@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
 def test_states_are_copies(kind):
     """A state does not change with later messages, nor they with it."""
     reader = kind(model("arm"), {})
-    states = [reader.assemble(joint_state(NAMES, [k] * 3, [1] * 3, [k] * 3, NOW + k), NOW) for k in range(3)]
+
+    def read(*fields):
+        return reader.accept(Message(joint_state(*fields), NOW)).state
+
+    states = [read(NAMES, [k] * 3, [1] * 3, [k] * 3, NOW + k) for k in range(3)]
     states[1].position[:] = states[1].effort[:] = NAN
-    states.append(reader.assemble(joint_state(("wrist",), [3], [1], [3], NOW + 3), NOW))
+    states.append(read(("wrist",), [3], [1], [3], NOW + 3))
     assert [state.position[0] for state in (states[0], *states[2:])] == [0, 2, 2]
     assert states[3].effort.tolist() == [2, 2, 3]
 
 
-def test_known_names_are_not_read_again():
-    """From the second message on, of whatever publisher; unknown names and long messages fill no memory."""
-    reader = BytesReader(model("arm"), {"mimic_tolerance": 0.0})
-
-    def at_once(k, names=NAMES, frame=""):
-        before = reader.known.at_once
-        reader.read(Message(joint_state(names, *[[0.0] * len(names)] * 3, NOW + k * MS, frame), NOW))
-        return reader.known.at_once > before
-
-    orders = NAMES, NAMES[::-1], ("lid", *NAMES), (*MIMICS, *NAMES), ("wrist",), NAMES[:2]
-    found = [[at_once(10 * k + j, names) for j, names in enumerate(orders)] for k in range(3)]
-    assert found == [[False] * 6, [True] * 6, [True] * 6]
-    assert not any(at_once(100 + k, frame=f"frame {k}") for k in range(3 * MOST_LAYOUTS))
-    assert at_once(1000) or at_once(1001)
-    long = (*NAMES, *(f"joint {k}" for k in range(3000)))
-    assert not any([at_once(2000, long), at_once(2001, long)])
-    held = [buffer for buffer in gc.get_objects() if isinstance(buffer, Template)]
-    assert len(held) <= MOST_LAYOUTS + 8 and max(len(one.data) for one in held) <= LONGEST
+def test_places_of_numbers_are_found_once(monkeypatch):
+    """From the second message on, of whatever publisher; lists of names without end fill no memory."""
+    found = []
+    monkeypatch.setattr(decoding, "find_places", lambda raw, find=decoding.find_places: found.append(raw) or find(raw))
+    decoder, orders = decoding.Decoder(), (NAMES, NAMES[::-1], ("lid", *NAMES), ("wrist",))
+    messages = [joint_state(names, *[[k] * len(names)] * 3, NOW + k) for k in range(3) for names in orders]
+    places = [decoder.find_places(raw) for raw in messages]
+    assert [len(found), len(set(places))] == [4, 4] and places[8:] == places[:4]
+    assert decoder.find_places(joint_state(NAMES, *[[0.0] * 3] * 3, NOW)) is places[0]
+    for k in range(5 * decoding.MAX_LAYOUTS):
+        decoder.find_places(joint_state((f"joint {k}",), *[[0.0]] * 3, NOW))
+    kept = [one for one in gc.get_objects() if isinstance(one, decoding.Places)]
+    assert len(kept) <= decoding.MAX_LAYOUTS + len(places)

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 import diag_dynamics as dd
 from described import PANDA, robot
-from diag_dynamics.assembly.rejected import RejectedError
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.parameters.simulator import PARAMETERS
 from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives
 from diag_dynamics.simulation.lockstep import Lockstep

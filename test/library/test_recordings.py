@@ -11,16 +11,11 @@ import pytest
 
 import diag_dynamics as dd
 from bags import ODOMETRY, Message, arm, description, serialized, write_mcap
-from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
-from diag_dynamics.assembly.frozen import Frozen
-from diag_dynamics.assembly.odometry import OdometryBase
-from diag_dynamics.assembly.rejected import RejectedError
-from diag_dynamics.assembly.whole import WithBase
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.states import States
-from diag_dynamics.wire.definitions import read_message
 from hostile import MS, START, Driver, S
+from joint_state_readers import DEFAULTS, Reader
+from joint_state_readers import Message as Given
 from recording_cases import CASES, hostile_messages, write_case
 
 
@@ -43,43 +38,13 @@ def driven(model, count, seed=3):
 # --- What the monitor would publish ---
 
 
-def one_after_the_other(model, settings, messages):
+def one_after_the_other(case, messages):
     """Do with each message what the monitor does; return states and counts."""
-    assembler, counts, states = JointStateAssembler(joints_of(model), settings.inputs), Counter(), []
-    values = settings.values
-    frozen = Frozen(assembler.names, values["frozen_timeout"], values["frozen_values"] == "refuse")
-    if model.floating_base:
-        base = OdometryBase(model, values["odom_twist_frame"] == "header")
-        base.configure(settings.inputs)
-        with_base = WithBase(base, assembler)
+    reader = Reader(case.model, DEFAULTS | case.parameters, as_bytes=True)
     for _, now, raw, kind in messages:
-        is_odometry = kind == ODOMETRY
-        counts["odometry received" if is_odometry else "received"] += 1
-        try:
-            try:
-                message = read_message(raw, kind)
-            except ValueError as error:
-                raise RejectedError("malformed", str(error)) from error
-            if is_odometry:
-                base.update(message, now)
-                continue
-            state = assembler.update(message, now)
-            if state is not None and model.floating_base:
-                state = with_base.state(state, values["odom_timeout"])
-                counts["before odometry"] += state is None
-            if state is not None:
-                frozen.judge(state.newest, lambda state=state: state)
-        except RejectedError as error:
-            counts[f"{'odometry ' * is_odometry}rejected: {error.cause}"] += 1
-            if not is_odometry:
-                assembler.gaps.pause()
-            continue
-        if state is not None:
-            counts["published"] += 1
-            states.append(state)
-    jumps = base.jumps if model.floating_base else 0
-    counts += assembler.counts + Counter({"lost by gaps in stamps": assembler.gaps.lost, "time jumped back": jumps})
-    return states, counts
+        reader.read(Given(raw, now, kind == ODOMETRY))
+    result = reader.result()
+    return result.states, result.counts
 
 
 @pytest.mark.parametrize("seeds", [(0, 1), pytest.param((2, 3, 4, 5), marks=pytest.mark.full)], ids=str)
@@ -87,13 +52,12 @@ def one_after_the_other(model, settings, messages):
 def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
     """To the last bit, of hostile recordings in pieces of any size; all that a case is about occurs."""
     case, total = CASES[name], Counter()
-    settings = Settings.of({key: spec.default for key, spec in PARAMETERS.items()} | case.parameters)
     for seed in seeds:
         messages = hostile_messages(case, seed)
         path, size = write_case(tmp_path / "x.mcap", messages), int(np.random.default_rng(seed).integers(50, 900))
-        expected, counts = one_after_the_other(case.model, settings, messages)
+        expected, counts = one_after_the_other(case, messages)
         pieces = list(dd.stream_recording(path, case.model, parameters=case.own_parameters, size=size))
-        assert pieces[-1].counts == {key: value for key, value in counts.items() if value}
+        assert pieces[-1].counts == counts
         states = States.concatenate([piece.states for piece in pieces])
         newest, oldest, _, position, velocity, effort, with_effort, received, estimated, _ = states.columns()
         assert len(newest) == len(expected) > 200
@@ -102,8 +66,8 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
         assert with_effort.tolist() == [one.effort is not None for one in expected]
         known = [one.effort for one in expected if one.effort is not None]
         assert effort[with_effort].tobytes() == np.array(known).tobytes() and np.isnan(effort[~with_effort]).all()
-        assert received.tolist() == [one.stamp_is_receive_time for one in expected]
-        assert estimated.tolist() == [one.velocity_estimated for one in expected]
+        assert received.tolist() == [one.received for one in expected]
+        assert estimated.tolist() == [one.estimated for one in expected]
         total += counts
     assert seeds != (0, 1) or not [key for key in case.counts if not total[key]]
 

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
-from diag_dynamics.assembly.efforts import Efforts
 from diag_dynamics.entries import assignments, by_name
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.assembler import StateAssembler
+from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.limits import EffortMeaning
 from diag_dynamics.model import Payload
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
@@ -180,7 +181,7 @@ def test_share_thresholds():
 
 def assembler(**parameters):
     """Return the assembler of the arm."""
-    return JointStateAssembler(joints_of(model("arm")), settings(parameters).inputs)
+    return StateAssembler(joints_of(model("arm")), settings(parameters).inputs)
 
 
 @pytest.mark.parametrize(
@@ -221,18 +222,18 @@ def test_entry_of_an_unknown_joint(parameter):
     with pytest.raises(InputError, match=f"'{parameter}' names 'knee'"):
         assembler(**{parameter: [entry]})
     running = assembler(joint_timeout=1.5)
-    before = running.options
     others = {"joint_timeout": 9.0, "mimic_tolerance": 9.0, "max_age": 9.0, parameter: [entry]}
     with pytest.raises(InputError, match=f"'{parameter}' names 'knee'"):
         running.configure(settings(others).inputs)
-    assert running.options == before
-    assert running.followers.tolerance == 0.01 and running.stamps.max_age == 0.0
+    assert running.followers.tolerance == 0.01
+    running.accept_values(NAMES, 1, 0, [np.zeros(3), np.zeros(3), np.zeros(0)], 10**12)
+    assert running.stale(2_500_000_000) == [] and running.stale(2_500_000_001) == list(NAMES)
 
 
 def test_gravity_of_a_mimic_joint():
     """It is declared for the joint that it follows."""
     with pytest.raises(InputError, match="'effort_includes_gravity' names 'heel'"):
         assembler(effort_includes_gravity=["heel=false"])
-    assert Efforts(
+    assert EffortMeaning(
         ("elbow",), ("heel",), settings({"effort_includes_gravity": ["*=false"]}).inputs
     ).without_gravity == [1]

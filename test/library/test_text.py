@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 import diag_dynamics as dd
-from diag_dynamics.assembly.rejected import RejectedError
+from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.text import duration, number, plain
 from diag_dynamics.views.energy_history import EnergyHistory
 from diag_dynamics.views.push_history import Moment, PushHistory, Seen

@@ -10,9 +10,9 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics import sweeps
-from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.inspection import inspect_robot
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes.monitor.described import MonitoredRobot, model_status
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch, numerical_health
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, counted

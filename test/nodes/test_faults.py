@@ -457,7 +457,6 @@ PARAMETERS = {
     "max_rate.coriolis": [(-1.0, "max_rate.coriolis")],
     "mimic": [("free", READ_ONLY)],
     "payloads": [(["tool=1"], "tool"), ([f"{HAND}=1 0 1e200 0"], "within ±1e+09"), ([f"{HAND}=-1"], "-1")],
-    "serialization": [("json", "template, rclpy"), ("rclpy", READ_ONLY)],
     "warn_energy_share": [(["elbow=1"], "elbow")],
 }
 

@@ -9,8 +9,8 @@ import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
 import diag_dynamics as dd
-from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.control.observer import Disturbance
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.nodes.monitor.markers import AHEAD, COLD, HOT, LASTING, LITTLE, MarkerMaker
 from diag_dynamics.views.scene import Scene
@@ -207,11 +207,10 @@ def test_the_ellipsoid_is_at_the_end_effector_link(name, link):
 # --- the topic
 
 
-@pytest.mark.parametrize("serialization", ["template", "rclpy"])
-def test_topic(peer, serialization):
+def test_topic(peer):
     """At no more than the highest rate, of the link that a parameter names."""
     panda = robot(PANDA)
-    with Monitor(peer, f"/drawn_{serialization}", robot_description=panda.path, serialization=serialization) as monitor:
+    with Monitor(peer, "/drawn", robot_description=panda.path) as monitor:
         topic = peer.topic(MarkerArray, f"{monitor.name}/markers")
         monitor.connect(panda)
         peer.pass_time(0.1)  # the monitor looks for subscriptions a hundred times a second

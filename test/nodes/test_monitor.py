@@ -192,15 +192,6 @@ def test_big_endian(monitor, panda):
     Truth(panda, *panda.samples[2][:3]).check(published, stamp)
 
 
-def test_rclpy_serialization(peer, panda):
-    """With serialization = rclpy all topics, also of a floating base, have the same numbers."""
-    with Monitor(peer, "/rclpy", robot_description=panda.path, serialization="rclpy") as monitor:
-        monitor.connect(panda).serves(panda, 1)
-        assert "joint states read by template" not in monitor.next_report().values
-    with FloatingMonitor(peer, "/rclpy_base", serialization="rclpy") as monitor:
-        monitor.check(monitor.answer())
-
-
 # --- time
 
 

@@ -32,9 +32,6 @@ OF_THE_MOMENT = {
 }
 """Whole numbers in the monitor's status that count joints as they are now."""
 
-BY_TEMPLATE = "joint states read by template"
-"""How many messages were taken in without deserialization."""
-
 
 class Live:
     """A monitor whose clock is the time of reception of each message."""
@@ -63,7 +60,7 @@ class Live:
         report = self.reports.next()
         values = {pair.key: pair.value for pair in report.entries["joint states"].values}
         counts = {key: int(value) for key, value in values.items() if value.isdecimal() and "[" not in key}  # no unit
-        return {key: n for key, n in counts.items() if n and key not in OF_THE_MOMENT | {BY_TEMPLATE}}
+        return {key: n for key, n in counts.items() if n and key not in OF_THE_MOMENT}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -156,7 +153,6 @@ NOT_OBSERVED = {
     *(
         "autostart",
         "robot_description",
-        "serialization",
         "max_joints",
         "max_coupled",
         "floating_base",

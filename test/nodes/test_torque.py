@@ -18,9 +18,9 @@ from diag_dynamics.srv import SetPayload
 from geometry_msgs.msg import Inertia, Vector3
 
 import diag_dynamics as dd
-from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes.monitor.collision_log import CollisionLog
 from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch

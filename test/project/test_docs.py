@@ -89,8 +89,8 @@ def test_unknown_arguments_end_with_status_2(monkeypatch, capsys):
 @pytest.mark.ros
 def test_topics_of_the_monitor_agree():
     """The lists of interfaces, of types, of rates and of the order of publishing have the same topics."""
-    from diag_dynamics.nodes.encoded.topic_bits import ORDER
     from diag_dynamics.nodes.monitor.outputs import TYPES
+    from diag_dynamics.nodes.support.topics import ORDER
     from diag_dynamics.parameters.monitor import RATES
 
     listed = {

@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 
 from described import UR5, robot
-from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.control.trajectory import Waypoints
+from diag_dynamics.joint_states.joints import RobotState
 
 
 def state_at(stamp, q, qd=None):

@@ -21,7 +21,7 @@ def simulation():
 
 def messages():
     """What turns bytes into bytes."""
-    compile_ahead("diag_dynamics.wire", "diag_dynamics.nodes.encoded")
+    compile_ahead("diag_dynamics.joint_states")
 
 
 def in_two_processes():

@@ -10,19 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 import diag_dynamics as dd
-from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
-from diag_dynamics.assembly.frozen import Frozen
-from diag_dynamics.assembly.gaps import Gaps
-from diag_dynamics.assembly.odometry import OdometryBase
-from diag_dynamics.assembly.rejected import RejectedError
-from diag_dynamics.assembly.whole import WithBase
+from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.decoding import Decoder
+from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.intake import JOINT_STATE, LOST, MAX_TEXTS, ODOMETRY, Intake
 from diag_dynamics.recordings.messages import Messages
 from diag_dynamics.recordings.sources import decode_messages
 from diag_dynamics.wire.definitions import read_message
-from diag_dynamics.wire.joint_states import KnownJointStates
 from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
 
 DEFAULTS = {name: spec.default for name, spec in PARAMETERS.items()}
@@ -71,102 +67,51 @@ def settings(parameters):
 class Reader:
     """Reads messages as the monitor does, one at a time, and counts as it does."""
 
-    def __init__(self, robot, parameters, warm=()):
-        chosen = settings(parameters)
-        self.values, self.counts, self.states, self.rejections = chosen.values, Counter(), [], []
-        self.assembler = JointStateAssembler(joints_of(robot), chosen.inputs)
-        self._warm_up(warm)
-        refuses = self.values["frozen_values"] == "refuse"
-        self.frozen = Frozen(self.assembler.names, self.values["frozen_timeout"], refuses)
-        self.base = OdometryBase(robot, False) if robot.floating_base else None
-        self._with_base = WithBase(self.base, self.assembler)
-        if self.base:
-            self.base.configure(chosen.inputs)
+    def __init__(self, robot, parameters, as_bytes=False):
+        chosen, self._as_bytes = settings(parameters), as_bytes
+        self.counts, self.states, self.rejections = Counter(), [], []
+        self.base = OdometryBase(robot, chosen.values["odom_twist_frame"] == "header") if robot.floating_base else None
+        self.assembler = StateAssembler(joints_of(robot), chosen.inputs, self.base)
 
     def read(self, message):
-        """Take a message in and count what comes of it."""
+        """Read a message and count what comes of it."""
         kind = "odometry " if message.odometry else ""
         self.counts[f"{kind}received"] += 1
-        try:
-            state = self._read_odometry(message) if message.odometry else self._read_joints(message)
-        except RejectedError as error:
-            cause = f"{kind}rejected: {error.cause}"
+        found = self.accept(message)
+        if isinstance(found, Rejected):
+            cause = f"{kind}rejected: {found.cause}"
             self.counts[cause] += 1
-            self.rejections += [(cause, str(error))] * (self.counts[cause] <= MAX_TEXTS)
-            if not message.odometry:
-                self.assembler.gaps.pause()
-            return
-        if state is not None:
+            self.rejections += [(cause, found.text)] * (self.counts[cause] <= MAX_TEXTS)
+        elif found.state is not None:
             self.counts["published from odometry" if message.odometry else "published"] += 1
-            self.states.append(as_state(*state))
+            self.states.append(as_state(*found.state))
 
     def result(self):
         """Return what came of all messages."""
-        lost = Counter({LOST: self.assembler.gaps.lost})
-        jumps = Counter({"time jumped back": self.base.jumps if self.base else 0})
-        return Result(self.states, positive(self.counts + self.assembler.counts + lost + jumps), self.rejections)
-
-    def _warm_up(self, messages):
-        pass
+        more = Counter({LOST: self.assembler.lost, "time jumped back": self.base.jumps if self.base else 0})
+        return Result(self.states, positive(self.counts + self.assembler.counts + more), self.rejections)
 
     def configure(self, parameters):
-        """Judge by other parameters from now on."""
+        """Use other parameters from now on."""
         parameters = {name.replace("__", "."): value for name, value in parameters.items()}
         self.assembler.configure(settings(parameters).inputs)
 
-    def assemble(self, raw, now):
-        """Return the state of the joints that a message completes."""
-        return self.assembler.update(_parsed(raw, JOINT_STATE), now)
-
-    def _read_joints(self, message):
-        state = self.assemble(message.raw, message.now)
-        if state is not None and self.base:
-            state = self._with_base.state(state, self.values["odom_timeout"])
-            self.counts["before odometry"] += state is None
-        return self._judged(state)
-
-    def _read_odometry(self, message):
-        self.base.update(_parsed(message.raw, ODOMETRY), message.now)
-        return self._judged(self._with_base.state_of_base(self.values["odom_timeout"]))
-
-    def _judged(self, state):
-        if state is not None:
-            self.frozen.judge(state.newest, lambda: state)
-        return state
-
-
-class BytesReader(Reader):
-    """The same by compiled code on bytes, wherever a message has the names and lengths of an earlier one."""
-
-    def _warm_up(self, messages):
-        self.known = KnownJointStates(self.assembler, partial(read_message, kind=JOINT_STATE))
-        self.known.configure()
-        for message in messages:  # learn names and lengths
-            if not message.odometry:
-                try:
-                    self.known.update(message.raw, message.now)
-                except RejectedError:
-                    continue
-        self.assembler.forget()
-        self.assembler.stamps.forget()
-        self.assembler.counts.clear()
-        self.assembler.gaps, self.known.at_once = Gaps(), 0
-
-    def configure(self, parameters):
-        """Judge by other parameters from now on."""
-        super().configure(parameters)
-        self.known.configure()
-
-    def assemble(self, raw, now):
-        """Return the state of the joints that a message completes."""
-        return self.known.update(raw, now)
-
-
-def _parsed(raw, kind):
-    try:
-        return read_message(raw, kind)
-    except ValueError as error:
-        raise RejectedError("malformed", str(error)) from error
+    def accept(self, message):
+        """Return what comes of a message."""
+        if message.odometry:
+            try:
+                return self.assembler.accept_odometry(read_message(message.raw, ODOMETRY), message.now)
+            except ValueError as error:
+                return Rejected(
+                    "malformed", f"odom: {len(message.raw)} bytes that are no nav_msgs/msg/Odometry ({error})"
+                )
+        if self._as_bytes:
+            return self.assembler.accept(message.raw, message.now)
+        try:
+            parsed = read_message(message.raw, JOINT_STATE)
+        except ValueError:  # rclpy hands out no such message
+            return self.assembler.accept(message.raw, message.now)
+        return self.assembler.accept(parsed, message.now)
 
 
 def as_state(position, velocity, effort, newest, oldest, received, estimated):
@@ -181,22 +126,9 @@ def positive(counts):
     return {name: count for name, count in sorted(counts.items()) if count}
 
 
-def read_messages(robot, parameters, messages):
-    """Return the result by the assembler, of one message after the other."""
-    return _read(Reader(robot, parameters), messages)
-
-
-def read_bytes(robot, parameters, messages):
-    """Return the result by the reader of bytes."""
-    return _read(BytesReader(robot, parameters), messages)
-
-
-def read_known_bytes(robot, parameters, messages):
-    """Return the result by the reader of bytes, which has learned names and lengths of all messages before."""
-    return _read(BytesReader(robot, parameters, messages), messages)
-
-
-def _read(reader, messages):
+def read_messages(robot, parameters, messages, as_bytes=False):
+    """Return the result of one message after the other."""
+    reader = Reader(robot, parameters, as_bytes)
     for message in messages:
         reader.read(message)
     return reader.result()
@@ -234,8 +166,7 @@ def recorded(messages):
 
 READERS = {
     "messages": read_messages,
-    "bytes": read_bytes,
-    "known bytes": read_known_bytes,
+    "bytes": partial(read_messages, as_bytes=True),
     "columns": read_columns,
     "columns in pieces": partial(read_columns, pieces=3),
 }

@@ -10,7 +10,7 @@ import numpy as np
 import diag_dynamics as dd
 from bags import ODOMETRY, Message, odometry, write_mcap
 from coupling import NAMED
-from diag_dynamics.assembly.assembler import joints_of
+from diag_dynamics.joint_states.joints import joints_of
 from hostile import MS, START, Driver, S, hostile
 from robots import robot_path
 

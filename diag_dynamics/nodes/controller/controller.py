@@ -18,11 +18,12 @@ from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from diag_dynamics.assembly.assembler import JointStateAssembler, Options, joints_of
 from diag_dynamics.control.by_dof import command_order, require_same_joints
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, RejectedError
+from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
+from diag_dynamics.joint_states.joints import Options, joints_of
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.effort_controller import JointsWatch, joints_of_controller
@@ -37,13 +38,11 @@ from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, PATIENT, SUCCESS, ManagedNode
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
-from diag_dynamics.nodes.support.reading import read_joint_state
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.parameters.contact_points import bounded_points
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
 from diag_dynamics.parameters.spec import Spec
-from diag_dynamics.wire.joint_states import KnownJointStates
 
 COMMANDS = "effort_controller/commands"
 
@@ -129,8 +128,8 @@ class ControllerNode(ManagedNode):
             raise InputError(self._refused or "no robot_description has arrived yet.")
         self._compare_joints()
         self._loop.forget()
-        self._assembled.forget()
-        self._assembled.stamps.forget()
+        self._states.forget()
+        self._states.forget_clock()
         self._last_time = None
         self._record.begin()
         newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -204,17 +203,14 @@ class ControllerNode(ManagedNode):
         # A single state from the future would make late ones of all that are right, so none is taken in.
         age = values["max_state_age"]
         options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
-        assembled = JointStateAssembler(joints_of(model), options)
-        assembled.stamps.limit = "max_state_age"
-        states = KnownJointStates(assembled, read_joint_state)
-        states.configure()
+        states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
-        return ControlLoop(model, values, compensated, points), joints, order, assembled, states
+        return ControlLoop(model, values, compensated, points), joints, order, states
 
     def _adopt(self, made, description):
         """Make the robot of a description the one to control."""
         standing = self._standing()
-        self._loop, self._joints, self._order, self._assembled, self._states = made
+        self._loop, self._joints, self._order, self._states = made
         model = self._loop.dynamics.model
         self._loop.efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
         self._description = description
@@ -307,8 +303,8 @@ class ControllerNode(ManagedNode):
         if last is not None and now < last - self._values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
             self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0)
-            self._assembled.forget()
-            self._assembled.stamps.forget()
+            self._states.forget()
+            self._states.forget_clock()
         self._last_time = now
         return now
 
@@ -323,15 +319,17 @@ class ControllerNode(ManagedNode):
         self._answer(sent, now)
 
     def _step(self, raw, now):
-        state = self._states.update(raw, now)
-        return None if state is None else self._loop.step(state, now)
+        found = self._states.accept(raw, now)
+        if isinstance(found, Rejected):
+            raise RejectedError(*found)
+        return None if found.state is None else self._loop.step(found.state, now)
 
     def _look(self):
         """See whether the last state has become too old."""
         state, now = self._loop.state, self._cycle()
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
-            late = self._assembled.stale(now)
-            if 0 < len(late) < len(self._assembled.names):
+            late = self._states.stale(now)
+            if 0 < len(late) < len(self._states.names):
                 problem = f"joint '{late[0]}' is older than {self._values['joint_timeout']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
 
@@ -403,7 +401,7 @@ class ControllerNode(ManagedNode):
         record, recent = self._record, self._record.take_recent()
         missing = {}
         if self.phase == ACTIVE:
-            missing["joints that have not arrived"] = counted(self._assembled.missing)
+            missing["joints that have not arrived"] = counted(self._states.missing)
             missing["senders of joint states"] = self.count_publishers(self.resolve_topic_name("joint_states"))
         time_values, time_problems = clock_notes(self)
         problems, values = self._listeners()

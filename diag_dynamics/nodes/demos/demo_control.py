@@ -22,11 +22,11 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.control import EnergyLimiter, PoseRegulation, PositionRepulsion
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.msg import ControllerStatus, EnergyAudit, ExternalTorque
 from diag_dynamics.nodes.demos.demo import NAMESPACE, Processes, prepared

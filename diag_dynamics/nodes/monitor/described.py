@@ -8,17 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.assembly.assembler import JointStateAssembler, joints_of
-from diag_dynamics.assembly.frozen import Frozen
-from diag_dynamics.assembly.odometry import OdometryBase
-from diag_dynamics.assembly.whole import WithBase
+from diag_dynamics import sweeps
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.dynamics.one_state import friction_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection.motion import too_quick
+from diag_dynamics.joint_states.assembler import StateAssembler
+from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.model import Payload, RobotModel
-from diag_dynamics.nodes.encoded.encoding import EncodedMessages
-from diag_dynamics.nodes.encoded.pipeline import Pipeline, compile_pipeline
-from diag_dynamics.nodes.encoded.powers import Powers
 from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
@@ -26,11 +24,9 @@ from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.loading import compile_dynamics
 from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE
-from diag_dynamics.nodes.support.messages import MessageMaker
-from diag_dynamics.nodes.support.reading import read_joint_state
+from diag_dynamics.nodes.support.messages import BytesMaker, MessageMaker
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.views.scene import Scene
-from diag_dynamics.wire.joint_states import KnownJointStates
 
 POSES = 20
 """Poses in which a joint's largest D is looked for: it changes little."""
@@ -57,15 +53,12 @@ class MonitoredRobot:
     dynamics : DiagonalDynamics
     maker : MessageMaker
         For services.
-    encoder : EncodedMessages or MessageMaker
+    encoder : BytesMaker
         For topics.
-    joint_states : KnownJointStates or JointStateAssembler
-        What takes in joint states: as bytes, or as messages.
-    assembler : JointStateAssembler
+    assembler : StateAssembler
     base : OdometryBase or None
-    pipeline : Pipeline or None
-        What takes joint states in, evaluates them and makes messages at once, where that is possible.
-    frozen : Frozen
+    state : RobotState or None
+        The last one, which was evaluated; None if it could not be, or all has been forgotten since.
     energy : EnergyWatch
     torque : TorqueWatch or None
         What observes external torque, if it is wanted.
@@ -81,22 +74,15 @@ class MonitoredRobot:
 
     def __init__(self, description, model, settings, revision):
         self.description = description
-        self.assembler = JointStateAssembler(joints_of(model), settings.inputs)
-        self._by_template = settings.values["serialization"] == "template"
-        self.joint_states = KnownJointStates(self.assembler, read_joint_state) if self._by_template else self.assembler
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
-        self._with_base = WithBase(self.base, self.assembler)
+        self.assembler = StateAssembler(joints_of(model), settings.inputs, self.base)
         self.energy = EnergyWatch(model, settings.thresholds)
-        self.frozen = Frozen(self.assembler.names, *_frozen_by(settings))
         self.contact = ContactWatch(description)
-        self.settings = self.dynamics = self.revision = self.pipeline = self.torque = self._state = None
-        self._at_once = False
+        self.settings = self.dynamics = self.revision = self.torque = self.state = None
         self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
         compile_dynamics()
-        if self._by_template:
-            compile_pipeline()
 
     @property
     def model(self):
@@ -111,7 +97,7 @@ class MonitoredRobot:
         InputError
             The settings name a joint that this robot has not; nothing has changed then.
         """
-        self.assembler.judges(settings.inputs)
+        self.assembler.check_options(settings.inputs)
         link = settings.values["markers.link"]
         if link and link not in model.link_names:
             raise InputError(f"parameter 'markers.link' is '{link}', which is no link of robot '{model.name}'.")
@@ -121,30 +107,17 @@ class MonitoredRobot:
         touched = prepared(model, self.description, settings.contact) if others else None
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
-        if self.settings and _frozen_by(settings) != _frozen_by(self.settings):
-            self.frozen.configure(*_frozen_by(settings))
-        if self._by_template:
-            self.joint_states.configure()
-        if self.base:
-            self.base.configure(settings.inputs)
-        self._state, self._at_once = self.state, False
         before, self.settings = self.settings, settings
         if self.dynamics is None or model is not self.model:
-            self.dynamics, self.revision, self._state = DiagonalDynamics(model), None, None
+            self.dynamics, self.revision, self.state = DiagonalDynamics(model), None, None
             self.without_rotors = _without_rotors(self.dynamics)
-            self._powers = Powers(model)
         self.contact.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
             self.revision = revision
             self.maker = MessageMaker(model, revision)
-            self.encoder = EncodedMessages(self.maker) if self._by_template else self.maker
+            self.encoder = BytesMaker(model, revision)
         self._observe(before)
-        plain = self.assembler.efforts.without_gravity is None and not settings.values["publish_friction"]
-        whole = not self.base and model.nq == model.nv == len(self.assembler.names)
-        by_pipeline = self._by_template and plain and whole and not self.torque
-        parts = self.joint_states, self.dynamics, self.encoder, self._powers.addresses
-        self.pipeline = Pipeline(*parts) if by_pipeline else None
 
     def _observe(self, before):
         """Have external torque observed as the settings want it: anew, where what it is seen by is not as it was before."""
@@ -155,24 +128,6 @@ class MonitoredRobot:
             self.torque = TorqueWatch(self.dynamics, wanted)
         elif (self.dynamics, wanted, settings.inputs) != (self.torque.dynamics, before.observation, before.inputs):
             self.torque.use(self.dynamics, wanted)
-
-    @property
-    def state(self):
-        """The last RobotState, which was evaluated; None if it could not be, or all has been forgotten since."""
-        return self.pipeline.state if self._at_once else self._state
-
-    @property
-    def serialization(self):
-        """How messages are made; where template was wanted, but rclpy's bytes are others, which they are."""
-        if not self._by_template:
-            return "rclpy"
-        unlike = sorted(self.encoder.unlike)
-        return f"rclpy, which makes other bytes of {', '.join(unlike)} than templates have" if unlike else "template"
-
-    @property
-    def at_once(self):
-        """How many joint states were read by template; None where that is not wanted."""
-        return self.joint_states.at_once if self._by_template else None
 
     def torque_report(self):
         """Status of external torque, where it is observed."""
@@ -186,28 +141,11 @@ class MonitoredRobot:
     def forget(self):
         """Start anew, as after a jump of time or a pause."""
         self.assembler.forget()
-        if self.base:
-            self.base.forget()
         self.energy.forget()
-        self.frozen.forget()
         if self.torque:
             self.torque.forget()
         self.contact.forget()
-        self._state, self._at_once = None, False
-
-    def forget_clocks(self):
-        """Forget whether stamps agree with this node's clock: what comes next comes from a new subscription."""
-        self.assembler.stamps.forget()
-        if self.base:
-            self.base.stamps.forget()
-
-    def with_base(self, state):
-        """The state of a robot with a floating base from that of its joints; None while the base's is unknown."""
-        return self._with_base.state(state, self.settings.values["odom_timeout"])
-
-    def state_of_base(self):
-        """The state after odometry: of a robot that is all base, for which no joint state will ever come, else None."""
-        return self._with_base.state_of_base(self.settings.values["odom_timeout"])
+        self.state = None
 
     def evaluate(self, state):
         """Evaluation of a whole state, and that state with efforts that hold gravity."""
@@ -222,22 +160,17 @@ class MonitoredRobot:
             gravity[: len(gravity) - len(without)] = 0.0  # of a base, on which no effort acts
             gravity[len(gravity) - len(without) :] *= without
             state = state._replace(effort=state.effort + gravity)
-        self._state, self._at_once = None, False
+        self.state = None
         friction = self.settings.values["publish_friction"]
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
-        self._state = state
+        self.state = state
         return s, state
 
     def powers(self, s):
-        """Powers of gravity and friction [W] of an Evaluation, see :class:`Powers`."""
-        return self._powers.at(s)
-
-    def serve_at_once(self, raw, now, wanted):
-        """Serve a joint state by the pipeline: see there. What it says of it is all that is said of the state then."""
-        served = self.pipeline.serve(raw, now, wanted)
-        if served is not None:
-            self._state, self._at_once = None, served
-        return served
+        """Return the powers of gravity and friction [W] at an Evaluation: ν·ε_g and q̇·τ_fric."""
+        qd = s.rows[sweeps.RATES]
+        friction = float(qd @ friction_of(self.model, qd)) if self.model.has_friction else 0.0
+        return float(s.nu @ s.gravity), friction
 
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
@@ -246,7 +179,7 @@ class MonitoredRobot:
         return self._markers.message(s, self.state, self.torque)
 
     def matrix(self, topic):
-        """One of topic_bits.MATRICES at the last state."""
+        """One of topics.MATRICES at the last state."""
         with_inverse = self.settings.values["publish_inverse_factor"]
         return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
 
@@ -263,13 +196,8 @@ def _without_rotors(dynamics):
     return ()
 
 
-def _frozen_by(settings):
-    """What Frozen judges by."""
-    return settings.values["frozen_timeout"], settings.values["frozen_values"] == "refuse"
-
-
 def matrix(topic, maker, dynamics, state, with_inverse=False):
-    """One of topic_bits.MATRICES at a RobotState, by a MessageMaker or EncodedMessages; the factors with ℓ, if wanted."""
+    """One of topics.MATRICES at a RobotState, by a MessageMaker; the factors with ℓ, if wanted."""
     q, qd = state.position, state.velocity
     if topic == "mass_matrix_factors":
         return maker.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
@@ -322,7 +250,7 @@ def model_status(robot, phase, revision, failure, refused, loading):
             "mimic joints": counted(model.mimics),
             "locked joints": counted(model.locked_joints),
             "payloads": counted(model.payloads),
-            "serialization": robot.serialization,
+            "messages by rclpy": counted(sorted(robot.encoder.unlike)),
             "joints without rotor inertia": counted(robot.without_rotors),
         }
     if failure or refused:

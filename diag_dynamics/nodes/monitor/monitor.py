@@ -13,7 +13,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
+from diag_dynamics.joint_states.assembler import Rejected
 from diag_dynamics.nodes.monitor.described import NO_PAYLOAD, MonitoredRobot, Refused, fitted, model_status
 from diag_dynamics.nodes.monitor.energy_watch import numerical_health
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
@@ -35,7 +36,6 @@ from diag_dynamics.nodes.support.start import stop
 from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
-from diag_dynamics.wire.odometry import odometry_of
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
@@ -84,13 +84,12 @@ class MonitorNode(ManagedNode):
 
     def listen(self):
         """Subscribe to the inputs."""
-        raw = self._settings.values["serialization"] == "template"
-        sources = [(JointState, "joint_states", self._take_joint_state, raw)]
+        sources = [(JointState, "joint_states", self._take_joint_state)]
         if self._settings.values["floating_base"]:
-            sources.append((Odometry, "odom", self._take_odometry, raw))
+            sources.append((Odometry, "odom", self._take_odometry))
         self._listening += 1
         self._beat = self.time.steady()  # loading a robot may have taken long
-        for kind, topic, take, raw in sources:
+        for kind, topic, take in sources:
             subscription = connected(
                 self.create_subscription,
                 kind,
@@ -98,7 +97,7 @@ class MonitorNode(ManagedNode):
                 partial(take, self._listening),
                 QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT),
                 event_callbacks=SubscriptionEventCallbacks(message_lost=self._lost),
-                raw=raw,
+                raw=True,  # what is no message must not end the node
             )
             self._inputs.append(subscription)
 
@@ -110,7 +109,7 @@ class MonitorNode(ManagedNode):
         self._inputs = []
         if self._robot:
             self._robot.forget()
-            self._robot.forget_clocks()
+            self._robot.assembler.forget_clock()
 
     def tear_down(self):
         """Let the robot go, and all that was made for it."""
@@ -245,7 +244,7 @@ class MonitorNode(ManagedNode):
         if self._overloaded():
             counts[OVERLOAD] += 1
             if robot:
-                robot.assembler.gaps.pause()
+                robot.assembler.pause()
             return
         if robot is None:
             counts["before the model"] += 1
@@ -256,27 +255,13 @@ class MonitorNode(ManagedNode):
     def _serve(self, robot, message):
         """Publish the state that a joint state completes."""
         now = self.time.now()
-        if robot.pipeline:
-            served = robot.serve_at_once(message, now, self._outputs.wanted())
-            if served:
-                at_once = robot.pipeline
-                self._traffic.arrived(at_once.newest, now)
-                robot.frozen.judge(at_once.newest, lambda: at_once.state)
-                self._pass_on(robot, at_once.newest, at_once, at_once.powers, at_once.messages, "published")
-                return
-            state = robot.joint_states.deserialized(message, now) if served is None else robot.pipeline.state
-        else:
-            state = robot.joint_states.update(message, now)
-        if state is None:
-            return
-        if not state.stamp_is_receive_time:
-            self._traffic.arrived(state.newest, now)
-        if robot.base:
-            state = robot.with_base(state)
-            if state is None:
-                self._traffic.counts["before odometry"] += 1
-                return
-        self._publish(robot, state, "published")
+        found = robot.assembler.accept(message, now)
+        if isinstance(found, Rejected):
+            self._reject("rejected", *found)
+        elif found.state is not None:
+            if not found.state.stamp_is_receive_time:
+                self._traffic.arrived(found.state.newest, now)
+            self._publish(robot, found.state, "published")
 
     def _take_odometry(self, listening, message):
         if listening != self._listening:
@@ -292,28 +277,34 @@ class MonitorNode(ManagedNode):
         self._guarded("odometry rejected", self._serve_odometry, robot, message)
 
     def _serve_odometry(self, robot, message):
-        """Take in where the base is; publish the state of a robot that is all base."""
-        if type(message) is bytes:
-            message = odometry_of(message, read_odometry)
-        robot.base.update(message, self.time.now())
-        if state := robot.state_of_base():
-            self._publish(robot, state, "published from odometry")
+        """Store where the base is; publish the state of a robot that is all base."""
+        try:
+            message = read_odometry(message)
+        except Exception as error:
+            text = f"odom: {len(message)} bytes that are no nav_msgs/msg/Odometry ({error})"
+            raise RejectedError("malformed", text) from error
+        found = robot.assembler.accept_odometry(message, self.time.now())
+        if isinstance(found, Rejected):
+            self._reject("odometry rejected", *found)
+        elif found.state is not None:
+            self._publish(robot, found.state, "published from odometry")
 
     def _guarded(self, what, action, robot, message):
         """Nothing that arrives may end the node."""
         _, fault = attempt(action, robot, message)
-        if fault is None:
-            return
-        if what == "rejected":
-            robot.assembler.gaps.pause()  # its stamp may not have been looked at
-        self._traffic.rejected(what, fault.cause, fault.text)
-        self.get_logger().debug(f"{what}: {fault.cause}: {self._traffic.last_rejection}")
+        if fault:
+            if what == "rejected":
+                robot.assembler.pause()  # its stamp may not have been looked at
+            self._reject(what, fault.cause, fault.text)
+
+    def _reject(self, what, cause, text):
+        self._traffic.rejected(what, cause, text)
+        self.get_logger().debug(f"{what}: {cause}: {self._traffic.last_rejection}")
         self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
 
     def _publish(self, robot, state, what):
         """Evaluate a state, and pass it on."""
-        robot.frozen.judge(state.newest, lambda: state)
-        self._outputs.wanted()
+        self._outputs.look()
         s, state = robot.evaluate(state)
         if robot.torque:  # a collision is told of before anything else
             self._observe(robot, state)
@@ -458,8 +449,6 @@ class MonitorNode(ManagedNode):
     def _notes(self):
         """Who publishes the inputs, and what is wrong with that."""
         notes, problems = {}, []
-        if self._robot and self._robot.at_once is not None:
-            notes["joint states read by template"] = self._robot.at_once
         kinds = ("sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry")
         for subscription, kind in [
             *zip(self._inputs, kinds, strict=False),

@@ -7,9 +7,8 @@ from importlib import import_module
 
 from rclpy.qos import QoSProfile
 
-from diag_dynamics.nodes.encoded.topic_bits import ABOUT_STATE, BITS, MATRICES, ORDER
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
-from diag_dynamics.nodes.support.topics import TOPICS
+from diag_dynamics.nodes.support.topics import MATRICES, ORDER, TOPICS
 
 
 def _type(name):
@@ -47,7 +46,6 @@ class Outputs:
         self._node = node
         self._limits = {}  # of topics that have one
         self._publishers = {}
-        self._handles = {}
         try:
             for topic, kind in TYPES.items():
                 self._publishers[topic] = connected(
@@ -56,27 +54,21 @@ class Outputs:
         except BaseException:
             self.destroy()
             raise
-        # By the handles: what rclpy puts around them takes longer than they do, as it is not in the processor's cache after
-        # a millisecond.
-        self._handles = {topic: self._publishers[topic].handle for topic in TYPES}
-        self.look()
+        self._look()
 
-    def look(self):
+    def _look(self):
         """See who listens."""
         self._looked = self._node.time.steady()
-        self._wanted = [t for t, handle in self._handles.items() if t in BITS and handle.get_subscription_count()]
-        self._bits = sum(BITS[topic] for topic in self._wanted)
-        self.drawn, self.touched = (
-            topic in self._handles and self._handles[topic].get_subscription_count() > 0
-            for topic in ("markers", "contact")
-        )
+        heard = {topic for topic, publisher in self._publishers.items() if publisher.get_subscription_count()}
+        self._wanted = [topic for topic in ORDER if topic in heard]
+        self.drawn, self.touched = "markers" in heard, "contact" in heard
 
     def destroy(self):
         """Take the publishers off the graph."""
         for publisher in self._publishers.values():
             self._node.destroy_lifecycle_publisher(publisher)
-        self._publishers, self._handles = {}, {}
-        self.look()
+        self._publishers = {}
+        self._look()
 
     def limit(self, topic, rate):
         """Publish a topic at no more than this rate [Hz]; 0 for every state."""
@@ -85,11 +77,10 @@ class Outputs:
         else:
             self._limits.pop(topic, None)
 
-    def wanted(self):
-        """Sum of the :data:`BITS` of topics about a state that somebody listens to; it holds for :meth:`publish`."""
+    def look(self):
+        """See who listens, unless that was done a moment ago."""
         if self._node.time.steady() - self._looked > SELDOM:
-            self.look()
-        return self._bits & ABOUT_STATE
+            self._look()
 
     def publish(self, stamp, about_state, matrix):
         """Publish where somebody listens.
@@ -116,13 +107,10 @@ class Outputs:
 
     def publish_beside(self, topic, stamp, make):
         """Publish a topic beside the others where somebody listens: what `make` makes of a state stamped `stamp` [ns]."""
-        if not self._publishers[topic].is_activated or not self._handles[topic].get_subscription_count():
+        if not self._publishers[topic].is_activated or not self._publishers[topic].get_subscription_count():
             return
         if topic not in self._limits or self._limits[topic].due(stamp):
             self._send(topic, make())
 
     def _send(self, topic, message):
-        if type(message) is bytes:
-            self._handles[topic].publish_raw(message)
-        else:
-            self._publishers[topic].publish(message)
+        self._publishers[topic].publish(message)

@@ -7,9 +7,9 @@ import re
 
 import numpy as np
 
-from diag_dynamics.assembly.assembler import RobotState
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model import Payload
 from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.managed import PATIENT

@@ -5,7 +5,6 @@
 
 from collections import Counter
 
-from diag_dynamics.assembly.jumps import INTERLEAVED
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, shortened, steady
 
 OVERLOAD = "skipped: overload"
@@ -116,17 +115,17 @@ class Traffic:
         if any(cause.startswith(("rejected", "odometry rejected")) for cause in recent):
             problems.insert(0, f"messages rejected: {steady(self.last_rejection)}")
         if recent["mimic disagreement"]:
-            problems.append(f"mimic joints astray: {steady(robot.assembler.last_disagreement)}")
+            problems.append(f"mimic joints astray: {steady(robot.assembler.last_texts['mimic disagreement'])}")
         if recent["absurd effort"]:
             problems.append("efforts that cannot be: taken as unknown")
         if recent[OVERLOAD] + recent[f"odometry {OVERLOAD}"]:
             problems.append("messages skipped: more come in than this machine can take")
-        if robot and robot.frozen.text and recent["received"]:
-            problems.append(robot.frozen.text)
+        if robot and robot.assembler.frozen_text and recent["received"]:
+            problems.append(robot.assembler.frozen_text)
         if robot and recent["positions jumped"]:
-            problems.append(f"positions jumped, and stayed: {steady(robot.assembler.jumps.last)}")
-        if robot and recent[INTERLEAVED]:
-            problems.append(f"{INTERLEAVED}: {steady(robot.assembler.jumps.contradiction)}")
+            problems.append(f"positions jumped, and stayed: {steady(robot.assembler.last_texts['positions jumped'])}")
+        if robot and recent["interleaved sources"]:
+            problems.append(f"interleaved sources: {steady(robot.assembler.last_texts['interleaved sources'])}")
         for jump in ("time jumped back", "clock jumped back"):
             if recent[jump]:
                 problems.append(f"{jump}: all joints were forgotten")
@@ -147,15 +146,15 @@ class Traffic:
 
 
 def _counts_of(robot):
-    """What the assembly of a robot's state has counted."""
+    """Return what the rules of joint states and the base have counted."""
     jumps = robot.base.jumps if robot.base else 0
-    own = {"time jumped back": jumps, "lost by gaps in stamps": robot.assembler.gaps.lost}
+    own = {"time jumped back": jumps, "lost by gaps in stamps": robot.assembler.lost}
     return robot.assembler.counts + Counter(own)
 
 
 def _of_inputs(assembler, now):
     """What is known of the joints, by key."""
-    in_step = assembler.stamps.in_step
+    in_step = assembler.in_step
     if not in_step:
         now = assembler.newest  # theirs may be another time
     values = {
@@ -166,12 +165,12 @@ def _of_inputs(assembler, now):
         "joints with estimated velocity": counted(assembler.estimated),
         "effort undeclared (taken as N m, with gravity)": counted(assembler.efforts.undeclared),
     }
-    if assembler.last_disagreement:
-        values["last mimic disagreement"] = assembler.last_disagreement
+    if text := assembler.last_texts.get("mimic disagreement"):
+        values["last mimic disagreement"] = text
     return values
 
 
 def foreign_stamps(robot):
     """Inputs whose stamps are of another time, and this node's clock less the last of them [s]."""
-    sources = [("joint_states", robot.assembler.stamps)] + ([("odom", robot.base.stamps)] if robot.base else [])
+    sources = [("joint_states", robot.assembler)] + ([("odom", robot.base.stamps)] if robot.base else [])
     return [(what, stamps.offset) for what, stamps in sources if stamps.in_step is False]

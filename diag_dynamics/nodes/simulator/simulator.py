@@ -14,11 +14,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
-from diag_dynamics.assembly.assembler import RobotState
-from diag_dynamics.assembly.followers import Followers
-from diag_dynamics.assembly.rejected import RejectedError
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model import Payload
+from diag_dynamics.model.followers import Followers
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.msg import DiagonalizedState, EnergyAudit
 from diag_dynamics.nodes.simulator.outgoing import audit_message, joint_state_message, odometry_message

@@ -5,8 +5,7 @@
 
 from typing import NamedTuple
 
-from diag_dynamics.assembly.rejected import RejectedError, cause_of
-from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.exceptions import DiagDynamicsError, RejectedError, cause_of
 from diag_dynamics.nodes.support.diagnostics import shortened
 
 

@@ -55,3 +55,9 @@ TOPICS = (
     ),
 )
 """In the order in which messages of a state go out: what is watched for safety first, matrices last."""
+
+MATRICES = tuple(topic.name for topic in TOPICS if topic.matrix)
+"""Topics that are not made of the evaluation of a state."""
+
+ORDER = (*(topic.name for topic in TOPICS if not topic.matrix and not topic.beside), *MATRICES)
+"""Topics about a state, in the order in which they are published: matrices last."""

@@ -9,9 +9,9 @@ from io import BufferedWriter, FileIO
 import numpy as np
 
 import diag_dynamics
-from diag_dynamics.assembly.stamps import SECOND
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.wire.cdr import Template

@@ -11,8 +11,7 @@ import numpy as np
 class Followers:
     """Positions of followers by their leaders, and efforts of followers on their leaders.
 
-    The leaders alone make the state. A follower's own position is only compared with its leader's; its velocity is
-    ignored. Its effort acts on its leader, times the multiplier, so that q̇ᵀτ is the power of all efforts listed.
+    A follower's effort acts on its leader, times the multiplier, so that q̇ᵀτ is the power of all efforts listed.
 
     Vectors of the followers' own values are in the order of :attr:`names`, NaN for unknown ones.
 
@@ -31,8 +30,6 @@ class Followers:
     ----------
     names : tuple of str
         The followers.
-    index : dict
-        Place of each of them, by name.
     leaders : ndarray of int
         Place of each one's leader among the joints.
     multipliers, offsets : ndarray
@@ -43,17 +40,12 @@ class Followers:
 
     def __init__(self, joints, mimics, tolerance=0.0, continuous=()):
         self.names = tuple(mimics)
-        self.index = {name: k for k, name in enumerate(self.names)}
         self.tolerance = tolerance
         self._leader_names, multipliers, offsets = zip(*mimics.values(), strict=True) if mimics else ((), (), ())
         place = {name: k for k, name in enumerate(joints)}
         self.leaders = np.array([place[leader] for leader in self._leader_names], dtype=int)
         self.turns = np.array([name in continuous for name in self.names], dtype=bool)
         self.multipliers, self.offsets = np.array(multipliers), np.array(offsets)
-
-    def unknown(self):
-        """New vector of NaN, one entry for each follower."""
-        return np.full(len(self.names), math.nan)
 
     def positions(self, position):
         """Positions of the followers by those of the independent joints [rad, m]."""
@@ -77,11 +69,14 @@ class Followers:
         distance = np.abs(np.where(np.isfinite(own), own, math.nan) - expected)
         around = np.abs(np.remainder(distance + np.pi, 2.0 * np.pi) - np.pi)
         distance = np.where(self.turns, around, distance)
-        return [
-            f"position of joint '{self.names[k]}' is {own[k]:.9g}, expected {expected[k]:.9g} from "
-            f"'{self._leader_names[k]}', which it follows, within mimic_tolerance = {self.tolerance:g}"
-            for k in np.flatnonzero(distance > self.tolerance)
-        ]
+        return [self.disagreement(k, own[k], expected[k]) for k in np.flatnonzero(distance > self.tolerance)]
+
+    def disagreement(self, k, own, expected):
+        """Text on follower k, whose position is not the expected one."""
+        return (
+            f"position of joint '{self.names[k]}' is {own:.9g}, expected {expected:.9g} from '{self._leader_names[k]}', "
+            f"which it follows, within mimic_tolerance = {self.tolerance:g}"
+        )
 
     def without_leader(self, names):
         """First follower among these names without its leader among them, and that leader; None if there is none."""
