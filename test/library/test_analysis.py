@@ -158,7 +158,7 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
     tau[:, 3] = value
     summary, text, found = analysed(t, q, qd, tau)
     assert said in text and said in summary["efforts"]["unmeasured"] and said in summary["warnings"][0]
-    assert found == status or summary["explained"] < 0.8
+    assert found == (status or summary["explained"] < 0.8)
 
 
 def windows_by_numpy(model, t, q, qd, tau):

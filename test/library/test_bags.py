@@ -244,7 +244,7 @@ def test_mcap_that_is_cut_or_has_a_flipped_bit(tmp_path, compression, options):
         damaged[at] ^= 1 << at % 8
         path.write_bytes(damaged)
         numbers, findings = read(path)
-        assert numbers == list(range(25)) or findings, at
+        assert set(numbers) <= set(range(25)) and (len(numbers) == 25 or findings), at
 
 
 HUGE = st.sampled_from([b"\xff" * 8, b"\0" * 8, b"\xff\xff\xff\x7f\0\0\0\0", b"\xff" * 7 + b"\x7f"])

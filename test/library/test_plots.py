@@ -146,6 +146,14 @@ def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
     assert re.search(r"panda: \d+\.\d % of dK/dt explained", both.get_title(loc="left"))
 
 
+def test_balance_at_rest_has_no_share():
+    """Noise of velocities is no motion, however much power it seems to have."""
+    rng, still = np.random.default_rng(0), np.tile(Q[0], (len(T), 1))
+    velocities, efforts = rng.normal(size=(2, *Q.shape))
+    both, rest = dd.plot.balance(recorded(PANDA, T, still, 0.01 * velocities, efforts)).axes
+    assert np.abs(rest.lines[0].get_ydata()).max() > 0.05 and both.get_title(loc="left") == "panda"
+
+
 def test_external_torque_of_each_joint(recording):
     observed = dd.observe(DYN, recording, 40.0)
     seen, thresholds = observed.external_torque, dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0})
