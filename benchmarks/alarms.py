@@ -274,7 +274,7 @@ def judge(name, names, quiet, trials):
         residuals.add_states(stamps, observed.residual, observed.external_torque, observed.valid)
         found = calibrate_residuals(residuals, names, GAIN, FALSE_ALARMS, AlarmThresholds({}))
         which = {
-            "all": found.thresholds,
+            "all": found,
             "joints alone": AlarmThresholds(found.joints),
             "|m r| alone": AlarmThresholds({}, external_torque=found.external_torque),
             "|r| alone": AlarmThresholds({}, norm=found.norm),

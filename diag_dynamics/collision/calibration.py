@@ -66,11 +66,6 @@ class Calibration(AlarmThresholds):
     warnings: tuple[str, ...] = ()
 
     @property
-    def thresholds(self) -> AlarmThresholds:
-        """These thresholds."""
-        return self
-
-    @property
     def rate(self) -> float:
         """Rate of false alarms in held-out parts [1/s]."""
         return self.held_out / self.duration

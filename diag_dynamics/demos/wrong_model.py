@@ -146,7 +146,7 @@ def _pushes(robot, motion, rng):
 def _judged(dynamics, thresholds, recording, pushes):
     """What a model's observer and thresholds make of a recording."""
     seen = observe(dynamics, recording, GAIN)
-    detector = AlarmDetector(dynamics.model.dof_names, thresholds.thresholds)
+    detector = AlarmDetector(dynamics.model.dof_names, thresholds)
     judged = detector.judge(recording.stamp, seen.residual, seen.external_torque, seen.valid)
     begins = recording.t[judged.begins]
     delays = []

@@ -287,7 +287,7 @@ def test_the_file_is_the_monitors(tmp_path):
     found.save(tmp_path / "alarms.yaml")
     values = parameters_of([tmp_path / "alarms.yaml"])
     seen = Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | values).observation
-    limits, least = seen.alarms.limits(FOUR), found.thresholds.limits(FOUR)
+    limits, least = seen.alarms.limits(FOUR), found.limits(FOUR)
     assert limits.tolist() == pytest.approx(least.tolist(), rel=1e-3) and (limits >= least * (1 - 1e-9)).all()
     with pytest.raises(InputError, match="nowhere"):
         found.save(tmp_path / "nowhere" / "alarms.yaml")
