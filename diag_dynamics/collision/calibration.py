@@ -20,7 +20,7 @@ from diag_dynamics.collision.residuals import Level, Residuals, Rows, block_maxi
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.yaml_files import yaml_text
 
-FOLDS = 5
+FOLDS = 5  # parts, each held out once
 SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
 MAX_ALARM_TIME = 0.05  # fraction of the held-out time
 UNSEEN = -math.log(0.05)  # expected number of alarms that are none with a probability of 5 %
@@ -116,7 +116,7 @@ class Calibration(AlarmThresholds):
 
 
 def _rounded_up(value: float) -> float:
-    """Return four digits, never below the value."""
+    """Return a value rounded up to four digits."""
     digits = 3 - math.floor(math.log10(value))
     return float(f"{math.ceil(value * 10.0**digits * (1.0 - 1e-12)) / 10.0**digits:.12g}")
 

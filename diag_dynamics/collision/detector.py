@@ -18,6 +18,7 @@ from diag_dynamics.entries import ALL, by_name
 
 SECOND = 1_000_000_000  # [ns]
 RELEASE, HOLD_OFF, STANDING = 0.7, 0.5, 2.0
+"""Defaults of :class:`AlarmThresholds`."""
 
 TORQUE, NORM = "external_torque", "norm"
 """Names of the detectors of ‖m r‖ and of |r|; the others have the names of joints."""
@@ -77,16 +78,26 @@ class AlarmThresholds:
 
 
 class Judged(NamedTuple):
-    """Results of a detector, a row for each state."""
+    """Results of a detector, a row for each state.
 
-    alarm: Flags  # whether an alarm is on
-    begins: Flags  # whether it begins
-    joints: Flags  # whether the detector of each joint is active, shape (T, nv)
-    values: Array  # as compared with the thresholds, shape (T, nv + 2): see detector_values
+    Attributes
+    ----------
+    alarm, begins : ndarray of bool, shape (T,)
+        Whether an alarm is on, and whether it begins.
+    joints : ndarray of bool, shape (T, nv)
+        Whether the detector of each joint is active.
+    values : ndarray, shape (T, nv + 2)
+        |m r| of joints, ‖m r‖ and |r|, lowered by the offset, as they are compared with the thresholds.
+    """
+
+    alarm: Flags
+    begins: Flags
+    joints: Flags
+    values: Array
 
 
 class AlarmDetector:
-    """Detects collisions joint by joint, by ‖m r‖ and by |r|; an alarm is on while one is active.
+    """Detect collisions joint by joint, by ‖m r‖ and by |r|; an alarm is on while any detector is active.
 
     A detector becomes active above its threshold and releases below `release` of it. A rise within
     `hold_off` after an alarm belongs to that alarm. Once an alarm has been on for `standing`, an
@@ -127,8 +138,8 @@ class AlarmDetector:
         self._active: Flags = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
         self._at_rest = True  # no detector is active, and the offset is zero
-        self._last: int | None = None  # stamps: of the last state,
-        self._begin, self._end = 0, -math.inf  # of the first and last state of the alarm
+        self._last: int | None = None  # stamp of the last state
+        self._begin, self._end = 0, -math.inf  # stamps of the first and the last state of the alarm
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -171,6 +182,10 @@ class AlarmDetector:
             States before which the detector is reset.
         values : ndarray, shape (T, nv + 2), optional
             Maxima of the detectors' values, where a row stands for several states.
+
+        Returns
+        -------
+        Judged
         """
         x = np.concatenate([external_torque, residual], axis=1)
         x[~valid] = 0.0
@@ -201,7 +216,7 @@ class AlarmDetector:
         return Judged(alarm, begins, joints, values)
 
     def _step(self, stamp: int, elapsed: int, x: Array, values: Array) -> tuple[bool, bool]:
-        """Process a state, lower `values` by the offset; return whether an alarm is on and begins."""
+        """Process a state and lower `values` by the offset in place; return whether an alarm is on and begins."""
         released = bool((values < self._release).all())
         standing = bool(self._offset.any())
         if standing:
@@ -225,6 +240,7 @@ class AlarmDetector:
         return on, begins
 
     def _move_offset(self, target: Array, elapsed: int) -> None:
+        """Approach a target with the time constant standing / 2, over the elapsed time [ns]."""
         pace = -math.expm1(-2.0 * elapsed / self._standing)
         self._offset = self._offset + pace * (target - self._offset)
 

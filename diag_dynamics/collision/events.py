@@ -14,13 +14,13 @@ from diag_dynamics.arrays import Array, Flags, Whole
 from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, Judged
 
 LABELS = {TORQUE: ("|m r|", "N m"), NORM: ("|r|", "J^0.5/s")}
-NAMED_SHARE = 0.5
+NAMED_SHARE = 0.5  # fraction of the largest |m r|: a push at a link loads several joints
 
 
 def most_pushed(names: Sequence[str], torque: Array) -> tuple[str, ...]:
     """Return the joints with half of the largest |m r| or more, the largest first.
 
-    The residual names none: r follows ℓτ_ext, whose components mix the torques of several joints.
+    r names no joint: it follows ℓτ_ext, whose components mix the torques of several joints.
     """
     size = np.abs(torque)
     order = np.argsort(-size, kind="stable")
@@ -48,7 +48,7 @@ class Alarm(NamedTuple):
     joints: tuple[str, ...]  # that rose; without any, the one with the largest ratio to its threshold
     norm: float  # largest |r| [J^½/s]
     first: str = ""  # detector that rose first; of several, the one with the largest ratio
-    exceeded: tuple[Exceeded, ...] = ()  # all that rose, the largest ratio first
+    exceeded: tuple[Exceeded, ...] = ()  # all detectors that rose, the largest ratio first
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
@@ -57,7 +57,7 @@ class Alarm(NamedTuple):
 
 
 class Alarms:
-    """Collects the alarms of a detector; `judged` are the detectors that have a threshold."""
+    """Collect the alarms of a detector; `judged` are the detectors that have a threshold."""
 
     def __init__(self, detector: AlarmDetector) -> None:
         self._detectors, self._limits = detector.detectors, detector.limits
@@ -93,7 +93,7 @@ class Alarms:
 
 
 class NormCollisions:
-    """Collects the collisions that an observer reports by |r|, of a robot with these degrees of freedom."""
+    """Collect the collisions that an observer reports by |r|, of a robot with these degrees of freedom."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names, self._goes_on = names, False

@@ -15,10 +15,10 @@ from diag_dynamics.collision.detector import SECOND, detector_values
 from diag_dynamics.optional import require
 
 MAX_NUMBERS = 2_000_000  # from which cells are kept: of seven joints two minutes at 1 kHz
-CELL = 20_000_000  # [ns]
-MIN_PEAKS, MAX_PEAKS = 10, 50  # to count alarms, or to fit the tail to
-PEAK_PERIOD = 4.0  # time for each peak of the tail [s]
-MIN_FITTED = 4
+CELL = 20_000_000  # length of a cell, of which the largest values are kept [ns]
+MIN_PEAKS, MAX_PEAKS = 10, 50  # fewest and most peaks from which alarms are counted or a tail is fitted
+PEAK_PERIOD = 4.0  # time of the data for each peak, between these bounds [s]
+MIN_FITTED = 4  # fewest peaks of a tail
 CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
 
 Segments = list[tuple[Whole, Array]]  # stamps [ns] and values of rows without a gap
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 
     @property
     def time(self) -> Array:
-        """Time within segments from the first row to each [s]."""
+        """Time from the first row to each one without the gaps between segments [s]."""
         return np.cumsum(np.where(self.starts, 0, np.diff(self.stamps, prepend=0))) / SECOND
 
     def split(self, values: Array) -> list[tuple[Whole, Array]]:
@@ -54,13 +54,13 @@ class Rows(NamedTuple):
 
 
 class Residuals:
-    """Collects residuals of an observer in parts of any size; a gap [s] starts another segment."""
+    """Collect residuals of an observer batch by batch; an interval above `max_gap` [s] starts another segment."""
 
     def __init__(self, width: int, max_gap: float = 0.1) -> None:
         self._max_states, self._max_gap = MAX_NUMBERS // (2 * width + 3), max_gap * SECOND
         none = np.empty(0, dtype=np.int64)
         self._parts = [Rows(none, none, np.empty((0, 2 * width)), np.empty((0, width + 2)))]
-        self._count = self._segment = self._reduced = 0  # states, segment, parts of cells
+        self._count = self._segment = self._reduced = 0  # states, number of the segment, parts that are cells
         self._last: int | None = None
 
     def add_states(self, stamps: Whole, residual: Array, torque: Array, valid: Flags) -> None:
@@ -88,7 +88,7 @@ def _concatenate(parts: list[Rows]) -> Rows:
 
 
 def _reduce(parts: list[Rows]) -> Rows:
-    """Return one row of each cell."""
+    """Return a row of the largest values of each cell."""
     rows = _concatenate(parts)
     first = np.flatnonzero(rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0))
     high, low = np.maximum.reduceat(rows.x, first), np.minimum.reduceat(rows.x, first)
