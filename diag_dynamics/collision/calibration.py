@@ -172,8 +172,8 @@ def calibrate_residuals(
         duration=duration,
         alarms=int(_detect(rows, names, thresholds).begins.sum()),
         held_out=held_out,
-        method=level[1],
-        peaks=level[2],
+        method=level.method,
+        peaks=level.peaks,
     )
     return replace(result, warnings=(*warnings, *_warnings(result, alarm_time / duration)))
 
@@ -186,7 +186,7 @@ def _fit(
     spread[spread <= 1e-9 * spread.max()] = math.inf  # a joint without residuals gets no threshold
     scores = rows.split((rows.values / spread).max(axis=1))
     level = find_level(scores, float(rows.time[-1]), rate, template.release, template.hold_off)
-    *joints, torque, norm = (spread * level[0] if level else spread).tolist()
+    *joints, torque, norm = (spread * level.value if level else spread).tolist()
     finite = {name: limit for name, limit in zip(names, joints, strict=True) if limit < math.inf}
     return replace(template, joints=finite, external_torque=torque, norm=norm), level
 

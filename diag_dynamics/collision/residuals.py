@@ -22,7 +22,14 @@ MIN_FITTED = 4  # fewest peaks of a tail
 CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
 
 Segments = list[tuple[Whole, Array]]  # stamps [ns] and values of rows without a gap
-Level = tuple[float, str, int]  # level of a score, the method that found it, and its number of peaks
+
+
+class Level(NamedTuple):
+    """Level of a score, the method that found it, and the number of its peaks; see Calibration."""
+
+    value: float
+    method: str
+    peaks: int
 
 
 class Rows(NamedTuple):
@@ -43,7 +50,7 @@ class Rows(NamedTuple):
         """Time from the first row to each one without the gaps between segments [s]."""
         return np.cumsum(np.where(self.starts, 0, np.diff(self.stamps, prepend=0))) / SECOND
 
-    def split(self, values: Array) -> list[tuple[Whole, Array]]:
+    def split(self, values: Array) -> Segments:
         """Return stamps and values of each segment."""
         cuts = np.flatnonzero(self.starts)[1:]
         return list(zip(np.split(self.stamps, cuts), np.split(values, cuts), strict=True))
@@ -146,7 +153,7 @@ def find_level(segments: Segments, duration: float, rate: float, release: float,
             break
         before = level
     if expected >= wanted:
-        return before, "counted", min(len(found), int(expected))
+        return Level(before, "counted", min(len(found), int(expected)))
     if len(peaks) >= MIN_PEAKS:
         return _extrapolate(best, peaks, expected, "tail")
     maxima = block_maxima(segments)
@@ -163,4 +170,4 @@ def _extrapolate(level: float, peaks: Array, expected: float, method: str) -> Le
     censored = max(1, m // CENSORED)
     d = m - censored
     total = float(heights[:d].sum() + censored * heights[d - 1])
-    return level + max(0.0, total * ((m / expected) ** (1.0 / d) - 1.0)), method, m
+    return Level(level + max(0.0, total * ((m / expected) ** (1.0 / d) - 1.0)), method, m)
