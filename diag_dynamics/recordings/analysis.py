@@ -15,7 +15,7 @@ from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.recordings.balance import Balance, WindowSums
 from diag_dynamics.recordings.contact_exposure import ContactExposure
 from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
-from diag_dynamics.recordings.observer import Observer
+from diag_dynamics.recordings.observer import ObservedStates, Observer
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
 from diag_dynamics.recordings.states import States
@@ -27,11 +27,11 @@ BINS_PER_DECADE, LOWEST_BIN, BINS = 10, -3300, 6500
 
 
 class Piece(NamedTuple):
-    """A batch of states, and all about them."""
+    """A batch of states and its analysis."""
 
     states: States
     s: BatchEvaluation
-    observed: tuple  # residual, external_torque, norm, valid, collision
+    observed: ObservedStates
     judged: Judged | None = None  # with thresholds of alarms
 
 
@@ -119,7 +119,7 @@ class Analysis:
         if self._detector:
             judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
             self.collisions.add_states(states.stamp, norm, judged)
-            observed = *observed[:4], judged.alarm
+            observed = observed._replace(collision=judged.alarm)
         else:
             self.collisions.add_states(states.stamp, torque, norm, collision)
         self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)

@@ -47,6 +47,16 @@ class Observed(NamedTuple):
     collision: Flags
 
 
+class ObservedStates(NamedTuple):
+    """Columns of :class:`Observed` at states of a batch."""
+
+    residual: Array
+    external_torque: Array
+    norm: Array
+    valid: Flags
+    collision: Flags
+
+
 def observe(
     dynamics: DiagonalDynamics,
     recording: Recording,
@@ -124,7 +134,7 @@ class Observer:
         self._last = [*np.zeros((2, 1, count)), np.zeros(1), *np.zeros((2, 1), dtype=bool)]  # of the last sample
 
     def observe_states(self, states):
-        """Evaluate and observe states; yield stamps [ns] and results of :meth:`observe_batch` of batches."""
+        """Evaluate and observe states; yield stamps [ns] and :class:`ObservedStates` of batches."""
         for first in range(0, len(states), SIZE):
             part = states[first : first + SIZE]
             columns = part.position, part.velocity, np.nan_to_num(part.effort)
@@ -132,7 +142,7 @@ class Observer:
             yield part.stamp, self.observe_batch(part, s)
 
     def observe_batch(self, states, s):
-        """Return the columns of :class:`Observed` but for times at states, given their BatchEvaluation."""
+        """Return :class:`ObservedStates`, given the BatchEvaluation of states."""
         samples = self._chain.select(states)
         results = self._observe_samples(samples, states.position[samples.rows], s)
         if not isinstance(samples.rows, slice):  # not every state is a sample
@@ -144,7 +154,7 @@ class Observer:
         invalid = np.flatnonzero(~results[3])
         for column in results[:3]:
             column[invalid] = np.nan
-        return tuple(results)
+        return ObservedStates(*results)
 
     def _observe_samples(self, samples, positions, s):
         """Return residual, external torque, norm, whether they are valid, and collision of the samples."""

@@ -44,11 +44,11 @@ VALUES = {
     "velocity_estimated": lambda piece, _: piece.states.velocity_estimated,
     "power": lambda piece, _: piece.s.effort_power,
     "total": lambda piece, _: piece.s.kinetic_energy,
-    "residual": lambda piece, _: piece.observed[0],
-    "external_torque": lambda piece, _: piece.observed[1],
-    "norm": lambda piece, _: np.nan_to_num(piece.observed[2]),
-    "collision": lambda piece, _: piece.observed[4],
-    "torque_norm": lambda piece, _: np.nan_to_num(np.linalg.norm(piece.observed[1], axis=1)),
+    "residual": lambda piece, _: piece.observed.residual,
+    "external_torque": lambda piece, _: piece.observed.external_torque,
+    "norm": lambda piece, _: np.nan_to_num(piece.observed.norm),
+    "collision": lambda piece, _: piece.observed.collision,
+    "torque_norm": lambda piece, _: np.nan_to_num(np.linalg.norm(piece.observed.external_torque, axis=1)),
     "joint_collision": lambda piece, _: piece.judged.joints,
     "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix_batch(piece.states.position),
     "bias": lambda piece, dynamics: dynamics.bias_batch(piece.states.position, piece.states.velocity),
@@ -156,7 +156,7 @@ class TopicRows:
     def make_rows(self, piece):
         """Yield indices of states, and their messages as uint8 of shape (number of states, bytes)."""
         by_result = self._topic == "external_torque"
-        known = piece.observed[3] if by_result else piece.states.effort_known
+        known = piece.observed.valid if by_result else piece.states.effort_known
         values = self._values(piece)
         for is_known in (True, False):
             which = np.flatnonzero(known == is_known)
