@@ -21,12 +21,12 @@ from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.findings import without_states
-from diag_dynamics.recordings.fleet import printable, robots_of
+from diag_dynamics.recordings.fleet import merge_robots, printable
 from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
-from diag_dynamics.recordings.summary import WIDTH, summary_of, text_of, wrongs_of
+from diag_dynamics.recordings.summary import WIDTH, describe_faults, format_summary, summarize
 
 DONE, WORTH_KNOWING = range(2)
 """Exit statuses: all is well; the recording has been analysed, but something about it is not right."""
@@ -88,9 +88,9 @@ def _analyse(chosen):
     with _json_output(chosen) as write:
         summary = _summary(chosen, recording, parameters, robot)
         write(summary)
-    wrong = wrongs_of(summary)
+    wrong = describe_faults(summary)
     if _speaks(chosen):
-        print(text_of(summary, _width()))
+        print(format_summary(summary, _width()))
         ratio = summary["duration"] / max(time.perf_counter() - begun, 1e-9)
         took = time.perf_counter() - begun
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
@@ -123,13 +123,13 @@ def _analyse_several(chosen):
                 continue
             summaries.append(summary)
             if _speaks(chosen):
-                print(f"{printable(recording)}\n\n{text_of(summary, _width())}\n")
-        write({"recordings": summaries, "robots": robots_of(summaries), "failed": failed})
+                print(f"{printable(recording)}\n\n{format_summary(summary, _width())}\n")
+        write({"recordings": summaries, "robots": merge_robots(summaries), "failed": failed})
     if _speaks(chosen):
         print(printable(fleet.table_of(summaries, failed)))
     if not summaries:
         return FAILED
-    return WORTH_KNOWING if failed or any(map(wrongs_of, summaries)) else DONE
+    return WORTH_KNOWING if failed or any(map(describe_faults, summaries)) else DONE
 
 
 def _common(chosen):
@@ -162,7 +162,7 @@ def _summary(chosen, recording, parameters, robot):
                     f"'{printable(recording)}' has not a single state: no message is within --start and --end."
                 )
             raise without_states(printable(recording), analysis.findings)
-        summary = summary_of(analysis) | {"recording": str(recording)}
+        summary = summarize(analysis) | {"recording": str(recording)}
         for output in outputs:
             output.close(summary)
     except BaseException:

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.cli.given import gain_of, parse_joint_names
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.fleet import analyse_fleet, collisions_in_words, printable
+from diag_dynamics.recordings.fleet import analyse_fleet, describe_collisions, printable
 
 ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads", "start", "end"
 """Options of a single recording."""
@@ -95,7 +95,7 @@ def _about_robot(robot):
         rest = f"residual {robot['residual_power']:.3g} W rms"
         yield f"  balance of power: explained {robot['explained']:.3f}{also}, {rest}"
     if robot["unjudged"] or robot["collisions"]:
-        yield f"  {collisions_in_words(robot)}"
+        yield f"  {describe_collisions(robot)}"
     for heading, counts in (("rejected", robot["rejected"]), ("worth knowing", robot["findings"])):
         causes = [f"{cause} ({n} ×)" for cause, n in sorted(counts.items(), key=lambda one: -one[1])]
         more = f" and {len(causes) - FEW} more causes" if len(causes) > FEW else ""

@@ -20,7 +20,7 @@ from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
 from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.parameters.files import parameters_of
-from diag_dynamics.recordings.sources import source_of
+from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import plain
 from diag_dynamics.views.identified import picture
 
@@ -92,7 +92,7 @@ def _identify(chosen):
     if chosen.output:
         everything.save(chosen.output)
     if chosen.write_urdf:
-        text = source_of(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
+        text = open_source(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
         possible, shared = without_impossible_links(found.model, everything)
         written = urdf_with(read_source(text).text, possible)
         Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{written}\n', encoding="utf-8")

@@ -62,7 +62,7 @@ def without_states(path, findings):
     return InputError(f"'{path}' has not a single state: {what.removesuffix('.')}.{topics}")
 
 
-def find_all(intake, source):
+def collect_findings(intake, source):
     """Return what an Intake and a source of messages say of a recording: a list of Finding, losses first, notes last."""
     counts = intake.counts + Counter({WITHOUT_VALUES: source.without_values})
     found, rejected, units = [], counts[f"rejected: {ABSURD}"], intake.units.text()

@@ -33,9 +33,9 @@ from diag_dynamics.recordings.balance import MIN_WINDOWS, explained_share
 from diag_dynamics.recordings.findings import without_states
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
-from diag_dynamics.recordings.recording import Reading, settings_of
-from diag_dynamics.recordings.sources import checked_topics
-from diag_dynamics.recordings.summary import summary_of, wrongs_of
+from diag_dynamics.recordings.recording import Reading, make_settings
+from diag_dynamics.recordings.sources import check_topics
+from diag_dynamics.recordings.summary import describe_faults, summarize
 
 COLUMNS = {
     "recording": ("string", itemgetter("recording")),
@@ -56,7 +56,7 @@ COLUMNS = {
     "rejected": ("int64", lambda one: sum(one["rejected"].values())),
     "unread": ("int64", lambda one: sum(finding["cause"] == "unread" for finding in one["findings"])),
     "warnings": ("int64", lambda one: len(one["warnings"])),
-    "wrong": ("string", lambda one: "; ".join(wrongs_of(one))),
+    "wrong": ("string", lambda one: "; ".join(describe_faults(one))),
     "pieces": ("int64", lambda one: 1),  # recordings were cut before 0.2
 }
 """Types of the columns of fleet.parquet, and their values from a summary."""
@@ -119,14 +119,14 @@ def analyse_fleet(
         raise InputError(f"patterns is {patterns!r}, expected a list of paths and patterns.")
     for name in ("distributed", "jinja2", *(["pyarrow.parquet"] if parquet else [])):
         require(name, "the analysis of a fleet")
-    values = settings_of(parameters).values
+    values = make_settings(parameters).values
     if isinstance(model, RobotModel):
         require_as_made(values)
     elif model is not None:
         model = model_of(os.fspath(model), values)
     if isinstance(columns, str | os.PathLike):
         columns = str(Path(columns).expanduser().resolve())
-    options = {"model": model, "columns": columns, "topic": checked_topics(topic)}
+    options = {"model": model, "columns": columns, "topic": check_topics(topic)}
     options |= {"joint_names": joint_names, "parameters": dict(parameters or {})}
     suffixes = [suffix for suffix, chosen in (("parquet", parquet), ("html", reports)) if chosen]
     out = Path(out).expanduser().resolve()
@@ -143,7 +143,7 @@ def analyse_fleet(
     summaries = [result for result in results.values() if isinstance(result, dict)]
     report = {
         "recordings": list(map(_make_row, summaries)),
-        "robots": robots_of(summaries),
+        "robots": merge_robots(summaries),
         "failed": {path: text for path, text in results.items() if isinstance(text, str)},
         "computed": len(summaries) - kept,
         "kept": kept,
@@ -238,7 +238,7 @@ def _analyse(job, options):
         analysis.run(outputs)
         if not analysis.states:
             raise without_states(job.path, analysis.findings)
-        summary = summary_of(analysis) | {"recording": job.path}
+        summary = summarize(analysis) | {"recording": job.path}
         for output in outputs:
             output.close(summary)
         summary |= {"pieces": 1, "fingerprint": job.fingerprint}
@@ -248,7 +248,7 @@ def _analyse(job, options):
         return str(error)
 
 
-def robots_of(summaries):
+def merge_robots(summaries):
     """Return the results of all recordings of each robot together, a list of dict."""
     names = sorted({one["robot"] for one in summaries})
     return [_merge_summaries([one for one in summaries if one["robot"] == name]) for name in names]
@@ -312,7 +312,7 @@ def _merge_balances(summaries):
     return dict(zip(names, balance if windows >= MIN_WINDOWS else [None] * 3, strict=True))
 
 
-def collisions_in_words(robot, noun="collisions"):
+def describe_collisions(robot, noun="collisions"):
     """Return how many a robot had, and in how many of its recordings this is unknown."""
     if robot["collisions"] is None:
         return f"nothing is known of {noun}: their thresholds are not set, or there are no efforts"
@@ -338,7 +338,7 @@ def _make_page(report, jobs):
         links={path: [file.name for file in files if file.exists()] for path, files in outputs.items()},
         folder=os.path.join(os.path.commonpath(folders), "") if folders else "",
         wrong={row["recording"]: row["wrong"] for row in rows if row["wrong"]},
-        contacts=collisions_in_words,
+        contacts=describe_collisions,
     )
 
 

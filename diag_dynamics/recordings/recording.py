@@ -20,9 +20,9 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
-from diag_dynamics.recordings.findings import WITHOUT_VALUES, Finding, find_all
+from diag_dynamics.recordings.findings import WITHOUT_VALUES, Finding, collect_findings
 from diag_dynamics.recordings.intake import Intake
-from diag_dynamics.recordings.sources import source_of
+from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.recordings.states import States
 
 SIZE = 20_000
@@ -183,9 +183,9 @@ class Reading:
     def __init__(
         self, path, model=None, columns=None, *, topic=None, joint_names=None, parameters=None, start=None, end=None
     ):
-        self.settings, self._path = settings_of(parameters), os.fspath(path)
+        self.settings, self._path = make_settings(parameters), os.fspath(path)
         self._span, self._limits = _check_span(start, end), None
-        self._source = source_of(path, columns, topic, joint_names)
+        self._source = open_source(path, columns, topic, joint_names)
         if isinstance(model, RobotModel):
             require_single_joints(model)
             self.model, self.described = model, None
@@ -215,7 +215,7 @@ class Reading:
 
     def findings(self):
         """Return a list of Finding on the messages so far."""
-        return find_all(self.intake, self._source)
+        return collect_findings(self.intake, self._source)
 
     def pieces(self, size=SIZE):
         """Yield pieces, see :func:`stream_recording`."""
@@ -249,7 +249,7 @@ class Reading:
         return Recording(self.model, states, offset, self.counts, self.findings(), self._path)
 
 
-def settings_of(parameters):
+def make_settings(parameters):
     """Return the monitor's Settings with these parameters, or None, other than by default."""
     parameters = dict(parameters or {})
     if unknown := set(parameters) - set(PARAMETERS):

@@ -25,7 +25,7 @@ from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.recordings.table_source import TableSource
-from diag_dynamics.recordings.tables.column_map import ColumnMap, column_map
+from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
 from diag_dynamics.wire.definitions import read_message
 
 DESCRIPTION = "std_msgs/msg/String"
@@ -42,7 +42,7 @@ SEVERAL = {
 """Advice about several topics of a type."""
 
 
-def checked_topics(topic):
+def check_topics(topic):
     """Return a topic or several as a tuple of str without repetition; empty for None."""
     topics = [topic] if isinstance(topic, str) else () if topic is None else topic
     if not isinstance(topics, list | tuple) or not all(isinstance(one, str) and one for one in topics):
@@ -50,9 +50,9 @@ def checked_topics(topic):
     return tuple(dict.fromkeys(topics))
 
 
-def source_of(path, columns=None, topic=None, joint_names=None):
+def open_source(path, columns=None, topic=None, joint_names=None):
     """Return the BagSource or TableSource of a path; for its arguments see :func:`read_recording`."""
-    wanted = column_map(columns)
+    wanted = read_column_map(columns)
     if wanted.joint_names is not None and joint_names is not None:
         raise InputError(f"joint_names is given by {wanted.source}, too; expected one of them.")
     given, where = joint_names, "joint_names"
@@ -89,7 +89,7 @@ class BagSource:
 
     def __init__(self, path, topic=None, names=None):
         self.names, self._path, self._bag = names, path, Bag(path)
-        self._topics, self._notes, self._limits = checked_topics(topic), [], (None, None)
+        self._topics, self._notes, self._limits = check_topics(topic), [], (None, None)
         self.start, self.unread = self._bag.start, self._bag.unread
         self._kinds = np.array([connection.type for connection in self._bag.connections])
 

@@ -17,7 +17,7 @@ FEW = 5  # joints, findings and collisions that the text lists one by one
 WIDTH = 100  # longest line of the text by default
 
 
-def summary_of(analysis):
+def summarize(analysis):
     """Return the numbers of an Analysis that has run as a dict in SI units; docs/recordings.md lists the keys."""
     balance, peaks, counts = analysis.balance, analysis.peaks, dict(sorted(analysis.reading.counts.items()))
 
@@ -113,7 +113,7 @@ def _exceeded(alarm):
     return {"first": alarm.first, "exceeded": exceeded, "told": alarm.describe()}
 
 
-def wrongs_of(summary):
+def describe_faults(summary):
     """Return what is wrong with a recording or its robot, in words: the causes of exit status 1."""
     efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]
     rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
@@ -137,7 +137,7 @@ def _has_efforts(summary):
     return summary["states"] > summary["quality"]["without_effort"]
 
 
-def text_of(summary, width=WIDTH):
+def format_summary(summary, width=WIDTH):
     """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on."""
     notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
     faults = [str(Finding(**one)) for one in summary["findings"] if one["cause"] != NOTE]

@@ -25,11 +25,11 @@ from diag_dynamics.recordings.outputs.downsampling import (
     ContactRuns,
     Overview,
     Work,
+    make_records,
     mean_powers,
-    records_of,
 )
 from diag_dynamics.recordings.recording import Reading
-from diag_dynamics.recordings.summary import summary_of
+from diag_dynamics.recordings.summary import summarize
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
 from robots import description, joint, link
 
@@ -125,7 +125,7 @@ def states_of(t, collision=False, powers=0.0, **columns):
     """Return records of states at some times."""
     sums = Work().integrate(t, np.broadcast_to(powers, (len(t), 4)))
     columns = {"t": t, "index": np.arange(len(t)), "collision": collision, "sums": sums, **columns}
-    return records_of({name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()})
+    return make_records({name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()})
 
 
 def in_pieces(states, size):
@@ -346,7 +346,7 @@ def test_times_behind_a_long_gap_are_right(recording):
     reading = Reading(path, recording.model, parameters={"external_torque.gain": 25.0})
     analysis, report = Analysis(reading), output.ReportOutput(html, reading)
     analysis.run([report])
-    report.close(summary_of(analysis) | {"recording": "gap.npz"})
+    report.close(summarize(analysis) | {"recording": "gap.npz"})
     told, blocks = parts_of(html)
     t = track_of(told, blocks, told["tracks"][0])[0]
     assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()

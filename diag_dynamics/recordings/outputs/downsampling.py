@@ -16,7 +16,7 @@ HALF_WINDOW, MAX_GAP = 0.01, 0.1
 """Half the time over which powers are averaged, and the time over which they are unknown [s]."""
 
 
-def records_of(columns):
+def make_records(columns):
     """Return columns by name, shape (T, …), as T records."""
     records = np.empty(len(columns["t"]), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()])
     for name, column in columns.items():

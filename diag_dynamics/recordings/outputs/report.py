@@ -18,7 +18,7 @@ from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.atomic_file import AtomicFile
-from diag_dynamics.recordings.outputs.downsampling import ContactRuns, Overview, Work, mean_powers, records_of
+from diag_dynamics.recordings.outputs.downsampling import ContactRuns, Overview, Work, make_records, mean_powers
 
 MAX_OVERVIEW, MAX_REPORT, MAX_MESHES = 5_200_000, 14_500_000, 2_000_000
 """Bytes of the overview before compression, of the file, and of compressed meshes."""
@@ -89,7 +89,7 @@ class ReportOutput:
             "sums": self._work.integrate(t, np.stack(powers, axis=1)),
         }
         self._count += len(t)
-        return records_of(columns)
+        return make_records(columns)
 
     def _track(self, pack, states, every=1):
         """Return a Track; only every so many states have the numbers of the end-effector link."""

@@ -35,8 +35,8 @@ class ColumnMap(NamedTuple):
     source: str = "columns"  # for messages
 
 
-def column_map(columns):
-    """Check a map of columns.
+def read_column_map(columns):
+    """Read and check a map of columns.
 
     Parameters
     ----------
