@@ -65,11 +65,11 @@ class JointNames:
             own = {name: self.map_name(name) for name in names if self._entry(name) == entry}
             if not any(_replace(entry, entry, name) for name in names):
                 found = f"has '{entry}', which is no joint of the recording. Its joints are {listed(names)}."
-                raise InputError(f"{self._where} {found}{_suggest(entry, names)}")
+                raise InputError(f"{self._where} {found}{suggest(entry, names)}")
             if own and not robot & set(own.values()):
                 name, joint = next(iter(own.items()))
                 found = f"maps '{name}' to '{joint}', which is no joint of robot '{model.name}'. Its joints are"
-                raise InputError(f"{self._where} {found} {listed(model.joint_names)}.{_suggest(joint, robot)}")
+                raise InputError(f"{self._where} {found} {listed(model.joint_names)}.{suggest(joint, robot)}")
         for name in names:
             joint = self.map_name(name)
             if joint in robot and mapped.setdefault(joint, name) != name:
@@ -84,7 +84,8 @@ class JointNames:
         return next((entry for entry in self._entries if _replace(entry, entry, name)), None)
 
 
-def _suggest(name, names):
+def suggest(name, names):
+    """Return a question with the name that is nearest to another one, or an empty text."""
     near = get_close_matches(name, names, n=1)
     return f" Is '{near[0]}' meant?" if near else ""
 

@@ -12,7 +12,6 @@ A source, BagSource or TableSource, has
 """
 
 import os
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +22,7 @@ from diag_dynamics.model.sources import GIT_LFS
 from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
-from diag_dynamics.recordings.joint_names import JointNames
+from diag_dynamics.recordings.joint_names import JointNames, suggest
 from diag_dynamics.recordings.table_source import TableSource
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
 from diag_dynamics.wire.definitions import read_message
@@ -52,31 +51,42 @@ def check_topics(topic):
 
 def open_source(path, columns=None, topic=None, joint_names=None):
     """Return the BagSource or TableSource of a path; for its arguments see :func:`read_recording`."""
-    wanted = read_column_map(columns)
-    if wanted.joint_names is not None and joint_names is not None:
-        raise InputError(f"joint_names is given by {wanted.source}, too; expected one of them.")
-    given, where = joint_names, "joint_names"
-    if joint_names is None:
-        given, where = wanted.joint_names, f"{wanted.source}: joint_names"
-    names = None if given is None else JointNames(given, where)
-    path = Path(os.path.expanduser(os.fspath(path)))
+    columns = read_column_map(columns)
+    names, path = _make_names(columns, joint_names), Path(os.path.expanduser(os.fspath(path)))
     if not path.exists():
-        near = get_close_matches(path.name, os.listdir(path.parent) if path.parent.is_dir() else [], n=1)
-        raise InputError(f"there is no file or folder '{path}'.{_meant(near)}")
-    path, first = path.parent if path.name == METADATA else path, b""
-    if path.is_file():
+        near = suggest(path.name, os.listdir(path.parent) if path.parent.is_dir() else [])
+        raise InputError(f"there is no file or folder '{path}'.{near}")
+    path = path.parent if path.name == METADATA else path
+    if not _is_bag(path):
+        return TableSource(path, columns, names)
+    for key, value in columns._asdict().items():
+        if key not in ("joint_names", "source") and value != ColumnMap._field_defaults[key]:
+            raise InputError(
+                f"'{path}' is a bag; expected joint_names alone in a map of columns, and {columns.source} has {key}."
+            )
+    return BagSource(path, topic, names)
+
+
+def _make_names(columns, joint_names):
+    """Return the JointNames of a ColumnMap or of an argument; None without a map of names."""
+    if columns.joint_names is not None and joint_names is not None:
+        raise InputError(f"joint_names is given by {columns.source}, too; expected one of them.")
+    if joint_names is not None:
+        return JointNames(joint_names)
+    return None if columns.joint_names is None else JointNames(columns.joint_names, f"{columns.source}: joint_names")
+
+
+def _is_bag(path):
+    """Return whether a path is a folder, or a file with the first bytes or the suffix of a bag, which may be damaged."""
+    if path.is_dir():
+        return True
+    first = b""
+    if path.is_file():  # a pipe is read once
         with open(path, "rb") as file:
             first = file.read(len(GIT_LFS))
     if first == GIT_LFS:
         raise InputError(f"'{path}' is a pointer of Git LFS. Run git lfs pull.")
-    if not (path.is_dir() or SUFFIXES.keys() & set(path.suffixes) or first.startswith(tuple(MAGIC))):
-        return TableSource(path, wanted, names)
-    for key, value in wanted._asdict().items():
-        if key not in ("joint_names", "source") and value != ColumnMap._field_defaults[key]:
-            raise InputError(
-                f"'{path}' is a bag; expected joint_names alone in a map of columns, and {wanted.source} has {key}."
-            )
-    return BagSource(path, topic, names)
+    return bool(SUFFIXES.keys() & set(path.suffixes)) or first.startswith(tuple(MAGIC))
 
 
 class BagSource:
@@ -168,8 +178,7 @@ class BagSource:
         topics = sorted(one.topic for one in self._bag.connections if one.type == kind)
         is_there = any(one.topic == topic for one in self._bag.connections)
         only = f", only {', '.join(topics)}" if topics and not is_there else f": {self._content()}"
-        near = get_close_matches(topic, topics, n=1)
-        return InputError(f"'{self._path}' has no topic '{topic}' of {kind}{only}.{_meant(near)}")
+        return InputError(f"'{self._path}' has no topic '{topic}' of {kind}{only}.{suggest(topic, topics)}")
 
     def _content(self):
         """Return the topics of the bag as a text, and the beginning of its damage."""
@@ -180,10 +189,6 @@ class BagSource:
             odd = f"; expected messages encoded as {EXPECTED}" if encoding else odd
         topics = f"its topics are {', '.join(sorted(texts))}" if texts else "it has no topics that could be read"
         return topics + "".join(f"; {one.where}: {one.what}" for one in self.unread[:3]) + odd
-
-
-def _meant(near):
-    return f" Is {near[0]!r} meant?" if near else ""
 
 
 def decode_messages(decoder, messages, kinds):

@@ -5,7 +5,6 @@
 
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from functools import partial
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.joint_names import listed
+from diag_dynamics.recordings.joint_names import listed, suggest
 from diag_dynamics.recordings.tables import headers, names_in_data
 from diag_dynamics.recordings.tables.column_map import QUANTITIES, UNSAID
 from diag_dynamics.recordings.tables.headers import JOINT, split_unit
@@ -254,8 +253,7 @@ class _Chooser:
             places = [k for k, name in enumerate(self._headers) if one in (k, name)]
             places = places or [k for k, stem in enumerate(stems) if one == stem]
             if len(places) != 1:
-                near = get_close_matches(str(one), self._headers, n=1)
-                meant = f" Is {near[0]!r} meant?" if near and not places else ""
+                meant = "" if places else suggest(str(one), self._headers)
                 there = f"expected the name or number of one of {listed(self._headers)}"
                 raise InputError(f"{quantity}: {one!r} is the name of {len(places)} columns; {there}.{meant}")
             self._require_numbers(places[0], quantity)
