@@ -171,7 +171,9 @@ def _find_files(folder, notes):
     if not bags and not listed:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
-        raise InputError(f"'{folder}' {why}, and has no bags in it; there are {KNOWN}.{meant}")
+        raise InputError(
+            f"'{folder}' {why}, and has no bags in it; there are {KNOWN}. Give tables by their files.{meant}"
+        )
     if not listed:
         notes.add_oddity(folder, f" {why}. All bags in it are read, in the order of their names.")
         return [folder / name for name in bags]
@@ -205,7 +207,7 @@ def _read_metadata(folder):
         content = yaml.safe_load(text)["rosbag2_bagfile_information"]
         paths = [str(path).replace("\\", "/") for path in content["relative_file_paths"]]
     except FileNotFoundError:
-        return [], f"has no {METADATA}: its recorder was ended"
+        return [], f"has no {METADATA}"
     except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
         return [], f"has a {METADATA} that is damaged ({describe_error(error)})"
     return [path.rpartition("/")[2] for path in paths], f"has a {METADATA} that lists no files"

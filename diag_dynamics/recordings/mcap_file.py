@@ -112,8 +112,11 @@ class McapFile:
         """Read channels and parts from all records."""
         file.seek(0)
         at, stop, begin = len(MAGIC), self._size, file.read(len(MAGIC))
+        if not begin:
+            self._lose("byte 0", "the file is empty")
+            return
         if begin != MAGIC:
-            self._lose("byte 0", "the file does not begin as one of MCAP does" if begin else "the file is empty")
+            self._lose("byte 0", "the file does not begin as one of MCAP does")
         while at < stop:
             file.seek(at)
             opcode, size = _RECORD.unpack(file.read(9).ljust(9, b"\0"))

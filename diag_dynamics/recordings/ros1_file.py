@@ -27,7 +27,7 @@ class Ros1File:
                 self.start = min((one.start_time for one in reader.chunk_infos), default=None)
         except Exception as error:  # of damaged bytes
             size, advice = self._path.stat().st_size, f"`rosbag reindex {name}` makes an index"
-            self._lose("index", f"{describe_error(error)}: {size} bytes; {advice}")
+            self._lose("index", f"{describe_error(error)}: {size} bytes; {advice}" if size else "the file is empty")
 
     def parts(self, wanted):
         """Yield (first log time, last one, function that returns Messages) in their order."""

@@ -26,14 +26,16 @@ class SqliteFile:
             self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
             for one in (path, *journals):
                 shutil.copy(one, self._copy.name)
-            notes.add_oddity(name, " has a journal: its recorder was ended. What is in it is read, too.")
+            notes.add_oddity(name, " has a journal: its recorder was ended or still records. It is read, too.")
         try:
             with closing(self._open()) as database:
                 for key, *declaration in database.execute("SELECT id, name, type, serialization_format FROM topics"):
                     self._topics[key] = len(self.connections)
                     self.connections.append(Connection(*map(str, declaration)))
         except sqlite3.Error as error:
-            self._lose("database", f"{error}: {self._path.stat().st_size} bytes; {self._advice}")
+            size = self._path.stat().st_size
+            is_empty = not size and not self._copy
+            self._lose("database", "the file is empty" if is_empty else f"{error}: {size} bytes; {self._advice}")
         with suppress(sqlite3.Error), closing(self._open()) as database:
             (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
             self.start = start if isinstance(start, int) else None

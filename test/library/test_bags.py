@@ -184,7 +184,8 @@ def test_folders_without_a_list_of_files(tmp_path):
     assert numbers == list(range(50)) and cause == "note" and "metadata.yaml that lists no files" in text
     (folder / "recording").unlink()
     refused(r"has a metadata\.yaml that lists no files, and has no bags in it", folder, arm("a"))
-    refused(r"has no metadata\.yaml: .* no bags in it.* Is one of its folders meant: monday\?", tmp_path, arm("a"))
+    advice = r"Give tables by their files\. Is one of its folders meant: monday\?"
+    refused(rf"has no metadata\.yaml, and has no bags in it; .* {advice}", tmp_path, arm("a"))
 
 
 def test_kinds_are_known_by_content(tmp_path):
@@ -203,11 +204,12 @@ def test_kinds_are_known_by_content(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "what"),
     [
-        ("x.mcap", b"", "the file is empty"),
+        ("x.mcap", b"", r"byte 0: the file is empty\.$"),
         ("x.mcap", b"\x89MCAP", "the file has no end"),
         ("x.mcap", b"\xff\xd8\xff\xe0" + bytes(100_000), "byte 0: the file does not begin as one of MCAP does"),
-        ("x.db3", b"", "no such table: topics"),
+        ("x.db3", b"", r"database: the file is empty\.$"),
         ("x.db3", b"SQLite format 3\0" + bytes(5000), "has no joint states.* not a database: .*sqlite3 .* .recover"),
+        ("x.bag", b"", r"index: the file is empty\.$"),
         ("x.bag", b"#ROSBAG V1.2\n" + bytes(5000), "version 102 is not supported"),
         ("x.bag", b"#ROSBAG V2.0\n", "index: .*: 13 bytes; `rosbag reindex .*x.bag` makes an index"),
     ],
