@@ -471,6 +471,12 @@ def test_headers_and_separators(written, text, columns):
     assert (recording.t.tolist(), lost(recording)) == ([1.0], [])
 
 
+def test_decimal_commas_need_a_map(written):
+    (said,) = lost(read(written("t;q1;qd1\n0;1,5;1,0\n")))
+    example = "column 'q1': '1,5'; decimal commas need decimal: ',' in a map of columns"
+    assert said == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
+
+
 def test_points_beside_decimal_commas_separate_thousands(written):
     recording = read(written("t;q1;qd1\n0,0;1,5;1\n1,0;1.234;1\n"), {"decimal": ","})
     assert recording.q.tolist() == [[1.5]] and "column 'q1': '1_234'): 1 fields are NaN" in lost(recording)[0]
@@ -486,9 +492,9 @@ HEADERS = {
     "t,q1,q2,q3,qd1,qd1,qd2,qd3": r"'qd1' \(column 4\) and 'qd1' \(column 5\)",
     "t,q1,q2,q3,q4": "has 1, 2, 3, 4, but there are 3 joints",
     "t,q1,q2,q4": "has 1, 2, 4, but there are 3 joints: shoulder, elbow, wrist",
-    "t,q_hip,q_knee": "has hip, knee, but there are 3 joints: shoulder, elbow, wrist",
+    "t,q_hip,q_knee": "has hip, knee, none of which is one of the 3 joints: shoulder, elbow, wrist",
     "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' is in 'ticks'",
-    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "column 'current_1' is in 'A'",
+    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "is in 'A'.* or omit them by `effort: null`",
     "x,q1,q2,q3": "no column is known as the times, of x, q1, q2, q3",
     "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' is in 'furlongs'",
 }

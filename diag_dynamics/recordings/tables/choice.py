@@ -113,7 +113,7 @@ class _Chooser:
             elif quantity in self._wanted.scale:
                 raise InputError(f"there is a scale of {quantity}, but no column of it.")
         choice = Choice(joints, time, scale, chosen, self._notes, rows)
-        if unused := [name for k, name in enumerate(self._headers) if k not in choice.used]:
+        if unused := [name or "''" for k, name in enumerate(self._headers) if k not in choice.used]:
             self._notes.append(f"not read: {listed(unused)}.")
         return choice
 
@@ -242,7 +242,9 @@ class _Chooser:
         if group.count == len(joints) and (group.ordered or _count_up(group.members)):
             return group.columns
         what = f"{group.count} columns" if group.ordered else listed(group.members)
-        raise InputError(f"{group.pattern} has {what}, but there are {len(joints)} joints: {listed(joints)}.")
+        is_named = not (group.ordered or all(map(str.isdecimal, group.members)))
+        but = "none of which is one of the" if is_named else "but there are"
+        raise InputError(f"{group.pattern} has {what}, {but} {len(joints)} joints: {listed(joints)}.")
 
     # --- Columns ---
 
@@ -356,7 +358,8 @@ def _factor(quantity, unit, header):
     factor = 1.0 if unit is None else headers.factor_of(quantity, unit)
     if factor is None:
         unknown = f"column '{header}' is in '{unit}', from which the {quantity} in SI units does not follow"
-        raise InputError(f"{unknown}: give `scale: {{{quantity}: …}}`, by which its numbers are multiplied.")
+        omit = f", or omit them by `{quantity}: null`" if quantity in ("velocity", "effort") else ""
+        raise InputError(f"{unknown}: give `scale: {{{quantity}: …}}`, by which its numbers are multiplied{omit}.")
     return factor
 
 

@@ -3,6 +3,7 @@
 
 """Rows of any table as columns of joints, in pieces and SI units."""
 
+import re
 from functools import partial
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from diag_dynamics.recordings.tables.names_in_data import read_row_names
 
 ROWS = 20_000  # about as many are in a piece
 LEFT_OUT = "rows left out"
+_DECIMAL_COMMA = re.compile(r"'[-+]?\d+,\d+(?:e[-+]?\d+)?'", re.IGNORECASE)
 
 
 class Columns(NamedTuple):
@@ -56,6 +58,8 @@ class Table:
 
     def _lose(self, cause, where, unit="", count=1, example=""):
         """Count a loss of so many units, such as ``rows left out``; place and example of the first are kept."""
+        if self.unit == "line" and _DECIMAL_COMMA.search(example):
+            example += "; decimal commas need decimal: ',' in a map of columns"
         self._losses.setdefault((cause, unit), [where, f" ({example})" if example else "", 0])[2] += count
 
     def pieces(self):
