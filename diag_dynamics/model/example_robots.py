@@ -42,8 +42,11 @@ def find_urdf(robot):
         There is no such robot, and the message names those of a similar name; or several, which it lists.
     """
     path = Path(os.path.expanduser(robot))
-    if path.is_file():
-        return path.resolve()
+    try:
+        if path.is_file():
+            return path.resolve()
+    except OSError as error:  # of a folder without permission
+        raise InputError(f"robot '{robot}' cannot be read: {error.strerror}.") from error
     urdfs = example_urdfs()
     name = robot.removesuffix(".urdf")
     stems = {key: key.rsplit("/", 1)[-1] for key in urdfs}

@@ -434,8 +434,21 @@ def test_every_command_takes_every_robot(command, kind, robots_folder, run):
         (["{folder}/sub"], "a folder; expected"),
         (["{folder}/nowhere.xml"], "no such file"),
         (["small.urdf"], "'small.urdf': no such file"),  # no part of romeo_small.urdf
+        ([5000 * "x"], "x' cannot be read: File name too long."),
     ],
-    ids=["no value", "other value", "equals", "two values", "name", "mjcf", "ambiguous", "folder", "absent", "part"],
+    ids=[
+        "no value",
+        "other value",
+        "equals",
+        "two values",
+        "name",
+        "mjcf",
+        "ambiguous",
+        "folder",
+        "absent",
+        "part",
+        "long",
+    ],
 )
 def test_every_command_refuses_in_one_line(command, robot, message, robots_folder, run):
     recording = write(robots_folder / "x.csv", ["t", "q_turn", "qd_turn"], np.eye(3))
