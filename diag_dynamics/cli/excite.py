@@ -121,7 +121,7 @@ def _summary(model, found):
     if unbounded:
         names = ", ".join(unbounded)
         lines += ["", plain(f"Effort limits of {names} are missing: compare their efforts with the data sheet.")]
-    lines += ["", "Nobody has looked whether the robot hits itself or something else: try it on the simulator first."]
+    lines += ["", "Collisions are not checked: try the trajectory on the simulator first."]
     return "\n".join(lines)
 
 

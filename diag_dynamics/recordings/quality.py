@@ -177,10 +177,10 @@ class Quality:
             warnings[apart] = moving and error > MAX_VELOCITY_ERROR
             for what in joint["clipped"]:
                 warnings[f"joint '{name}': {what} often is just {joint[f'largest_{what}']:.6g}: clipped"] = True
-        late = "late: filtered, perhaps" if delay > 0.0 else "early"
+        late, gaps = "late, perhaps filtered" if delay > 0.0 else "early", report["gaps"]
         warnings |= {
-            f"velocities come {abs(delay) * 1e3:.2g} ms {late}, against positions": abs(delay) * rate > MIN_PERIODS,
-            f"{report['gaps']} gaps, the longest of {report['longest_gap']:.3g} s": report["gaps"],
+            f"against positions velocities are {abs(delay) * 1e3:.2g} ms {late}": abs(delay) * rate > MIN_PERIODS,
+            f"{gaps} gap{'s' * (gaps > 1)}, the longest of {report['longest_gap']:.3g} s": gaps,
             f"{same_stamp} of {self._count} states have the time of the one before: several messages have one time, "
             "as those of an arm and its gripper, or times need more digits": same_stamp > many,
             f"{same_state} of {self._count} states repeat the one before": same_state > many,

@@ -118,7 +118,7 @@ def describe_faults(summary):
     efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]
     rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
     few = f"the balance of power explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
-    absurd = "no balance of power, because efforts are beyond what can be (absurd.effort): are they in N m or N?"
+    absurd = "no balance of power, because efforts are beyond what can be (absurd.effort): N m and N are expected"
     none, with_efforts = explained is None, _has_efforts(summary)
     wrongs = {
         "part of it could not be read": "unread" in causes,
@@ -164,6 +164,11 @@ def _largest(numbers, form):
     return ", ".join(form.format(name, number) for name, number in largest)
 
 
+def _s(count):
+    """Return the ending of the plural."""
+    return "" if count == 1 else "s"
+
+
 def _after(summary, time):
     """Return a time of the recording as seconds after its first state."""
     return f"{time - summary['begin']:.3f} s"
@@ -172,12 +177,14 @@ def _after(summary, time):
 def _about_states(summary):
     quality, rejected = summary["quality"], sum(summary["rejected"].values())
     rate = "" if quality["rate"] is None else f" at {quality['rate']:.4g} Hz, jitter {quality['jitter'] * 1e3:.2g} ms"
-    yield f"Robot '{summary['robot']}', {len(summary['degrees_of_freedom'])} degrees of freedom"
-    yield f"{summary['states']} states in {summary['duration']:.6g} s{rate}; {rejected} messages rejected"
+    freedom, states = len(summary["degrees_of_freedom"]), summary["states"]
+    yield f"Robot '{summary['robot']}', {freedom} degree{_s(freedom)} of freedom"
+    taken = f"{states} state{_s(states)} in {summary['duration']:.6g} s{rate}"
+    yield f"{taken}; {rejected} message{_s(rejected)} rejected"
     if summary["begin"]:
         yield f"Times below are from the first state on, at {summary['begin']:.6f} s in the recording"
     if quality["without_effort"]:
-        yield f"{quality['without_effort']} states without effort"
+        yield f"{quality['without_effort']} state{_s(quality['without_effort'])} without effort"
 
 
 def _about_energy(summary):
@@ -212,7 +219,7 @@ def _about_balance(summary):
 
 def _about_collisions(summary):
     observer, peaks, found = summary["observer"], summary["peaks"], summary["collisions"]
-    count = f"{len(found)} collision{'' if len(found) == 1 else 's'}"
+    count = f"{len(found)} collision{_s(len(found))}"
     if "residual_norm" in peaks:
         torque, norm = peaks["external_torque"], peaks["residual_norm"]["value"]
         yield (
