@@ -340,7 +340,7 @@ def test_columns_by_their_names(in_columns, header):
 
 IGNORED = (
     *("target", "desired", "des", "command", "commanded", "cmd", "reference", "ref", "setpoint", "goal", "error"),
-    *("err", "planned", "external", "acceleration", "accelerations", "acc"),
+    *("err", "planned", "external", "ext", "limit", "limits", "acceleration", "accelerations", "acc"),
 )
 
 
@@ -348,6 +348,12 @@ def test_columns_that_were_not_measured_are_not_read(in_columns):
     for word in IGNORED:
         header = f"t,{word}_q_1,{word}_q_2,{word}_q_3,q1,q2,q3,{word}_torque_1,{word}_torque_2,{word}_torque_3"
         assert found(in_columns(header)) == (0, [4, 5, 6], None, None)
+    header = "t,q_a,q_b,q_d_a,q_d_b,dq_d_a,b_dq_d,tau_J_d_a,b_tau_d,tau_d[0],tau_d[1],tau_J_d_0,tau_J_d_1"
+    assert found(in_columns(header, joints="ab")) == (0, [1, 2], None, None)
+
+
+def test_a_joint_may_be_called_d(in_columns):
+    assert found(in_columns("t,q_c,q_d,dq_c,dq_d,tau_c,tau_d", joints="cd")) == (0, [1, 2], [3, 4], [5, 6])
 
 
 def test_how_columns_were_understood_is_noted(in_columns):

@@ -52,8 +52,9 @@ _UNIT_WORD = re.compile(
 
 _IGNORED = re.compile(
     r"(?<![a-z])(?:target|desired|des|command|commanded|cmd|reference|ref|setpoint|goal|error|err"
-    r"|planned|external|accelerations?|acc)(?![a-z])"
+    r"|planned|external|ext|limits?|accelerations?|acc)(?![a-z])"
 )
+_DESIRED = re.compile(r"(?<![a-z])(?:d?q|qd|tau|tau_j)_d(?![a-z0-9])")  # of libfranka
 _QUANTITY = re.compile(
     r"(?<![a-z0-9])(?:(?P<velocity>velocities|velocity|speeds|speed|q_dot|qdot|vel|qd|dq)"
     r"|(?P<position>positions|position|angles|angle|theta|pos|q)"
@@ -212,7 +213,8 @@ def _find_quantity(text):
     found = {match.lastgroup: match for match in _QUANTITY.finditer(text)}
     if len(found) > 1:
         found.pop("current", None)  # the current position is no current
-    return None if len(found) != 1 or _IGNORED.search(text) else next(iter(found.values()))
+    is_desired = _DESIRED.search(text) and not _DESIRED.fullmatch(text)  # a joint may be called d
+    return None if len(found) != 1 or _IGNORED.search(text) or is_desired else next(iter(found.values()))
 
 
 def _blank(text, match):
