@@ -20,7 +20,7 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
-from diag_dynamics.recordings.findings import without_states
+from diag_dynamics.recordings.findings import no_states_error
 from diag_dynamics.recordings.fleet import merge_robots, printable
 from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
@@ -161,7 +161,7 @@ def _summary(chosen, recording, parameters, robot):
                 raise InputError(
                     f"'{printable(recording)}' has not a single state: no message is within --start and --end."
                 )
-            raise without_states(printable(recording), analysis.findings)
+            raise no_states_error(printable(recording), analysis.findings)
         summary = summarize(analysis) | {"recording": str(recording)}
         for output in outputs:
             output.close(summary)

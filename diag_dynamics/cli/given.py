@@ -13,7 +13,7 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.robots import model_of
-from diag_dynamics.recordings.findings import without_states
+from diag_dynamics.recordings.findings import no_states_error
 from diag_dynamics.recordings.recording import Reading
 
 GAIN = 25.0
@@ -163,7 +163,7 @@ class Streamed:
             self.findings, states = piece.findings, states + len(piece)
             yield piece
         if not states:
-            raise without_states(self.path, self.findings)
+            raise no_states_error(self.path, self.findings)
 
 
 def streamed(chosen, paths, parameters, robot):

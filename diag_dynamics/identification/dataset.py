@@ -17,7 +17,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.data_checks import find_delay
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.effort_checks import EffortRange
-from diag_dynamics.recordings.findings import Finding, without_efforts, without_states
+from diag_dynamics.recordings.findings import Finding, explain_missing_efforts, no_states_error
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import refuse_units
@@ -120,13 +120,13 @@ class Dataset:
                 parts, step = [States.concatenate(parts)[1::2]], 2 * step
         refuse_units(refused)
         if not count:
-            raise without_states(name, refused)
+            raise no_states_error(name, refused)
         if efforts.unmeasured():
             raise InputError(
                 f"{efforts.unmeasured()}. Record the efforts of these joints, or lock the joints (locked_joints)."
             )
         if not with_efforts:
-            raise InputError(f"{without_efforts(counts)}, without which nothing can be identified.")
+            raise InputError(f"{explain_missing_efforts(counts)}, without which nothing can be identified.")
         self._add(step > 1, "thinned", f"every {step}th of {count} states is used, as the recording is long")
         text = "velocities were estimated from positions: those of the driver would be better"
         self._add(estimated, "velocity estimated", text)

@@ -22,7 +22,7 @@ from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, styled
 from diag_dynamics.recordings import balance as power
 from diag_dynamics.recordings.effort_checks import EffortRange
-from diag_dynamics.recordings.findings import without_efforts
+from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.results import BatchEvaluation, Evaluation
@@ -126,7 +126,7 @@ def balance(of: Recording) -> Any:
     instance("of", of, Recording)
     _check_states(of)
     if of.tau is None:
-        raise InputError(f"{without_efforts(of.counts)}. A balance of power needs them.")
+        raise InputError(f"{explain_missing_efforts(of.counts)}. A balance of power needs them.")
     windows, whole, efforts = _integrate(of), power.Balance(of.model.dof_names), EffortRange(of.model.dof_names)
     efforts.add_values(of.q[:, -of.model.nv :], of.tau)
     whole.add_windows(windows)

@@ -43,7 +43,7 @@ class Finding(NamedTuple):
         return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
 
 
-def without_efforts(counts):
+def explain_missing_efforts(counts):
     """Return why a recording has no efforts, by the counts of its messages: the beginning of an error."""
     absurd = counts.get("absurd effort", 0)
     if absurd:
@@ -54,8 +54,8 @@ def without_efforts(counts):
     return "the recording has no efforts, or in no state one of every joint"
 
 
-def without_states(path, findings):
-    """Return the InputError about a recording without a single state, which says what became of its messages."""
+def no_states_error(path, findings):
+    """Return the InputError about a recording without a single state; it names what became of the messages."""
     found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
     what = "; ".join(map(str, found[:3])) or "it has no messages"
     topics = "".join(f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text)

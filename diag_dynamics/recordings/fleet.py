@@ -30,7 +30,7 @@ from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.balance import MIN_WINDOWS, explained_share
-from diag_dynamics.recordings.findings import without_states
+from diag_dynamics.recordings.findings import no_states_error
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading, make_settings
@@ -237,7 +237,7 @@ def _analyse(job, options):
             outputs.append(ReportOutput(job.output("html"), reading))
         analysis.run(outputs)
         if not analysis.states:
-            raise without_states(job.path, analysis.findings)
+            raise no_states_error(job.path, analysis.findings)
         summary = summarize(analysis) | {"recording": job.path}
         for output in outputs:
             output.close(summary)

@@ -14,7 +14,7 @@ from diag_dynamics.arrays import Array, Flags, VectorLike
 from diag_dynamics.checks import instance, per_name, positive
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.findings import without_efforts
+from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
 from diag_dynamics.sweeps.residuals import observe_samples
@@ -114,7 +114,7 @@ def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
     """Reject a recording that has no efforts, and perhaps no states either."""
     if not with_states:
         raise InputError("the recording has no states: its findings say why.")
-    raise InputError(f"{without_efforts(counts)}, without which no external torque can be observed.")
+    raise InputError(f"{explain_missing_efforts(counts)}, without which no external torque can be observed.")
 
 
 class Observer:

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, WINDOW
-from diag_dynamics.recordings.findings import NOTE, Finding, without_efforts
+from diag_dynamics.recordings.findings import NOTE, Finding, explain_missing_efforts
 from diag_dynamics.recordings.quality import describe_ratio
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
@@ -92,7 +92,7 @@ def _unknown_contacts(analysis, without_effort):
     states, unknown, missing = analysis.states, analysis.states - analysis.observed, analysis.missing
     if not analysis.observed:
         why = "the observer has no result at any state"
-        why = without_efforts(analysis.reading.counts) if without_effort == states else why
+        why = explain_missing_efforts(analysis.reading.counts) if without_effort == states else why
     elif missing:
         why = (
             f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set. diag-dynamics calibrate finds "
