@@ -23,8 +23,8 @@ MAX_STEPS = 6000  # of a curve: ten times the pixels that they are drawn on
 def validate(model, dataset, begin):
     """Return how well a model explains a dataset from a time on [s], by key of the quality; NaN and None are unknown."""
     dynamics, sums, balance = DiagonalDynamics(model), WindowSums(model.nv), Balance(model.dof_names)
-    balance.moved = True  # joints that do not move are not identified
-    observer, errors, observed, energies = Observer(dynamics, OBSERVER_GAIN), [], [], []
+    observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
+    errors, observed, energies = [], [], []
     for part in dataset.portions(begin):
         t, q, qd, tau = part.columns
         tau = tau - dynamics.friction_torque_batch(qd)  # of rates as they are: that of filtered ones turns later

@@ -120,7 +120,7 @@ def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
 class Observer:
     """Observe states batch by batch; arguments are those of :func:`observe`."""
 
-    def __init__(self, dynamics, gain, threshold=np.inf, release=None, *, friction=False, max_gap=0.1, threads=None):
+    def __init__(self, dynamics, gain, threshold=np.inf, release=None, *, friction, max_gap=0.1, threads=None):
         names, count = dynamics.model.dof_names, dynamics.model.nv
         gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
         self._threshold = np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
