@@ -18,12 +18,11 @@ from diag_dynamics.identification.data_checks import find_delay
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.findings import Finding, explain_missing_efforts, no_states_error
-from diag_dynamics.recordings.recording import Recording
+from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import refuse_units
 
 MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
-SIZE = 20_000  # states over which dynamics are evaluated at once
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
 MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit; larger fraction: another unit
 MIN_STATES = 10  # shorter segments are left out
@@ -172,7 +171,7 @@ def _any_since(rows, kept):
 
 
 def _find_fast(model, velocity, finite):
-    """Return which states are faster than joints can be; refuse many of them, as they have another unit."""
+    """Return which states are faster than joints can be; raise InputError if many are, as of another unit."""
     limit = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)  # 0: none
     beyond = finite[:, None] & (np.abs(velocity) > MAX_VELOCITY * limit)
     share = beyond.sum(axis=0) / finite.sum()

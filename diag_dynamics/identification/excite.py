@@ -14,6 +14,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import array_of, choice, instance, number, positive, whole
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.regressors import Regressors, require_single_joints
@@ -28,7 +29,6 @@ MAX_VELOCITY, MAX_POSITION = 100.0, 1000.0  # larger limits are placeholders, su
 CONTINUOUS_RANGE = 0.5 * np.pi  # of a joint without limits, to both sides [rad]
 MIN_TRAVEL, MIN_SPEED = 1e-3, 1e-3  # below these a joint stands still [rad, m; rad/s, m/s]
 POINTS_PER_PERIOD = 2000  # at which a trajectory is scaled to its limits
-OTHERS = "*"  # all joints without a limit of their own
 LACKS = {
     "Velocity": "expected finite numbers > 0. Give --velocity-limit JOINT=LIMIT (velocity_limits).",
     "Position": "expected lower < upper. Give --position-limit JOINT=LOWER:UPPER (position_limits).",
@@ -199,10 +199,10 @@ def _find_limits(model, moving, velocities, positions):
     limits = (velocities, np.zeros(model.nv), velocity, slow), (positions, lower, upper, unbounded)
     for (kind, lack), (given, low, high, missing) in zip(LACKS.items(), limits, strict=True):
         for name in given:
-            choice(f"{kind} limits: a joint", name, (*model.dof_names, OTHERS))
+            choice(f"{kind} limits: a joint", name, (*model.dof_names, ALL))
         for k, name in enumerate(names):
-            if name in given or (missing[k] and OTHERS in given):
-                low[k], high[k] = _read_bounds(kind, name, given.get(name, given.get(OTHERS)), low[k], high[k])
+            if name in given or (missing[k] and ALL in given):
+                low[k], high[k] = _read_bounds(kind, name, given.get(name, given.get(ALL)), low[k], high[k])
                 missing[k] = False
         if missing.any():
             texts.append(f"{kind} limits of {', '.join(names[missing])} are missing; {lack}")
