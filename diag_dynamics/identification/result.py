@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.identification import inertias
+from diag_dynamics.identification.kernels.regressors import PARAMETERS
 from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, ROTOR
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 
@@ -65,7 +66,7 @@ def parameters_of(layout, x, free, origin=None):
         payloads[layout.payload.link] = Payload(*inertias.about_centre(x[layout.robot :]))
     for k, body in enumerate(layout.bodies.tolist()):
         if free[layout.block(k)].all():
-            links |= _share_out(model, body, x[layout.block(k)])
+            links |= _split_body(model, body, x[layout.block(k)])
     velocity = model.friction_velocity if free[layout.own(FRICTION)].any() else None
     return Parameters(
         joints=_joints(layout, x, free), links=links, payloads=payloads, friction_velocity=velocity, origin=origin or {}
@@ -82,12 +83,12 @@ def _joints(layout, x, free):
             own["armature"] = 0.0
         if own:
             found[name] = JointParameters(**own)
-            followers = [joint for joint, mimic in mimics.items() if mimic.leader == name]
-            found |= dict.fromkeys(followers, JointParameters(**dict.fromkeys(own, 0.0)))
+            mimic_joints = [joint for joint, mimic in mimics.items() if mimic.leader == name]
+            found |= dict.fromkeys(mimic_joints, JointParameters(**dict.fromkeys(own, 0.0)))
     return found
 
 
-def _share_out(model, body, whole, written=None):
+def _split_body(model, body, whole, written=None):
     """Return inertias of a body's links, given the body's, which has the model's payloads in it.
 
     All links change alike, so that each stays physical. Payloads in `written`, by link, become part of
@@ -115,7 +116,7 @@ def _share_out(model, body, whole, written=None):
 
 def _carried(payload, placement):
     """Return ten parameters of a link's payload or None, in the frame of the link's placement."""
-    return inertias.moved(inertias.of_body(*payload), placement) if payload else np.zeros(10)
+    return inertias.moved(inertias.of_body(*payload), placement) if payload else np.zeros(PARAMETERS)
 
 
 def without_impossible_links(model, parameters):
@@ -134,7 +135,7 @@ def without_impossible_links(model, parameters):
         before = own - _carried(payload, placement)
         whole = sum(inertias.parameters_of_record(one) for one in records.values() if one["body"] == body)
         if not inertias.is_physical(own) and inertias.is_physical(before) and inertias.is_physical(whole):
-            found = _share_out(model, body, whole, payloads)
+            found = _split_body(model, body, whole, payloads)
             links |= found
             shared += found
             payloads = {name: one for name, one in payloads.items() if records[name]["body"] != body}
