@@ -12,7 +12,7 @@ from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.units import cause_of_ratio, regress_changes
 
 INCREMENT = 0.05  # time over which positions are compared with integrated velocities [s]
-TOLERANCE, MIN_CORRELATION = 0.02, 0.7  # error of their slope; correlation from which a joint counts
+TOLERANCE, MIN_R2 = 0.02, 0.49  # error of their slope; squared correlation from which a joint counts
 DELAYS = np.arange(-20.0, 40.5, 0.5) * 1e-3  # of velocities against positions that are tried [s]
 NOT_JUDGED, DOUBTFUL = "efforts not judged", "effort doubtful"  # causes of findings
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5  # velocity [rad/s], time above it each way [s], range [rad]
@@ -33,15 +33,15 @@ def find_delay(model, segments):
     for delay in DELAYS:
         integrals = np.concatenate([_increments(integral, t, at + delay) for t, _, integral, at in tracks])
         found.append(regress_changes(changes, integrals))
-    slopes, correlations = np.transpose(np.nan_to_num(found), (1, 0, 2))
-    clear = np.flatnonzero(np.sqrt(correlations.max(axis=0)) >= MIN_CORRELATION)
+    slopes, r2 = np.transpose(np.nan_to_num(found), (1, 0, 2))
+    clear = np.flatnonzero(r2.max(axis=0) >= MIN_R2)
     if not len(clear):
         return 0.0
-    cost = (1.0 - correlations[:, clear]).sum(axis=1)
+    cost = (1.0 - r2[:, clear]).sum(axis=1)
     best = int(np.argmin(cost))
     for k in clear:
         # Noise of velocities makes one slope too small, noise of positions the other one too large.
-        low, high = sorted((slopes[best, k], slopes[best, k] / correlations[best, k]), key=abs)
+        low, high = sorted((slopes[best, k], slopes[best, k] / r2[best, k]), key=abs)
         if high < 1.0 - TOLERANCE or low > 1.0 + TOLERANCE:
             cause = cause_of_ratio(low) or "are velocities those of the motor, or of another joint?"
             raise InputError(

@@ -29,9 +29,9 @@ ZERO, CONSTANT, TRAVEL = 1e-12, 1e-9, 0.01
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
 """First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
 
-MIN_EXPLAINED, MAX_LEFT, ALIKE = 0.8, 0.4, 2.0
-"""Fractions of the efforts' squares: least that a fault of all joints explains, and most that it leaves of what the model
-leaves; and ratio of what two equally good faults leave."""
+MIN_BY_FAULT, MAX_LEFT, ALIKE = 0.8, 0.4, 2.0
+"""Least fraction of the efforts' squares that a fault of all joints explains, most that it leaves of the squares that the
+model leaves, and ratio of what two equally good faults leave."""
 
 TURNED, FULL = 15.0, (0.7, 1.4)  # angle of gravity [°], and its size over the model's, of a robot on a wall
 OTHER_SIGN, UNIT = (-1.6, -0.4), 1.6  # factors of an effort of the other sign, and from which it has another unit
@@ -192,9 +192,9 @@ def _explain_all(relation, scaled):
     """Return the fault that explains the efforts of all joints together, a factor of all if `scaled`; or an empty text."""
     explained = _Explanations(relation)
     plain = explained.share(explained.needed)
-    if not explained.torque.any() or plain <= 1.0 - MIN_EXPLAINED:
+    if not explained.torque.any() or plain <= 1.0 - MIN_BY_FAULT:
         return ""
-    limit, floor = min(MAX_LEFT * plain, 1.0 - MIN_EXPLAINED), MODEL_ERROR**2  # a model's errors make no fault better
+    limit, floor = min(MAX_LEFT * plain, 1.0 - MIN_BY_FAULT), MODEL_ERROR**2  # a model's errors make no fault better
     faults = filter(None, (explained.scale() if scaled else None, explained.gravity(), explained.order()))
     faults = [(left + floor, text) for left, text in faults if left <= limit]
     best = ALIKE * min((left for left, _ in faults), default=0.0)

@@ -12,7 +12,7 @@ from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.single_joints import places, sliding_dofs
 
-MIN_CORRELATION = 0.9  # least squared correlation of Δq and ∫q̇dt that determines a ratio
+MIN_R2 = 0.9  # squared correlation of Δq and ∫q̇dt that determines a ratio
 RATIO_ERROR = 1.1  # factor up to which a ratio is a known one
 DEGREE = math.pi / 180.0
 RATIOS = {
@@ -63,8 +63,8 @@ def position_ratios(stamps, position, velocity, continuous):
         changes = position_changes(position, continuous)
         integrals = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
         used = forward & (elapsed < 2.0 * np.median(elapsed[forward])) & np.isfinite(changes + integrals)
-        slope, correlation = regress_changes(np.where(used, changes, 0.0), np.where(used, integrals, 0.0))
-    return np.where(correlation > MIN_CORRELATION, slope, np.nan)
+        slope, r2 = regress_changes(np.where(used, changes, 0.0), np.where(used, integrals, 0.0))
+    return np.where(r2 > MIN_R2, slope, np.nan)
 
 
 def cause_of_ratio(ratio):
