@@ -37,7 +37,7 @@ MAX_STEPS, MAX_HALVINGS = 400, 60
 
 
 class Payload(NamedTuple):
-    """Link, its body, and its 4x4 placement in that."""
+    """A payload: its link, the number of the link's body, and the 4x4 placement of the link in the body."""
 
     link: str
     body: int
@@ -45,7 +45,10 @@ class Payload(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """All unknowns, their covariance, and the fraction that the rows determine: diag (A + γH)⁻¹A. Both are 0 if known."""
+    """All unknowns, their covariance, and the fraction of each that the rows determine: diag (A + γH)⁻¹A.
+
+    Covariance and fraction of a known value are 0.
+    """
 
     x: np.ndarray
     covariance: np.ndarray
@@ -55,8 +58,9 @@ class Fit(NamedTuple):
 class Layout:
     """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload in its link's frame.
 
-    `positive` and `inertial` tell which are positive, and which are of bodies with mass. Rows are pairs of
-    normal equations, and of whether the robot carries the payload in them.
+    The first `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell which are positive, and
+    which are of bodies with mass; `without_rotors` whether the model's rotor inertias are left out. Arguments `rows` are
+    lists of pairs: normal equations, and whether the robot carries the payload in them.
     """
 
     def __init__(self, model, regressors, payload=None):

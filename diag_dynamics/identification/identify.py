@@ -99,9 +99,13 @@ def identify(
 
 
 class Data:
-    """Normal equations of recordings, with and without (`unloaded`) the payloads.
+    """Recordings of an identification: their checks and their normal equations.
 
-    The part from the time `begin` [s] of the last one on is held out; `blocks` are the others.
+    `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
+    model, `moving` the joints that move enough (bool), `findings` on the others, `duration` the time of all [s].
+
+    Normal equations are those of `blocks` and their sum `fitted`; of the part that is `held_out`, from the time `begin` [s]
+    of the last recording on; and of references, `unloaded`, None without any.
     """
 
     def __init__(self, model, payloads, recordings, reference, tolerant):
