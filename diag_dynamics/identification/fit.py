@@ -36,8 +36,8 @@ REGULAR = 1e-12  # added to the scaled Hessian, whose rounding errors are smalle
 MAX_STEPS, MAX_HALVINGS = 400, 60
 
 
-class Payload(NamedTuple):
-    """A payload: its link, the number of the link's body, and the 4x4 placement of the link in the body."""
+class Carrier(NamedTuple):
+    """Link that carries a payload: its name, the number of its body, and its 4x4 placement in the body."""
 
     link: str
     body: int

@@ -15,7 +15,7 @@ from diag_dynamics.checks import instance
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.identification.data_checks import check_efforts, check_motion
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
-from diag_dynamics.identification.fit import Payload
+from diag_dynamics.identification.fit import Carrier
 from diag_dynamics.identification.quality import quality_of
 from diag_dynamics.identification.regressors import Regressors, require_single_joints
 from diag_dynamics.identification.result import Identification, parameters_of
@@ -83,7 +83,7 @@ def identify(
     require_single_joints(model)
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
     links = [model.link_names[link] for link in model.bodies["link"][ends]]
-    payloads = [Payload(link, *model.placement_in_body(link)) for link in (asked or links)]
+    payloads = [Carrier(link, *model.placement_in_body(link)) for link in (asked or links)]
     data = Data(model, payloads, recordings, reference, bool(asked))
     payload = payloads[0] if asked else None
     selection = Selection(model, steps, payload, data)
