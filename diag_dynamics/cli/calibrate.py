@@ -26,7 +26,7 @@ DONE, WORTH_KNOWING = range(2)
 """Exit statuses: thresholds that hold what was asked; thresholds with a warning."""
 
 EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for what was asked, their parts are
-unlike, or something of them could not be read (see the summary); 2 not calibrated."""
+unlike, efforts are wrong, or something of them could not be read (see the summary); 2 not calibrated."""
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 

@@ -13,7 +13,7 @@ from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmT
 from diag_dynamics.collision.residuals import Residuals, poisson_interval
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.effort_checks import EffortRange
+from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
 from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.units import refuse_units
@@ -60,7 +60,7 @@ def calibrate(
     Returns
     -------
     Calibration
-        Its `warnings` name recordings that are too short, and parts that are unlike one another.
+        Its `warnings` name recordings that are too short, parts that are unlike one another, and faults of efforts.
 
     Raises
     ------
@@ -76,8 +76,9 @@ def calibrate(
     positive("false_alarms", false_alarms, "[1/s]")
     template = AlarmThresholds({}, release=release, hold_off=hold_off, standing=standing)
     residuals, efforts = Residuals(len(names), max_gap), EffortRange(names)
-    many = [recordings] if isinstance(recordings, Recording) else recordings
+    many, faults = [recordings] if isinstance(recordings, Recording) else recordings, {}
     for one in many:
+        motion = MotionSample(dynamics.model)
         observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
         states, with_efforts, counts, findings = 0, False, {}, []
         for piece in [one] if isinstance(one, Recording) else one:
@@ -85,16 +86,19 @@ def calibrate(
             states, with_efforts = states + len(piece), with_efforts or piece.tau is not None
             counts, findings = piece.counts, piece.findings  # of all pieces until here
             efforts.add_values(piece.states.position[:, -len(names) :], piece.states.effort)
+            motion.add_states(piece.states)
             for stamps, (residual, torque, _, valid, _) in observer.observe_states(piece.states):
                 residuals.add_states(stamps, residual, torque, valid)
         refuse_units(findings)
         if not with_efforts:
             require_efforts(states > 0, counts)
+        if (fault := motion.fault()) and not fault.light:
+            faults[f"{fault.text}: thresholds are wrong"] = True
     if not efforts.states:
         raise InputError("recordings are none, expected at least one.")
     unmeasured = efforts.unmeasured()
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
     still = "" if efforts.moved else "no joint moves: the thresholds are those of a robot at rest"
-    warnings = [text for text in (unmeasured, still) if text]
+    warnings = [text for text in (unmeasured, still, *faults) if text]
     return calibrate_residuals(residuals, names, gain, false_alarms, template, friction, warnings)
