@@ -142,7 +142,7 @@ def by_name(parameter, entries, names):
     """
     for name in entries:
         if name != ALL and name not in names:
-            raise InputError(f"parameter '{parameter}' names '{name}', which is no joint whose state is needed here.")
+            raise InputError(f"parameter '{parameter}' names '{name}'; expected one of {', '.join(names)}.")
     if ALL in entries:
         return {name: entries.get(name, entries[ALL]) for name in names}
     return dict(entries)

@@ -144,7 +144,9 @@ class Dataset:
         segments, restarts = _cut(states[rows], _any_since(np.flatnonzero(states.jumped), rows))
         left = len(rows) - sum(len(one.t) for one in segments)
         if not segments:
-            raise InputError(f"the recording has no {MIN_STATES} states without a gap among {len(rows)} usable ones.")
+            raise InputError(
+                f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
+            )
         self._add(sum(~finite), "not whole", "states without position, velocity or effort of all joints, left out")
         self._add(sum(again), "time did not go on", "states with the stamp of the one before, left out")
         text = f"states with a velocity above {MAX_VELOCITY} times the URDF's limit, left out"

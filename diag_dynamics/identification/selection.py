@@ -126,8 +126,8 @@ class Selection:
         self.ladder.append({"steps": self.named(steps), "score": score, "taken": better})
         if not better:
             return (
-                f"{step} stay as the model has them: the residual of what was held out would be "
-                f"{max(0.0, gain):.1%} smaller, expected {GAIN:.0%} at least"
+                f"{step}: the model's numbers are kept, because the residual on the held-out part would be only "
+                f"{max(0.0, gain):.1%} smaller; expected {GAIN:.0%} at least"
             )
         self.taken, self.fit = steps, fit
         before = sum(own.sum() for own in self._own.values())
