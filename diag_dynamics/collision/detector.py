@@ -147,7 +147,19 @@ class AlarmDetector:
         return tuple(np.array(self.detectors)[self._active].tolist())
 
     def update(self, time: float, residual: VectorLike, external_torque: VectorLike) -> Judged:
-        """Process one state: its time [s], r and m r; return a single row.
+        """Process one state with a result of the observer.
+
+        Parameters
+        ----------
+        time : float
+            [s]. Where it goes back, the detector is reset.
+        residual, external_torque : array_like, shape (nv,)
+            r [J^½/s] and m r [N m, N].
+
+        Returns
+        -------
+        Judged
+            A single row.
 
         Raises
         ------
@@ -175,7 +187,7 @@ class AlarmDetector:
         stamps : ndarray of int64, shape (T,)
             [ns]. Where they go back, the detector is reset.
         residual, external_torque : ndarray, shape (T, nv)
-            r and m r.
+            r [J^½/s] and m r [N m, N].
         valid : ndarray of bool, shape (T,)
             Whether the observer has a result. A state without one has no alarm, and zero values.
         restarts : ndarray of bool, shape (T,), optional

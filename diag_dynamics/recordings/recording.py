@@ -44,9 +44,9 @@ class Recording:
     qd : ndarray, shape (T, nv)
         Rates [rad/s, m/s].
     tau : ndarray, shape (T, nv), or None
-        Efforts with gravity in them [N m, N]: rows of NaN in states without; None without any.
+        Efforts with gravity in them [N m, N]; NaN in states without efforts, None if no state has any.
     states : States
-        All of the above, and more.
+        These columns with log times, oldest stamps and flags.
     offset : int
         Delay of stamps from times in the recording [ns].
     counts : dict
@@ -165,6 +165,11 @@ def stream_recording(
     ------
     Recording
         One piece; `counts` and `findings` are those of the recording up to its end. The last one may be empty.
+
+    Raises
+    ------
+    InputError, DiagDynamicsError
+        As of :func:`read_recording`.
     """
     reading = Reading(
         path, model, columns, topic=topic, joint_names=joint_names, parameters=parameters, start=start, end=end

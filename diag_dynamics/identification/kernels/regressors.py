@@ -39,7 +39,7 @@ def coefficients(S, V):
 def propagate_directions(bodies, gravity, q, qd, work, directions):
     """Compute V and −g in the frame of each body, and its own and inboard directions.
 
-    ``directions[i, k]`` has S_k, a follower's times its multiplier, and V_k × S_k in the frame of
+    ``directions[i, k]`` has S_k, a mimic joint's times its multiplier, and V_k × S_k in the frame of
     body i, V_k that of the joint's last body.
     """
     rest_at_world(work)
