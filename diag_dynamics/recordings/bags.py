@@ -20,7 +20,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import Messages, Notes, describe_error, merge_parts
+from diag_dynamics.recordings.messages import REASON, Messages, Notes, describe_error, merge_parts
 
 METADATA = "metadata.yaml"
 """File that rosbag2 writes into a folder when it closes a recording."""
@@ -34,7 +34,6 @@ ROS1 = "ros1", "ros1msg"
 """Names of the encoding of ROS 1."""
 MAX_MESSAGE = 1 << 26
 """Maximum size of a message that is compressed by itself [bytes]."""
-REASON = "reading the recording"
 
 
 class Bag:

@@ -18,7 +18,7 @@ from mcap.stream_reader import get_chunk_data_stream
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import Connection, DamageError, Messages, describe_error
+from diag_dynamics.recordings.messages import REASON, Connection, DamageError, Messages, describe_error
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, LAST, PRIVATE = 2, 3, 4, 5, 6, 15, 128
@@ -227,7 +227,7 @@ def _decompress(raw, size):
     name, length = chunk.compression, chunk.uncompressed_size
     if name not in COMPRESSIONS:
         raise DamageError(f"compression '{name}' is not known; zstd, lz4 and none are")
-    library, sizes = require(COMPRESSIONS[name], "reading the recording"), (-1, length)
+    library, sizes = require(COMPRESSIONS[name], REASON), (-1, length)
     if length > MAX_SIZE or (name == "zstd" and library.frame_content_size(chunk.data) not in sizes):
         raise DamageError(f"{length} bytes is not the size of its records")
     stream, count = get_chunk_data_stream(chunk, validate_crc=True)

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+REASON = "reading the recording"
+"""Use of libraries, for the error about one that is missing."""
 ROWS = 2000
 """Messages that are grouped where a file has no chunks."""
 

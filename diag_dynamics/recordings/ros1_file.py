@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import Connection, DamageError, describe_error, group_rows
+from diag_dynamics.recordings.messages import REASON, Connection, DamageError, describe_error, group_rows
 
 TYPES = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry", "std_msgs/msg/String"
 """Types of messages that recordings are made of."""
@@ -18,7 +18,7 @@ class Ros1File:
 
     def __init__(self, path, name, notes):
         self._path, self._lose = Path(path), partial(notes.add_damage, name)
-        self._open = partial(require("rosbags.rosbag1", "reading the recording").Reader, self._path)
+        self._open = partial(require("rosbags.rosbag1", REASON).Reader, self._path)
         self.connections, self.start = [], None
         try:
             with self._open() as reader:
@@ -53,7 +53,7 @@ def find_conversion(name, md5):
     """Return the function that converts messages of a type of ROS 1 to CDR; None if none are read."""
     if name not in TYPES:
         return None
-    typesys = require("rosbags.typesys", "reading the recording")
+    typesys = require("rosbags.typesys", REASON)
     noetic = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)  # its headers have no `seq`
     is_known = md5 in ("", "*", noetic.generate_msgdef(name, ros_version=1)[1])
