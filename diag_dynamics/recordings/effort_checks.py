@@ -100,15 +100,15 @@ class MotionSample:
 
     def __init__(self, model):
         self._model, self._parts = model, [States.empty(model.nq, model.nv)]
-        self._room = 0 if model.floating_base or model.nq != model.nv or not model.nv else MAX_STATES
+        self._remaining = 0 if model.floating_base or model.nq != model.nv or not model.nv else MAX_STATES
 
     def add_states(self, states):
         """Add states."""
-        if self._room:
+        if self._remaining:
             moving = states.effort_known & (np.abs(states.velocity) > MOVING).any(axis=1)
-            rows = np.flatnonzero(moving & np.isfinite(states.effort).all(axis=1))[: self._room]
+            rows = np.flatnonzero(moving & np.isfinite(states.effort).all(axis=1))[: self._remaining]
             self._parts.append(states[rows])
-            self._room -= len(rows)
+            self._remaining -= len(rows)
 
     def fault(self):
         """Return the :class:`Fault` of efforts; None if nothing is wrong, or nothing can be said."""

@@ -15,7 +15,7 @@ from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.optional import require
 
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
-"""Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and time after which it has forgotten all [s]."""
+"""Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and length of its response [s]."""
 
 INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(3, 9)
 """Columns of torque: of gravity along each axis of the base by 1 m/s² (0 to 2), of inertia, and of what resists: rate, its

@@ -26,7 +26,7 @@ TEXTS = {
     "mimic disagreement": None,
     "absurd effort": "efforts beyond what can be, taken as unknown (absurd.effort)",
     "before odometry": "joint states before the base was known",
-    "time jumped back": "stamps went back: all joints were forgotten, and what follows is a stretch of its own",
+    "time jumped back": "stamps went back: values of all joints were reset, and a new segment begins",
     "awaiting velocity": "states before a velocity could be estimated",
 }
 """Texts of counts of messages that were not rejected; None for the text on the last time."""
