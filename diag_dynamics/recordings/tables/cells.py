@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import compute as pc
 
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.names_in_data import MAX_LENGTH, numbers_of
 
@@ -19,9 +20,8 @@ BLANK = ("", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "-
 MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))
 """Texts that stand for no number."""
 
-_SECOND = 10**9  # [ns]
 _LIMIT = 4 * 10**18  # [ns], of stamps: the difference of two fits into 64 bits
-_SHORT = 2.0**50 / _SECOND  # [s], 13 days: up to here a double holds nine decimals
+_SHORT = 2.0**50 / SECOND  # [s], 13 days: up to here a double holds nine decimals
 _EXACT = Context(prec=40, traps=[])
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ISO = re.compile(
@@ -188,10 +188,10 @@ def read_times(array, scale):
         if not (np.abs(values * scale) > _SHORT).any():
             return _scale_floats(values, scale)
         if scale == 1.0 and not array.null_count:
-            exact = pc.multiply(array.cast(pa.decimal128(19, 9)), pa.scalar(_SECOND, pa.decimal128(10)))
+            exact = pc.multiply(array.cast(pa.decimal128(19, 9)), pa.scalar(SECOND, pa.decimal128(10)))
             return values, np.clip(exact.cast(pa.int64()).to_numpy(), -_LIMIT, _LIMIT)
     seconds = [_parse_time(text, Decimal(repr(scale))) for text in read_texts(array)]
-    exact = [0 if one.is_nan() else max(min(_EXACT.multiply(one, _SECOND), _LIMIT), -_LIMIT) for one in seconds]
+    exact = [0 if one.is_nan() else max(min(_EXACT.multiply(one, SECOND), _LIMIT), -_LIMIT) for one in seconds]
     return np.array(seconds, float), np.array([round(one) for one in exact], np.int64)
 
 
@@ -199,17 +199,17 @@ def _scale_floats(values, scale):
     inverse = np.rint(1 / scale)
     divided = scale < 1 and inverse and 1 / inverse == scale  # 5 / 1e6 is 5e-6, 5 * 1e-6 is not
     time = values / inverse if divided else values * scale
-    whole = np.floor(np.clip(np.nan_to_num(time), -_LIMIT / _SECOND, _LIMIT / _SECOND))
+    whole = np.floor(np.clip(np.nan_to_num(time), -_LIMIT / SECOND, _LIMIT / SECOND))
     part = np.clip(np.nan_to_num(time) - whole, 0.0, 1.0)
-    return time, whole.astype(np.int64) * _SECOND + np.rint(part * _SECOND).astype(np.int64)
+    return time, whole.astype(np.int64) * SECOND + np.rint(part * SECOND).astype(np.int64)
 
 
 def _scale_integers(array, scale):
     """Return times and stamps; these are exact if the unit is a whole number of nanoseconds."""
-    values, unit = array.fill_null(0).to_numpy(zero_copy_only=False), round(scale * _SECOND)
+    values, unit = array.fill_null(0).to_numpy(zero_copy_only=False), round(scale * SECOND)
     time, stamp = _scale_floats(values.astype(float), scale)
-    if unit / _SECOND == scale:
-        small = np.abs(time) < _LIMIT / _SECOND
+    if unit / SECOND == scale:
+        small = np.abs(time) < _LIMIT / SECOND
         stamp[small] = values[small].astype(np.int64) * unit
     time[array.is_null().to_numpy(zero_copy_only=False)] = np.nan
     return time, stamp
