@@ -11,7 +11,7 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
 
 WINDOW, MAX_GAP = 0.1, 0.1
-"""Length of a window, and longest interval between its states [s]: noise of velocities spoils shorter ones."""
+"""Length of a window, as noise of velocities spoils shorter ones, and longest interval that is integrated over [s]."""
 
 MIN_WINDOWS, MIN_POWER = 20, 1e-3  # fewest windows of an explained share; least rms of dK/dt of the monitor [W]
 NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8

@@ -6,12 +6,12 @@
 import numpy as np
 
 from diag_dynamics.joint_states.stamps import SECOND
+from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import RATIO_ERROR, cause_of_ratio, position_changes, position_ratios
 from diag_dynamics.recordings.windows import WindowIntegrals, column_counts, column_maxima
 
-WINDOW, MAX_INTERVAL = 0.05, 0.1
-"""Time over which positions are compared with velocities, and longest interval between states for that [s]."""
+WINDOW = 0.05  # time over which positions are compared with velocities [s]
 
 GAP_PERIODS = 3.0  # interval in periods from which it is a gap, to 2 %
 MIN_INTERVAL, BINS, BIN_WIDTH = 1e-7, 2001, np.log(1e10) / 2000  # logarithmic bins of intervals: first one [s]
@@ -104,7 +104,7 @@ class Quality:
         same = (velocity[k + 1] == velocity[k]) & (effort[k + 1] == effort[k])
         self._counts["repeated_states"] += int(np.count_nonzero(same.all(axis=1)))
         self._counts["repeated_stamps"] += int(np.count_nonzero(again))
-        follows = again | ((elapsed > 0.0) & (elapsed <= MAX_INTERVAL) & ~states.jumped[1:])
+        follows = again | ((elapsed > 0.0) & (elapsed <= MAX_GAP) & ~states.jumped[1:])
         follows = np.append(False, follows)
         *_, sums, change = self._windows.integrate(stamps, follows, steps.reshape(len(steps), -1), velocity)
         moved, integral = np.split(sums, 2, axis=1)
@@ -166,8 +166,8 @@ class Quality:
         rate, delay = report["rate"] or np.inf, report["velocity_delay"] or 0.0
         same_state, same_stamp, many = report["repeated_states"], report["repeated_stamps"], MANY * self._count
         warnings = {
-            f"states are {1.0 / rate:.3g} s apart: over more than {MAX_INTERVAL:g} s nothing is integrated, so that there "
-            "is neither a balance of power nor an external torque": rate * MAX_INTERVAL < 1.0
+            f"states are {1.0 / rate:.3g} s apart: over more than {MAX_GAP:g} s nothing is integrated, so that there "
+            "is neither a balance of power nor an external torque": rate * MAX_GAP < 1.0
         }
         # Noise of positions at rest is not the integral of that of velocities.
         moves = np.sqrt(self._sums[0] / max(self.duration / WINDOW, 1.0)) >= REST

@@ -9,11 +9,12 @@ recording, ``t`` [s], ``K`` [J], ``norm`` (|r|), ``collision`` and ``sums`` of :
 
 import numpy as np
 
+from diag_dynamics.recordings.balance import MAX_GAP
+
 AROUND, MAX_RUN = 2.0, 20.0
 """Time about the start and the end of a contact, and the longest run of states around contacts [s]."""
 
-HALF_WINDOW, MAX_GAP = 0.01, 0.1
-"""Half the time over which powers are averaged, and the time over which they are unknown [s]."""
+HALF_WINDOW = 0.01  # half the time over which powers are averaged [s]
 
 
 def make_records(columns):
