@@ -84,7 +84,7 @@ def identify(
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
     links = [model.link_names[link] for link in model.bodies["link"][ends]]
     payloads = [Carrier(link, *model.placement_in_body(link)) for link in (asked or links)]
-    data = Data(model, payloads, recordings, reference, bool(asked))
+    data = FitData(model, payloads, recordings, reference, bool(asked))
     payload = payloads[0] if asked else None
     selection = Selection(model, steps, payload, data)
     last = selection.fit_all() if selection.fit else None
@@ -98,7 +98,7 @@ def identify(
     return Identification(model.with_parameters(parameters), parameters, quality)
 
 
-class Data:
+class FitData:
     """Recordings of an identification: their checks and their normal equations.
 
     `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
