@@ -100,5 +100,6 @@ def calibrate(
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
     still = "" if efforts.moved else "no joint moves: the thresholds are those of a robot at rest"
-    warnings = [text for text in (unmeasured, still, *faults) if text]
+    warnings = [unmeasured] if unmeasured else list(faults)
+    warnings += [still] * bool(still)
     return calibrate_residuals(residuals, names, gain, false_alarms, template, friction, warnings)
