@@ -15,7 +15,7 @@ from diag_dynamics.joint_states.decoding import FIELDS, Decoder
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.limits import EffortMeaning, age_limits, joint_limits
 from diag_dynamics.joint_states.rules import judge_messages
-from diag_dynamics.joint_states.stamps import SECOND, nanoseconds
+from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.joint_states.steps import ROWS
 from diag_dynamics.joint_states.watches import SAMPLES, WINDOW
 from diag_dynamics.model.followers import Followers
@@ -101,7 +101,7 @@ class StateAssembler:
         self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
         self._labels = labels or tuple(f"joint '{name}'" for name in self.names)
         self.counts, self.frozen, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
-        self._layouts, self._known, self.arrived, self._apart = {}, {}, {}, 0
+        self._layouts, self._known, self.arrived = {}, {}, {}
         count, beside = len(joints.names), len(self.followers.names)
         self._memory = memory.Memory(
             np.zeros(1, memory.SHARED),
@@ -227,8 +227,8 @@ class StateAssembler:
 
     @property
     def offset(self):
-        """Clock of this node less the stamp of the last single message that was accepted [s]."""
-        return self._apart * 1e-9
+        """Clock of this node less the last accepted stamp that was compared with it [s]."""
+        return int(self._shared["apart"]) * 1e-9
 
     @property
     def frozen_text(self):
@@ -307,8 +307,6 @@ class StateAssembler:
         if code > 0:
             text = layout.text if code in codes.LAYOUT_ERRORS else self._text(self._batch.outcome[0])
             return Rejected(codes.CAUSES[code], text)
-        if sec or nanosec:
-            self._apart = now - (sec * SECOND + nanosec)
         return Accepted(None if code else self._state())
 
     def accept_odometry(self, message, now):

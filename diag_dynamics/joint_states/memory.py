@@ -25,6 +25,7 @@ SHARED = _record(
     ("i8", "needs_base base_stamp base_unstamped base_timeout"),  # of a floating base
     ("i8", "restarted"),  # whether time restarted since the last state
     ("i8", "in_step"),  # whether stamps agree with the clock; −1 before that is known
+    ("i8", "apart"),  # clock less the last accepted stamp that was compared with it
     ("i8", "refused refused_at refused_apart"),  # by the clock: whether, when, and the distance then
     ("i8", "lost"),  # states lost by gaps in stamps
     ("i8", "frozen_last frozen_kind frozen_joint frozen_more"),  # last state that was compared, and its stuck sensors

@@ -243,7 +243,8 @@ def _accept_stamp(memory, source, anew, stamp, unstamped, now):
     if shared.max_age == 0:
         shared.in_step, shared.refused = -1, 0
     elif now and not unstamped:
-        apart = abs(now - stamp)
+        shared.apart = now - stamp
+        apart = abs(shared.apart)
         # A stamp of another clock must come within half of the bound before the bound holds for it. At the bound itself it
         # would be accepted and rejected by turns.
         within = apart <= shared.max_age and (shared.in_step != 0 or 2 * apart <= shared.max_age)

@@ -350,6 +350,25 @@ def test_start_anew(kind):
 
 
 @pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
+def test_clock_offset(kind):
+    """The offset is that of the last accepted stamp, whether or not a state is complete; others do not change it."""
+    reader = kind(model("arm"), {"max_age": 1.0})
+
+    def offset(names, stamp, position=1.0, now=NOW):
+        reader.read(Message(joint_state(names, *[[position] * len(names)] * 2, (), stamp), now))
+        return reader.assembler.offset
+
+    assert offset(NAMES, NOW - 50 * S) == 50.0
+    assert offset(("gripper",), NOW - 7 * S) == 50.0
+    assert offset(NAMES, NOW - 8 * S, position=NAN) == 50.0
+    assert offset(NAMES, NOW - 9 * S, now=0) == 50.0
+    assert offset(NAMES, 0) == 50.0
+    assert offset(("thumb",), NOW - 5 * S) == 5.0
+    assert offset(("wrist",), NOW - 4 * S) == 4.0
+    assert reader.result().counts["rejected: stale joint"] == 1
+
+
+@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
 def test_states_are_copies(kind):
     """A state does not change with later messages, nor they with it."""
     reader = kind(model("arm"), {})
