@@ -3,9 +3,15 @@
 
 """Diagnostics of the monitor: every value is Pinocchio's, alarms of energy come at once, power is balanced."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from diag_dynamics.joint_states.assembler import StateAssembler
+from diag_dynamics.joint_states.joints import Joints, Options
+from diag_dynamics.model.mimic import Mimic
+from diag_dynamics.nodes.monitor.traffic import Traffic
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
 from nodes import MS, PANDA, Monitor, S, Truth, joint_state, robot
 
@@ -77,6 +83,24 @@ def test_rates_add_up(monitor, panda):
     assert report.since(before) == {"received": 25, "published": 20, "rejected: no velocity": 5}
     assert report.count("received") == report.outcomes()
     assert (report.values["input rate [Hz]"], report.values["output rate [Hz]"]) == ("25", "20")
+
+
+def test_replaced_robot():
+    """What the messages of a robot did since the last report is in the next one, whether it is still there or not."""
+    joints = Joints(("wrist",), {"thumb": Mimic("wrist", 2.0, 0.0)})
+    robots = [
+        SimpleNamespace(base=None, assembler=StateAssembler(joints, Options(jump=0.1, mimic_tolerance=0.1)))
+        for _ in range(2)
+    ]
+    names = ["wrist", "thumb"]
+    for position, stamp in (([1, 2], 1), ([1, 5], 2), ([3, 6], 3), ([3, 6], 4), ([3, 6], 5), ([4, 8], 5)):
+        robots[0].assembler.accept(joint_state(names, position, [0, 0], [], S + stamp * MS), 2 * S)
+    expected = ["mimic joints astray: position of joint 'thumb'", "positions jumped, and stayed: joint 'wrist'"]
+    for robot_then in (robots[1], None):
+        traffic = Traffic(lambda: 0.0)
+        traffic.keep(robots[0])
+        message = traffic.status(robot_then, 2 * S, {}).message
+        assert all(text in message for text in expected), message
 
 
 # --- energies

@@ -38,7 +38,7 @@ class Traffic:
         self.counts, self._reported = Counter(), Counter()
         self.last_rejection = ""
         self.last_stamp = None
-        self._of_assemblers = Counter()
+        self._of_assemblers, self._texts = Counter(), {}
         self._begin()
 
     def _begin(self):
@@ -63,8 +63,9 @@ class Traffic:
         self.last_stamp = stamp
 
     def keep(self, robot):
-        """Add up what a robot that is about to go has counted."""
+        """Add up what a robot that is about to go has counted, and keep the texts."""
         self._of_assemblers += _counts_of(robot)
+        self._texts |= robot.assembler.last_texts
 
     def status(self, robot, now, notes):
         """Status of all since the last one.
@@ -111,21 +112,22 @@ class Traffic:
         return Status("joint states", level, message, values)
 
     def _judge(self, robot, recent, problems):
-        """Level and message for what happened since the last status."""
+        """Level and message for what happened since the last status, perhaps to a robot that was replaced since."""
+        texts = self._texts | robot.assembler.last_texts if robot else self._texts
         if any(cause.startswith(("rejected", "odometry rejected")) for cause in recent):
             problems.insert(0, f"messages rejected: {steady(self.last_rejection)}")
         if recent["mimic disagreement"]:
-            problems.append(f"mimic joints astray: {steady(robot.assembler.last_texts['mimic disagreement'])}")
+            problems.append(f"mimic joints astray: {steady(texts['mimic disagreement'])}")
         if recent["absurd effort"]:
             problems.append("efforts that cannot be: taken as unknown")
         if recent[OVERLOAD] + recent[f"odometry {OVERLOAD}"]:
             problems.append("messages skipped: more come in than this machine can take")
         if robot and robot.assembler.frozen_text and recent["received"]:
             problems.append(robot.assembler.frozen_text)
-        if robot and recent["positions jumped"]:
-            problems.append(f"positions jumped, and stayed: {steady(robot.assembler.last_texts['positions jumped'])}")
-        if robot and recent["interleaved sources"]:
-            problems.append(f"interleaved sources: {steady(robot.assembler.last_texts['interleaved sources'])}")
+        if recent["positions jumped"]:
+            problems.append(f"positions jumped, and stayed: {steady(texts['positions jumped'])}")
+        if recent["interleaved sources"]:
+            problems.append(f"interleaved sources: {steady(texts['interleaved sources'])}")
         for jump in ("time jumped back", "clock jumped back"):
             if recent[jump]:
                 problems.append(f"{jump}: all joints were forgotten")
