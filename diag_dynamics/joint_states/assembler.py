@@ -5,13 +5,14 @@
 
 import struct
 from collections import Counter
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.joint_states import codes, memory
-from diag_dynamics.joint_states.decoding import FIELDS, Decoder
+from diag_dynamics.joint_states.decoding import FIELDS, MAX_BYTES, Decoder
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.limits import EffortMeaning, age_limits, joint_limits
 from diag_dynamics.joint_states.rules import judge_messages
@@ -48,10 +49,13 @@ class Assembled(NamedTuple):
 
 
 MAX_LAYOUTS = 256
-"""Lists of names that are kept."""
+"""Lists of names that are kept, of MAX_BYTES together."""
 
-MAX_NAMES = 1000
-"""Names of joints in messages that are kept."""
+MAX_NAMES, MAX_NAME_LENGTH = 1000, 256
+"""Names of joints in messages that are kept, and the length of each."""
+
+NAME_BYTES = 64
+"""Memory of a name, apart from its letters."""
 
 IN_STEP = {-1: None, 0: False, 1: True}
 
@@ -85,7 +89,7 @@ class StateAssembler:
     frozen : Counter
         States with stuck sensors that were compared, by text.
     arrived : dict
-        Names of joints in messages as keys, in their order, at most :data:`MAX_NAMES`.
+        Names of joints in messages as keys, in their order, at most :data:`MAX_NAMES` of :data:`MAX_NAME_LENGTH`.
     last_foreign : tuple of str
         Names in the last message without a joint of this robot.
 
@@ -101,7 +105,7 @@ class StateAssembler:
         self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
         self._labels = labels or tuple(f"joint '{name}'" for name in self.names)
         self.counts, self.frozen, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
-        self._layouts, self._known, self.arrived = {}, {}, {}
+        self._layouts, self._known, self.arrived = _Kept(), _Kept(), {}
         count, beside = len(joints.names), len(self.followers.names)
         self._memory = memory.Memory(
             np.zeros(1, memory.SHARED),
@@ -293,9 +297,8 @@ class StateAssembler:
     def _remember(self, places):
         """Return the layout of bytes, and indices of the bytes of its values."""
         layout = self._layout(places.names, *places.counts)
-        if len(self._known) >= MAX_LAYOUTS:
-            self._known.clear()
-        self._known[places] = known = layout, places.numbers[layout.source].ravel()
+        known = layout, places.numbers[layout.source].ravel()
+        self._known.keep(places, known, places.length)
         return known
 
     def _accept(self, layout, names, sec, nanosec, values, now):
@@ -400,13 +403,13 @@ class StateAssembler:
         """Return the layout of messages with one list of names, and lengths of the fields."""
         layout = self._layouts.get((names, lengths))
         if layout is None:
-            if len(self._layouts) >= MAX_LAYOUTS:
-                self._layouts.clear()
-            layout = self._layouts[names, lengths] = self._make_layout(names, lengths)
+            layout = self._make_layout(names, lengths)
+            self._layouts.keep((names, lengths), layout, sum(NAME_BYTES + len(name) for name in names))
         return layout
 
     def _make_layout(self, names, lengths):
-        self.arrived |= dict.fromkeys(names[: MAX_NAMES - len(self.arrived)])
+        short = (name for name in names if len(name) <= MAX_NAME_LENGTH)
+        self.arrived |= dict.fromkeys(islice(short, MAX_NAMES - len(self.arrived)))
         joints = [self._map_name(name) for name in names]
         count, code, text = len(self._own), 0, ""
         index = {name: k for k, name in enumerate(self.names)}
@@ -490,6 +493,22 @@ class _Layout(NamedTuple):
     tables: memory.Layouts  # of one layout
     source: np.ndarray  # places of values in positions, velocities and efforts one after the other
     place: np.ndarray  # places of the same values in a row of Batch.values
+
+
+class _Kept(dict):
+    """Entries for messages, at most MAX_LAYOUTS of at most MAX_BYTES together."""
+
+    _bytes = 0
+
+    def keep(self, key, entry, size):
+        """Store an entry that takes some bytes, unless it is too large; others may go for it."""
+        if size > MAX_BYTES:
+            return
+        if len(self) >= MAX_LAYOUTS or self._bytes + size > MAX_BYTES:
+            self.clear()
+            self._bytes = 0
+        self._bytes += size
+        self[key] = entry
 
 
 def _write(array, **fields):

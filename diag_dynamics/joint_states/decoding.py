@@ -10,9 +10,9 @@ import numpy as np
 
 from diag_dynamics.wire.definitions import ALIGNMENT
 
-MAX_LAYOUTS = 64
-"""Lists of names and lengths whose places are kept."""
-
+MAX_LAYOUTS, MAX_BYTES = 64, 1 << 20
+"""Lists of names and lengths whose places are kept, and the length of their messages together [bytes]. An entry takes about
+ten times the length of its message."""
 
 FIELDS = "position", "velocity", "effort"
 
@@ -45,6 +45,8 @@ class Places:
     """Where the numbers of a message are."""
 
     names: tuple
+    length: int
+    """Of the message [bytes]."""
     order: str
     """< for little-endian numbers, > otherwise."""
     first: tuple
@@ -70,7 +72,7 @@ class Decoder:
     """Reads serialized sensor_msgs/msg/JointState."""
 
     def __init__(self):
-        self._places, self._count = {}, 0
+        self._places, self._count, self._bytes = {}, 0, 0
 
     def decode(self, data, at, size, chosen):
         """Read messages.
@@ -110,15 +112,17 @@ class Decoder:
         return self._learn(raw)
 
     def _learn(self, raw):
-        """Return the places of a message, and keep them."""
+        """Return the places of a message, and keep them unless it is too long."""
         try:
             places = find_places(raw)
         except ValueError as error:
             raise ValueError(f"{len(raw)} bytes that are no sensor_msgs/msg/JointState ({error})") from error
-        if self._count >= MAX_LAYOUTS:
+        if len(raw) > MAX_BYTES:
+            return places
+        if self._count >= MAX_LAYOUTS or self._bytes + len(raw) > MAX_BYTES:
             self._places.clear()
-            self._count = 0
-        self._count += 1
+            self._count = self._bytes = 0
+        self._count, self._bytes = self._count + 1, self._bytes + len(raw)
         self._places.setdefault(len(raw), []).append(places)
         return places
 
@@ -156,14 +160,14 @@ def find_places(raw):
     """
     if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
         raise ValueError("the encapsulation is not that of plain CDR")
-    order, at, names, fixed = "little" if raw[1] % 2 else "big", 12, [], [0, 1]
+    order, at, names, fixed = "little" if raw[1] % 2 else "big", 12, [], [range(2)]
 
     def read_count():
         nonlocal at
         at += -at % 4
         if at + 4 > len(raw):
             raise ValueError("the message ends before its numbers do")
-        fixed.extend(range(at, at + 4))
+        fixed.append(range(at, at + 4))
         at += 4
         return int.from_bytes(raw[at - 4 : at], order)
 
@@ -184,7 +188,7 @@ def find_places(raw):
     read_text()  # of the frame
     for _ in range(read_number_of_entries()):
         text = read_text()
-        fixed.extend(text)
+        fixed.append(text)
         names.append(raw[text.start : text.stop].split(b"\0")[0].decode(errors="replace"))
     first, counts = [], []
     for _ in FIELDS:
@@ -198,13 +202,15 @@ def find_places(raw):
     ends = [at + 8 * count for at, count in zip(first, counts, strict=True)]
     parts = [slice(0, 4), *map(slice, (12, *ends[:-1]), first)]
     numbers = np.concatenate([np.arange(*pair) for pair in zip(first, ends, strict=True)]).reshape(-1, 8)
+    at_fixed = np.concatenate([np.arange(one.start, one.stop) for one in fixed])
     return Places(
         names=tuple(names),
+        length=len(raw),
         order="<" if raw[1] % 2 else ">",
         first=tuple(first),
         counts=tuple(counts),
-        fixed=np.array(fixed),
-        text=np.frombuffer(raw, np.uint8)[fixed],
+        fixed=at_fixed,
+        text=np.frombuffer(raw, np.uint8)[at_fixed],
         parts=tuple((part, raw[part]) for part in parts),
         numbers=numbers,
     )

@@ -396,3 +396,22 @@ def test_places_of_numbers_are_found_once(monkeypatch):
         decoder.find_places(joint_state((f"joint {k}",), *[[0.0]] * 3, NOW))
     kept = [one for one in gc.get_objects() if isinstance(one, decoding.Places)]
     assert len(kept) <= decoding.MAX_LAYOUTS + len(places)
+
+
+def test_long_messages_fill_no_memory():
+    """Places of messages, their layouts and names are kept up to a length, whatever names are sent; all are judged."""
+    reader = Reader(model("arm"), {}, as_bytes=True)
+
+    def read(name, length):
+        names = (*NAMES, name * (length // len(name)))
+        reader.read(Message(joint_state(names, *[[0.0] * 4] * 3, NOW), NOW))
+
+    for k in range(50):
+        read(f"joint {k:04}", decoding.MAX_BYTES // 5)
+        read(f"joint {k:04}", 2 * decoding.MAX_BYTES)
+    kept = [one for one in gc.get_objects() if isinstance(one, decoding.Places) and len(one.names[-1]) > 1000]
+    assert 0 < sum(one.length for one in kept) <= 2 * decoding.MAX_BYTES
+    lists = [one for one in gc.get_objects() if type(one) is tuple and one[:3] == NAMES and len(one) == 4]
+    assert len({id(one[3]) for one in lists if len(one[3]) > 1000}) <= 12
+    assert list(reader.assembler.arrived) == list(NAMES)
+    assert reader.result().counts["published"] == 100
