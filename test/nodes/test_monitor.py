@@ -274,6 +274,16 @@ def test_latency_and_silence(peer, panda):
         assert (report.level, report.message) == (STALE, "no joint states")
 
 
+def test_latency_of_joint_states(peer):
+    """The latency is that of joint states, although a state has the stamp of newer odometry."""
+    with FloatingMonitor(peer, "/late_joints", live=True) as monitor:
+        monitor.next_report()
+        monitor.odom.publish(monitor.odometry(monitor.tick()))
+        monitor.publish(monitor.joints_message(monitor.now - 250 * MS))
+        values = monitor.next_report().values
+        assert float(values["latency of input, mean [s]"]) == pytest.approx(0.25, abs=1e-6)
+
+
 def test_simulated_time(peer):
     """The time of reception is /clock's; a jump back resets all joints; states ahead of it are rejected."""
     ur5, clock = robot(UR5), peer.publisher(Clock, "/clock")

@@ -260,7 +260,8 @@ class MonitorNode(ManagedNode):
             self._reject("rejected", *found)
         elif found.state is not None:
             if not found.state.stamp_is_receive_time:
-                self._traffic.arrived(found.state.newest, now)
+                newest = robot.assembler.newest if robot.base else found.state.newest  # without that of odometry
+                self._traffic.arrived(newest, now)
             self._publish(robot, found.state, "published")
 
     def _take_odometry(self, listening, message):
