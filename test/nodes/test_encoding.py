@@ -383,6 +383,19 @@ def test_powers(tmp_path):
         np.testing.assert_allclose(robot.powers(s), [qd @ robot.dynamics.gravity_torque(q), friction], rtol=1e-12)
 
 
+def test_observer_goes_on():
+    """External torque is observed anew where options change the values of states, but not where they reject some."""
+    observed = {"external_torque.gain": 10.0}
+    robot = monitored(**observed)
+    for k, (change, valid) in enumerate(
+        [({}, False), ({}, True), ({"frozen_timeout": 2.0, "odom_timeout": 0.1}, True), ({"absurd.effort": 9.0}, False)]
+    ):
+        robot.use(robot.model, Settings.of(robot.settings.values | change), 1)
+        zeros = np.zeros(2)
+        robot.torque.take(RobotState(zeros, zeros, zeros, NOW + k * MS, NOW + k * MS, False))
+        assert robot.torque.seen.valid == valid, change
+
+
 @pytest.mark.parametrize(
     ("velocity", "effort"), [(1e200, 0.0), (1e150, 1e200), (1e150, -1e200)], ids=["energy", "power", "power taken out"]
 )

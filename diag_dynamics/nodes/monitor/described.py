@@ -126,8 +126,10 @@ class MonitoredRobot:
             self.torque = None
         elif self.torque is None:
             self.torque = TorqueWatch(self.dynamics, wanted)
-        elif (self.dynamics, wanted, settings.inputs) != (self.torque.dynamics, before.observation, before.inputs):
-            self.torque.use(self.dynamics, wanted)
+        else:
+            inputs, inputs_before = map(_values_by, (settings.inputs, before.inputs))
+            if (self.dynamics, wanted, inputs) != (self.torque.dynamics, before.observation, inputs_before):
+                self.torque.use(self.dynamics, wanted)
 
     def torque_report(self):
         """Status of external torque, where it is observed."""
@@ -182,6 +184,11 @@ class MonitoredRobot:
         """One of topics.MATRICES at the last state."""
         with_inverse = self.settings.values["publish_inverse_factor"]
         return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
+
+
+def _values_by(options):
+    """Return the options of joint states without those that reject states, but change no values."""
+    return options._replace(frozen_timeout=0.0, refuse_frozen=False, odom_timeout=0.0)
 
 
 def _without_rotors(dynamics):
