@@ -296,6 +296,20 @@ def test_joints_that_are_not_there(damped):
     damped.settle(Q, MOVING)
 
 
+def test_silence_of_a_robot_with_mimic_joints(peer):
+    """The state is named as too old: no single joint is."""
+    panda = robot(PANDA)
+    q = np.array([0.0, -0.8, 0.0, -2.3, 0.0, 1.5, 0.8, 0.02])
+    parameters = {"damping": ["*=1.0"], "tracking_gain": ["*=1.0"], "controlled_link": "panda_hand"}
+    parameters["robot_compensates_gravity"] = False
+    with Fed(peer, "/with_mimic", PANDA, **parameters) as fed:
+        peer.wait_until(fed.listens, "the controller to listen", START)
+        publish = lambda: (fed.tick(), fed.publish(q, 0 * q, panda.names))  # noqa: E731
+        fed.answered(publish, lambda status: status.phase == ACTIVE, "its answer")
+        status = fed.silence(HOLDING)
+        assert "s old, expected no more than max_state_age" in status.message
+
+
 def test_a_law_chosen_while_holding(damped):
     """It acts from the next valid state on, with that one for its target."""
     damped.silence(HOLDING)

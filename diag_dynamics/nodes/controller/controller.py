@@ -329,7 +329,7 @@ class ControllerNode(ManagedNode):
         state, now = self._loop.state, self._cycle()
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
             late = self._states.stale(now)
-            if 0 < len(late) < len(self._states.names):
+            if 0 < len(late) < len(self._states.joint_names):
                 problem = f"joint '{late[0]}' is older than {self._values['joint_timeout']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
 
