@@ -37,6 +37,7 @@ Q, QD, QDD = fourier(np.random.default_rng(1), T, PANDA.lower, PANDA.upper, base
 
 @pytest.fixture(autouse=True)
 def _closed():
+    plt.close("all")
     yield
     plt.close("all")
 
