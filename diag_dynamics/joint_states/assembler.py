@@ -3,7 +3,6 @@
 
 """Assembler of a robot's states from joint states, each of which may bring only some of the joints: one message or many."""
 
-import struct
 from collections import Counter
 from itertools import islice
 from typing import NamedTuple
@@ -284,8 +283,8 @@ class StateAssembler:
             self._judge_one(memory.UNREADABLE, now)
             return Rejected("malformed", f"joint_states: {error}")
         layout, at = self._known.get(places) or self._remember(places)
-        sec, nanosec = struct.unpack_from(places.order + "iI", message, 4)
-        values = np.frombuffer(message, np.uint8)[at].view(places.order + "f8")
+        sec, nanosec = places.stamp.unpack_from(message, 4)
+        values = np.frombuffer(message, np.uint8)[at].view(places.double)
         return self._accept(layout, places.names, sec, nanosec, values, now)
 
     def accept_values(self, names, sec, nanosec, fields, now):
@@ -326,11 +325,13 @@ class StateAssembler:
 
     def _judge_one(self, layout, now, sec=0, nanosec=0, tables=memory.NO_LAYOUTS):
         """Judge the message in the arrays; return code, events and kind of stuck sensor."""
-        self._give_base()
         self._numbers.fill(0)
         self._batch.messages[0] = sec, nanosec, now, layout
+        if self._base:
+            self._give_base()
         judge_messages(*self._memory, *tables, *self._batch)
-        self._take_base()
+        if self._base:
+            self._take_base()
         return [field.item() for field in self._found]
 
     def _state(self):

@@ -3,6 +3,7 @@
 
 """Serialized joint states as columns: messages of one list of names and lengths are read by their numbers' places."""
 
+import struct
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -49,6 +50,9 @@ class Places:
     """Of the message [bytes]."""
     order: str
     """< for little-endian numbers, > otherwise."""
+    stamp: struct.Struct
+    """Seconds and nanoseconds."""
+    double: np.dtype
     first: tuple
     """First byte of each of FIELDS, and their numbers."""
     counts: tuple
@@ -63,7 +67,8 @@ class Places:
 
     def holds(self, raw):
         """Whether a message of this length has these names and lengths."""
-        if all(raw[part] == text for part, text in self.parts):
+        (a, start), (b, names), (c, gap), (d, last) = self.parts
+        if raw[b] == names and raw[c] == gap and raw[d] == last and raw[a] == start:
             return True
         return bool((np.frombuffer(raw, np.uint8)[self.fixed] == self.text).all())
 
@@ -203,10 +208,13 @@ def find_places(raw):
     parts = [slice(0, 4), *map(slice, (12, *ends[:-1]), first)]
     numbers = np.concatenate([np.arange(*pair) for pair in zip(first, ends, strict=True)]).reshape(-1, 8)
     at_fixed = np.concatenate([np.arange(one.start, one.stop) for one in fixed])
+    sign = "<" if raw[1] % 2 else ">"
     return Places(
         names=tuple(names),
         length=len(raw),
-        order="<" if raw[1] % 2 else ">",
+        order=sign,
+        stamp=struct.Struct(sign + "iI"),
+        double=np.dtype(sign + "f8"),
         first=tuple(first),
         counts=tuple(counts),
         fixed=at_fixed,

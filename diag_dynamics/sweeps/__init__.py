@@ -75,10 +75,10 @@ from diag_dynamics.sweeps.each import (
 )
 from diag_dynamics.sweeps.evaluation import (
     energies_of_links,
-    energy_and_power_within,
     evaluate,
     evaluate_within,
     link_energies,
+    powers,
 )
 from diag_dynamics.sweeps.factorization import (
     epsilon_from_tau,
@@ -176,7 +176,6 @@ __all__ = [
     "effort_of_wrenches",
     "effort_of_wrenches_each",
     "energies_of_links",
-    "energy_and_power_within",
     "epsilon_from_tau",
     "evaluate",
     "evaluate_many",
@@ -204,6 +203,7 @@ __all__ = [
     "opened",
     "owns",
     "placement",
+    "powers",
     "qd_from_nu",
     "rates_with_added_inertia",
     "sweep_each",

@@ -8,7 +8,16 @@ import math
 import numpy as np
 
 from diag_dynamics.compiled.arrays import address_of
-from diag_dynamics.compiled.kernel import FILLED_MATRIX, MATRIX, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.compiled.kernel import (
+    FILLED_MATRIX,
+    MATRIX,
+    NUMBER,
+    ROBOT,
+    VECTOR,
+    entry_kernel,
+    kernel,
+    large_kernel,
+)
 from diag_dynamics.compiled.lanes import nought
 from diag_dynamics.sweeps.bodies import (
     BODIES,
@@ -336,15 +345,17 @@ def evaluate_within(robot, q, qd, tau, out):
     return sweep(bodies, gravity, q, qd, tau, work, table, out)
 
 
-@kernel
-def energy_and_power_within(state, nv):
-    """½νᵀν and νᵀ(ε − ε_g) of a state that :func:`evaluate` has filled, for compiled callers."""
-    energy, power = 0.0, 0.0
-    for k in range(nv):
-        nu = state[NU, k]
-        energy += 0.5 * nu * nu
-        power += nu * (state[EPSILON, k] - state[GRAVITY, k])
-    return energy, power
+@entry_kernel(MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
+def powers(state, damping, friction, effort_offset, friction_velocity):
+    """ν·ε_g and q̇·τ_fric [W] of a state that :func:`evaluate` has filled, τ_fric as in DiagonalDynamics.friction_torque."""
+    lifting, resisting = 0.0, 0.0
+    for k in range(len(damping)):
+        rate = state[RATES, k]
+        sign = float((rate > 0.0) - (rate < 0.0))
+        turned = math.tanh(rate / friction_velocity) if friction_velocity > 0.0 else sign
+        lifting += state[NU, k] * state[GRAVITY, k]
+        resisting += rate * (damping[k] * rate + friction[k] * turned + effort_offset[k])
+    return lifting, resisting
 
 
 @kernel

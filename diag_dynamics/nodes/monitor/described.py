@@ -10,7 +10,6 @@ import numpy as np
 
 from diag_dynamics import sweeps
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.dynamics.one_state import friction_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
@@ -111,6 +110,8 @@ class MonitoredRobot:
         if self.dynamics is None or model is not self.model:
             self.dynamics, self.revision, self.state = DiagonalDynamics(model), None, None
             self.without_rotors = _without_rotors(self.dynamics)
+            resistance = (np.asarray(one, dtype=float) for one in (model.damping, model.friction, model.effort_offset))
+            self._resistance = *resistance, float(model.friction_velocity)
         self.contact.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
@@ -170,9 +171,7 @@ class MonitoredRobot:
 
     def powers(self, s):
         """Return the powers of gravity and friction [W] at an Evaluation: ν·ε_g and q̇·τ_fric."""
-        qd = s.rows[sweeps.RATES]
-        friction = float(qd @ friction_of(self.model, qd)) if self.model.has_friction else 0.0
-        return float(s.nu @ s.gravity), friction
+        return sweeps.powers(s.rows, *self._resistance)
 
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
