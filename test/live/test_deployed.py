@@ -6,6 +6,7 @@
 import contextlib
 import os
 import re
+import shlex
 import signal
 from pathlib import Path
 from xml.etree import ElementTree
@@ -69,7 +70,7 @@ def test_units_start_nodes(ros_domain, tmp_path, unit):
         settings = tmp_path / "node.yaml"
         settings.write_text(yaml.safe_dump({"/**": {"ros__parameters": SETTINGS[node]}}), encoding="utf-8")
     places = dict.fromkeys(("/opt/ros/jazzy/setup.bash", "/home/ros/ws/install/setup.bash"), nothing(tmp_path))
-    command = at_hand(command, places | {f"/etc/diag_dynamics/{node}.yaml": settings})
+    command = at_hand(command, places | {f"/etc/diag_dynamics/{node}.yaml": shlex.quote(str(settings))})
     with Process((shell, option, command), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)}) as process:
         process.wait_for_text(AT_WORK[node])
         assert (
