@@ -116,7 +116,7 @@ class RejectedError(Exception):
 
 
 def cause_of(error: Exception) -> str:
-    """Return a short key to count by what has kept a message from making a state."""
+    """Return the cause by which a rejected message or state is counted."""
     if isinstance(error, RejectedError):
         return error.cause
     return type(error).__name__ if isinstance(error, DiagDynamicsError) else "internal error"

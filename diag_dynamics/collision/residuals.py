@@ -15,7 +15,7 @@ from diag_dynamics.collision.detector import SECOND, detector_values
 from diag_dynamics.optional import require
 
 MAX_NUMBERS = 2_000_000  # from which cells are kept: of seven joints two minutes at 1 kHz
-CELL = 20_000_000  # length of a cell, of which the largest values are kept [ns]
+CELL = 20_000_000  # only the largest values within this time are kept [ns]
 MIN_PEAKS, MAX_PEAKS = 10, 50  # fewest and most peaks from which alarms are counted or a tail is fitted
 PEAK_PERIOD = 4.0  # time of the data for each peak, between these bounds [s]
 MIN_FITTED = 4  # fewest peaks of a tail

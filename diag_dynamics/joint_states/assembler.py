@@ -183,7 +183,7 @@ class StateAssembler:
         if self._base:
             self._base.configure(options)
 
-    # --- What is known ---
+    # --- Status ---
 
     @property
     def lost(self):

@@ -74,9 +74,7 @@ from diag_dynamics.sweeps.each import (
     sweep_each,
 )
 from diag_dynamics.sweeps.evaluation import (
-    energies_of_links,
     evaluate,
-    evaluate_within,
     link_energies,
     powers,
 )
@@ -175,11 +173,9 @@ __all__ = [
     "displace",
     "effort_of_wrenches",
     "effort_of_wrenches_each",
-    "energies_of_links",
     "epsilon_from_tau",
     "evaluate",
     "evaluate_many",
-    "evaluate_within",
     "factor_of_wrenches",
     "factors",
     "first_moment",

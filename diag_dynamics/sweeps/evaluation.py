@@ -318,19 +318,6 @@ def evaluate(robot, q, qd, tau, out):
     """
     if overlap(q, out) or overlap(qd, out) or overlap(tau, out):
         return MISFIT
-    return evaluate_within(robot, q, qd, tau, out)
-
-
-@kernel
-def overlap(vector, matrix):
-    """Whether a vector has a number that is a matrix's, too."""
-    first, begin = address_of(vector), address_of(matrix)
-    return first < begin + 8 * matrix.size and begin < first + 8 * vector.size
-
-
-@large_kernel
-def evaluate_within(robot, q, qd, tau, out):
-    """Sweep of :func:`evaluate`, for compiled callers."""
     if not fit(robot, q, qd, tau):
         return MISFIT
     if not (are_finite(q) and are_finite(qd) and are_finite(tau)):
@@ -343,6 +330,13 @@ def evaluate_within(robot, q, qd, tau, out):
     for k in range(len(qd)):
         out[RATES, k] = qd[k]
     return sweep(bodies, gravity, q, qd, tau, work, table, out)
+
+
+@kernel
+def overlap(vector, matrix):
+    """Whether a vector has a number that is a matrix's, too."""
+    first, begin = address_of(vector), address_of(matrix)
+    return first < begin + 8 * matrix.size and begin < first + 8 * vector.size
 
 
 @entry_kernel(MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)

@@ -54,8 +54,6 @@ class Template:
         unless it is empty.
     data : ndarray of uint8
         All bytes. Those after the encapsulation begin on a multiple of eight.
-    words, doubles : ndarray of int32 and of float64
-        The same memory: `words[k]` begins at byte 4 + 4 k, `doubles[k]` at 4 + 8 k.
     text : ndarray of uint8, shape of data
         255 where a byte is neither of a number nor padding, 0 elsewhere: messages of one text differ in numbers alone.
 
@@ -72,11 +70,8 @@ class Template:
         size = len(self._bytes)
         room = np.zeros(size + 12, dtype=np.uint8)
         room = room[-room.ctypes.data % 8 :]
-        self.data, after = room[4 : 4 + size], room[8:]
+        self.data = room[4 : 4 + size]
         self.data[:] = self._bytes
-        self.words, self.doubles = (
-            after[: (size - 4) // n * n].view(kind) for n, kind in ((4, np.int32), (8, np.float64))
-        )
         parts = np.frombuffer(self._parts, dtype=np.uint8)
         self.text, self._padding = (np.where(parts == part, 255, 0).astype(np.uint8) for part in (_TEXT, _PADDING))
         self.numbers = {path: self.data[begin:end].view(kind) for path, (kind, begin, end) in self._places.items()}
@@ -102,10 +97,6 @@ class Template:
     def place(self, path):
         """Byte at which a number, or the first one of a sequence, begins; -1 if the sequence is empty."""
         return self._places[path][1] if path in self._places else -1
-
-    def first_double(self, path):
-        """Likewise, where in `doubles`."""
-        return (self.place(path) - len(HEADER)) // 8 if path in self._places else -1
 
     def _add(self, message, prefix):
         fields = message.get_fields_and_field_types()

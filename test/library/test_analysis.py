@@ -23,6 +23,9 @@ from robots import TwoLinkArm
 RECORDINGS = Path(
     os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
 )
+with_recordings = pytest.mark.skipif(
+    not RECORDINGS.is_dir(), reason=f"no recordings of real arms in {RECORDINGS}: set DIAG_DYNAMICS_RECORDINGS"
+)
 
 LOOSE = [f"absurd.{name}=0" for name in ("jump", "beyond_limits", "beyond_velocity", "velocity", "position")]
 LOOSE += ["frozen_timeout=0"]
@@ -450,7 +453,7 @@ def test_gaps_repeats_and_bounds(analysed, ur5, motion):
 # --- Real arms ---
 
 
-@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="recordings of real arms are no part of this package")
+@with_recordings
 @pytest.mark.parametrize("hand", [False, True], ids=["without the hand", "with a hand that is not mounted"])
 def test_panda(tmp_path, hand):
     """The model without the hand explains what it should; with the hand, a payload is missing."""
@@ -476,7 +479,7 @@ def test_panda(tmp_path, hand):
         assert summary["quality"]["velocity_delay"] == pytest.approx(0.005, abs=0.001)
 
 
-@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="recordings of real arms are no part of this package")
+@with_recordings
 def test_kuka(tmp_path):
     """In slow motion the change of kinetic and potential energy is explained."""
     path, urdf = (str(RECORDINGS / "kuka_lwr4" / name) for name in ("measurements_1.npz", "kuka_lwr4.urdf"))

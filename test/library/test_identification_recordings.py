@@ -33,7 +33,7 @@ PATHS = {"kuka": "kuka_lwr4/measurements_1.npz", "panda": "panda/exciting_trajec
 def path_of(name):
     path = RECORDINGS / PATHS[name]
     if not path.exists():
-        pytest.skip(f"{path} is not there: recordings of real arms are no part of this package")
+        pytest.skip(f"no recording {path} of a real arm: set DIAG_DYNAMICS_RECORDINGS")
     return path
 
 

@@ -304,7 +304,11 @@ def test_silence_of_a_robot_with_mimic_joints(peer):
     parameters["robot_compensates_gravity"] = False
     with Fed(peer, "/with_mimic", PANDA, **parameters) as fed:
         peer.wait_until(fed.listens, "the controller to listen", START)
-        publish = lambda: (fed.tick(), fed.publish(q, 0 * q, panda.names))  # noqa: E731
+
+        def publish():
+            fed.tick()
+            fed.publish(q, 0 * q, panda.names)
+
         fed.answered(publish, lambda status: status.phase == ACTIVE, "its answer")
         status = fed.silence(HOLDING)
         assert "s old, expected no more than max_state_age" in status.message
