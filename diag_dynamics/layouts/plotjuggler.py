@@ -3,8 +3,7 @@
 
 """A layout of PlotJuggler: XML with a tab of energies and one of the rest, each curve under its joint's name.
 
-What ~/named has goes by name as it comes. An entry of an array is a curve such as coriolis[3] there; a function of one line
-gives it its joint's name.
+An entry of an array is a curve such as coriolis[3] there; a function of one line gives it its joint's name.
 """
 
 import xml.etree.ElementTree as ET
@@ -13,13 +12,6 @@ from diag_dynamics.layouts.panels import panels
 
 STREAMER = "ROS2 Topic Subscriber"
 """Name of PlotJuggler's plugin for topics of ROS 2."""
-
-NAMED = {
-    ("kinetic_energy", "energy_share"): "position",
-    ("total_joint_rates", "nu"): "velocity",
-    ("working_moments", "epsilon"): "effort",
-}
-"""Field of ~/named that has what a field of another topic has."""
 
 FIRST = ("energy", "power", "rates", "moments")
 """Panels of the first tab."""
@@ -43,7 +35,7 @@ def plotjuggler(model, monitor):
     ET.SubElement(root, "use_relative_time_offset", enabled="1")
     ET.SubElement(root, "streaming_buffer_size", value="60")
     series = [one for panel in shown for one in panel.series]
-    topics = sorted({f"{monitor}/{'named' if _is_named(one) else one.topic}" for one in series})
+    topics = sorted({f"{monitor}/{one.topic}" for one in series})
     plugin = ET.SubElement(ET.SubElement(root, "Plugins"), "plugin", ID=STREAMER)
     for name, value in (
         ("use_header_stamp", "true"),
@@ -57,7 +49,7 @@ def plotjuggler(model, monitor):
     ET.SubElement(root, "previouslyLoaded_Streamer", name=STREAMER)
     equations = ET.SubElement(root, "customMathEquations")
     for one in series:
-        if one.index is not None and not _is_named(one):
+        if one.index is not None:
             snippet = ET.SubElement(equations, "snippet", name=_curve(one, monitor), language="lua")
             ET.SubElement(snippet, "global")
             ET.SubElement(snippet, "function").text = "return value"
@@ -66,16 +58,10 @@ def plotjuggler(model, monitor):
     return "<?xml version='1.0' encoding='UTF-8'?>\n" + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _is_named(series):
-    return series.index is not None and (series.topic, series.field) in NAMED
-
-
 def _curve(series, monitor):
     """Name of a curve."""
     if series.index is None:
         return f"{monitor}/{series.topic}/{series.field}"
-    if _is_named(series):
-        return f"{monitor}/named/{series.label}/{NAMED[series.topic, series.field]}"
     return f"{monitor.rpartition('/')[0]}/{series.field}/{series.label}".lstrip("/")
 
 

@@ -21,7 +21,6 @@ RATES = {
     "total_joint_rates": 0.0,
     "working_moments": 0.0,
     "coriolis": 0.0,
-    "named": 0.0,
     "mass_matrix_factors": 50.0,
     "kinetic_energy": 0.0,
     "joint_space_dynamics": 50.0,

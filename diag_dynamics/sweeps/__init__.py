@@ -76,6 +76,7 @@ from diag_dynamics.sweeps.each import (
 from diag_dynamics.sweeps.evaluation import (
     evaluate,
     link_energies,
+    link_energy,
     powers,
 )
 from diag_dynamics.sweeps.factorization import (
@@ -186,6 +187,7 @@ __all__ = [
     "jacobian",
     "joint_inertias",
     "link_energies",
+    "link_energy",
     "links_at",
     "m_rate_transposed",
     "mass_matrix",

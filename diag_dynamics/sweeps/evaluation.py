@@ -10,6 +10,7 @@ import numpy as np
 from diag_dynamics.compiled.arrays import address_of
 from diag_dynamics.compiled.kernel import (
     FILLED_MATRIX,
+    FILLED_VECTOR,
     MATRIX,
     NUMBER,
     ROBOT,
@@ -383,12 +384,22 @@ def link_energies(bodies, links, Q, QD, energies):
 def _link_energies(bodies, links, work, Q, QD, energies):
     finite = True
     for t in range(len(Q)):
-        q, qd, energy = Q[t], QD[t], energies[t]
-        rest_at_world(work)
-        turn(bodies, q, work)
-        for i in range(1, len(bodies)):
-            body, w = bodies[i], work[i]
-            place(body, q, w)
-            move(body, qd, work, w)
-        finite &= energies_of_links(bodies, links, work, qd, energy)
+        finite &= _link_energies_at(bodies, links, work, Q[t], QD[t], energies[t])
     return finite
+
+
+@entry_kernel(BODIES, LINKS, WORKS, MATRIX, FILLED_VECTOR)
+def link_energy(bodies, links, work, state, energy):
+    """Kinetic energy of every link, as :func:`link_energies` has it, of a state that :func:`evaluate` has filled."""
+    return _link_energies_at(bodies, links, work, state[POSITIONS], state[RATES], energy)
+
+
+@kernel
+def _link_energies_at(bodies, links, work, q, qd, energy):
+    rest_at_world(work)
+    turn(bodies, q, work)
+    for i in range(1, len(bodies)):
+        body, w = bodies[i], work[i]
+        place(body, q, w)
+        move(body, qd, work, w)
+    return energies_of_links(bodies, links, work, qd, energy)

@@ -54,6 +54,8 @@ class Template:
         unless it is empty.
     data : ndarray of uint8
         All bytes. Those after the encapsulation begin on a multiple of eight.
+    doubles : ndarray of float64
+        The same bytes after the encapsulation.
     text : ndarray of uint8, shape of data
         255 where a byte is neither of a number nor padding, 0 elsewhere: messages of one text differ in numbers alone.
 
@@ -72,6 +74,7 @@ class Template:
         room = room[-room.ctypes.data % 8 :]
         self.data = room[4 : 4 + size]
         self.data[:] = self._bytes
+        self.doubles = self.data[4 : 4 + (size - 4) // 8 * 8].view("<f8")
         parts = np.frombuffer(self._parts, dtype=np.uint8)
         self.text, self._padding = (np.where(parts == part, 255, 0).astype(np.uint8) for part in (_TEXT, _PADDING))
         self.numbers = {path: self.data[begin:end].view(kind) for path, (kind, begin, end) in self._places.items()}

@@ -47,7 +47,6 @@ OUTPUTS = {
     "total_joint_rates": TotalJointRates,
     "working_moments": WorkingMoments,
     "coriolis": CoriolisTerm,
-    "named": JointState,
     "mass_matrix_factors": MassMatrixFactors,
     "kinetic_energy": KineticEnergy,
     "joint_space_dynamics": JointSpaceDynamics,

@@ -97,11 +97,11 @@ class DynamicsServices:
         at = stamp.sec * 1_000_000_000 + stamp.nanosec
         state = RobotState(q, qd, tau, at, at, False)
         M, c, g = dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
-        response.state = maker.state(s, state)
+        response.state = maker.evaluated("state", s, state)
         response.external = doubles(s.external)
-        response.coriolis = maker.coriolis(s, state)
+        response.coriolis = maker.evaluated("coriolis", s, state)
         response.factors = maker.mass_matrix_factors(dynamics.factors(q), True, state)
-        response.kinetic_energy = maker.kinetic_energy(s, state)
+        response.kinetic_energy = maker.evaluated("kinetic_energy", s, state)
         response.joint_space_dynamics = maker.joint_space_dynamics(M, c, g, state)
 
     def _set_payload(self, request, response, dynamics, maker, followers):

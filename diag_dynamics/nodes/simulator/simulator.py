@@ -329,7 +329,7 @@ class SimulatorNode(ManagedNode):
         simulation = self._plant.simulation
         effort, stamp = simulation.effort, self._stamp
         s = simulation.evaluate(effort)
-        return self._maker.state(s, RobotState(simulation.q, simulation.qd, effort, stamp, stamp, False))
+        return self._maker.evaluated("state", s, RobotState(simulation.q, simulation.qd, effort, stamp, stamp, False))
 
     def _audit_now(self):
         return audit_message(self._plant.simulation, to_time(self._stamp))

@@ -4,15 +4,17 @@
 """From results to messages and from requests to vectors. Dense numbers go through array('d'), the fast legal way."""
 
 import math
+import struct
 from array import array
 from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from diag_dynamics import sweeps
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.msg import (
     Contact,
@@ -25,7 +27,7 @@ from diag_dynamics.msg import (
     TotalJointRates,
     WorkingMoments,
 )
-from diag_dynamics.wire.cdr import Template
+from diag_dynamics.wire.cdr import HEADER, Template
 
 MAX_LAYOUTS = 64
 """Layouts of messages that are kept: with efforts or without, with friction or without, of points of contact."""
@@ -64,15 +66,63 @@ class Alarming(NamedTuple):
         return fields | ({"joint_collision": self.joints} if valid else {})
 
 
+EVALUATED = {
+    "total_joint_rates": (TotalJointRates, {"nu": sweeps.NU, "xi": sweeps.XI}),
+    "working_moments": (WorkingMoments, {"epsilon": sweeps.EPSILON, "kappa": sweeps.KAPPA}),
+    "coriolis": (
+        CoriolisTerm,
+        {
+            "coriolis": sweeps.CORIOLIS,
+            "coriolis_unnormalized": sweeps.CORIOLIS_UNNORMALIZED,
+            "gravity": sweeps.GRAVITY,
+        },
+    ),
+    "kinetic_energy": (
+        KineticEnergy,
+        {
+            "total": sweeps.KINETIC_ENERGY,
+            "energy_share": sweeps.ENERGY_SHARE,
+            "power": sweeps.EFFORT_POWER,
+        },
+    ),
+    "state": (
+        DiagonalizedState,
+        {
+            "position": sweeps.POSITIONS,
+            "velocity": sweeps.RATES,
+            "nu": sweeps.NU,
+            "xi": sweeps.XI,
+            "epsilon": sweeps.EPSILON,
+            "kappa": sweeps.KAPPA,
+            "coriolis": sweeps.CORIOLIS,
+            "gravity": sweeps.GRAVITY,
+            "articulated_inertia": sweeps.ARTICULATED_INERTIA,
+            "kinetic_energy": sweeps.KINETIC_ENERGY,
+            "power": sweeps.EFFORT_POWER,
+        },
+    ),
+}
+"""Messages about an Evaluation: their type, and the row of its memory that each field is read from."""
+
+OF_EFFORT = (sweeps.EPSILON, sweeps.KAPPA, sweeps.EFFORT_POWER)
+"""Rows that are empty without effort."""
+
+FLAGS = "stamp_is_receive_time", "velocity_estimated"
+"""Fields of most messages that a RobotState has, too."""
+
+
 class MessageMaker:
     """Makes messages about one model, whose names and frame they share."""
 
     def __init__(self, model, revision=0):
-        self._revision, self._frame, self._nv = revision, model.root_link, model.nv
+        self._model, self._revision, self._frame, self._nv = model, revision, model.root_link, model.nv
         self._dofs = {"dof_names": list(model.dof_names)}
-        self._links = self._dofs | {"link_names": list(model.link_names)}
         positions = [] if model.coordinate_names == model.dof_names else list(model.coordinate_names)
-        self._coordinates = self._dofs | {"position_names": positions}
+        self._texts = {
+            "kinetic_energy": {"link_names": list(model.link_names)},
+            "state": {"position_names": positions, "model_revision": revision},
+        }
+        self._link_energy, self._work = np.empty(len(model.link_names)), np.zeros(len(model.bodies), sweeps.WORK)
 
     def make(self, topic, kind, state, texts, values, shape=()):
         """Return a message about a RobotState.
@@ -96,45 +146,47 @@ class MessageMaker:
                 value = value.ravel().tolist() if value.dtype == bool else doubles(value)
             if value is not None:
                 setattr(message, field, value)
-        if topic == "state":
-            message.oldest_stamp = to_time(state.oldest)
         return message
 
     def messages(self, topics, s, state):
         """Return the messages of topics about an Evaluation and the RobotState that it is of."""
-        return [getattr(self, topic)(s, state) for topic in topics]
+        return [self.evaluated(topic, s, state) for topic in topics]
 
-    def total_joint_rates(self, s, state):
-        """ν and ξ of an Evaluation."""
-        values = _flags(state) | {"nu": s.nu, "xi": s.xi}
-        return self.make("total_joint_rates", TotalJointRates, state, self._dofs, values)
+    def evaluated(self, topic, s, state):
+        """Return a message of :data:`EVALUATED` about an Evaluation and the RobotState that it is of."""
+        kind, rows = EVALUATED[topic]
+        with_effort, with_friction = s.epsilon is not None, s.friction is not None
+        valid = {"effort_valid": with_effort, "power_valid": with_effort, "friction_valid": with_friction}
+        fields = kind.get_fields_and_field_types()
+        values = {field: flag for field, flag in (valid | _flags(state)).items() if field in fields}
+        for field, row in self._rows(rows, with_effort).items():
+            count = self._count(field, row)
+            values[field] = s.rows[row, :count] if "sequence" in fields[field] else s.rows.item(row, 0)
+        texts = self._dofs | self._texts.get(topic, {})
+        message = MessageMaker.make(self, topic, kind, state, texts, values | self._beside(topic, s, state))
+        if topic == "state":
+            message.oldest_stamp = to_time(state.oldest)
+        return message
 
-    def working_moments(self, s, state):
-        """ε and κ, empty where the effort is unknown."""
-        values = {"epsilon": s.epsilon, "kappa": s.kappa, "effort_valid": s.epsilon is not None}
-        values["stamp_is_receive_time"] = state.stamp_is_receive_time
-        return self.make("working_moments", WorkingMoments, state, self._dofs, values, (s.epsilon is None,))
+    def _rows(self, rows, with_effort):
+        return {field: row for field, row in rows.items() if with_effort or row not in OF_EFFORT}
 
-    def coriolis(self, s, state):
-        """C, C_ξ and ε_g."""
-        values = _flags(state) | {"coriolis": s.coriolis, "coriolis_unnormalized": s.coriolis_unnormalized}
-        values |= {"gravity": s.gravity, "friction": s.friction, "friction_valid": s.friction is not None}
-        return self.make("coriolis", CoriolisTerm, state, self._dofs, values, (s.friction is None,))
+    def _count(self, field, row):
+        """Return how many numbers of a row a field has."""
+        if row in (sweeps.KINETIC_ENERGY, sweeps.EFFORT_POWER):
+            return 1
+        return self._model.nq if row == sweeps.POSITIONS else self._nv
 
-    def named(self, s, state):
-        """½ν_k², ν and ε by joint; without ε where the effort is unknown."""
-        values = {"position": s.energy_share, "velocity": s.nu, "effort": s.epsilon}
-        return self.make("named", JointState, state, {"name": self._dofs["dof_names"]}, values, (s.epsilon is None,))
-
-    def kinetic_energy(self, s, state):
-        """K, its two splits and its rate."""
-        values = _flags(state) | {
-            "total": s.kinetic_energy,
-            "energy_share": s.energy_share,
-            "link_energy": s.link_energy,
-        }
-        values |= {"base_energy": s.base_energy, "power": s.effort_power, "power_valid": s.effort_power is not None}
-        return self.make("kinetic_energy", KineticEnergy, state, self._links, values, (s.effort_power is None,))
+    def _beside(self, topic, s, state):
+        """Return the fields that are no rows; None for those that are unknown."""
+        if topic == "kinetic_energy":
+            energies = self._link_energy
+            if not sweeps.link_energy(self._model.bodies, self._model.links, self._work, s.rows, energies):
+                raise InputError("velocity is too large: the kinetic energy of a link overflows.")
+            return {"link_energy": energies, "base_energy": s.base_energy}
+        if topic == "coriolis":
+            return {"friction": s.friction}
+        return {"effort": state.effort, "friction": s.friction} if topic == "state" else {}
 
     def mass_matrix_factors(self, factors, with_inverse, state):
         """M and D of Factors, and ℓ if wanted."""
@@ -176,33 +228,9 @@ class MessageMaker:
         }
         return self.make("contact", Contact, state, texts, values, (contact.points,))
 
-    def state(self, s, state):
-        """One evaluation, whole, with the RobotState it came from."""
-        values = _flags(state) | {
-            "model_revision": self._revision,
-            "position": state.position,
-            "velocity": state.velocity,
-            "effort": state.effort,
-            "effort_valid": state.effort is not None,
-            "nu": s.nu,
-            "xi": s.xi,
-            "epsilon": s.epsilon,
-            "kappa": s.kappa,
-            "coriolis": s.coriolis,
-            "gravity": s.gravity,
-            "friction": s.friction,
-            "friction_valid": s.friction is not None,
-            "articulated_inertia": s.articulated_inertia,
-            "kinetic_energy": s.kinetic_energy,
-            "power": s.effort_power,
-        }
-        return self.make(
-            "state", DiagonalizedState, state, self._coordinates, values, (state.effort is None, s.friction is None)
-        )
-
 
 def _flags(state):
-    return {"stamp_is_receive_time": state.stamp_is_receive_time, "velocity_estimated": state.velocity_estimated}
+    return {field: getattr(state, field) for field in FLAGS}
 
 
 class BytesMaker(MessageMaker):
@@ -225,35 +253,69 @@ class BytesMaker(MessageMaker):
         layout = self._layouts.get((topic, shape))
         if layout is None:
             message = super().make(topic, kind, state, texts, values)
-            template = None if topic in self.unlike else Template(message)
-            if template is None or not template.holds(serialize_message(message)):
-                self.unlike.add(topic)
+            if topic in self.unlike or (layout := self._lay_out(topic, shape, message, values)) is None:
                 return message
-            if len(self._layouts) >= MAX_LAYOUTS:
-                self._layouts.clear()
-            layout = self._layouts[topic, shape] = _Layout(template, values)
         return layout.write(state, values)
+
+    def evaluated(self, topic, s, state):
+        """Return the bytes of a message about an Evaluation and the RobotState that it is of."""
+        shape = s.epsilon is None, s.friction is None
+        layout, beside = self._layouts.get((topic, shape)), self._beside(topic, s, state)
+        if layout is None:
+            message = super().evaluated(topic, s, state)
+            rows = self._rows(EVALUATED[topic][1], not shape[0])
+            places = {field: (row * s.rows.shape[1], self._count(field, row)) for field, row in rows.items()}
+            values = beside | _flags(state)
+            if topic in self.unlike or (layout := self._lay_out(topic, shape, message, values, places)) is None:
+                return message
+        return layout.write(state, beside, s.rows)
+
+    def _lay_out(self, topic, shape, message, values, places=None):
+        """Return the layout of a message; None if rclpy makes other bytes."""
+        template = Template(message)
+        if not template.holds(serialize_message(message)):
+            self.unlike.add(topic)
+            return None
+        if len(self._layouts) >= MAX_LAYOUTS:
+            self._layouts.clear()
+        layout = self._layouts[topic, shape] = _Layout(template, values, places or {})
+        return layout
 
 
 class _Layout:
-    """Bytes of a message, and views of its numbers in the order of its values."""
+    """Bytes of a message, and where its numbers are in them."""
 
-    def __init__(self, template, values):
+    def __init__(self, template, values, places):
         self._template, numbers = template, template.numbers
-        self._stamp, self._oldest_stamp = (
-            [numbers.get(f"{path}.{part}") for part in ("sec", "nanosec")] for path in ("header.stamp", "oldest_stamp")
-        )
-        self._views = [
-            numbers[field].reshape(np.shape(value) or 1) if value is not None and field in numbers else None
+        self._seconds = struct.Struct("<iI")
+        self._oldest = template.place("oldest_stamp.sec")
+        self._views = {
+            field: numbers[field].reshape(np.shape(value) or 1)
             for field, value in values.items()
-        ]
+            if value is not None and field in numbers
+        }
+        self._flags = [(field, self._views.pop(field)) for field in FLAGS if field in self._views]
+        places = {field: place for field, place in places.items() if field in numbers}
+        counts = [np.arange(count) for _, count in places.values()]
+        self._source, self._target = (
+            np.concatenate([np.zeros(0, int), *(begin + count for begin, count in zip(begins, counts, strict=True))])
+            for begins in (
+                [begin for begin, _ in places.values()],
+                [(template.place(field) - len(HEADER)) // 8 for field in places],
+            )
+        )
+        self._doubles = template.doubles
 
-    def write(self, state, values):
-        """Return the bytes of the message with these values."""
-        self._stamp[0][0], self._stamp[1][0] = divmod(state.newest, SECOND)
-        if self._oldest_stamp[0] is not None:
-            self._oldest_stamp[0][0], self._oldest_stamp[1][0] = divmod(state.oldest, SECOND)
-        for view, value in zip(self._views, values.values(), strict=True):
-            if view is not None:
-                view[...] = value
-        return self._template.encoded()
+    def write(self, state, values, rows=None):
+        """Return the bytes of the message with these values, and those of rows of an Evaluation."""
+        data = self._template.data
+        self._seconds.pack_into(data, len(HEADER), *divmod(state.newest, SECOND))
+        if self._oldest >= 0:
+            self._seconds.pack_into(data, self._oldest, *divmod(state.oldest, SECOND))
+        for field, view in self._flags:
+            view[0] = getattr(state, field)
+        if rows is not None:
+            self._doubles[self._target] = rows.take(self._source)
+        for field, view in self._views.items():
+            view[...] = values[field]
+        return data.tobytes()

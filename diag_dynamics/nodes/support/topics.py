@@ -27,11 +27,6 @@ TOPICS = (
     Topic("total_joint_rates", "TotalJointRates", "ν, ξ"),
     Topic("working_moments", "WorkingMoments", "ε, κ"),
     Topic("coriolis", "CoriolisTerm", "C, C_ξ, ε_g"),
-    Topic(
-        "named",
-        "sensor_msgs/JointState",
-        "for tools that plot by joint name: energy share as position, ν as velocity, ε as effort",
-    ),
     Topic("mass_matrix_factors", "MassMatrixFactors", "m, D; ℓ with publish_inverse_factor", matrix=True),
     Topic("joint_space_dynamics", "JointSpaceDynamics", "M, c, g", matrix=True),
     Topic(
