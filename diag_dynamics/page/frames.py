@@ -13,7 +13,6 @@ from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.page.layout import CAUSES, LATE, Layout
-from diag_dynamics.page.poses import LinkPoses
 from diag_dynamics.results import Evaluation
 
 GAP = 0.5
@@ -22,7 +21,7 @@ GAP = 0.5
 AGREEMENT = 1e-6
 """Part of K by which the sum of the links' energies may miss it, before links are said to be another model's."""
 
-_UPPER = np.triu_indices(6)
+_UPPER = np.triu_indices(3)
 
 
 class States(NamedTuple):
@@ -91,7 +90,7 @@ class FrameMaker:
     """
 
     def __init__(self, dynamics: DiagonalDynamics, live: bool = True) -> None:
-        self._dynamics, self._poses = dynamics, LinkPoses(dynamics.model)
+        self._dynamics = dynamics
         self.layout = Layout(dynamics.model, live)
         self._before: tuple[float, float] | None = None
 
@@ -125,7 +124,6 @@ class FrameMaker:
             x[:, layout.place("gravity_torque")] = self._gravity_torque(states)
             energies = self._link_energies(states)
             x[:, layout.place("link_energy")] = energies
-            x[:, layout.place("pose")] = self._poses.poses(states.q).reshape(len(x), -1)
             self._put(x, "K", states.K)
             self._put(x, "p_effort", np.nan if states.epsilon is None else _products(nu, states.epsilon))
             self._put(x, "p_gravity", -_products(nu, states.gravity))
@@ -150,20 +148,21 @@ class FrameMaker:
         return frames
 
     def chosen(self, q: Array, nu: Array, link: str) -> Any:
-        """Numbers of the fields of a chosen link, float32: its mobility and its twist, in the world's axes.
+        """Return the fields of a chosen link, float32, in the world's axes.
 
-        With F = ℓJᵀ the mobility J M⁻¹Jᵀ at the link's origin is FᵀF [1/kg, 1/(kg m), 1/(kg m²)], of which the upper triangle
-        is told, row by row, linear directions first; the twist J q̇ is Fᵀν, likewise [m/s, rad/s].
+        With F the linear columns of ℓJᵀ at the link's origin, the linear part of JM⁻¹Jᵀ is FᵀF [1/kg]. Its symmetric root
+        maps the unit sphere to the ellipsoid of velocities that ½ J allows; the frame has its upper triangle, row by row.
+        The velocity is Fᵀν [m/s].
 
         Raises
         ------
         InputError
             No such link.
         """
-        factor = self._dynamics.wrench_factor(q, link, frame="world")
-        numbers = np.empty(27, dtype="<f4")
-        numbers[:21], numbers[21:] = (factor.T @ factor)[_UPPER], factor.T @ nu
-        return numbers
+        factor = self._dynamics.wrench_factor(q, link, frame="world")[:, :3]
+        values, axes = np.linalg.eigh(factor.T @ factor)
+        root = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+        return np.concatenate([root[_UPPER], factor.T @ nu]).astype("<f4")
 
     def _put(self, x: Any, name: str, value: Any) -> None:
         x[:, self.layout.place(name).start] = value

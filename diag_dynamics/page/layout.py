@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.model import RobotModel, end_effector_link
+from diag_dynamics.page.tree import tree_of
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
-VERSION = 1
+VERSION = 2
 """Of the layout; a page that does not know it says so."""
 
 CAUSES = {
@@ -34,7 +35,7 @@ model."""
 LATE = 1.0
 """How far a stamp may be behind the clock before a frame says so [s]."""
 
-CHOSEN = ("mobility", "twist")
+CHOSEN = ("mobility_root", "link_velocity")
 """Fields of the link that a page has chosen. They are the last ones, so that all that comes before is made once for all."""
 
 
@@ -86,7 +87,6 @@ class Layout:
             Field("q", nq, "coordinates", "rad, m"),
             *(Field(name, nv, "dofs", unit) for name, unit in per_dof.items()),
             Field("link_energy", links, "links", "J"),
-            Field("pose", 7 * links, "links", "m"),
             Field("K", 1, "", "J"),
             *(Field(name, 1, "", "W") for name in ("p_effort", "p_gravity", "p_friction", "p_external", "dK")),
             *(Field(name, nv, "dofs", unit) for name, unit in seen.items()),
@@ -99,7 +99,7 @@ class Layout:
         ]
         self.common = sum(field.size for field in fields)
         if live:
-            fields += [Field("mobility", 21, "", "1/kg"), Field("twist", 6, "", "m/s, rad/s")]
+            fields += [Field("mobility_root", 6, "", "1/kg^0.5"), Field("link_velocity", 3, "", "m/s")]
         self.fields = tuple(fields)
         self.size = sum(field.size for field in fields)
         ends = np.cumsum([field.size for field in fields]).tolist()
@@ -146,6 +146,7 @@ class Layout:
             },
             "thresholds": dict(thresholds) if thresholds else none_of(model.nv),
             "causes": CAUSES,
+            "tree": tree_of(model),
             "scene": scene,
             "end_effector": end_effector_link(model),
         }

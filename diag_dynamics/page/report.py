@@ -24,7 +24,7 @@ STATIC = Path(__file__).parent / "static"
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 """What a report may load: nothing that is not in it."""
 
-SLOW = "pose", "link_energy", *CHOSEN
+SLOW = "link_energy", *CHOSEN
 """Fields that change slowly enough to be kept less often where states are kept at their full rate."""
 
 LOGARITHMIC = ("coriolis_work",)

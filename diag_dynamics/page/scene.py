@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.example_robots import example_urdfs
@@ -20,7 +21,6 @@ from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.page.layout import finite
 from diag_dynamics.page.meshes import DrawnMesh, MeshLibrary, corners_of
-from diag_dynamics.page.poses import LinkPoses
 
 GREY = (0.72, 0.74, 0.78, 1.0)
 """Color of what has none."""
@@ -237,7 +237,8 @@ def _corners_of_ellipsoid(inertia: dict[str, Any]) -> Array:
 def _bounds(model: RobotModel, corners: list[Array]) -> list[list[float]]:
     """Corners of a box around all links, joints at zero or, where that is beyond their limits, at the limit next to it."""
     q = np.clip(model.neutral, model.lower, model.upper)
-    placed = LinkPoses(model).matrices(q[None])[0]
+    dynamics = DiagonalDynamics(model)
+    placed = [dynamics.placement(q, name) for name in model.link_names]
     points = np.concatenate([c @ X[:3, :3].T + X[:3, 3] for c, X in zip(corners, placed, strict=True)])
     low, high = points.min(axis=0), points.max(axis=0)
     if not (high > low).any():

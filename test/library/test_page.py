@@ -23,11 +23,10 @@ from diag_dynamics.page.contact import Touch, mass_of_half, told
 from diag_dynamics.page.frames import GAP, FrameMaker, Seen, States, Told
 from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout
 from diag_dynamics.page.meshes import MeshLibrary
-from diag_dynamics.page.poses import LinkPoses, quaternions
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.show import Show, Taken
 from oracles import Oracle
-from robots import description, joint, link, random_robots, random_tree, robot, robot_path
+from robots import description, joint, link, random_robots, robot, robot_path
 
 PANDA, TALOS = "panda_description/urdf/panda.urdf", "talos_data/robots/talos_reduced.urdf"
 BLOCK = (1.2, (0.1, 0.0, 0.2), (0.05, 0.0, 0.0, 0.06, 0.0, 0.03))
@@ -104,48 +103,21 @@ def panda():
 
 @pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
-def test_poses_and_mobility_are_pinocchios(one):
+def test_mobility_and_velocity_are_pinocchios(one):
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)
     oracle = Oracle(one.urdf, model.dof_names, floating_base=model.floating_base)
     dyn, last = dd.DiagonalDynamics(model), model.link_names[-1]
-    q, qd, _ = some(model, 3)
-    poses, matrices = LinkPoses(model).poses(q), LinkPoses(model).matrices(q)
-    for k in range(3):
-        pq = oracle.configuration(q[k])
-        pin.computeJointJacobians(oracle.model, oracle.data, pq)
-        pin.updateFramePlacements(oracle.model, oracle.data)
-        for j, name in enumerate(model.link_names):
-            expected = oracle.data.oMf[oracle.model.getFrameId(name, pin.FrameType.BODY)]
-            np.testing.assert_allclose(matrices[k, j], expected.homogeneous, rtol=0, atol=1e-12)
-            np.testing.assert_allclose(poses[k, j, :3], expected.translation, rtol=0, atol=1e-12)
-            quaternion = pin.Quaternion(expected.rotation).coeffs()
-            assert abs(abs(poses[k, j, 3:] @ quaternion) - 1.0) < 1e-12
-            assert poses[k, j, 6] >= 0.0
-        frame = oracle.model.getFrameId(last, pin.FrameType.BODY)
-        J = pin.getFrameJacobian(oracle.model, oracle.data, frame, pin.LOCAL_WORLD_ALIGNED)
-        J = np.stack([oracle.from_pin(row) for row in J])
-        mobility = J @ np.linalg.solve(oracle.mass_matrix(q[k]), J.T)
-        numbers = FrameMaker(dyn).chosen(q[k], dyn.nu_from_qd(q[k], qd[k]), last)
-        atol = 1e-5 * mobility.max()
-        np.testing.assert_allclose(numbers[:21], mobility[np.triu_indices(6)], rtol=1e-5, atol=atol)
-        np.testing.assert_allclose(numbers[21:], J @ qd[k], rtol=1e-5, atol=1e-5)
-
-
-def test_poses_of_several_freedoms_and_of_mimic_joints():
-    """Placements are those of the dynamics."""
-    for source in (random_tree(11, kinds=("revolute", "prismatic", "planar", "floating")), robot_path(TALOS)):
-        model = dd.load_urdf(source)
-        dyn, poses = dd.DiagonalDynamics(model), LinkPoses(model)
-        for q in some(model, 2)[0]:
-            for name, placed in zip(model.link_names, poses.matrices(q[None])[0], strict=True):
-                np.testing.assert_allclose(placed, dyn.placement(q, name), rtol=0, atol=1e-12)
-
-
-def test_quaternions_of_half_turns():
-    """Where the scalar part is zero, rotation and quaternion still agree."""
-    for axis in np.eye(3):
-        x, y, z, w = quaternions(2.0 * np.outer(axis, axis) - np.eye(3))
-        np.testing.assert_allclose(np.abs([x, y, z, w]), [*axis, 0.0], atol=1e-15)
+    (q,), (qd,), _ = some(model)
+    pin.computeJointJacobians(oracle.model, oracle.data, oracle.configuration(q))
+    frame = oracle.model.getFrameId(last, pin.FrameType.BODY)
+    J = pin.getFrameJacobian(oracle.model, oracle.data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+    J = np.stack([oracle.from_pin(row) for row in J])
+    mobility = J @ np.linalg.solve(oracle.mass_matrix(q), J.T)
+    numbers, root = FrameMaker(dyn).chosen(q, dyn.nu_from_qd(q, qd), last), np.zeros((3, 3))
+    root[np.triu_indices(3)] = numbers[:6]
+    root += np.triu(root, 1).T
+    np.testing.assert_allclose(root @ root, mobility, rtol=1e-5, atol=1e-5 * mobility.max())
+    np.testing.assert_allclose(numbers[6:], J @ qd, rtol=1e-5, atol=1e-5)
 
 
 @pytest.mark.parametrize("one", ROBOTS[:3], ids=lambda one: one.id)
@@ -161,19 +133,17 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     seen = Seen([True], r[None], torque[None], np.array([np.linalg.norm(r)]), [True])
     (frame,) = maker.frames(States.of(1.5, q, qd, tau, s), seen, Told(latency=0.003, rate=500.0))
     assert len(frame.tobytes()) == 8 + 4 * layout.size
-    places = [dyn.placement(q, name)[:3, 3] for name in model.link_names]
     expected = {
         **{"q": q, "qd": qd, "effort": tau, "nu": s.nu, "epsilon": s.epsilon, "coriolis": s.coriolis},
         **{"gravity": s.gravity, "gravity_torque": dyn.gravity_torque(q), "D": s.articulated_inertia},
         **{"link_energy": s.link_energy, "K": s.kinetic_energy, "residual": r, "external_torque": torque},
         **{"norm": np.linalg.norm(r), "torque_norm": np.linalg.norm(torque), "latency": 0.003, "rate": 500.0},
         **{"p_effort": s.nu @ s.epsilon, "p_gravity": -s.nu @ s.gravity, "p_friction": -s.nu @ s.friction},
-        **{"p_external": qd @ torque, "flags": CAUSES["collision"], "pose": places},
+        **{"p_external": qd @ torque, "flags": CAUSES["collision"]},
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():
         found = value(frame, layout, name)
-        found = found.reshape(-1, 7)[:, :3] if name == "pose" else found
         atol = FLOAT * (scale if name.startswith("p_") else max(np.abs(wanted).max(), 1e-3))
         np.testing.assert_allclose(found, np.reshape(wanted, found.shape), rtol=FLOAT, atol=atol, err_msg=name)
     assert np.isnan(value(frame, layout, "dK"))

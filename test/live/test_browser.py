@@ -212,7 +212,9 @@ def test_the_effective_mass_of_a_link_that_was_clicked(live, panda):
     place = live.until("diag.where('panda_link6')")
     live.page.mouse.click(place["x"], place["y"])
     live.page.keyboard.press(" ")
-    live.until("diag.marks && diag.marks.link === 'panda_link6' && diag.values.twist[0] === diag.values.twist[0]")
+    live.until(
+        "diag.marks && diag.marks.link === 'panda_link6' && diag.values.link_velocity[0] === diag.values.link_velocity[0]"
+    )
     _, (q, qd, _, _), _ = paused(live, panda[0])
     dyn, marks = dd.DiagonalDynamics(panda[0].model), live.until("diag.marks")
     velocity = dyn.link_velocity(q, qd, "panda_link6", frame="world")[:3]

@@ -17,13 +17,15 @@ from pathlib import Path
 import numpy as np
 
 import diag_dynamics as dd
+from coupling import mimicking
 from diag_dynamics.page.contact import Touch, told
 from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
 from diag_dynamics.page.packing import pack, pack_mesh, pack_times
 from diag_dynamics.page.report import full_rate, overview
 from diag_dynamics.page.scene import scene_of
 from diag_dynamics.page.show import Show, Taken
-from robots import description, joint, link
+from diag_dynamics.page.tree import tree_of
+from robots import BOX, description, joint, link, random_tree
 
 PATH = Path(__file__).parents[2] / "web" / "test" / "fixture.json"
 
@@ -69,7 +71,27 @@ def content():
         "times": _text(pack_times(np.array([0.0, 0.25, 0.25, 4000.0, 4000.000001, 10_000.0, 9e8]))),
         "mesh": _text(pack_mesh(_tetrahedron())),
         "tracks": _tracks(dyn),
+        "kinematics": _kinematics(),
     }
+
+
+def _kinematics():
+    """Return trees of robots with positions, and the library's placements of their links."""
+    held, gripper = random_tree(12, 6), random_tree(13, 4).replace("</robot>", "")
+    locked = {dd.load_urdf(held).joint_names[2]: 0.3}
+    leader = dd.load_urdf(f"{gripper}</robot>").joint_names[1]
+    jaw = mimicking(joint("jaw", "prismatic", "link_3", "jaw", axis=(0.6, 0.0, 0.8), rpy=(1, 2, 3)), leader, -0.5, 0.2)
+    robots = [
+        dd.load_urdf(random_tree(11, 5, kinds=("revolute", "prismatic", "planar", "floating"))),
+        dd.load_urdf(held, floating_base=True, locked_joints=locked),
+        dd.load_urdf(f"{gripper}{link('jaw', *BOX.values())}{jaw}</robot>"),
+    ]
+    found, rng = [], np.random.default_rng(4)
+    for model in robots:
+        dyn, q = dd.DiagonalDynamics(model), model.random(rng)
+        placements = [dyn.placement(q, name).T.ravel().tolist() for name in model.link_names]
+        found.append({"tree": tree_of(model), "q": q.tolist(), "placements": placements})
+    return found
 
 
 def _contact():

@@ -52,8 +52,8 @@ export class Details {
       add("link energy", f("link_energy", k), "J");
       const mass = layout.scene.links.find((one) => one.name === link)?.inertia?.mass;
       if (Number.isFinite(mass)) add("mass", () => mass, "kg");
-      const place = [0, 1, 2].map((n) => f("pose", 7 * k + n));
-      add("x, y, z", (d, b) => place.map((get) => get(d, b)), "m", (xyz) => xyz.map((x) => metres(x)).join(", "));
+      const origin = (d, b) => layout.placements(d, b)?.[k].slice(12, 15) ?? [NaN, NaN, NaN];
+      add("x, y, z", origin, "m", (xyz) => xyz.map((x) => metres(x)).join(", "));
     }
     this.lines = lines;
     const joints = dof >= 0 && layout.dofs[dof] !== link ? `${layout.dofs[dof]} · ` : "";

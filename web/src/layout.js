@@ -4,6 +4,7 @@
 // What a frame consists of: the time as a double, then fields of floats, in the order that the layout says.
 
 import { shortNames } from "./format.js";
+import { Tree } from "./tree.js";
 
 // Bits of the field flags.
 export const FLAGS = {
@@ -33,32 +34,11 @@ export class Layout {
       offset += size;
     }
     this.width = offset;
-    this.#moves();
-  }
-
-  // The link that each degree of freedom moves, and the degrees of freedom that move each link: those of the joint that
-  // carries it, or of what it is fixed to.
-  #moves() {
-    this.dofsOfLink = new Map();
-    this.linkOfDof = new Array(this.dofs.length).fill(null);
-    const carriers = new Map(this.scene.joints.map((joint) => [joint.child, joint]));
-    for (const joint of this.scene.joints) {
-      if (!joint.follows) for (const dof of this.#dofsOf(joint)) this.linkOfDof[dof] ??= joint.child;
-    }
-    this.linkOfDof = this.linkOfDof.map((link) => link ?? this.links[0]); // of a floating base
-    const base = this.dofs.map((_, k) => k).filter((k) => this.json.floating_base && k < 6);
-    for (const { name } of this.scene.links) {
-      let joint = carriers.get(name);
-      for (let k = 0; k < carriers.size && joint && !this.#dofsOf(joint).length; k++) joint = carriers.get(joint.parent);
-      this.dofsOfLink.set(name, joint ? this.#dofsOf(joint) : base);
-    }
-  }
-
-  // Joints of several degrees of freedom have names with the joint's before a slash.
-  #dofsOf({ name, dof }) {
-    if (dof === null || dof === undefined) return [];
-    const several = this.dofs.map((_, k) => k).filter((k) => this.dofs[k].startsWith(`${name}/`));
-    return several.length ? several : [dof];
+    // Degrees of freedom that move each link, and the link that each of them moves.
+    const { links = [], link_of_dof: moved = [] } = json.tree ?? {};
+    this.tree = new Tree(json.tree ?? { bodies: [], links: [] });
+    this.dofsOfLink = new Map(links.map(({ dofs }, k) => [this.links[k], dofs]));
+    this.linkOfDof = moved;
   }
 
   dofOfLink(link) {
@@ -79,6 +59,11 @@ export class Layout {
     return this.fields.get(name)?.size ?? 0;
   }
 
+  // Placements of all links at a frame; null where a position is unknown.
+  placements(data, base) {
+    return this.tree.placements(data, base + this.fields.get("q").offset);
+  }
+
   // The link whose ellipsoid and arrow are drawn before a link is chosen.
   get endEffector() {
     return this.json.end_effector;
@@ -94,10 +79,7 @@ export function shortFields(layout) {
   return names;
 }
 
-const POSE = ["x", "y", "z", "qx", "qy", "qz", "qw"];
-
 function entry(layout, name, size, k) {
-  if (name === "pose") return `${layout.links[Math.floor(k / 7)]}.${POSE[k % 7]}`;
   if (name === "link_energy") return layout.links[k];
   return size === layout.dofs.length ? layout.dofs[k] : String(k);
 }

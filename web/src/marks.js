@@ -9,8 +9,8 @@ import {
 } from "three";
 
 const UP = new Vector3(0, 1, 0); // of three's cylinders
-const SIZE = 0.26; // of the ellipsoid, in parts of the robot's
-const [SMALLEST, BIGGEST] = [0.12, 0.5]; // between which the scale stays as it is
+const SIZE = 0.38; // of the ellipsoid, in parts of the robot's
+const [SMALLEST, BIGGEST] = [0.17, 0.7]; // between which the scale stays as it is
 
 export class Marks extends Group {
   constructor() {
@@ -38,14 +38,13 @@ export class Marks extends Group {
     this.solid.color.set(arrow);
   }
 
-  // at: the link's origin; axes in columns; radii and velocity [m/s]; size: the robot's [m].
-  place(at, axes, radii, velocity, size) {
-    const longest = Math.max(...radii);
+  // at: the link's origin; root: symmetric, maps the unit sphere to the ellipsoid [m/s]; size: the robot's [m].
+  place(at, root, velocity, size) {
+    const longest = Math.hypot(...root.flat()) || 1;
     const drawn = this.ratio * longest;
     if (!(drawn > SMALLEST * size && drawn < BIGGEST * size)) this.ratio = (SIZE * size) / longest;
-    const columns = [0, 1, 2].map((k) =>
-      new Vector3(axes[0][k], axes[1][k], axes[2][k]).multiplyScalar(Math.max(this.ratio * radii[k], 0.004 * size)),
-    );
+    const columns = root.map((column) => new Vector3(...column).multiplyScalar(this.ratio));
+    columns.forEach((column, k) => column.setComponent(k, column.getComponent(k) + 0.004 * size)); // never flat
     const matrix = new Matrix4().makeBasis(...columns).setPosition(at);
     this.ellipsoid.matrix.copy(matrix);
     this.rings.matrix.copy(matrix);

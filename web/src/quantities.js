@@ -288,3 +288,10 @@ export function roundUp(x) {
   const power = 10 ** Math.floor(Math.log10(x));
   return [1, 2, 5, 10].map((k) => k * power).find((end) => end >= x * 0.999);
 }
+
+// Reflected mass [kg] along a velocity v, v·v/|Sv|² with the root S of the mobility; NaN at rest.
+export function massAlong(root, velocity) {
+  const speed = Math.hypot(...velocity);
+  const moved = root.map((row) => row.reduce((sum, x, k) => sum + x * velocity[k], 0));
+  return speed > 1e-4 ? (speed / Math.hypot(...moved)) ** 2 : NaN;
+}

@@ -97,22 +97,14 @@ export class Robot extends Group {
     group.add(mesh);
   }
 
-  // Poses as a frame has them: x y z qx qy qz qw of each link; whether they are known.
-  place(data, at) {
-    if (!Number.isFinite(at)) return false;
-    let known = false;
-    this.layout.links.forEach((name, k) => {
-      const group = this.byName.get(name);
-      const p = at + 7 * k;
-      if (!group || !Number.isFinite(data[p]) || !Number.isFinite(data[p + 6])) return;
-      POSITION.set(data[p], data[p + 1], data[p + 2]);
-      ROTATION.set(data[p + 3], data[p + 4], data[p + 5], data[p + 6]).normalize();
-      group.matrix.compose(POSITION, ROTATION, ONE);
+  // placements: of each link, 16 numbers column by column.
+  place(placements) {
+    placements.forEach((placement, k) => {
+      const group = this.byName.get(this.layout.links[k]);
+      group.matrix.fromArray(placement);
       group.matrixWorldNeedsUpdate = true;
-      known = true;
     });
     this.updateMatrixWorld();
-    return known;
   }
 
   // Whether anything has changed.
@@ -143,9 +135,6 @@ export class Robot extends Group {
   }
 }
 
-const POSITION = new Vector3();
-const ROTATION = new Quaternion();
-const ONE = new Vector3(1, 1, 1);
 const UP = new Vector3(0, 1, 0); // of three's cylinders
 
 // Half the diagonal of the box around a robot [m].

@@ -96,8 +96,9 @@ export class Scene3D {
   }
 
   place(data, base) {
-    const at = this.layout.at("pose");
-    if (!this.robot.place(data, base + at)) return;
+    const placements = this.layout.placements(data, base);
+    if (!placements) return;
+    this.robot.place(placements);
     if (!this.posed) {
       this.posed = true;
       if (!this.framed) this.frame();
@@ -211,13 +212,13 @@ export class Scene3D {
     this.root ??= at;
   }
 
-  // axes: unit columns; radii [m/s] and velocity [m/s] of the link's origin; null hides all of it.
-  mark(link, axes, radii, velocity) {
+  // root: of the mobility, 3×3 [m/s]; velocity of the link's origin [m/s]; null hides both.
+  mark(link, root, velocity) {
     const group = this.robot?.byName.get(link);
-    const visible = Boolean(group && axes);
+    const visible = Boolean(group && root);
     this.dirty ||= visible || this.marks.visible;
     this.marks.visible = visible;
-    if (visible) this.marks.place(new Vector3().setFromMatrixPosition(group.matrixWorld), axes, radii, velocity, this.size);
+    if (visible) this.marks.place(new Vector3().setFromMatrixPosition(group.matrixWorld), root, velocity, this.size);
   }
 
   // The point at which a touch would be worst: a ball that is seen through the robot; null hides it.

@@ -4,10 +4,9 @@
 // The left of the page: the robot, what its colours mean, and what is told of the marked link.
 
 import { largestOf } from "./bars.js";
-import { COLOURINGS, K, placeOf, roundUp, valueAt } from "./quantities.js";
+import { COLOURINGS, K, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
-import { axesOf, effectiveMass, linearBlock } from "./ellipsoid.js";
 import { number, quantity } from "./format.js";
 import { Scene3D } from "./scene3d.js";
 
@@ -147,7 +146,7 @@ export class Stage {
 
   #mark(data, base) {
     const { layout } = this;
-    const [a, v] = [layout.at("mobility"), layout.at("twist")];
+    const [a, v] = [layout.at("mobility_root"), layout.at("link_velocity")];
     const known = this.marks && Number.isFinite(a) && Number.isFinite(data[base + a]);
     if (!known) {
       this.scene?.mark(null, null);
@@ -155,15 +154,14 @@ export class Stage {
       this.told = null;
       return;
     }
-    const matrix = linearBlock(data, base + a);
-    const { values, vectors } = axesOf(matrix);
-    const velocity = [0, 1, 2].map((k) => data[base + v + k]);
-    const moving = velocity.every(Number.isFinite);
-    const speed = moving ? Math.hypot(...velocity) : NaN;
-    const mass = moving ? effectiveMass(matrix, velocity) : NaN;
+    const [xx, xy, xz, yy, yz, zz] = data.subarray(base + a, base + a + 6);
+    const root = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    const velocity = [...data.subarray(base + v, base + v + 3)];
+    const speed = Math.hypot(...velocity);
+    const mass = massAlong(root, velocity);
     // With 1 J of kinetic energy a link can be as fast as √(2λ) along an axis.
-    this.scene?.mark(this.marked, vectors, values.map((value) => Math.sqrt(2 * Math.max(value, 0))), moving ? velocity : [0, 0, 0]);
-    this.told = { link: this.marked, speed, mass, mobilities: values };
+    this.scene?.mark(this.marked, root.map((row) => row.map((x) => Math.SQRT2 * x)), Number.isFinite(speed) ? velocity : [0, 0, 0]);
+    this.told = { link: this.marked, speed, mass };
     const along = Number.isFinite(mass) ? `, ${quantity(mass, "kg")} along it` : "";
     say(this.marksNote, `${this.marked}: ${quantity(speed, "m/s")}${along}`);
     this.marksNote.title = "Ellipsoid of J M⁻¹ Jᵀ: velocities that 1 J allows; arrow: the link's velocity; effective mass along it";

@@ -7,8 +7,6 @@
 import { Rows } from "./rows.js";
 import { bytesOf, columnsOf, timesOf } from "./unpack.js";
 
-const QUATERNION = 3; // place of a rotation in a pose
-
 // Rows of states, and of contact; these are null where nothing is told of it.
 export async function rowsOf(layout, tracks) {
   const parts = [];
@@ -59,22 +57,11 @@ async function read(layout, track) {
       const own = found.slice(k, k + size);
       k += size;
       if (track.logarithmic.includes(name)) for (const column of own) column.forEach((x, i) => (column[i] = 10 ** x));
-      if (name === "pose" && every > 1) sameSigns(own);
       own.forEach((column, n) => (columns[offset + n] = every === 1 ? column : stretched(column, every, track.rows)));
     }
   }
   const contact = track.contact ? columnsOf(await bytesOf(others.at(-1)), track.rows, track.contact) : null;
   return { times, columns, contact };
-}
-
-// A quaternion and its negative are one rotation: none may change its sign between two that lie next to each other.
-function sameSigns(columns) {
-  for (let link = 0; link < columns.length; link += 7) {
-    const q = columns.slice(link + QUATERNION, link + 7);
-    for (let i = 1; i < q[0].length; i++) {
-      if (q.reduce((sum, c) => sum + c[i] * c[i - 1], 0) < 0) for (const c of q) c[i] = -c[i];
-    }
-  }
 }
 
 // Numbers in between, along straight lines.

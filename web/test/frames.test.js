@@ -11,14 +11,14 @@ import { gunzipSync } from "node:zlib";
 import { barLength, columnsOf as tableColumns, largestOf, together } from "../src/bars.js";
 import { creased } from "../src/crease.js";
 import { csv } from "../src/csv.js";
-import { axesOf, effectiveMass, linearBlock } from "../src/ellipsoid.js";
 import { FLAGS, Layout, shortFields } from "../src/layout.js";
 import { chosenLines, COLOURINGS, largestJoints, othersLine, plotsOf, roundUp } from "../src/quantities.js";
-import { exchange, K, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
+import { exchange, K, massAlong, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
 import { KIND, Packets } from "../src/stream.js";
 import { Touches } from "../src/touches.js";
 import { rowsOf } from "../src/tracks.js";
+import { Tree } from "../src/tree.js";
 import { columnsOf, meshOf, timesOf } from "../src/unpack.js";
 
 const fixture = JSON.parse(readFileSync(new URL("fixture.json", import.meta.url), "utf8"));
@@ -46,14 +46,14 @@ test("a frame has the numbers of the state", () => {
     ...{ external_torque: [0.5, -0.25], latency: 0.003, flags: FLAGS.collision, torque_norm: Math.hypot(0.5, 0.25) },
   };
   for (const [name, numbers] of Object.entries(expected)) near(field(known, name), numbers, 1e-6, name);
-  near(field(known, "pose").slice(14, 17), [Math.cos(0.3), Math.sin(0.3), 0]);
-  near(field(known, "twist"), [-2 * Math.sin(0.3), 2 * Math.cos(0.3), 0, 0, 0, 1]);
+  near(layout.placements(known, 0)[2].slice(12), [Math.cos(0.3), Math.sin(0.3), 0, 1]);
+  near(field(known, "link_velocity"), [-2 * Math.sin(0.3), 2 * Math.cos(0.3), 0]);
 });
 
 test("what is unknown is NaN, flagged, and nowhere a number", () => {
   const { estimated, effortMissing, observerInvalid, late, receiveTime } = FLAGS;
   assert.equal(unknown[layout.at("flags")], estimated + effortMissing + observerInvalid + late + receiveTime);
-  for (const name of ["effort", "p_effort", "external_torque", "norm", "mobility", "twist"]) {
+  for (const name of ["effort", "p_effort", "external_torque", "norm", "mobility_root", "link_velocity"]) {
     assert.ok(field(unknown, name).every(Number.isNaN), name);
   }
   assert.ok(Number.isNaN(layout.at("nu", 2)) && Number.isNaN(layout.at("nothing")));
@@ -77,23 +77,19 @@ test("the layout: which joint moves which link, short names, names of numbers", 
   assert.deepEqual(["lower", "base", "nobody"].map((link) => layout.dofOfLink(link)), [1, -1, -1]);
   const names = shortFields(layout).map(({ name }) => name);
   assert.equal(new Set(names).size, layout.width);
-  for (const name of ["K", "nu.arm_elbow", "link_energy.lower", "pose.lower.qw", "twist.5"]) assert.ok(names.includes(name), name);
+  for (const name of ["K", "nu.arm_elbow", "link_energy.lower", "link_velocity.2"]) assert.ok(names.includes(name), name);
   assert.equal(new Layout({ dofs: [], links: ["stone"], fields: [] }).width, 0);
 });
 
 test("the layout of a floating base, and of a joint with two degrees of freedom", () => {
-  const links = ["root", "one", "tool"];
-  const joints = [
-    { name: "b", dof: 3, parent: "root", child: "one" },
-    { name: "weld", dof: null, parent: "one", child: "tool" },
-  ];
-  const scene = { links: links.map((name) => ({ name })), joints };
-  const floating = new Layout({ dofs: ["base/0", "base/1", "a", "b/0", "b/1"], links, fields: [], floating_base: true, scene });
-  assert.deepEqual(links.map((link) => floating.dofsOfLink.get(link)), [[0, 1, 2, 3, 4], [3, 4], [3, 4]]);
-  assert.deepEqual(floating.linkOfDof, ["root", "root", "root", "one", "one"]);
+  const [links, base] = [["root", "one", "tool"], [0, 1, 2]];
+  const dofs = [base, [3, 4], [3, 4]].map((own) => ({ dofs: own, placement: [] }));
+  const tree = { bodies: [], links: dofs, link_of_dof: ["root", "root", "root", "one", "one"] };
   const two = { effort: [0, 0, 0, 10, 10] };
-  const joint = new Layout({ ...floating.json, fields: [{ name: "effort", size: 5 }], limits: two });
-  near(COLOURINGS.torque.value(joint)("tool")([0, 0, 0, 2, -5], 0), 50);
+  const fields = [{ name: "effort", size: 5 }];
+  const floating = new Layout({ dofs: ["base/0", "base/1", "a", "b/0", "b/1"], links, fields, tree, limits: two });
+  assert.deepEqual(links.map((link) => floating.dofOfLink(link)), [2, 4, 4]);
+  near(COLOURINGS.torque.value(floating)("tool")([0, 0, 0, 2, -5], 0), 50);
 });
 
 test("quantities of a frame: shares, exchange, torque in parts of the limit, colours of links", () => {
@@ -191,14 +187,19 @@ test("of many lines the largest and the selected one, and the others' sum", () =
   assert.deepEqual([0, NaN, 1, 1.0001, 1.1, 3, 7, 0.03, 2e300].map(roundUp), [1, 1, 1, 1, 2, 5, 10, 0.05, 2e300]);
 });
 
-test("mobility at the elbow: 1/3 kg⁻¹ along its motion, none across, 3 kg felt", () => {
-  const matrix = linearBlock(known, layout.at("mobility"));
-  near(axesOf(matrix).values.sort((a, b) => a - b), [0, 0, 1 / 3]);
-  near(effectiveMass(matrix, field(known, "twist").slice(0, 3)), 3, 1e-4);
-  assert.ok(Number.isNaN(effectiveMass(matrix, [0, 0, 0])) && Number.isNaN(effectiveMass(matrix, [NaN, 0, 0])));
-  const { values, vectors } = axesOf([[2, 1, 0], [1, 2, 0], [0, 0, 5]]);
-  near([...values].sort(), [1, 3, 5]);
-  near(Math.abs(vectors[0][values.findIndex((x) => x < 2)]), Math.SQRT1_2);
+test("mobility at the elbow: 3 kg felt along its motion, none at rest", () => {
+  const [xx, xy, xz, yy, yz, zz] = field(known, "mobility_root");
+  const root = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+  near(massAlong(root, field(known, "link_velocity")), 3, 1e-4);
+  assert.ok(Number.isNaN(massAlong(root, [0, 0, 0])) && Number.isNaN(massAlong(root, [NaN, 0, 0])));
+});
+
+test("placements of links are the library's, for all kinds of joints, a floating base, locked and mimic joints", () => {
+  for (const { tree, q, placements } of fixture.kinematics) {
+    const found = new Tree(tree).placements([NaN, ...q], 1);
+    placements.forEach((placement, k) => near(found[k], placement, 1e-9, `link ${k}`));
+    assert.equal(new Tree(tree).placements(q.map(() => NaN), 0), null);
+  }
 });
 
 test("packed columns, times and meshes come back", () => {
@@ -227,7 +228,7 @@ test("a report's states: the overview, and all of those around a contact, in ord
     const row = rows.data.subarray(rows.base(i), rows.base(i + 1) || undefined);
     near(field(row, "K"), 10 * t, 1e-3, `K at ${t}`);
     near(field(row, "link_energy"), [t, t, t], 1e-3, `energy at ${t}`); // kept of every 20th state
-    for (const name of ["pose", "nu", "D"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
+    for (const name of ["q", "nu", "D"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
   });
   assert.equal(contact, null);
 });
