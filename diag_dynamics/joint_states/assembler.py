@@ -3,6 +3,7 @@
 
 """Assembler of a robot's states from joint states, each of which may bring only some of the joints: one message or many."""
 
+import sys
 from collections import Counter
 from itertools import islice
 from typing import NamedTuple
@@ -16,8 +17,7 @@ from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.limits import EffortMeaning, age_limits, joint_limits
 from diag_dynamics.joint_states.rules import judge_messages
 from diag_dynamics.joint_states.stamps import nanoseconds
-from diag_dynamics.joint_states.steps import ROWS
-from diag_dynamics.joint_states.watches import SAMPLES, WINDOW
+from diag_dynamics.joint_states.watches import SAMPLES
 from diag_dynamics.model.followers import Followers
 
 
@@ -55,6 +55,8 @@ MAX_NAMES, MAX_NAME_LENGTH = 1000, 256
 
 NAME_BYTES = 64
 """Memory of a name, apart from its letters."""
+
+NATIVE = "<" if sys.byteorder == "little" else ">"
 
 IN_STEP = {-1: None, 0: False, 1: True}
 
@@ -106,14 +108,7 @@ class StateAssembler:
         self.counts, self.frozen, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
         self._layouts, self._known, self.arrived = _Kept(), _Kept(), {}
         count, beside = len(joints.names), len(self.followers.names)
-        self._memory = memory.Memory(
-            np.zeros(1, memory.SHARED),
-            np.zeros(count, memory.JOINT),
-            np.zeros(beside, memory.FOLLOWER),
-            np.zeros((count, count)),
-            np.zeros((count, WINDOW)),
-            np.zeros((ROWS, max(count, WINDOW))),
-        )
+        self._memory = memory.Memory.create(count, beside)
         self._shared, self._own = self._memory.shared[0], self._memory.joints
         self._shared["in_step"] = self._shared["frozen_last"] = self._shared["base_stamp"] = -1
         self._shared["needs_base"] = base is not None
@@ -121,11 +116,9 @@ class StateAssembler:
         for field in FIELDS:
             self._own[field] = np.nan
         self._memory.followers["effort"] = np.nan
-        self._batch = memory.batch(1, count, beside)
-        outcome = self._batch.outcome
-        self._numbers = outcome.view(np.int64)
-        self._found = [outcome[field] for field in ("code", "events", "frozen_kind")]
-        self._completed = [outcome[field] for field in ("newest", "oldest", "with_effort", "received", "estimated")]
+        self._one = memory.Batch.create(1, (), self._memory)
+        self._numbers, self._states = self._one.outcome.view(np.int64), self._one.states[:, 0]
+        self._summary = self._numbers[: len(memory.SUMMARY)]
         self._decoder = Decoder()
         self.configure(options)
 
@@ -243,7 +236,7 @@ class StateAssembler:
 
     def forget(self):
         """Forget all joints and the base, as after a restart of time."""
-        self._judge_one(memory.FORGET, 0)
+        self._judge_one(self._one, memory.FORGET, 0)
         if self._base:
             self._base.forget()
 
@@ -280,36 +273,43 @@ class StateAssembler:
         try:
             places = self._decoder.find_places(message)
         except ValueError as error:
-            self._judge_one(memory.UNREADABLE, now)
+            self._judge_one(self._one, memory.UNREADABLE, now)
             return Rejected("malformed", f"joint_states: {error}")
         layout, at = self._known.get(places) or self._remember(places)
-        sec, nanosec = places.stamp.unpack_from(message, 4)
-        values = np.frombuffer(message, np.uint8)[at].view(places.double)
-        return self._accept(layout, places.names, sec, nanosec, values, now)
+        np.frombuffer(message, np.uint8).take(at, out=layout.bytes, mode="clip")
+        return self._accept(layout, *places.stamp.unpack_from(message, 4), now)
 
     def accept_values(self, names, sec, nanosec, fields, now):
         """Judge a joint state by its names, stamp, and positions, velocities and efforts."""
         layout = self._layout(names, *map(len, fields))
-        values = np.concatenate([np.asarray(field, dtype=float) for field in fields])[layout.source]
-        return self._accept(layout, names, sec, nanosec, values, now)
+        values = np.concatenate([np.asarray(field, dtype=float) for field in fields])
+        layout.numbers[:] = values[layout.source]
+        return self._accept(layout, sec, nanosec, now)
 
     def _remember(self, places):
-        """Return the layout of bytes, and indices of the bytes of its values."""
+        """Return the layout of bytes, and where the bytes of its numbers are in them."""
         layout = self._layout(places.names, *places.counts)
-        known = layout, places.numbers[layout.source].ravel()
+        at = places.numbers[layout.source]
+        known = layout, (at if places.order == NATIVE else at[:, ::-1]).ravel()
         self._known.keep(places, known, places.length)
         return known
 
-    def _accept(self, layout, names, sec, nanosec, values, now):
-        self._batch.values.fill(np.nan)
-        self._batch.values[0, layout.place] = values
-        code, events, frozen = self._judge_one(0, now, sec, nanosec, layout.tables)
+    def _accept(self, layout, sec, nanosec, now):
+        """Judge the message in the arrays of its layout."""
+        code, events, frozen, newest, oldest, with_effort, received, estimated = self._judge_one(
+            layout.batch, 0, now, sec, nanosec
+        )
         if code or events or frozen:
-            self._count(self._batch.outcome, np.zeros(1, int), [names])
+            self._count(self._one.outcome, np.zeros(1, int), [layout.names])
         if code > 0:
-            text = layout.text if code in codes.LAYOUT_ERRORS else self._text(self._batch.outcome[0])
+            text = layout.text if code in codes.LAYOUT_ERRORS else self._text(self._one.outcome[0])
             return Rejected(codes.CAUSES[code], text)
-        return Accepted(None if code else self._state())
+        if code:
+            return Accepted(None)
+        position, velocity, effort = self._states.copy()
+        effort = effort if with_effort else None
+        state = RobotState(position, velocity, effort, newest, oldest, received > 0, estimated > 0)
+        return Accepted(self._with_base(state) if self._base else state)
 
     def accept_odometry(self, message, now):
         """Judge a nav_msgs.msg.Odometry; it completes a state of a robot that is all base."""
@@ -323,24 +323,16 @@ class StateAssembler:
         state = RobotState(nothing, nothing, None, base.stamp, base.stamp, base.unstamped)
         return Accepted(self._with_base(state))
 
-    def _judge_one(self, layout, now, sec=0, nanosec=0, tables=memory.NO_LAYOUTS):
-        """Judge the message in the arrays; return code, events and kind of stuck sensor."""
+    def _judge_one(self, batch, layout, now, sec=0, nanosec=0):
+        """Judge the message of a batch of one; return the SUMMARY of its outcome."""
         self._numbers.fill(0)
-        self._batch.messages[0] = sec, nanosec, now, layout
+        batch.messages[0] = sec, nanosec, now, layout
         if self._base:
             self._give_base()
-        judge_messages(*self._memory, *tables, *self._batch)
+        judge_messages(*self._memory, *batch)
         if self._base:
             self._take_base()
-        return [field.item() for field in self._found]
-
-    def _state(self):
-        """Return the RobotState of the message in the arrays."""
-        position, velocity, effort = self._batch.states[:, 0].copy()
-        newest, oldest, with_effort, received, estimated = (field.item() for field in self._completed)
-        effort = effort if with_effort else None
-        state = RobotState(position, velocity, effort, newest, oldest, received > 0, estimated > 0)
-        return self._with_base(state) if self._base else state
+        return self._summary.tolist()
 
     # --- Base ---
 
@@ -378,22 +370,17 @@ class StateAssembler:
         -------
         Assembled
         """
-        batch = memory.batch(len(now), len(self._own), len(self._memory.followers))
+        layouts = [self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS)) for part in parts]
+        batch = memory.Batch.create(len(now), [layout.entries for layout in layouts], self._memory)
         messages = batch.messages
         messages["now"], messages["layout"] = now, memory.UNREADABLE
-        layouts = [self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS)) for part in parts]
         for k, (part, layout) in enumerate(zip(parts, layouts, strict=True)):
             messages["sec"][part.rows], messages["nanosec"][part.rows] = part.sec, part.nanosec
             messages["layout"][part.rows] = k
             values = np.hstack([part.position, part.velocity, part.effort])
-            batch.values[part.rows[:, None], layout.place] = values[:, layout.source]
-        tables = (
-            memory.Layouts(*map(np.concatenate, zip(*(layout.tables for layout in layouts), strict=True)))
-            if layouts
-            else memory.NO_LAYOUTS
-        )
+            batch.numbers[part.rows, : len(layout.source)] = values[:, layout.source]
         self._give_base()
-        judge_messages(*self._memory, *tables, *batch)
+        judge_messages(*self._memory, *batch)
         base = self._base and (self._base.position, self._base.velocity)
         self._take_base()
         self._count(batch.outcome, messages["layout"], [part.names for part in parts])
@@ -426,8 +413,12 @@ class StateAssembler:
             at = min(length, len(names) - 1)  # the first joint without a value, or without a name
             text = f"{FIELDS[wrong[0]]} has {length} entries for {len(names)} names (first at '{names[at]}')"
             code = codes.WRONG_LENGTH
-        tables = memory.layouts(code, own[1], beside[1], len(self._memory.followers), count)
-        return _Layout(code, text, tables, *self._gather(own, beside, lengths, bool(code)))
+        source, place = self._gather(own, beside, lengths, bool(code))
+        entries = code, own[1], beside[1], place
+        layouts = memory.Batch.create(0, [entries], self._memory).layouts
+        batch = self._one._replace(layouts=layouts, numbers=np.empty((1, len(source))))
+        numbers = batch.numbers[0]
+        return _Layout(names, text, entries, source, batch, numbers, numbers.view(np.uint8))
 
     def _gather(self, own, beside, lengths, wrong):
         """Return where values of all fields one after the other are in a message, and their places in the arrays."""
@@ -489,11 +480,13 @@ class StateAssembler:
 class _Layout(NamedTuple):
     """Messages with one list of names, and lengths of the fields."""
 
-    error: int
-    text: str
-    tables: memory.Layouts  # of one layout
-    source: np.ndarray  # places of values in positions, velocities and efforts one after the other
-    place: np.ndarray  # places of the same values in a row of Batch.values
+    names: tuple
+    text: str  # what is wrong with all of them
+    entries: tuple  # of memory.Batch.create
+    source: np.ndarray  # places of numbers in positions, velocities and efforts one after the other
+    batch: memory.Batch  # of one such message
+    numbers: np.ndarray  # its numbers
+    bytes: np.ndarray  # the same memory
 
 
 class _Kept(dict):

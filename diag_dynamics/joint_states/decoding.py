@@ -52,7 +52,6 @@ class Places:
     """< for little-endian numbers, > otherwise."""
     stamp: struct.Struct
     """Seconds and nanoseconds."""
-    double: np.dtype
     first: tuple
     """First byte of each of FIELDS, and their numbers."""
     counts: tuple
@@ -214,7 +213,6 @@ def find_places(raw):
         length=len(raw),
         order=sign,
         stamp=struct.Struct(sign + "iI"),
-        double=np.dtype(sign + "f8"),
         first=tuple(first),
         counts=tuple(counts),
         fixed=at_fixed,

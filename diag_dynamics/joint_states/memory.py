@@ -63,8 +63,9 @@ FOLLOWER = _record(
 )
 """An element for each mimic joint."""
 
-LAYOUT = _record(("i8", "joints followers error"))
-"""Of each list of names and lengths: numbers of joints and followers; 0, DUPLICATE_NAME or WRONG_LENGTH."""
+ERROR, JOINT_COUNT, FOLLOWER_COUNT, NUMBER_COUNT, HEAD = range(5)
+"""First columns of a layout: 0, DUPLICATE_NAME or WRONG_LENGTH, and counts. Then come the indices of joints, those of
+followers, and the place of each number among the values of a message."""
 
 MESSAGE = _record(("i8", "sec nanosec now layout"))
 """An element for each message; `now` is the time of reception, `layout` a place, UNREADABLE or FORGET."""
@@ -73,15 +74,27 @@ UNREADABLE, FORGET = -1, -2
 """Bytes that are no joint state; no message, but to forget all joints."""
 
 OUTCOME = _record(
-    ("i8", "code joint events"),  # codes.py; followers come after joints
+    ("i8", "code events frozen_kind"),  # codes.py
+    ("i8", "newest oldest with_effort received estimated"),  # of a state
+    ("i8", "joint"),  # that a text is on; followers come after joints
     ("i8", "contradicting"),  # joint of the event CONTRADICTS of a message without velocity, else −1
     ("i8", "moved"),  # joint of the event MOVED, and its positions
     ("f8", "moved_from moved_to"),
     ("f8", "first second third fourth fifth sixth"),  # numbers of a text
-    ("i8", "newest oldest with_effort received estimated"),  # of a state
-    ("i8", "frozen_kind frozen_joint frozen_more"),  # of a comparison with earlier states
+    ("i8", "frozen_joint frozen_more"),  # of a comparison with earlier states
 )
 """An element for each message."""
+
+SUMMARY = OUTCOME.names[: OUTCOME.names.index("joint")]
+"""Fields that every message is asked for."""
+
+WINDOW = 32
+"""Intervals between stamps that are judged together."""
+
+FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, VALUES, ROWS = range(9)
+"""Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is
+explained; of the candidate messages in a row and returns; the velocity of the message. The last row has the positions,
+velocities and efforts of joints, then positions and efforts of followers; NaN for what the message lacks."""
 
 
 class Memory(NamedTuple):
@@ -90,52 +103,48 @@ class Memory(NamedTuple):
     shared: np.ndarray
     joints: np.ndarray
     followers: np.ndarray
-    bare: np.ndarray  # positions of the last message without velocity by its first joint, (n, n)
-    intervals: np.ndarray  # between stamps by the first joint of a message [ns], (n, WINDOW)
-    scratch: np.ndarray
+    history: np.ndarray  # by the first joint of a message: positions of the last one without velocity (n), then
+    # intervals between stamps [ns] (WINDOW)
+    scratch: np.ndarray  # (ROWS, …)
 
-
-class Layouts(NamedTuple):
-    """Joints and followers of messages, in the order of their names."""
-
-    sizes: np.ndarray
-    joints: np.ndarray  # indices, (number of layouts, n)
-    followers: np.ndarray
+    @classmethod
+    def create(cls, n, f):
+        """Return the memory of n joints and f followers."""
+        width = max(WINDOW, 3 * n + 2 * f)
+        return cls(
+            np.zeros(1, SHARED),
+            np.zeros(n, JOINT),
+            np.zeros(f, FOLLOWER),
+            np.zeros((n, n + WINDOW)),
+            np.zeros((ROWS, width)),
+        )
 
 
 class Batch(NamedTuple):
-    """Messages, and what comes of them, with n joints and f followers."""
+    """Messages, and what comes of them, with n joints."""
 
+    layouts: np.ndarray  # a row for each list of names and lengths
     messages: np.ndarray
-    values: (
-        np.ndarray
-    )  # positions, velocities and efforts of joints, then positions and efforts of followers, (k, 3 n + 2 f)
+    numbers: np.ndarray  # of each message, in the order of its layout
     outcome: np.ndarray
     states: np.ndarray  # positions, velocities and efforts, (3, k, n); they count where a state is complete
 
-
-def batch(count, joints, followers):
-    """Return a Batch of a number of messages, its values NaN."""
-    values = np.full((count, 3 * joints + 2 * followers), np.nan)
-    return Batch(np.zeros(count, MESSAGE), values, np.zeros(count, OUTCOME), np.empty((3, count, joints)))
-
-
-def layouts(error, joints, followers, follower_count, joint_count):
-    """Return the Layouts of one."""
-    sizes, rows = np.zeros(1, LAYOUT), [np.zeros((1, count), np.int64) for count in (joint_count, follower_count)]
-    sizes[0] = len(joints), len(followers), error
-    for row, places in zip(rows, (joints, followers), strict=True):
-        row[0, : len(places)] = places
-    return Layouts(sizes, *rows)
+    @classmethod
+    def create(cls, count, layouts, memory):
+        """Return a batch of a number of messages."""
+        n, f = len(memory.joints), len(memory.followers)
+        rows = np.zeros((max(len(layouts), 1), HEAD + 4 * n + 3 * f), np.int64)
+        for row, (error, joints, followers, places) in zip(rows, layouts, strict=False):
+            row[:HEAD] = error, len(joints), len(followers), len(places)
+            for begin, entries in ((HEAD, joints), (HEAD + n, followers), (HEAD + n + f, places)):
+                row[begin : begin + len(entries)] = entries
+        messages, outcome = np.zeros(count, MESSAGE), np.zeros(count, OUTCOME)
+        return cls(rows, messages, np.empty((count, 3 * n + 2 * f)), outcome, np.empty((3, count, n)))
 
 
 def _array(dtype, ndim):
     return types.Array(numba.from_dtype(np.dtype(dtype)), ndim, "C")
 
 
-MEMORY_TYPES = *(_array(dtype, 1) for dtype in (SHARED, JOINT, FOLLOWER)), *[_array(float, 2)] * 3
-LAYOUT_TYPES = _array(LAYOUT, 1), *[_array(int, 2)] * 2
-BATCH_TYPES = _array(MESSAGE, 1), _array(float, 2), _array(OUTCOME, 1), _array(float, 3)
-
-NO_LAYOUTS = layouts(0, (), (), 0, 0)
-"""Of an element that is no message."""
+MEMORY_TYPES = *(_array(dtype, 1) for dtype in (SHARED, JOINT, FOLLOWER)), *[_array(float, 2)] * 2
+BATCH_TYPES = _array(int, 2), _array(MESSAGE, 1), _array(float, 2), _array(OUTCOME, 1), _array(float, 3)

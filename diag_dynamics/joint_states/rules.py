@@ -15,15 +15,20 @@ from diag_dynamics.compiled.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import (
     BATCH_TYPES,
+    ERROR,
+    FAR,
+    FOLLOWER_COUNT,
     FORGET,
-    LAYOUT_TYPES,
+    HEAD,
+    JOINT_COUNT,
     MEMORY_TYPES,
+    NUMBER_COUNT,
+    VALUES,
     Batch,
-    Layouts,
     Memory,
 )
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.joint_states.steps import DISPLACED, FAR, NOTHING, accept_step, is_contradicted, judge_step
+from diag_dynamics.joint_states.steps import DISPLACED, NOTHING, accept_step, is_contradicted, judge_step
 from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_frozen
 
 PATIENCE = 10 * SECOND
@@ -39,26 +44,11 @@ PERIODS = 3.0
 """Periods without a position after which an estimate restarts."""
 
 
-@entry_kernel(*MEMORY_TYPES, *LAYOUT_TYPES, *BATCH_TYPES, nogil=True)
-def judge_messages(
-    shared,
-    joints,
-    followers,
-    bare,
-    intervals,
-    scratch,
-    sizes,
-    layout_joints,
-    layout_followers,
-    messages,
-    values,
-    outcome,
-    states,
-):
-    """Judge messages one after the other; the arguments are the fields of Memory, Layouts and Batch."""
-    memory = Memory(shared, joints, followers, bare, intervals, scratch)
-    layouts = Layouts(sizes, layout_joints, layout_followers)
-    batch = Batch(messages, values, outcome, states)
+@entry_kernel(*MEMORY_TYPES, *BATCH_TYPES, nogil=True)
+def judge_messages(shared, joints, followers, history, scratch, layouts, messages, numbers, outcome, states):
+    """Judge messages one after the other; the arguments are the fields of Memory and Batch."""
+    memory = Memory(shared, joints, followers, history, scratch)
+    batch = Batch(layouts, messages, numbers, outcome, states)
     for k in range(len(messages)):
         one = outcome[k]
         one.contradicting = one.moved = -1
@@ -70,7 +60,7 @@ def judge_messages(
         if layout < 0:
             one.code = codes.MALFORMED
         else:
-            one.code = _judge(memory, layouts, batch, k, layout)
+            one.code = _judge(memory, batch, k, layouts[layout])
         if one.code == codes.STATE and shared[0].needs_base:
             one.code = _complete_by_base(shared[0], one)
         if one.code == codes.STATE and not watch_frozen(memory, states[0, k], states[1, k], one.newest, one):
@@ -80,14 +70,16 @@ def judge_messages(
 
 
 @large_kernel
-def _judge(memory, layouts, batch, k, layout):
+def _judge(memory, batch, k, layout):
     """Judge one message and return the code of what comes of it."""
     message, one = batch.messages[k], batch.outcome[k]
-    size = layouts.sizes[layout]
-    here, beside = layouts.joints[layout, : size.joints], layouts.followers[layout, : size.followers]
-    n, f, row = len(memory.joints), len(memory.followers), batch.values[k]
+    n, f = len(memory.joints), len(memory.followers)
+    here = layout[HEAD : HEAD + layout[JOINT_COUNT]]
+    beside = layout[HEAD + n : HEAD + n + layout[FOLLOWER_COUNT]]
+    row = memory.scratch[VALUES]
+    _spread(batch.numbers[k], layout[HEAD + n + f :], layout[NUMBER_COUNT], row)
     position, velocity, effort = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
-    if size.error == codes.DUPLICATE_NAME:
+    if layout[ERROR] == codes.DUPLICATE_NAME:
         return codes.DUPLICATE_NAME
     if len(here) == 0 and len(beside) == 0:
         return codes.FOREIGN
@@ -99,8 +91,8 @@ def _judge(memory, layouts, batch, k, layout):
     if unstamped and message.now == 0:
         return codes.NO_TIME
     stamp = message.now if unstamped else stamp
-    if size.error:
-        return size.error
+    if layout[ERROR]:
+        return layout[ERROR]
     code = _judge_values(memory, here, position, velocity, one)
     if code == codes.NO_VELOCITY and memory.shared[0].slack > 0.0:
         joint = is_contradicted(memory, here, position, stamp, unstamped)
@@ -132,12 +124,21 @@ def _judge(memory, layouts, batch, k, layout):
     if len(here) and not unstamped:
         count_gap(memory, _first(here), stamp)
     absurd = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
-    absurd |= _store_followers(memory, beside, row[3 * n : 3 * n + f], row[3 * n + f :], stamp, one)
+    absurd |= _store_followers(memory, beside, row[3 * n : 3 * n + f], row[3 * n + f : 3 * n + 2 * f], stamp, one)
     if absurd:
         one.events |= codes.ABSURD_EFFORT
     if len(here) == 0:
         return codes.FOLLOWERS_ONLY
     return _assemble(memory, batch, k)
+
+
+@kernel
+def _spread(numbers, places, count, row):
+    """Put the numbers of a message to their places; what it lacks is NaN."""
+    for i in range(len(row)):
+        row[i] = np.nan
+    for i in range(count):
+        row[places[i]] = numbers[i]
 
 
 @kernel

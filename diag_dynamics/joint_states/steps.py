@@ -20,6 +20,7 @@ import numpy as np
 
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.joint_states import codes
+from diag_dynamics.joint_states.memory import COUNT, FAR, KNOWN, LARGEST, RETURNS, STEP, VELOCITY
 
 STATES = 3
 """Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
@@ -39,10 +40,6 @@ MARGIN = 1e-3
 
 STOP_FRACTION = 0.15
 """Fraction of the slack by which a robot may stop elsewhere than its velocities lead: some counts of a coarse encoder."""
-
-FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, ROWS = range(8)
-"""Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is
-explained; of the candidate messages in a row and returns; the velocity of the message."""
 
 NOTHING, CANDIDATE, DISPLACED, CONTRADICTED = 0, 1, 2, 4
 """What :func:`accept_step` does: store the message, or the state in force, as the candidate; count a contradiction."""
@@ -115,8 +112,8 @@ def is_contradicted(memory, here, position, stamp, unstamped):
     again = source.bare_count == len(here) and source.bare_since != newest
     again = again and abs(stamp - source.bare_stamp) <= CANDIDATE_TIMEOUT * 1e9
     for i in range(len(here)):
-        again = again and memory.bare[first, i] == position[here[i]]
-        memory.bare[first, i] = position[here[i]]
+        again = again and memory.history[first, i] == position[here[i]]
+        memory.history[first, i] = position[here[i]]
     source.bare_count, source.bare_stamp, source.bare_since = len(here), stamp, newest
     largest, joint = MARGIN, -1
     for j in here:

@@ -16,9 +16,10 @@ import numpy as np
 
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.joint_states import codes
+from diag_dynamics.joint_states.memory import WINDOW
 
-WINDOW, LONGEST = 32, 1_000_000_000
-"""Intervals between stamps that are judged together, and the longest one [ns]: a longer one is a pause of the sender."""
+LONGEST = 1_000_000_000
+"""Longest interval between stamps [ns]: a longer one is a pause of the sender."""
 
 IRREGULAR = 0.15
 """Mean distance of intervals from multiples of the period, in periods, beyond which there is no period."""
@@ -42,10 +43,11 @@ def count_gap(memory, first, stamp):
     if elapsed > LONGEST:
         source.gap_count = 0
     elif elapsed > 0:
-        memory.intervals[first, source.gap_count] = elapsed
+        intervals = memory.history[first, len(memory.joints) :]
+        intervals[source.gap_count] = elapsed
         source.gap_count += 1
         if source.gap_count == WINDOW:
-            memory.shared[0].lost += _lost_in(memory.intervals[first], memory.scratch[0])
+            memory.shared[0].lost += _lost_in(intervals, memory.scratch[0])
             source.gap_count = 0
 
 
