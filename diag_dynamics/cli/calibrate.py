@@ -1,104 +1,92 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics calibrate`: recordings without contact in, thresholds of alarms for the monitor out."""
+"""`diag-dynamics calibrate`: alarm thresholds from recordings without contact."""
 
-import argparse
 import math
 import re
 from datetime import datetime, timezone
 from pathlib import Path
 
-from diag_dynamics.cli import given
-from diag_dynamics.cli.interrupted import orderly
-from diag_dynamics.cli.robot_argument import parsed, robot_of
+from diag_dynamics.cli import common
+from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.collision.calibration import format_rate
 from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.single_joints import sliding_dofs
-from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED
 
-DONE, WORTH_KNOWING = range(2)
-"""Exit statuses: thresholds that hold what was asked; thresholds with a warning."""
-
-EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for what was asked, their parts are
-unlike, efforts are wrong, or something of them could not be read (see the summary); 2 not calibrated."""
+EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for the rate, their parts differ,
+efforts are wrong, or data could not be read (see the summary); 2 not calibrated."""
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
+OUTPUTS = {"-o": "output"}
 
-@given.reported
-def run(name, arguments):
-    """Calibrate; returns the exit status."""
-    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
-    parser.add_argument("recording", nargs="+", help="without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
-    given.add_arguments(parser)
-    parser.add_argument(
-        "--gain", type=float, default=given.GAIN, help="of the disturbance observer [1/s] (default: 25)"
-    )
-    parser.add_argument(
-        "--false-alarms", metavar="N/min", default="1/min", help="N/s, N/min or N/h, of all detectors together (1/min)"
-    )
-    parser.add_argument("--release", type=float, default=RELEASE, help=f"alarm.release (default: {RELEASE:g})")
-    parser.add_argument("--hold-off", type=float, default=HOLD_OFF, help=f"alarm.hold_off [s] (default: {HOLD_OFF:g})")
-    parser.add_argument(
-        "--standing", type=float, default=STANDING, help=f"alarm.standing [s], 0 for never (default: {STANDING:g})"
-    )
+
+def add_arguments(parser):
+    """Declare the arguments."""
+    common.add_recording(parser, "recordings without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
+    text = "gain of the disturbance observer [1/s] (default: %(default)g)"
+    parser.add_argument("--gain", type=float, default=common.GAIN, help=text)
+    text = "N/s, N/min or N/h, of all detectors together (default: %(default)s)"
+    parser.add_argument("--false-alarms", metavar="N/min", default="1/min", help=text)
+    text = "alarm.release (default: %(default)g)"
+    parser.add_argument("--release", type=float, default=RELEASE, help=text)
+    text = "alarm.hold_off [s] (default: %(default)g)"
+    parser.add_argument("--hold-off", type=float, default=HOLD_OFF, help=text)
+    text = "alarm.standing [s], 0 for never (default: %(default)g)"
+    parser.add_argument("--standing", type=float, default=STANDING, help=text)
     parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help="for monitor and analyse --alarms")
-    parser.add_argument("--threads", type=int, help="for evaluation (default: as many as there are processors)")
-    parser.add_argument("--quiet", action="store_true", help="no summary")
-    chosen = parsed(parser, arguments)
-    with orderly(name, [chosen.output]):
-        return _calibrate(chosen)
+    common.add_threads(parser)
+    common.add_quiet(parser)
 
 
-def _calibrate(chosen):
-    rate = rate_of(chosen.false_alarms)
-    if chosen.threads is not None and chosen.threads < 1:
-        raise InputError(f"--threads is {chosen.threads}, expected at least 1.")
-    given.refuse_outputs([*chosen.recording, chosen.urdf, chosen.columns, *chosen.parameters], {"-o": chosen.output})
-    parameters = parameters_of(chosen.parameters, chosen.set)
-    recordings = given.streamed(chosen, chosen.recording, parameters, robot_of(chosen.urdf, chosen.xacro_args))
-    model = recordings[0].model
-    chosen_friction = parameters.get("external_torque.friction", PARAMETERS["external_torque.friction"].default)
-    found = calibrate(
-        [one.pieces() for one in recordings],
-        DiagonalDynamics(model),
-        chosen.gain,
-        rate,
-        release=chosen.release,
-        hold_off=chosen.hold_off,
-        standing=chosen.standing or math.inf,
-        friction=chosen_friction and model.has_friction,
-        max_gap=parameters.get("external_torque.max_gap", PARAMETERS["external_torque.max_gap"].default),
-        threads=chosen.threads,
-    )
+def run(chosen):
+    """Calibrate; return the exit status."""
+    rate, parameters = parse_rate(chosen.false_alarms), common.chosen_parameters(chosen)
+    with common.Progress(chosen.quiet) as progress:
+        robot = common.chosen_robot(chosen)
+        recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
+        model = recordings[0].model
+        friction, max_gap = (
+            parameters.get(name, PARAMETERS[name].default)
+            for name in ("external_torque.friction", "external_torque.max_gap")
+        )
+        found = calibrate(
+            [one.pieces() for one in recordings],
+            DiagonalDynamics(model),
+            chosen.gain,
+            rate,
+            release=chosen.release,
+            hold_off=chosen.hold_off,
+            standing=chosen.standing or math.inf,
+            friction=friction and model.has_friction,
+            max_gap=max_gap,
+            threads=chosen.threads,
+        )
+    found.save(chosen.output, _notes(chosen))
+    findings = [(one.path, finding) for one in recordings for finding in one.findings if finding.cause != "note"]
+    if not chosen.quiet:
+        texts = [f"'{Path(path).name}': {finding}" for path, finding in findings]
+        print("\n".join(_summary(found, model, chosen.output, texts)))
+    damaged = any(finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings)
+    return DOUBTFUL if found.warnings or damaged else DONE
+
+
+def _notes(chosen):
+    """Return comments of the file: recordings, date and parameters."""
     notes = [f"From {', '.join(map(repr, chosen.recording))}, {datetime.now(timezone.utc):%Y-%m-%d}."]
     if chosen.parameters or chosen.set:
         notes.append(f"By {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor needs as well.")
-    found.save(chosen.output, notes)
-    findings = [
-        (Path(one.path).name, finding) for one in recordings for finding in one.findings if finding.cause != "note"
-    ]
-    if not chosen.quiet:
-        told = [f"'{name}': {finding}" for name, finding in findings]
-        print("\n".join(text_of(found, model, chosen.output, told)))
-    unread = any(finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings)
-    return WORTH_KNOWING if found.warnings or unread else DONE
+    return notes
 
 
-def rate_of(text):
-    """Rate of a text such as ``1/min`` [1/s].
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+def parse_rate(text):
+    """Return the rate of a text such as ``1/min`` [1/s]."""
     match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*/\s*(s|min|h)\s*", text)
     try:
         rate = float(match[1]) / SECONDS[match[2]] if match else math.nan
@@ -109,8 +97,7 @@ def rate_of(text):
     return rate
 
 
-def text_of(found, model, path, findings):
-    """Lines for people."""
+def _summary(found, model, path, findings):
     low, high = found.rate_interval
     how = f"{found.peaks} alarms counted" if found.method == "counted" else f"from the tail of {found.peaks} peaks"
     width = max(len("|m r|"), *map(len, found.joints))

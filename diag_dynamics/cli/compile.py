@@ -1,22 +1,23 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics compile`: everything compiled ahead, in several processes."""
+"""`diag-dynamics compile`: all kernels compiled in advance, in several processes."""
 
-import argparse
+import hashlib
 import multiprocessing
 import os
+import platform
 import signal
 import sys
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from importlib import util
+from contextlib import suppress
 
 from diag_dynamics.batch import cores
-from diag_dynamics.cli.mark import is_marked, set_mark
-from diag_dynamics.compiled.cache import cache_folder
+from diag_dynamics.cli import common
+from diag_dynamics.compiled.cache import PACKAGE, cache_folder, source_hash
+from diag_dynamics.compiled.switch import PLAIN
 
 UNITS = {
     "simulation.steps": 14,
@@ -35,54 +36,54 @@ UNITS = {
     "identification.kernels.regressors": 1,
     "sweeps.residuals": 1,
 }
-"""Modules with entry kernels, in CPU-seconds, the longest first: one that is begun last keeps the others waiting."""
-
-ROS = "nodes."
-"""Begins the names of those that need a ROS 2."""
+"""Modules with entry kernels, and their time to compile [CPU-s], the longest first: a late one keeps the others waiting."""
 
 
-def run(name, arguments):
-    """Compile what is not in the cache yet; returns the exit status."""
-    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__)
-    parser.add_argument("--jobs", type=int, default=cores(), help="processes (default: as many as there are cores)")
-    parser.add_argument(
-        "--if-needed", action="store_true", help="nothing where this command has compiled all, and no code has changed"
-    )
-    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
-    chosen = parser.parse_args(arguments)
-    if chosen.jobs < 1:
-        parser.error(f"argument --jobs: {chosen.jobs} is not at least 1")
+def add_arguments(parser):
+    """Declare the arguments."""
+    text = "number of processes (default: number of processors)"
+    parser.add_argument("--jobs", type=common.positive_int, default=cores(), help=text)
+    text = "do nothing if this command has compiled this code on this machine"
+    parser.add_argument("--if-needed", action="store_true", help=text)
+    common.add_quiet(parser)
+
+
+def run(chosen):
+    """Compile what the cache lacks; return the exit status."""
     if cache_folder() is None:
         print(
-            f"diag-dynamics {name}: there is no folder to keep compiled code in, so nothing is done.", file=sys.stderr
+            "diag-dynamics compile: there is no folder to keep compiled code in, so nothing is done.", file=sys.stderr
         )
         return 1
-    units = [unit for unit in UNITS if not unit.startswith(ROS) or util.find_spec("rclpy")]
-    if chosen.if_needed and is_marked(units):
-        return 0
-    begun = time.perf_counter()
-    with _Progress(sum(UNITS[unit] for unit in units), chosen.quiet) as advance:
-        failed = _compile(units, min(chosen.jobs, len(units)), advance)
-    if failed:
-        print(f"diag-dynamics {name}: {failed}", file=sys.stderr)
+    if chosen.if_needed and _is_compiled():
+        return common.DONE
+    start = time.perf_counter()
+    with common.Progress(chosen.quiet, lines=True) as progress:
+        progress.show("Compiling for this machine and Python: half a minute as a rule, and kept.")
+        failure = _compile(min(chosen.jobs, len(UNITS)), progress)
+    if failure:
+        print(f"diag-dynamics compile: {failure}", file=sys.stderr)
         return 1
-    set_mark(units)
+    with suppress(OSError):  # without it, the next --if-needed looks through the cache
+        _stamp_file().write_text("\n".join([_stamp(), *_code_files()]), encoding="utf-8")
     if not chosen.quiet:
-        print(f"Compiled, or found compiled, in {time.perf_counter() - begun:.0f} s.", file=sys.stderr)
-    return 0
+        print(f"Compiled, or found compiled, in {time.perf_counter() - start:.0f} s.", file=sys.stderr)
+    return common.DONE
 
 
-def _compile(units, jobs, advance):
-    """Compile units in processes, each done one told of; returns what went wrong, or None. A Ctrl-C ends them all."""
+def _compile(jobs, progress):
+    """Compile all units in processes; return why that failed, or None. An interrupt ends the processes."""
     context = multiprocessing.get_context("spawn")  # a fork would share the compiler's locks
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_serve)
+    pool, done = ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker), 0
     try:
-        with _deaf():
-            running = {pool.submit(compiled, unit): unit for unit in units}
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # workers inherit it: Ctrl-C is this process's matter
+        running = {pool.submit(compile_unit, unit): unit for unit in UNITS}
+        signal.signal(signal.SIGINT, before)
         for one in as_completed(running):
             if error := one.exception():
                 return f"{running[one]}: {type(error).__name__}: {error}"
-            advance(running[one])
+            done += UNITS[running[one]]
+            progress.show(f"  {100 * done // sum(UNITS.values()):3} %  {running[one]}")
     except BaseException:
         for worker in multiprocessing.active_children():
             worker.terminate()
@@ -92,18 +93,8 @@ def _compile(units, jobs, advance):
     return None
 
 
-@contextmanager
-def _deaf():
-    """Context in which a Ctrl-C is ignored, as it is for good in processes that are begun meanwhile."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _serve():
-    """Begin as a process that compiles: a Ctrl-C is the first process's matter, and this one ends with it."""
+def _start_worker():
+    """Have this process end with the one that started it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_after, args=(multiprocessing.parent_process(),), daemon=True).start()
 
@@ -113,8 +104,8 @@ def _end_after(parent):
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def compiled(unit):
-    """Compile a unit, in a process of its own; compiling is told of by this command alone."""
+def compile_unit(unit):
+    """Compile a module of kernels in a worker, silently."""
     from diag_dynamics.compiled.ahead import compile_ahead
     from diag_dynamics.compiled.progress import tell_by
 
@@ -122,37 +113,30 @@ def compiled(unit):
     compile_ahead(f"diag_dynamics.{unit}")
 
 
-class _Progress:
-    """Context that gives a function to be told of each unit that is done; a bar where a terminal shows one, else lines."""
+# --- Stamp: a file beside the code that names all files of code
 
-    def __init__(self, total, quiet):
-        self._total, self._done, self._bar = total, 0, None
-        if not quiet and sys.stderr.isatty() and util.find_spec("rich"):
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-            last = TextColumn("{task.fields[last]}")
-            columns = TextColumn("Compiling"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), last
-            self._bar = Progress(*columns, console=Console(stderr=True))
-        self._tell = not quiet and self._bar is None
+_COPY = f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}.py{sys.version_info[0]}{sys.version_info[1]}"
+"""Part of the names of this copy's files: copies of the package and versions of Python share the folder."""
 
-    def __enter__(self):
-        if self._bar:
-            self._bar.start()
-            self._task = self._bar.add_task("", total=self._total, last="half a minute as a rule")
-        elif self._tell:
-            print(
-                "Compiling for this machine and Python: half a minute as a rule, and kept.", file=sys.stderr, flush=True
-            )
-        return self._advance
 
-    def _advance(self, unit):
-        self._done += UNITS[unit]
-        if self._bar:
-            self._bar.update(self._task, completed=self._done, last=unit)
-        elif self._tell:
-            print(f"  {100 * self._done // self._total:3} %  {unit}", file=sys.stderr, flush=True)
+def _is_compiled():
+    """Return whether all was compiled from these sources on this machine, and all files of code are there."""
+    try:
+        stamp, *files = _stamp_file().read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError):
+        return False
+    return stamp == _stamp() and _code_files().issuperset(files)
 
-    def __exit__(self, *_):
-        if self._bar:
-            self._bar.stop()
+
+def _stamp_file():
+    return cache_folder() / f"ahead-{_COPY}"
+
+
+def _stamp():
+    return " ".join([source_hash(), platform.node(), *UNITS])
+
+
+def _code_files():
+    pattern = f"plain-{source_hash()[:16]}/**/*.nb?" if PLAIN else f"*-{_COPY}*.nb?"
+    return {path.name for path in cache_folder().glob(pattern)}

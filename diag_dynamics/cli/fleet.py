@@ -3,11 +3,10 @@
 
 """`diag-dynamics analyse --fleet`: many recordings, and one table of them."""
 
-import sys
-
 import numpy as np
 
-from diag_dynamics.cli.given import gain_of, parse_joint_names
+from diag_dynamics.cli import common
+from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet import analyse_fleet, describe_collisions, printable
 
@@ -17,73 +16,69 @@ ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads", "start"
 TOGETHER = "out", "scheduler", "workers", "no_parquet", "reports"
 """Options of many."""
 
-FEW = 5
-"""Causes and failed recordings that the text lists one by one."""
+MAX_LISTED = 5
+"""Causes and failed recordings that the text lists."""
 
 
 def add_arguments(parser):
     """Declare the options of a fleet."""
     group = parser.add_argument_group("many recordings")
-    group.add_argument("--fleet", metavar="PATTERN", nargs="*", help="recordings: paths or patterns, ** is any folders")
-    group.add_argument(
-        "--out", metavar="DIR", help="folder for a summary and a Parquet file of each, fleet.json and fleet.html"
-    )
-    group.add_argument(
-        "--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster (default: processes of this machine)"
-    )
-    group.add_argument("--workers", type=int, help="number of these processes (default: as many as processors)")
-    group.add_argument("--no-parquet", action="store_true", help="summaries alone")
-    group.add_argument("--reports", action="store_true", help="a report of each, too, to which fleet.html leads")
+    group.add_argument("--fleet", metavar="PATTERN", nargs="*", help="paths or patterns; ** is any number of folders")
+    group.add_argument("--out", metavar="DIR", help="folder for a summary and a Parquet file of each, and fleet.html")
+    text = "Dask cluster (default: processes on this machine)"
+    group.add_argument("--scheduler", metavar="tcp://HOST:PORT", help=text)
+    text = "number of these processes (default: number of processors)"
+    group.add_argument("--workers", type=common.positive_int, help=text)
+    group.add_argument("--no-parquet", action="store_true", help="no Parquet files")
+    group.add_argument("--reports", action="store_true", help="a report of each, linked from fleet.html")
 
 
 def refuse(chosen):
-    """Refuse options of many recordings, of which there is one."""
+    """Refuse options of many recordings."""
     for name in TOGETHER:
         value = getattr(chosen, name)
-        if value is not None and value is not False:  # 0 is a value
+        if value is not None and value is not False:
             raise InputError(f"--{name.replace('_', '-')} belongs to --fleet.")
 
 
-def analyse(chosen, parameters, model):
-    """Analyse the recordings that were chosen; return the report."""
-    if given := [name for name in ALONE if getattr(chosen, name) is not None]:
-        raise InputError(f"--{given[0]} is of a single recording, not of --fleet, which writes into --out.")
+def analyse(chosen, parameters, robot):
+    """Analyse the recordings; return the exit status."""
+    if alone := [name for name in ALONE if getattr(chosen, name) is not None]:
+        raise InputError(f"--{alone[0]} is of a single recording, not of --fleet, which writes into --out.")
     if chosen.out is None:
         raise InputError("--fleet needs --out DIR, the folder for what is written.")
-    if chosen.workers is not None and chosen.workers < 1:
-        raise InputError(f"--workers is {chosen.workers}, expected at least 1.")
     options = {name: getattr(chosen, name) for name in ("topic", "scheduler", "workers", "reports")}
-    options |= {"joint_names": parse_joint_names(chosen), "parameters": parameters, "gain": gain_of(chosen)}
-    options |= {"parquet": not chosen.no_parquet, "progress": None if chosen.quiet else _show_progress}
-    try:
-        report = analyse_fleet([*chosen.recording, *chosen.fleet], chosen.out, model, chosen.columns, **options)
-    finally:
-        if not chosen.quiet and sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+    options |= {"joint_names": common.reading_options(chosen)["joint_names"], "parameters": parameters}
+    options |= {"gain": common.GAIN if chosen.gain is None else chosen.gain, "parquet": not chosen.no_parquet}
+    with common.Progress(chosen.quiet, lines=True) as progress:
+        report = analyse_fleet(
+            [*chosen.recording, *chosen.fleet],
+            chosen.out,
+            robot,
+            chosen.columns,
+            progress=lambda done, count, path: progress.show(f"{done} of {count} recordings: {printable(path)}"),
+            **options,
+        )
     if not chosen.quiet:
-        print(printable(text_of(report)))
-    return report
+        print(printable(format_report(report)))
+    if not report["recordings"]:
+        return FAILED
+    return DOUBTFUL if report["failed"] or any(row["wrong"] for row in report["recordings"]) else DONE
 
 
-def _show_progress(done, count, path):
-    """Write a line on stderr, over the last one where that is a terminal."""
-    begin, end = ("\r\033[K", "") if sys.stderr.isatty() else ("", "\n")
-    print(f"{begin}{done} of {count} recordings: {printable(path)}", end=end, file=sys.stderr, flush=True)
-
-
-def text_of(report):
+def format_report(report):
     """Return the results of a fleet as text."""
-    lines = [line for robot in report["robots"] for line in (*_about_robot(robot), "")]
+    lines = [line for robot in report["robots"] for line in (*_robot_lines(robot), "")]
     failed = report["failed"]
     kept = f", {report['kept']} had been" if report["kept"] else ""
     lines.append(f"{report['computed']} recordings analysed{kept}; {len(failed)} failed")
-    lines += [f"  {path}: {text}" for path, text in list(failed.items())[:FEW]]
-    if len(failed) > FEW:
-        lines.append(f"  … {len(failed) - FEW} more; fleet.json has all")
+    lines += [f"  {path}: {text}" for path, text in list(failed.items())[:MAX_LISTED]]
+    if len(failed) > MAX_LISTED:
+        lines.append(f"  … {len(failed) - MAX_LISTED} more; fleet.json has all")
     return "\n".join(lines)
 
 
-def _about_robot(robot):
+def _robot_lines(robot):
     """Yield lines on all recordings of a robot."""
     energy, total = robot["kinetic_energy"], robot["explained_with_potential"]
     yield f"Robot '{robot['robot']}': {robot['recordings']} recordings, {robot['hours']:.4g} h, {robot['states']} states"
@@ -98,19 +93,19 @@ def _about_robot(robot):
         yield f"  {describe_collisions(robot)}"
     for heading, counts in (("rejected", robot["rejected"]), ("worth knowing", robot["findings"])):
         causes = [f"{cause} ({n} ×)" for cause, n in sorted(counts.items(), key=lambda one: -one[1])]
-        more = f" and {len(causes) - FEW} more causes" if len(causes) > FEW else ""
+        more = f" and {len(causes) - MAX_LISTED} more causes" if len(causes) > MAX_LISTED else ""
         if causes:
-            yield f"  {heading}: {', '.join(causes[:FEW])}{more}"
+            yield f"  {heading}: {', '.join(causes[:MAX_LISTED])}{more}"
 
 
 def _quantile(histogram, part):
-    """Return the upper bound of the bin within which this part of the states is reached [J]."""
+    """Return the upper bound of the bin that this part of the states does not exceed [J]."""
     states = [one["states"] for one in histogram]
     k = int(np.searchsorted(np.cumsum(states), part * sum(states)))
     return histogram[k]["to"] if histogram else 0.0
 
 
-def table_of(summaries, failed):
+def format_table(summaries, failed):
     """Return a line for each recording, of these summaries and paths that failed."""
     rows = [("states", "s", "K max [J]", "explained", "residual [W]", "rejected", "recording")]
     for one in summaries:

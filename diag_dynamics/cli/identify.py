@@ -1,16 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics identify`: friction, rotor inertias, payloads and inertias of a robot, from recordings without contact."""
+"""`diag-dynamics identify`: friction, rotor inertias, payloads and inertias from recordings."""
 
-import argparse
-import json
 import sys
 from pathlib import Path
 
-from diag_dynamics.cli import given
-from diag_dynamics.cli.interrupted import orderly
-from diag_dynamics.cli.robot_argument import parsed, robot_of
+from diag_dynamics.cli import common
+from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.quality import residual_curves
@@ -19,147 +16,116 @@ from diag_dynamics.model import Parameters
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
 from diag_dynamics.model.robot_source import read_source
-from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import plain
 from diag_dynamics.views.identified import picture
 
-DONE, DOUBTFUL = range(2)
-"""Exit statuses: identified; nothing was gained, or the unit of the efforts is not known."""
+EPILOG = """exit status: 0 identified; 1 no parameter improved the model on the held-out part, so that it stays as it was, the
+motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 not identified, for example
+because efforts differ from the model in unit, sign or order. docs/identify.md says which recordings are suitable."""
 
-EPILOG = """exit status: 0 identified; 1 nothing of it makes the model better on the part held out, so that it stays as it
-was, the motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 it could not be
-identified, as where efforts have another unit, sign or order than the model. docs/identify.md says which motions and
-recordings it takes."""
+OUTPUTS = {"-o": "output", "--json": "json", "--plots": "plots", "--write-urdf": "write_urdf"}
 
 
-@given.reported
-def run(name, arguments):
-    """Identify; returns the exit status."""
-    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
-    parser.add_argument("recording", nargs="+", help="as of diag-dynamics analyse, without contact")
-    given.add_arguments(parser)
-    parser.add_argument(
-        "--what",
-        default="friction,rotors",
-        metavar="WHAT",
-        help="some of friction, rotors, inertias, payload:LINK, separated by commas (default: friction,rotors; efforts that "
-        "are measured behind the gears know of no rotors)",
-    )
-    parser.add_argument(
-        "--reference", metavar="RECORDING", nargs="+", default=[], help="of the same robot without the payload"
-    )
-    parser.add_argument("-o", "--output", metavar="ARM.yaml", help="the parameters, for every node and for load_urdf")
-    parser.add_argument(
-        "--json", metavar="QUALITY.json", help="how far they can be trusted, for programs; - for stdout"
-    )
-    parser.add_argument(
-        "--plots", metavar="PAGE.png", help="efforts that the model leaves unexplained, before and after"
-    )
-    parser.add_argument(
-        "--write-urdf",
-        metavar="NEW.urdf",
-        help="a copy of the URDF with inertias, payloads, damping and friction in it; it has no place for the rest",
-    )
-    parser.add_argument("--quiet", action="store_true", help="no summary")
-    chosen = parsed(parser, arguments)
-    with orderly(name, [chosen.output, chosen.json, chosen.plots, chosen.write_urdf]):
-        return _identify(chosen)
+def add_arguments(parser):
+    """Declare the arguments."""
+    common.add_recording(parser, "as of diag-dynamics analyse, without contact")
+    text = "some of friction, rotors, inertias, payload:LINK, separated by commas (default: %(default)s); no rotors if "
+    text += "efforts are measured behind the gears"
+    parser.add_argument("--what", default="friction,rotors", metavar="WHAT", help=text)
+    text = "recordings of the same robot without the payload"
+    parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)
+    text = "the parameters, for every node and for load_urdf"
+    parser.add_argument("-o", "--output", metavar="ARM.yaml", help=text)
+    text = "the quality of the parameters, for programs; - for stdout"
+    parser.add_argument("--json", metavar="QUALITY.json", help=text)
+    text = "efforts that the model does not explain, before and after"
+    parser.add_argument("--plots", metavar="PAGE.png", help=text)
+    text = "a copy of the URDF with inertias, payloads, damping and friction; URDF has no place for the rest"
+    parser.add_argument("--write-urdf", metavar="NEW.urdf", help=text)
+    common.add_quiet(parser)
 
 
-def _identify(chosen):
-    read = [*chosen.recording, *chosen.reference, chosen.urdf, chosen.columns, *chosen.parameters]
-    written = {"-o": chosen.output, "--json": chosen.json, "--plots": chosen.plots, "--write-urdf": chosen.write_urdf}
-    given.refuse_outputs(read, written)
-    parameters, robot = parameters_of(chosen.parameters, chosen.set), robot_of(chosen.urdf, chosen.xacro_args)
+def run(chosen):
+    """Identify; return the exit status."""
+    parameters, robot = common.chosen_parameters(chosen), common.chosen_robot(chosen)
     if parameters.get("floating_base"):
-        raise UnsupportedError(
-            "floating_base is true: a floating base is not identified, for nothing measures its support."
-        )
+        raise UnsupportedError("floating_base is true: a floating base is not identified, its support is not measured.")
     if chosen.write_urdf and is_mjcf(robot):
         raise InputError(f"--write-urdf writes a URDF, but '{robot}' is an MJCF. -o ARM.yaml keeps all parameters.")
-    recordings = given.streamed(chosen, chosen.recording, parameters, robot)
-    model = recordings[0].model
-    if model.floating_base:
-        raise UnsupportedError(f"robot '{model.name}' has a floating base, which identify does not support.")
-    reference = given.streamed(chosen, chosen.reference, parameters, model)
-    shared = []
-    loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
-    found = identify(loaded, model, chosen.what.split(","), reference=unloaded or None)
-    everything, earlier = found.parameters, parameters.get("parameters_file")
-    if earlier:  # which the model has, and what is found stands beside it
-        everything = Parameters.load(earlier).followed_by(everything)
-    if chosen.output:
-        everything.save(chosen.output)
-    if chosen.write_urdf:
-        text = open_source(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
-        possible, shared = without_impossible_links(found.model, everything)
-        written = urdf_with(read_source(text).text, possible)
-        Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{written}\n', encoding="utf-8")
-    if chosen.plots:
-        _draw(chosen.plots, recordings[-1], model, found)
-    told = json.dumps(found.quality | {"shared": shared}, indent=1, allow_nan=False)
-    if chosen.json == "-":
-        print(told)
-    elif chosen.json:
-        Path(chosen.json).write_text(told, encoding="utf-8")
+    with common.Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
+        recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
+        model = recordings[0].model
+        if model.floating_base:
+            raise UnsupportedError(f"robot '{model.name}' has a floating base, which identify does not support.")
+        reference = common.stream_recordings(chosen, chosen.reference, parameters, model, progress)
+        loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
+        found = identify(loaded, model, chosen.what.split(","), reference=unloaded or None)
+        shared = _write_parameters(chosen, found, parameters.get("parameters_file"), robot)
+        if chosen.plots:
+            _draw(chosen.plots, recordings[-1], model, found)
+        write(found.quality | {"shared": shared})
     if not chosen.quiet and chosen.json != "-":
-        print(plain_lines(summary(found, found.parameters.origin["recordings"][len(recordings) - 1]["start"])))
-        for what, path in (
-            ("parameters", chosen.output),
-            ("URDF", chosen.write_urdf),
-            ("plots", chosen.plots),
-            ("quality", chosen.json),
-        ):
-            if path:
-                print(plain(f"Wrote {path}: {what}."), file=sys.stderr)
-        if shared:
-            print(
-                plain(
-                    f"In {chosen.write_urdf} {', '.join(shared)} share what is left of them together: no link by itself has "
-                    "what the payload takes off."
-                ),
-                file=sys.stderr,
-            )
-        if not chosen.output:
-            print("Nothing is kept: -o arm.yaml would write the parameters.", file=sys.stderr)
+        first = found.parameters.origin["recordings"][len(recordings) - 1]["start"]
+        print("\n".join(map(plain, format_summary(found, first))))
+        _report_outputs(chosen, shared)
     return DONE if found.quality["taken"] and found.quality["efforts_judged"] else DOUBTFUL
 
 
+def _write_parameters(chosen, found, earlier, robot):
+    """Write parameters and URDF; return the links that share a payload in the latter."""
+    parameters = found.parameters
+    if earlier:  # the model has them
+        parameters = Parameters.load(earlier).followed_by(parameters)
+    if chosen.output:
+        parameters.save(chosen.output)
+    if not chosen.write_urdf:
+        return []
+    source = open_source(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
+    possible, shared = without_impossible_links(found.model, parameters)
+    text = urdf_with(read_source(source).text, possible)
+    Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', encoding="utf-8")
+    return shared
+
+
+def _report_outputs(chosen, shared):
+    common.report_written(chosen.output, chosen.write_urdf, chosen.plots, chosen.json)
+    if shared:
+        links = f"In {chosen.write_urdf} {', '.join(shared)} share what is left of them together"
+        print(plain(f"{links}: no single link has the mass that the payload subtracts."), file=sys.stderr)
+    if not chosen.output:
+        print("Nothing is kept: -o arm.yaml would write the parameters.", file=sys.stderr)
+
+
 def _draw(path, recording, model, found):
-    """A page of plots of the last recording."""
-    shares = ["-" if share is None else f"{share:.2f}" for share in found.quality["explained_total"]]
+    """Draw the page of plots of the last recording."""
+    quality = found.quality
+    shares = ["-" if share is None else f"{share:.2f}" for share in quality["explained_total"]]
     title = (
-        f"{model.name}: {', '.join(found.quality['taken']) or 'nothing taken'}. Effort that the model leaves unexplained, by "
-        f"the observer at {given.GAIN:g}/s; shaded: held out.\n"
+        f"{model.name}: {', '.join(quality['taken']) or 'no parameter'}. Effort that the model does not explain, by the "
+        f"observer at {common.GAIN:g}/s; shaded: held out.\n"
         f"Of d(K + U)/dt the efforts explain {shares[0]} before, {shares[1]} after."
     )
-    time, torques = residual_curves((model, found.model), recording.pieces, given.GAIN)
-    held_out = time[-1] - found.quality["held_out_duration"], time[-1]
-    picture(path, title, time, torques, found.quality["torque_rms"], held_out)
+    time, torques = residual_curves((model, found.model), recording.pieces, common.GAIN)
+    picture(path, title, time, torques, quality["torque_rms"], (time[-1] - quality["held_out_duration"], time[-1]))
 
 
-def plain_lines(text):
-    """The text with what would act on a terminal made visible, line by line."""
-    return "\n".join(plain(line) for line in text.splitlines())
-
-
-def summary(found, first):
-    """What was identified, and how well it does on the part held out, in words; times after that of the first state [s]."""
+def format_summary(found, first):
+    """Return lines on the parameters and the quality on the held-out part; times begin at `first` [s]."""
     quality, model = found.quality, found.model
-    lines = [f"{model.name}: {', '.join(quality['taken']) or 'nothing of it makes the model better'}"]
+    lines = [f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}"]
     begin, end = (time - first for time in quality["held_out"])
     lasts = quality["held_out_duration"]
-    until = f"{end:.1f} s" if end >= begin else f"{end:.1f} s of the run after it"  # its stamps begin anew
+    until = f"{end:.1f} s" if end >= begin else f"{end:.1f} s of the run after it"  # its stamps restart
     lines += ["", f"From {begin:.1f} to {until}, {lasts:.1f} s that this was not fitted to, before and after:", ""]
-    wide = max(len(name) for name in ("joint", *quality["torque_rms"]))
+    width = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
-        f"  {'joint':{wide}}  {'effort, rms':>17}  {'observer, spread':>17}   damping  friction    offset  armature"
+        f"  {'joint':{width}}  {'effort, rms':>17}  {'observer, spread':>17}   damping  friction    offset  armature"
     )
-    lines.append(f"  {'SI units':{wide}}  {'N m':>17}  {'N m':>17}   N m s/rad     N m       N m     kg m²")
+    lines.append(f"  {'SI units':{width}}  {'N m':>17}  {'N m':>17}   N m s/rad     N m       N m     kg m²")
     for name in quality["torque_rms"]:
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
-        lines.append(f"  {name:{wide}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")
+        lines.append(f"  {name:{width}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")
     for key, what in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
         if None not in quality[key]:
             lines.append(f"  of {what} the efforts explain {quality[key][0]:.3f}, then {quality[key][1]:.3f}")
@@ -170,7 +136,7 @@ def summary(found, first):
     for title, texts in (("warnings", quality["warnings"]), ("about the recordings", quality["findings"])):
         if texts:
             lines += ["", f"{title}:", *(f"  {text}" for text in texts)]
-    return "\n".join(lines)
+    return lines
 
 
 def _arrow(pair):

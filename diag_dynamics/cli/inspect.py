@@ -1,76 +1,62 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics inspect`: what the library makes of a robot."""
+"""`diag-dynamics inspect`: facts about a robot, and checks of its URDF."""
 
-import argparse
 import json
 import sys
 import textwrap
 from pathlib import Path
 
-from diag_dynamics.cli.robot_argument import ROBOT, parsed, robot_of
+from diag_dynamics.cli import common
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import plain
 
 WIDTH = 80
 
-MOST = 6
+MAX_NAMES = 6
 """Names that a finding shows; --json has all."""
 
 JOINED = "\u00a0"
-"""Space at which no line ends, until lines are made."""
+"""Space at which no line is broken."""
 
-STATUS = """\
-exit status: 0 with nothing above a note, 1 with a warning, 2 with an error or
-where there is no such robot. A note is worth knowing; a warning is very likely
-a mistake of the URDF; an error is what keeps results from being computed."""
+EPILOG = """exit status: 0 with nothing above a note, 1 with a warning, 2 with an error or without such a robot. A note is
+information; a warning is very likely a mistake in the URDF; an error prevents results from being computed."""
+
+OUTPUTS = {"-o": "output"}
 
 
-def run(name, arguments):
-    """Inspect a robot, or write its URDF with estimated inertias; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog=f"diag-dynamics {name}",
-        description="What the library makes of a robot: facts, and some twenty checks of its URDF.",
-        epilog=STATUS,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("robot", metavar="ROBOT", help=ROBOT)
-    parser.add_argument("--json", action="store_true", help="for machines")
+def add_arguments(parser):
+    """Declare the arguments."""
+    common.add_robot(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--floating-base", action="store_true", help="the root link moves freely")
-    parser.add_argument(
-        "--estimate-inertias",
-        metavar="DENSITY",
-        type=float,
-        help="do not inspect, but write the URDF with inertias, estimated from geometry at this density [kg/m³], of links "
-        "that have none",
-    )
-    parser.add_argument("-o", "--output", metavar="NEW.urdf", help="where to; a file that is not there yet")
-    chosen = parsed(parser, arguments)
-    if (chosen.estimate_inertias is None) != (chosen.output is None):
-        parser.error("--estimate-inertias DENSITY and -o NEW.urdf belong together")
+    text = "do not inspect, but write the URDF with inertias estimated from geometry at this density [kg/m³] for links "
+    text += "without one"
+    parser.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
+    parser.add_argument("-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias")
+
+
+def run(chosen):
+    """Inspect a robot, or write its URDF with estimated inertias; return the exit status."""
     try:
-        return _run(chosen)
+        if (chosen.estimate_inertias is None) != (chosen.output is None):
+            raise InputError("--estimate-inertias DENSITY and -o NEW.urdf belong together.")
+        robot = common.chosen_robot(chosen)
+        if chosen.output is not None:
+            return _estimate(robot, chosen.estimate_inertias, Path(chosen.output), chosen.json)
+        from diag_dynamics.inspection import inspect_robot
+
+        report = inspect_robot(robot, chosen.floating_base)
     except DiagDynamicsError as error:
-        if chosen.json:
-            _print_json({"source": chosen.robot, "status": 2, "error": str(error)})
-        else:
-            print(f"diag-dynamics {name}: {error}", file=sys.stderr)
-        return 2
-
-
-def _run(chosen):
-    """Do what was chosen; what computes is imported only now, which --help and mistakes need not wait for."""
-    from diag_dynamics.inspection import inspect_robot
-
-    robot = robot_of(chosen.robot, chosen.xacro_args)
-    if chosen.output is not None:
-        return _estimate(robot, chosen.estimate_inertias, Path(chosen.output), chosen.json)
-    report = inspect_robot(robot, chosen.floating_base)
+        if not chosen.json:
+            raise
+        _print_json({"source": chosen.urdf, "status": common.FAILED, "error": str(error)})
+        return common.FAILED
     if chosen.json:
         _print_json(report.to_dict())
     else:
-        print("\n".join(shown(report)))
+        print("\n".join(report_lines(report)))
     return report.status
 
 
@@ -78,8 +64,11 @@ def _print_json(document):
     print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
 
 
+# --- Estimated inertias
+
+
 def _estimate(robot, density, output, as_json):
-    """Write a URDF with estimated inertias; returns the exit status: 1 where some could not be, or none had to be."""
+    """Write a URDF with estimated inertias; return the status: 1 if an estimate failed, or none was needed."""
     from diag_dynamics.model.estimation import estimated
     from diag_dynamics.model.robot_source import read_source
     from diag_dynamics.model.sources import folder_of
@@ -93,50 +82,46 @@ def _estimate(robot, density, output, as_json):
         )
     found = estimated(described.text, density, folder_of(robot).resolve())
     if found.estimates:
-        try:
-            output.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n', encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"Cannot write '{output}': {error.strerror}.") from error
+        output.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n', encoding="utf-8")
     if as_json:
-        estimates = [
-            {
-                "link": one.link,
-                "mass": one.mass,
-                "centre": list(one.centre),
-                "inertia": one.inertia.tolist(),
-                "from": one.source,
-            }
-            for one in found.estimates
-        ]
-        written = str(output) if found.estimates else None
-        document = {"written": written, "density": density, "estimated": estimates, "failed": found.failed}
-        _print_json(document)
+        _print_json(_estimates_document(found, density, output))
     else:
-        for one in found.estimates:
-            print(plain(f"{one.link}: {one.mass:.4g} kg, estimated from {one.source}"))
-        for link, reason in found.failed.items():
-            print(plain(f"{link}: not estimated: {reason}"), file=sys.stderr)
-        if found.estimates:
-            print(
-                plain(f"Wrote {output}: {len(found.estimates)} links with an inertia estimated at {density:g} kg/m³.")
-            )
-        elif not found.failed:
-            print(
-                "Every link with geometry has an <inertial>: nothing to estimate, and nothing written.", file=sys.stderr
-            )
-    return 0 if found.estimates and not found.failed else 1
+        _print_estimates(found, density, output)
+    return common.DONE if found.estimates and not found.failed else common.DOUBTFUL
 
 
-def shown(report):
-    """Lines of a report for people."""
+def _estimates_document(found, density, output):
+    estimates = []
+    for one in found.estimates:
+        inertia = {"centre": list(one.centre), "inertia": one.inertia.tolist()}
+        estimates.append({"link": one.link, "mass": one.mass} | inertia | {"from": one.source})
+    written = str(output) if found.estimates else None
+    return {"written": written, "density": density, "estimated": estimates, "failed": found.failed}
+
+
+def _print_estimates(found, density, output):
+    for one in found.estimates:
+        print(plain(f"{one.link}: {one.mass:.4g} kg, estimated from {one.source}"))
+    for link, reason in found.failed.items():
+        print(plain(f"{link}: not estimated: {reason}"), file=sys.stderr)
+    if found.estimates:
+        print(plain(f"Wrote {output}: {len(found.estimates)} links with an inertia estimated at {density:g} kg/m³."))
+    elif not found.failed:
+        print("Every link with geometry has an <inertial>: nothing to estimate, and nothing written.", file=sys.stderr)
+
+
+# --- Report
+
+
+def report_lines(report):
+    """Yield lines of a report: facts, findings from errors to notes, checks without findings, and counts."""
     from diag_dynamics.inspection import SEVERITIES
 
     yield from _facts(report)
     for severity in reversed(SEVERITIES):
         findings = [finding for finding in report.findings if finding.severity == severity]
-        for number, finding in enumerate(findings):
-            if number == 0:
-                yield ""
+        yield from [""] if findings else []
+        for finding in findings:
             yield from _finding(finding)
     yield ""
     for state in ("ok", "skipped"):
@@ -154,12 +139,12 @@ def _count(number, noun):
 def _facts(report):
     facts = report.facts
     yield from _wrapped("", facts["name"])
-    joints = f"{facts['joints']}, {facts['moving_joints']} of which move"
-    rows = [("file", _tail(report.source)), ("links", _links(facts)), ("joints", joints)]
-    rows.append(("mass", f"{facts['total_mass']:.5g} kg"))
+    rows = [("file", _shortened(report.source)), ("links", _links(facts))]
     if facts["degrees_of_freedom"] is not None:
         base = "floating" if facts["floating_base"] else "fixed"
-        rows.insert(3, ("freedom", f"{facts['degrees_of_freedom']} degrees, {base} base '{facts['root_link']}'"))
+        rows.append(("freedom", f"{facts['degrees_of_freedom']} degrees, {base} base '{facts['root_link']}'"))
+    rows.insert(2, ("joints", f"{facts['joints']}, {facts['moving_joints']} of which move"))
+    rows.append(("mass", f"{facts['total_mass']:.5g} kg"))
     if facts["mimic_joints"]:
         groups = facts["coupled_groups"]
         coupled = f" ({_count(len(groups), 'coupled group')})" if groups else ""
@@ -167,25 +152,30 @@ def _facts(report):
     if facts["locked_joints"]:
         rows.append(("locked", _some(facts["locked_joints"])))
     if facts["poses"]:
-        rows.append(("cond M", _range(facts["condition_of_mass_matrix"], "")))
-        energy = facts["kinetic_energy_at_velocity_limits"]
-        if energy["greatest"]:
-            rows.append(("energy", f"{_range(energy, 'J')} with all joints at their velocity limits"))
-        for number, (tip, mass) in enumerate(facts["tips"].items()):
-            if number == MOST:
-                rows.append(("", f"… and {len(facts['tips']) - MOST} more"))
-                break
-            met = f"a push meets {_range(mass, 'kg')}" if mass["least"] is not None else "its origin stands still"
-            rows.append(("" if number else "tips", f"{tip}: {met}"))
-        rows.append(("", f"Ranges are those over {facts['poses']} random poses."))
+        rows += _ranges(facts)
     for title, value in rows:
         yield from _wrapped(f"  {title:9}", value)
 
 
-def _tail(path):
-    """The end of a path, as much as a line holds."""
-    room = WIDTH - 11
-    return path if len(path) <= room else f"…{path[1 - room :]}"
+def _ranges(facts):
+    """Return rows of the ranges over random poses."""
+    rows = [("cond M", _range(facts["condition_of_mass_matrix"], ""))]
+    energy = facts["kinetic_energy_at_velocity_limits"]
+    if energy["greatest"]:
+        rows.append(("energy", f"{_range(energy, 'J')} with all joints at their velocity limits"))
+    for number, (tip, mass) in enumerate(facts["tips"].items()):
+        if number == MAX_NAMES:
+            rows.append(("", f"… and {len(facts['tips']) - MAX_NAMES} more"))
+            break
+        push = f"a push meets {_range(mass, 'kg')}" if mass["least"] is not None else "its origin stands still"
+        rows.append(("" if number else "tips", f"{tip}: {push}"))
+    return [*rows, ("", f"Ranges are those over {facts['poses']} random poses.")]
+
+
+def _shortened(path):
+    """Return the end of a path that fits into a line."""
+    space = WIDTH - 11
+    return path if len(path) <= space else f"…{path[1 - space :]}"
 
 
 def _links(facts):
@@ -207,26 +197,24 @@ def _range(found, unit):
 
 
 def _finding(finding):
-    names = (*finding.links, *finding.joints)
-    values = finding.values
-    listed = _some([f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names])
+    names, values = (*finding.links, *finding.joints), finding.values
     unit = f" [{finding.unit.replace(' ', JOINED)}]" if finding.unit and values else ""
-    count = f"{_count(len(names), 'link' if finding.links else 'joint')}: " if len(names) > 1 else ""
-    yield from _wrapped(
-        f"{finding.severity:9}", f"{finding.what.rstrip('.') if names else finding.what}{unit}{':' if names else ''}"
-    )
+    text = f"{finding.what.rstrip('.') if names else finding.what}{unit}{':' if names else ''}"
+    yield from _wrapped(f"{finding.severity:9}", text)
     if names:
-        yield from _wrapped(" " * 11, f"{count}{listed}")
+        count = f"{_count(len(names), 'link' if finding.links else 'joint')}: " if len(names) > 1 else ""
+        listed = [f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names]
+        yield from _wrapped(" " * 11, f"{count}{_some(listed)}")
     if finding.remedy:
         yield from _wrapped(f"{'':9}→ ", finding.remedy)
 
 
 def _some(names):
-    return ", ".join(names[:MOST]) + (f" … and {len(names) - MOST} more" if len(names) > MOST else "")
+    return ", ".join(names[:MAX_NAMES]) + (f" … and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else "")
 
 
 def _wrapped(start, text):
-    """Lines of a text, indented by as much as it starts after."""
+    """Yield the lines of a text behind `start`."""
     lines = textwrap.wrap(plain(text), WIDTH - len(start), break_on_hyphens=False) or [""]
     for number, line in enumerate(lines):
         yield f"{' ' * len(start) if number else start}{line.replace(JOINED, ' ')}".rstrip()

@@ -3,13 +3,11 @@
 
 """`diag-dynamics layout`: a layout of a viewer for one robot, with its joints' names."""
 
-import argparse
 import shlex
 import sys
 from pathlib import Path
 
-from diag_dynamics.cli import given
-from diag_dynamics.cli.robot_argument import ROBOT, parsed
+from diag_dynamics.cli import common
 from diag_dynamics.layouts.tools import TOOLS, layout
 from diag_dynamics.text import plain
 
@@ -17,24 +15,23 @@ EPILOG = """Give the parameters that the monitor is given: mimic, locked_joints 
 and entries of arrays go by their order."""
 
 
-@given.reported
-def run(name, arguments):
-    """Write a layout; returns the exit status."""
-    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=__doc__, epilog=EPILOG)
-    parser.add_argument("urdf", metavar="ROBOT", help=ROBOT)
+OUTPUTS = {"-o": "output"}
+
+
+def add_arguments(parser):
+    """Declare the arguments."""
+    common.add_robot(parser)
     parser.add_argument("--tool", required=True, choices=TOOLS, help="the viewer")
     parser.add_argument(
         "--monitor", default="/diag_dynamics", help="name of the monitor on the graph (default: /diag_dynamics)"
     )
-    given.add_parameters(parser)
+    common.add_parameters(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="where to write it (default: stdout)")
-    chosen = parsed(parser, arguments)
-    return _write(chosen)
 
 
-def _write(chosen):
-    given.refuse_outputs([chosen.urdf, *chosen.parameters], {"-o": chosen.output})
-    text = layout(chosen.tool, given.chosen_model(chosen), chosen.monitor)
+def run(chosen):
+    """Write a layout; return the exit status."""
+    text = layout(chosen.tool, common.chosen_model(chosen), chosen.monitor)
     tool = TOOLS[chosen.tool]
     if chosen.output in (None, "-"):
         print(text, end="")

@@ -3,24 +3,20 @@
 
 """`diag-dynamics robots`: names of the example robots."""
 
-import sys
-
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.example_robots import example_urdfs
 
+EPILOG = "Robots of the package example-robot-data, by the names that load_robot and all commands accept."
 
-def run(name, arguments):
-    """Print them; returns the exit status."""
-    if arguments and arguments[0] not in ("-h", "--help"):
-        print(f"{name} takes no arguments.", file=sys.stderr)
-        return 2
-    if arguments:
-        print(
-            "usage: diag-dynamics robots\n\nNames of the robots of example-robot-data: of dd.load_robot and of --robot."
-        )
-        return 0
+
+def add_arguments(parser):
+    """Declare no arguments."""
+
+
+def run(chosen):
+    """Print the names; return the exit status."""
     urdfs = example_urdfs()
     if not urdfs:
-        print("The package example-robot-data is not installed: pip install example-robot-data", file=sys.stderr)
-        return 1
+        raise InputError("The package example-robot-data is not installed: pip install example-robot-data")
     print("\n".join(urdfs))
     return 0

@@ -7,7 +7,7 @@ import argparse
 import sys
 from importlib import import_module, util
 
-from diag_dynamics.cli.interrupted import terminable
+from diag_dynamics.cli.common import terminable
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.text import plain
 

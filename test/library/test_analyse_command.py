@@ -281,7 +281,7 @@ WRONG = {
     ("--set", "max_agee=1"): "'max_age' meant",
     ("--topics", "state"): "--topics are those of a file that --mcap writes",
     ("--out", "{out}"): "--out belongs to --fleet",
-    ("--threads", "0"): "--threads is 0",
+    ("--threads", "0"): "argument --threads: 0 is not at least 1",
     ("--csv", "{out}", "--json", "{out}"): "--csv is written into it",
     ("--csv", "{out}", "--json", "{out}.part"): "--csv '{out}' has the name that --json was given",
     ("--json", "{out}/a.json"): "there is no folder",

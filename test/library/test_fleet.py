@@ -218,7 +218,6 @@ def test_the_command(tmp_path, archive, scheduler, capsys):
         (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
         (["analyse", "--fleet", str(archive)], "--fleet needs --out"),
         ([*arguments, "--csv", "x.csv"], "--csv is of a single recording"),
-        ([*arguments, "--workers", "0"], "--workers is 0"),
     ):
         assert main(wrong) == 2
         assert what in capsys.readouterr().err

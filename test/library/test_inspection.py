@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics.cli.inspect import shown
+from diag_dynamics.cli.inspect import report_lines
 from diag_dynamics.inspection import CHECKS, SEVERITIES, inspect_robot
 from diag_dynamics.model.example_robots import find_urdf
 from examples import some_of
@@ -267,7 +267,7 @@ def test_missing_and_broken_attributes():
         for other in ("", re.sub('"[^"]*"', '"x 1e999"', piece[0])):
             report = inspect_robot(ARM[: piece.start()] + other + ARM[piece.end() :])
             json.dumps(report.to_dict(), allow_nan=False)
-            assert max(map(len, shown(report))) <= 80
+            assert max(map(len, report_lines(report))) <= 80
 
 
 # --- Real robots

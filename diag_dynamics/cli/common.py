@@ -1,0 +1,336 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Shared by all commands: options, errors, signals, progress and outputs. Modules that compute are imported when used."""
+
+import argparse
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+from diag_dynamics.entries import ARGUMENT, ASSIGNMENT, split_arguments
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.text import plain
+
+DONE, DOUBTFUL, FAILED = range(3)
+"""Exit statuses: success; a result with reservations; no result."""
+
+INTERRUPTED = 130
+
+GAIN = 25.0
+"""Default gain of the disturbance observer [1/s]."""
+
+ROBOT = (
+    "the robot: a URDF, xacro or MJCF file, or a name that `diag-dynamics robots` lists; arguments of a xacro file stand "
+    "anywhere on the line, as NAME:=VALUE"
+)
+
+READ = ("recording", "reference", "urdf", "columns", "alarms", "parameters")
+"""Arguments that name files to be read."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM was received; it cleans up as Ctrl-C does."""
+
+    status = 128 + signal.SIGTERM
+
+
+def run_command(name, about, module, arguments):
+    """Parse the arguments of a command of the library and run it; return its exit status.
+
+    Parameters
+    ----------
+    name, about : str
+    module : module
+        It has the functions ``add_arguments(parser)`` and ``run(chosen)``; and may have an EPILOG of its help, and OUTPUTS:
+        the names of attributes of `chosen` with the paths of its outputs, by option.
+    arguments : sequence of str
+    """
+    epilog = getattr(module, "EPILOG", None)
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=about, epilog=epilog)
+    module.add_arguments(parser)
+    chosen = parse_arguments(parser, arguments)
+    outputs = {option: getattr(chosen, dest) for option, dest in getattr(module, "OUTPUTS", {}).items()}
+    try:
+        with terminable():
+            check_outputs(chosen, outputs)
+            return module.run(chosen)
+    except BrokenPipeError:
+        raise  # of `… | head`, which main handles
+    except KeyboardInterrupt as error:
+        lost = " and ".join(f"'{path}'" for path in outputs.values() if path not in (None, "-"))
+        rest = f"; not written: {lost}" if lost else ""
+        kind = "terminated" if isinstance(error, Terminated) else "interrupted"
+        print(f"diag-dynamics {name}: {kind}{rest}.", file=sys.stderr)
+        return getattr(error, "status", INTERRUPTED)
+    except (DiagDynamicsError, OSError) as error:
+        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+        return FAILED
+
+
+@contextmanager
+def terminable():
+    """Have SIGTERM raise :class:`Terminated` in the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, _raise_terminated)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before if before is not None else signal.SIG_DFL)
+
+
+def _raise_terminated(*_):
+    raise Terminated
+
+
+# --- Arguments
+
+
+def parse_arguments(parser, arguments):
+    """Parse a command line; xacro arguments may stand anywhere, and are the list `xacro_args` of the result."""
+    chosen, left = parser.parse_known_args([word for word in arguments if not ARGUMENT.fullmatch(word)])
+    chosen.xacro_args = [word for word in arguments if ARGUMENT.fullmatch(word)]
+    if not hasattr(chosen, "urdf"):
+        left += chosen.xacro_args
+    for word in (*left, *(getattr(chosen, "recording", None) or ())):
+        if ASSIGNMENT.fullmatch(word) and not os.path.exists(word):
+            argument = word.replace("=", ":=", 1)
+            message = f"'{word}' is no argument. Write {argument} for an argument of a xacro file."
+            parser.exit(FAILED, f"{parser.prog}: {message}\n")
+    if left:
+        parser.error(f"unrecognized arguments: {' '.join(left)}")
+    return chosen
+
+
+def add_entries(parser, option, metavar, text):
+    """Add an option of several entries, which may be repeated."""
+    parser.add_argument(option, metavar=metavar, nargs="+", action="extend", default=[], help=text)
+
+
+def add_recording(parser, text, nargs="+"):
+    """Add recordings and the options of how they are read."""
+    parser.add_argument("recording", nargs=nargs, help=text)
+    parser.add_argument("--urdf", metavar="ROBOT", help=f"{ROBOT} (default: the robot in the bag)")
+    parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
+    text = "topic of the joint states, if a bag has several; repeat it to merge topics, as of arm and gripper"
+    parser.add_argument("--topic", action="append", help=text)
+    text = "joint of the robot by its name in the recording; * is any text: 'fer_*=panda_*' (docs/recordings.md)"
+    add_entries(parser, "--joint-names", "NAME=JOINT", text)
+    add_parameters(parser)
+    for option, what in (("--start", "ignore data before"), ("--end", "ignore data from here on")):
+        parser.add_argument(option, type=float, metavar="SECONDS", help=f"{what}, from the beginning [s]")
+
+
+def add_robot(parser):
+    """Add the robot as an argument."""
+    parser.add_argument("urdf", metavar="ROBOT", help=ROBOT)
+
+
+def add_parameters(parser):
+    """Add the options that set parameters."""
+    text = "parameters of the monitor, or of the robot: friction, rotor inertias (docs/library.md); may be repeated"
+    parser.add_argument("--parameters", metavar="FILE.yaml", action="append", default=[], help=text)
+    text = "parameters of the monitor (docs/parameters.md), as effort_scale='*=0.5'"
+    add_entries(parser, "--set", "PARAMETER=VALUE", text)
+
+
+def add_quiet(parser):
+    """Add the option --quiet."""
+    parser.add_argument("--quiet", action="store_true", help="print errors only")
+
+
+def add_threads(parser):
+    """Add the option --threads."""
+    text = "threads for evaluation (default: number of processors)"
+    parser.add_argument("--threads", type=positive_int, help=text)
+
+
+def positive_int(text):
+    """Return a whole number of at least 1, as a type of argparse."""
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
+    return int(text)
+
+
+# --- Robot, parameters and recordings of the options
+
+
+def chosen_robot(chosen):
+    """Return the path of the robot with its xacro arguments; None if none is named."""
+    from diag_dynamics.model.robot_source import robot_source
+
+    if chosen.urdf is not None:
+        return robot_source(chosen.urdf, chosen.xacro_args)
+    if chosen.xacro_args:
+        argument = chosen.xacro_args[0]
+        raise InputError(f"'{argument}' is a xacro argument, but no robot is named. Give --urdf FILE.xacro.")
+    return None
+
+
+def chosen_parameters(chosen, *files):
+    """Return parameters of the monitor by name, of all files and of --set."""
+    from diag_dynamics.parameters.files import parameters_of
+
+    return parameters_of([*chosen.parameters, *files], chosen.set)
+
+
+def chosen_model(chosen):
+    """Return the model of the robot with the parameters."""
+    from diag_dynamics.parameters.monitor import PARAMETERS
+    from diag_dynamics.parameters.robots import model_of
+
+    defaults = {name: spec.default for name, spec in PARAMETERS.items()}
+    return model_of(chosen_robot(chosen), defaults | chosen_parameters(chosen))
+
+
+def reading_options(chosen):
+    """Return the arguments of :class:`Reading` but path, robot and parameters."""
+    names = {}
+    for text in chosen.joint_names:
+        name, equals, joint = text.partition("=")
+        if not equals or names.setdefault(name.strip(), joint.strip()) != joint.strip():
+            raise InputError(f"--joint-names has {text!r}; expected NAME=JOINT, each name once.")
+    options = {name: getattr(chosen, name) for name in ("columns", "topic", "start", "end")}
+    return options | {"joint_names": names or None}
+
+
+class StreamedRecording:
+    """A recording that each call of :meth:`pieces` reads anew, in bounded memory.
+
+    `model` is its robot, `findings` are those of the last reading.
+    """
+
+    def __init__(self, path, robot, options, progress):
+        from diag_dynamics.recordings.recording import Reading
+
+        self.path, self.findings, self._options, self._progress = path, [], options, progress
+        self._reading, self.model = Reading, Reading(path, robot, **options).model
+
+    def pieces(self):
+        """Yield Recordings; raise InputError without any state."""
+        from diag_dynamics.recordings.findings import no_states_error
+
+        states = 0
+        for piece in self._reading(self.path, self.model, **self._options).pieces():
+            self.findings, states = piece.findings, states + len(piece)
+            self._progress.show(f"{self.path}: {states} states")
+            yield piece
+        if not states:
+            raise no_states_error(self.path, self.findings)
+
+
+def stream_recordings(chosen, paths, parameters, robot, progress):
+    """Return a StreamedRecording of each path; all are of the robot of the first one."""
+    options, found = reading_options(chosen) | {"parameters": parameters}, []
+    for path in paths:
+        found.append(StreamedRecording(path, found[0].model if found else robot, options, progress))
+    return found
+
+
+# --- Outputs
+
+
+class Progress:
+    """Context with a line on stderr that the next one replaces.
+
+    It is shown on a terminal, at most five times a second; with `lines`, elsewhere too, line by line.
+    """
+
+    PERIOD = 0.2
+
+    def __init__(self, quiet=False, lines=False):
+        self._on_terminal, self._last = sys.stderr.isatty(), -self.PERIOD
+        self._is_shown = not quiet and (self._on_terminal or lines)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._is_shown and self._on_terminal:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+    def show(self, text):
+        """Show a line."""
+        now = time.monotonic()
+        if not self._is_shown or (self._on_terminal and now - self._last < self.PERIOD):
+            return
+        self._last = now
+        start, end = ("\r\033[K", "") if self._on_terminal else ("", "\n")
+        print(f"{start}{plain(text)}", end=end, file=sys.stderr, flush=True)
+
+
+def report_written(*paths):
+    """Print which files were written; those that are None or - were not."""
+    for path in paths:
+        if path not in (None, "-"):
+            print(plain(f"Wrote {path}."), file=sys.stderr)
+
+
+@contextmanager
+def json_output(path):
+    """Yield a function that writes a document as JSON; ``-`` is stdout, None nothing.
+
+    A file is created first, because a path that cannot be written should be reported before anything is computed.
+    """
+    from diag_dynamics.recordings.atomic_file import AtomicFile
+
+    file = AtomicFile(path) if path and path != "-" else None
+
+    def write(document):
+        text = json.dumps(document, indent=1, allow_nan=False)
+        if file:
+            Path(file.name).write_text(text, encoding="utf-8")
+            file.commit()
+        elif path == "-":
+            print(text)
+
+    try:
+        yield write
+    except BaseException:
+        if file:
+            file.discard()
+        raise
+
+
+def check_outputs(chosen, outputs):
+    """Refuse to write over a file that is read, twice into one file, and into a folder that does not exist.
+
+    Parameters
+    ----------
+    chosen : Namespace
+        Files to be read are its attributes :data:`READ`.
+    outputs : dict
+        Path, or None, by option; ``-`` is stdout.
+    """
+    read = [getattr(chosen, name, None) or () for name in READ]
+    read = [path for paths in read for path in ([paths] if isinstance(paths, str) else paths)]
+    taken = {_resolve(split_arguments(path)[0]): f"'{path}' is read" for path in read}
+    written = {}
+    for option, path in outputs.items():
+        full = None if path in (None, "-") else _resolve(path, option)
+        if full is None or (full.exists() and not full.is_file() and not full.is_dir()):
+            continue  # several outputs may share a pipe or /dev/null
+        for other, what in taken.items():
+            if full == other or other in full.parents:
+                raise InputError(f"{option} '{path}': {what}, so nothing is written there.")
+        if not full.parent.is_dir():
+            raise InputError(f"{option} '{path}': there is no folder '{full.parent}'.")
+        taken[full], written[full] = f"{option} is written into it", option
+    for full, option in written.items():
+        if (other := written.get(full.with_name(f"{full.name}.part"))) is not None:  # see AtomicFile
+            raise InputError(f"{option} '{outputs[option]}' has the name that {other} was given while it is written.")
+
+
+def _resolve(path, option=None):
+    """Return the absolute path."""
+    try:
+        return Path(path).expanduser().resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a link to itself, no home, a null character
+        raise InputError(f"{option + ' ' if option else ''}'{path}': {error}.") from None
