@@ -3,6 +3,8 @@
 
 """State of a floating base from the pose and twist of another frame on it."""
 
+import math
+
 import numpy as np
 
 from diag_dynamics.checks import numbers
@@ -56,19 +58,20 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     linear = turn @ linear - np.cross(angular, offset)
     root = R @ turn.T
     x, y, z = np.asarray(position, dtype=float) - root @ offset
-    return np.array([x, y, z, *_quaternion(root)]), np.concatenate([linear, angular])
+    return np.array([x, y, z, *quaternion_of(root)]), np.concatenate([linear, angular])
 
 
-def _quaternion(R):
-    """Quaternion x y z w of a rotation matrix, by its largest component."""
-    squares = np.array([1 + R[0, 0] - R[1, 1] - R[2, 2], 1 - R[0, 0] + R[1, 1] - R[2, 2]])
-    squares = np.array([*squares, 1 - R[0, 0] - R[1, 1] + R[2, 2], 1 + np.trace(R)])
-    k = int(np.argmax(squares))
-    columns = {
-        0: (squares[0], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]),
-        1: (R[0, 1] + R[1, 0], squares[1], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]),
-        2: (R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], squares[2], R[1, 0] - R[0, 1]),
-        3: (R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], squares[3]),
-    }
-    q = np.array(columns[k])
-    return q / np.linalg.norm(q)
+def quaternion_of(R):
+    """Return the quaternion x y z w of a rotation matrix, by its largest component."""
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    # The largest of four squares is at least a quarter (Shepperd 1978).
+    squares = (a + e + i, a - e - i, e - a - i, i - a - e)
+    k = squares.index(max(squares))
+    largest = 0.5 * math.sqrt(1.0 + squares[k])
+    n = 0.25 / largest
+    return (
+        ((h - f) * n, (c - g) * n, (d - b) * n, largest),
+        (largest, (b + d) * n, (c + g) * n, (h - f) * n),
+        ((b + d) * n, largest, (f + h) * n, (c - g) * n),
+        ((c + g) * n, (f + h) * n, largest, (d - b) * n),
+    )[k]

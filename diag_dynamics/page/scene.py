@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot as a scene: what is drawn of each link, as JSON; of a link without geometry, bones and its inertia's ellipsoid."""
+"""The geometry of a robot's links, for the page, reports and RViz markers."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,53 +19,47 @@ from diag_dynamics.model.geometry import Shape, floats, shape_of
 from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
-from diag_dynamics.page.layout import finite
-from diag_dynamics.page.meshes import DrawnMesh, MeshLibrary, corners_of
+from diag_dynamics.page.meshes import MeshLibrary, corners_of
 
-GREY = (0.72, 0.74, 0.78, 1.0)
-"""Color of what has none."""
+MIN_MASS = 1e-3
+"""Minimum mass of a link that has an ellipsoid, as a fraction of the robot's. Lighter ones are often mere frames."""
 
-LEAST = 1e-3
-"""Part of the robot's mass from which a link that has nothing else is drawn as an ellipsoid: many a frame has a gram, and the
-inertia of a barrel."""
+MAX_HALF_AXIS, BALL = 0.35, 0.1
+"""Maximum half axis, and radius where the inertia is impossible, as fractions of the link's size."""
 
-WIDEST, BALL = 0.35, 0.1
-"""Half axes of an ellipsoid, at most, and of the ball where an inertia has none, in parts of its link's extent: rotational
-inertias are often guessed, and an ellipsoid of half a metre would hide the arm that it is of."""
+MIN_LENGTH = 1e-3
+"""Minimum length of a bone [m]."""
 
-SHORTEST = 1e-3
-"""Length from which a bone is one [m]."""
-
-SMALLEST = 0.02
+MIN_SIZE = 0.02
 """Half the size of a robot that has neither geometry nor inertia [m]."""
 
 
-def mesh_folders(source: Any = None) -> list[Path]:
-    """Folders around which meshes may lie that no ROS package has: of the URDF's file, and of the example robots' wheel."""
-    own = folder_of(source) if source is not None else None
-    return [*([own.resolve()] if own else []), *[path.parent for path in list(example_urdfs().values())[:1]]]
+class LinkGeometry(NamedTuple):
+    """The geometry of one link, in the link's axes."""
+
+    name: str
+    shapes: tuple[Shape, ...]
+    """Visual shapes; of a link with mass and without these, its collision shapes."""
+    mass: float
+    """Payload included [kg]."""
+    ellipsoid: Array | None
+    """Maps the unit sphere to the ellipsoid that stands for a link without shapes, shape (4, 4)."""
+    bones: tuple[Array, ...]
+    """Origins of the joints that the link carries [m]."""
+    problems: tuple[str, ...]
+    """Errors of shapes that were left out."""
 
 
-def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) -> dict[str, Any]:
-    """What is drawn of a robot.
+def links_of(model: RobotModel, source: Any) -> list[LinkGeometry]:
+    """Return the geometry of each link, in the order of ``model.link_names``.
+
+    An ellipsoid has the proportions of the solid one with the link's inertia, payload included, and fits in the link.
 
     Parameters
     ----------
     model : RobotModel
     source : str, bytes, os.PathLike or file
-        The URDF, xacro file or MJCF that it was made of, see :func:`~diag_dynamics.load_urdf`.
-    meshes : MeshLibrary
-        Where its meshes come from, and are kept to be asked for; None: none is read, which takes no time.
-
-    Returns
-    -------
-    dict
-        For JSON. ``links``, in the order of ``model.link_names``: name, parent_joint, visuals, inertia (mass, com, axes,
-        semi: half axes of the ellipsoid of even density with the same inertia; drawn: the same, within the link's extent;
-        null without one), ellipsoid (whether that stands for what is not there to be drawn), bones (where such a link's
-        joints are, in its axes [m]). ``joints``: name, type, parent, child, origin (in the parent's axes [m]), dof (index of
-        what moves it, its own or its leader's; null), follows (its leader, or null), limits.
-        ``bounds``: corners of a box around the robot at rest [m]. ``missing``: why meshes are not there, by name.
+        The URDF, xacro file or MJCF of the model, see :func:`~diag_dynamics.load_urdf`.
 
     Raises
     ------
@@ -73,174 +67,155 @@ def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) 
         The URDF is malformed.
     """
     robot = parse_urdf(read_source(source).text.encode(errors="replace"))
-    colors = _colors(robot)
     elements = {element.get("name"): element for element in robot.findall("link")}
-    joints = [_joint(model, element) for element in robot.findall("joint")]
-    carried_by = {joint["child"]: joint["name"] for joint in joints}
-    inertias, problems = _inertias(model), {}
-    shapeless = all(element.find("visual") is None for element in elements.values())
-    links, corners = [], []
+    origins, bones = {}, {name: [] for name in model.link_names}
+    for joint in robot.findall("joint"):
+        origin, child = _origin(joint), joint.find("child").get("link")
+        origins[child] = origin
+        if np.linalg.norm(origin) > MIN_LENGTH:
+            bones[joint.find("parent").get("link")].append(origin)
+    records = {model.link_names[record["index"]]: record for record in model.links}
+    found = []
     for name in model.link_names:
-        visuals, points = [], []
-        for element in elements[name].findall("visual"):
-            try:
-                drawn = _visual(element, name, colors, meshes)
-            except UrdfError as error:  # one shape that makes no sense takes nothing else away
-                problems[name] = str(error)
-                continue
-            if drawn:
-                visuals.append(drawn[0])
-                points.append(drawn[1])
-        inertia = inertias.get(name)
-        ends = [joint["origin"] for joint in joints if joint["parent"] == name]
-        own = [joint["origin"] for joint in joints if joint["child"] == name]
-        bare = inertia is not None and not points and inertia["mass"] >= LEAST * model.total_mass
-        if inertia is not None:
-            inertia["drawn"] = _within(inertia, ends, own)
-        bones = []
-        if not points and (bare or shapeless):
-            bones = [end for end in ends if np.linalg.norm(end) > SHORTEST]
-            points.append(np.array([[0.0] * 3, *bones]))
-        if inertia is not None and bare:
-            points.append(_corners_of_ellipsoid(inertia))
-        drawn_of_link = {"visuals": visuals, "inertia": inertia, "ellipsoid": bare, "bones": bones}
-        links.append({"name": name, "parent_joint": carried_by.get(name), **drawn_of_link})
-        corners.append(np.concatenate(points) if points else np.zeros((1, 3)))
-    missing = {**problems, **(meshes.missing if meshes is not None else {})}
-    return {"links": links, "joints": joints, "bounds": _bounds(model, corners), "missing": missing}
+        mass, ellipsoid = float(records[name]["mass"]) if name in records else 0.0, None
+        if mass > 0.0 and mass >= MIN_MASS * model.total_mass:
+            placement = model.placement_in_body(name)[1]
+            ellipsoid = _ellipsoid(records[name], placement, bones[name], origins.get(name, np.zeros(3)))
+        shapes, problems = _shapes(elements[name], "visual")
+        if not shapes and ellipsoid is not None:
+            shapes, _ = _shapes(elements[name], "collision")
+        found.append(LinkGeometry(name, tuple(shapes), mass, ellipsoid, tuple(bones[name]), tuple(problems)))
+    return found
 
 
-def _joint(model: RobotModel, element: Any) -> dict[str, Any]:
-    name, kind = element.get("name"), element.get("type")
-    leader = model.mimics[name].leader if name in model.mimics else None
-    moved_by = leader or name
-    several = next((k for k, dof in enumerate(model.dof_names) if dof.startswith(f"{moved_by}/")), None)
-    dof = model.dof_names.index(moved_by) if moved_by in model.dof_names else several
-    limits = {}
-    if leader is None and moved_by in model.coordinate_names:
-        k = model.coordinate_names.index(moved_by)
-        lower, upper = finite(model.lower[k : k + 1]), finite(model.upper[k : k + 1])
-        limits = {"lower": lower[0], "upper": upper[0]}
-    ends = {end: element.find(end).get("link") for end in ("parent", "child")}
-    placed = element.find("origin")
-    origin = None if placed is None else floats(placed.get("xyz"), 3)
-    ends["origin"] = [0.0] * 3 if origin is None else list(origin)
-    return {"name": name, "type": kind, **ends, "dof": dof, "follows": leader, "limits": limits}
+def _origin(joint: Any) -> Array:
+    element = joint.find("origin")
+    numbers = None if element is None else floats(element.get("xyz"), 3)
+    return np.zeros(3) if numbers is None else np.array(numbers)
 
 
-def _visual(element: Any, link: str, colors: Any, meshes: MeshLibrary | None) -> tuple[dict[str, Any], Array] | None:
-    """One visual and the corners of a box around it in the link's axes; None of a mesh that is not there."""
-    shape = shape_of(element, f"link '{link}': visual")
-    if shape is None:
-        return None
-    color = _own_color(element, colors)
-    mesh: DrawnMesh | None = None
+def _shapes(link: Any, role: str) -> tuple[list[Shape], list[str]]:
+    """Return the shapes of a link's element, and errors of those that cannot be read."""
+    shapes, problems = [], []
+    for element in link.findall(role):
+        try:
+            shape = shape_of(element, f"link '{link.get('name')}': {role}")
+        except UrdfError as error:
+            problems.append(str(error))
+        else:
+            shapes += [] if shape is None else [shape]
+    return shapes, problems
+
+
+def _ellipsoid(record: Any, placement: Array, bones: list[Array], origin: Array) -> Array:
+    """Return the ellipsoid of a link's inertia, no larger than the link: as far as its joints and its centre of mass.
+
+    A link that has these at its origin is as large as its distance from the joint before it.
+    """
+    mass, R = float(record["mass"]), placement[:3, :3]
+    c, (xx, xy, xz, yy, yz, zz) = record["first_moment"] / mass, record["inertia"]
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (c @ c * np.eye(3) - np.outer(c, c))
+    moments, axes = np.linalg.eigh(R.T @ inertia @ R)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    # A solid ellipsoid has I_x = m (b² + c²) / 5.
+    half_axes = np.sqrt(np.maximum(2.5 / mass * (moments.sum() - 2.0 * moments), 0.0))
+    centre = R.T @ (c - placement[:3, 3])
+    size = max(float(np.linalg.norm(point)) for point in [*bones, centre])
+    size = size if size > MIN_LENGTH else float(np.linalg.norm(origin))
+    if not size > MIN_LENGTH:
+        size = float(half_axes.max()) / MAX_HALF_AXIS or MIN_SIZE / BALL
+    if half_axes.min() > 0.0:
+        half_axes *= min(1.0, MAX_HALF_AXIS * size / half_axes.max())
+    else:  # the moments break the triangle inequality
+        half_axes[:] = BALL * size
+    ellipsoid = np.eye(4)
+    ellipsoid[:3, :3], ellipsoid[:3, 3] = axes * half_axes, centre
+    return ellipsoid
+
+
+# --- The scene of the page ---
+
+
+def mesh_folders(source: Any = None) -> list[Path]:
+    """Return folders of meshes that no ROS package has: of the URDF's file, and of the example robots."""
+    own = folder_of(source) if source is not None else None
+    return [*([own.resolve()] if own else []), *[path.parent for path in list(example_urdfs().values())[:1]]]
+
+
+def scene_of(model: RobotModel, source: Any, meshes: MeshLibrary | None = None) -> dict[str, Any]:
+    """Return the scene of a robot, for JSON.
+
+    Parameters
+    ----------
+    model : RobotModel
+    source : str, bytes, os.PathLike or file
+        As of :func:`links_of`.
+    meshes : MeshLibrary
+        Loads and keeps its meshes; None: the scene has none, and is ready at once.
+
+    Returns
+    -------
+    dict
+        ``links``, in the order of ``model.link_names``: name, mass [kg], visuals, and what stands for a link without them:
+        ellipsoid (4x4, row by row, maps the unit sphere to it; or null) and bones (ends in the link's axes [m]).
+        ``bounds``: corners of a box around the robot at rest [m]. ``missing``: reasons why shapes are missing, by name.
+
+    Raises
+    ------
+    UrdfError
+        The URDF is malformed.
+    """
+    geometry = links_of(model, source)
+    shapeless = not any(link.shapes or link.problems for link in geometry)
+    links, corners = [], []
+    for link in geometry:
+        drawn = [one for shape in link.shapes if (one := _visual(shape, meshes)) is not None]
+        bones = [bone.tolist() for bone in link.bones] if link.ellipsoid is not None or shapeless else []
+        points = [np.zeros((1, 3)), *(points for _, points in drawn)]
+        if not drawn:
+            points += [np.array(bones).reshape(-1, 3), *([] if link.ellipsoid is None else [_box(link.ellipsoid)])]
+        ellipsoid = None if link.ellipsoid is None else link.ellipsoid.ravel().tolist()
+        visuals = [visual for visual, _ in drawn]
+        own = {"name": link.name, "mass": link.mass, "visuals": visuals, "ellipsoid": ellipsoid, "bones": bones}
+        links.append(own)
+        corners.append(np.concatenate(points[1:] or points))
+    missing = {link.name: link.problems[-1] for link in geometry if link.problems}
+    missing |= meshes.missing if meshes is not None else {}
+    return {"links": links, "bounds": _bounds(model, corners), "missing": missing}
+
+
+def _visual(shape: Shape, meshes: MeshLibrary | None) -> tuple[dict[str, Any], Array] | None:
+    """Return one visual and the corners of a box around it in the link's axes; None of a mesh that is missing."""
+    mesh, size = None, list(shape.numbers)
     if shape.kind == "mesh":
         mesh = meshes.drawn(shape.file, shape.numbers) if meshes is not None else None
         if mesh is None:
             return None
-        points, size = mesh.corners, [1.0, 1.0, 1.0]
-        color = color or mesh.color
-    else:
-        points, size = _corners(shape), list(shape.numbers)
-    drawn = {
-        "kind": shape.kind,
-        "size": size,
-        "mesh": mesh.sha if mesh else None,
-        "origin": shape.placement.ravel().tolist(),
-        "color": list(color or GREY),
-    }
-    return drawn, points @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+        size = [1.0, 1.0, 1.0]
+    elif shape.kind == "box":
+        half = 0.5 * np.array(size)
+    else:  # a capsule has a hemisphere at each end
+        radius, length = size[0], 0.5 * size[1] if len(size) > 1 else 0.0
+        half = np.array([radius, radius, length + (0.0 if shape.kind == "cylinder" else radius)])
+    points = mesh.corners if mesh else corners_of(-half, half)
+    visual = {"kind": shape.kind, "size": size, "mesh": mesh.sha if mesh else None}
+    return visual | {"origin": shape.placement.ravel().tolist()}, points @ shape.placement[:3, :3].T + shape.placement[
+        :3, 3
+    ]
 
 
-def _corners(shape: Shape) -> Array:
-    """Corners of a box around a shape that is no mesh, in its own axes."""
-    numbers = shape.numbers
-    if shape.kind == "box":
-        half = 0.5 * np.array(numbers)
-    elif shape.kind == "sphere":
-        half = np.full(3, numbers[0])
-    else:  # a cylinder, or a capsule, which has half a ball at each end
-        half = np.array([numbers[0], numbers[0], 0.5 * numbers[1] + (numbers[0] if shape.kind == "capsule" else 0.0)])
-    return corners_of(-half, half)
-
-
-def _colors(robot: Any) -> dict[str, tuple[float, ...]]:
-    """Colors of materials by name, wherever in the URDF they are defined."""
-    return {
-        material.get("name"): color
-        for material in robot.iter("material")
-        if material.get("name") and (color := _rgba(material)) is not None
-    }
-
-
-def _own_color(element: Any, colors: dict[str, tuple[float, ...]]) -> tuple[float, ...] | None:
-    material = element.find("material")
-    return None if material is None else _rgba(material) or colors.get(material.get("name"))
-
-
-def _rgba(material: Any) -> tuple[float, ...] | None:
-    color = material.find("color")
-    numbers = None if color is None else floats(color.get("rgba"), 4)
-    return None if numbers is None else tuple(min(max(number, 0.0), 1.0) for number in numbers)
-
-
-def _inertias(model: RobotModel) -> dict[str, dict[str, Any]]:
-    """Mass, centre and ellipsoid of each link that has an inertia, payloads included, in the link's axes."""
-    found = {}
-    for record in model.links:
-        name, mass = model.link_names[record["index"]], float(record["mass"])
-        if not mass > 0.0:
-            continue
-        _, placement = model.placement_in_body(name)
-        R, c = placement[:3, :3], record["first_moment"] / mass
-        xx, xy, xz, yy, yz, zz = record["inertia"]
-        about_centre = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (
-            c @ c * np.eye(3) - np.outer(c, c)
-        )
-        moments, axes = np.linalg.eigh(R.T @ about_centre @ R)
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
-        # Of an ellipsoid I_x = m (b² + c²) / 5, and so on round.
-        squares = 2.5 / mass * (moments.sum() - 2.0 * moments)
-        found[name] = {
-            "mass": mass,
-            "com": (R.T @ (c - placement[:3, 3])).tolist(),
-            "axes": axes.tolist(),
-            "semi": np.sqrt(np.maximum(squares, 0.0)).tolist(),
-        }
-    return found
-
-
-def _within(inertia: dict[str, Any], ends: list[list[float]], own: list[list[float]]) -> list[float]:
-    """Half axes of an ellipsoid as it is drawn: in its proportions, within its link's extent.
-
-    That is how far its joints and its centre of mass are, or, of a link that has both at its origin, how far it is from the
-    joint before it. An inertia that breaks the triangle inequality has no ellipsoid: a ball.
-    """
-    semi, com = np.array(inertia["semi"]), inertia["com"]
-    lengths = [float(np.linalg.norm(point)) for point in [*ends, com]]
-    extent = (
-        max(lengths) if max(lengths) > SHORTEST else max([float(np.linalg.norm(point)) for point in own], default=0.0)
-    )
-    if not extent > SHORTEST:
-        extent = float(semi.max()) / WIDEST if semi.max() > 0.0 else SMALLEST / BALL
-    if not semi.min() > 0.0:
-        return [BALL * extent] * 3
-    return (semi * min(1.0, WIDEST * extent / semi.max())).tolist()
-
-
-def _corners_of_ellipsoid(inertia: dict[str, Any]) -> Array:
-    half = np.abs(np.array(inertia["axes"])) @ np.array(inertia["drawn"])
-    return corners_of(np.array(inertia["com"]) - half, np.array(inertia["com"]) + half)
+def _box(ellipsoid: Array) -> Array:
+    """Return the corners of a box around an ellipsoid."""
+    half = np.linalg.norm(ellipsoid[:3, :3], axis=1)
+    return corners_of(ellipsoid[:3, 3] - half, ellipsoid[:3, 3] + half)
 
 
 def _bounds(model: RobotModel, corners: list[Array]) -> list[list[float]]:
-    """Corners of a box around all links, joints at zero or, where that is beyond their limits, at the limit next to it."""
-    q = np.clip(model.neutral, model.lower, model.upper)
-    dynamics = DiagonalDynamics(model)
+    """Return the corners of a box around all links, each joint at the position next to zero within its limits."""
+    dynamics, q = DiagonalDynamics(model), np.clip(model.neutral, model.lower, model.upper)
     placed = [dynamics.placement(q, name) for name in model.link_names]
     points = np.concatenate([c @ X[:3, :3].T + X[:3, 3] for c, X in zip(corners, placed, strict=True)])
     low, high = points.min(axis=0), points.max(axis=0)
     if not (high > low).any():
-        low, high = low - SMALLEST, high + SMALLEST
+        low, high = low - MIN_SIZE, high + MIN_SIZE
     return [low.tolist(), high.tolist()]

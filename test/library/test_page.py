@@ -25,6 +25,7 @@ from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.show import Show, Taken
+from diag_dynamics.page.tree import tree_of
 from oracles import Oracle
 from robots import description, joint, link, random_robots, robot, robot_path
 
@@ -288,17 +289,13 @@ def test_scenes_of_robots(id, meshes):
     assert json.loads(json.dumps(drawn, allow_nan=False)) == drawn
 
 
-def test_joints_of_a_panda(panda):
-    """Before its meshes are read, which takes time, a robot is drawn by ellipsoids."""
-    drawn = scene_of(panda, robot_path(PANDA))
-    joints = {entry["name"]: entry for entry in drawn["joints"]}
-    assert joints["panda_joint3"]["dof"] == 2
-    assert joints["panda_joint3"]["limits"]["lower"] == pytest.approx(panda.lower[2])
-    assert [joints["panda_joint8"][key] for key in ("type", "dof")] == ["fixed", None]
-    assert joints["panda_finger_joint2"]["follows"] == "panda_finger_joint1"
-    assert joints["panda_finger_joint2"]["dof"] == joints["panda_finger_joint1"]["dof"] == 7
-    assert sum(one["ellipsoid"] for one in drawn["links"]) >= 8
-    assert not any(one["visuals"] for one in drawn["links"])
+def test_the_tree_of_a_panda(panda):
+    """The degree of freedom that moves each link: the one of the source joint, for a mimic joint; none, for the base."""
+    tree = tree_of(panda)
+    dofs = dict(zip(panda.link_names, (one["dofs"] for one in tree["links"]), strict=True))
+    assert [dofs[name] for name in ("panda_link0", "panda_link3", "panda_hand")] == [[], [2], [6]]
+    assert dofs["panda_leftfinger"] == dofs["panda_rightfinger"] == [7]
+    assert tree["link_of_dof"] == [*(f"panda_link{k}" for k in range(1, 8)), "panda_leftfinger"]
 
 
 HAND = (*(f"arm{k}" for k in range(1, 7)), "palm")
@@ -399,52 +396,65 @@ def test_the_scene_of_a_file_with_many_comments(tmp_path):
     assert len(scene_of(dd.load_urdf(path), path)["links"]) == 3
 
 
-def test_primitives_and_colours():
-    blue = '<material name="blue"><color rgba="0.1 0.2 0.9 1"/></material>'
+def stands_in(link):
+    """Return whether bones and ellipsoid are drawn."""
+    return not link["visuals"] and link["ellipsoid"] is not None
+
+
+def test_primitives():
     drawn, _ = scene(
-        visual('<box size="0.1 0.2 0.3"/>', blue, xyz="0 0 1"),
-        visual('<cylinder radius="0.05" length="0.4"/>', '<material name="blue"/>'),
+        visual('<box size="0.1 0.2 0.3"/>', xyz="0 0 1"),
+        visual('<cylinder radius="0.05" length="0.4"/>'),
         visual('<sphere radius="0.1"/>'),
         "<visual/>",
     )
-    box, cylinder, sphere = drawn["links"][1]["visuals"]
-    assert [(shape["kind"], shape["size"]) for shape in (box, cylinder, sphere)] == [
+    assert [(shape["kind"], shape["size"]) for shape in drawn["links"][1]["visuals"]] == [
         ("box", [0.1, 0.2, 0.3]),
         ("cylinder", [0.05, 0.4]),
         ("sphere", [0.1]),
     ]
-    assert box["color"] == cylinder["color"] == [0.1, 0.2, 0.9, 1.0] != sphere["color"]
-    assert box["origin"][11] == 1.0
-    assert [one["ellipsoid"] for one in drawn["links"][1:]] == [False, True]
-    assert [one["bones"] for one in drawn["links"]] == [[], [], []]
+    assert drawn["links"][1]["visuals"][0]["origin"][11] == 1.0
+    assert [stands_in(one) for one in drawn["links"]] == [False, False, True]
     assert drawn["bounds"][1][2] == pytest.approx(1.15)
 
 
+def test_collision_shapes_of_a_link_without_visual_ones():
+    drawn, _ = scene(visual('<box size="0.1 0.2 0.3"/>').replace("visual", "collision"))
+    assert [shape["kind"] for shape in drawn["links"][1]["visuals"]] == ["box"]
+
+
 def test_an_ellipsoid_has_the_inertia_of_its_link():
-    """Mass, centre and moments of an ellipsoid of even density are the link's; a payload is part of it."""
+    """Centre and moments of an ellipsoid of even density are the link's; a payload is part of it."""
     text = page_fixture.ARM
     about = np.array([[0.1, 0.0, 0.02], [0.0, 0.1, 0.0], [0.02, 0.0, 0.1]])
-    model = dd.load_urdf(text).with_payload("lower", 0.5, (0.4, 0.3, 0.1), about)
-    inertia = scene_of(model, text)["links"][2]["inertia"]
+    model = dd.load_urdf(text).with_payload("lower", 0.5, (0.4, 0.3, 0.1), 0.1 * about)
+    lower = scene_of(model, text)["links"][2]
     centre = (1.0 * np.array([1.0, 0.0, 0.0]) + 0.5 * np.array([0.4, 0.3, 0.1])) / 1.5
+    inertia = 0.1 * about
     for mass, at in ((1.0, [1.0, 0.0, 0.0]), (0.5, [0.4, 0.3, 0.1])):
         d = np.array(at) - centre
-        about = about + mass * (d @ d * np.eye(3) - np.outer(d, d))
-    assert inertia["mass"] == pytest.approx(1.5)
-    np.testing.assert_allclose(inertia["com"], centre, atol=1e-12)
-    (a, b, c), axes = np.square(inertia["semi"]), np.array(inertia["axes"])
-    moments = axes @ np.diag(1.5 / 5.0 * np.array([b + c, a + c, a + b])) @ axes.T
-    np.testing.assert_allclose(moments, about, atol=1e-12)
-    assert np.linalg.det(axes) == pytest.approx(1.0)
+        inertia = inertia + mass * (d @ d * np.eye(3) - np.outer(d, d))
+    ellipsoid = np.reshape(lower["ellipsoid"], (4, 4))
+    root = ellipsoid[:3, :3] @ ellipsoid[:3, :3].T
+    moments = 1.5 / 5.0 * (np.trace(root) * np.eye(3) - root)
+    assert lower["mass"] == pytest.approx(1.5)
+    np.testing.assert_allclose(ellipsoid[:3, 3], centre, atol=1e-12)
+    np.testing.assert_allclose(moments / np.trace(moments), inertia / np.trace(inertia), atol=1e-12)
+    assert np.trace(moments) <= np.trace(inertia) * (1.0 + 1e-12)
+    assert np.linalg.det(ellipsoid) > 0.0
 
 
 @pytest.mark.parametrize(
-    ("moments", "sizes"),
-    [((0.2, 0.2, 0.1), (0.02, 0.05)), ((1e-4, 1e-4, 1e-4), None), ((0.001, 0.001, 0.003), (0.002, 0.02))],
+    ("moments", "sizes", "is_ball"),
+    [
+        ((0.2, 0.2, 0.1), (0.02, 0.05), False),
+        ((1e-4, 1e-4, 1e-4), (0.022, 0.023), True),
+        ((1e-3, 1e-3, 3e-3), (0.002, 0.02), True),
+    ],
     ids=["too large for its link", "within its link", "of no body"],
 )
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
-def test_links_without_shapes_have_bones_and_ellipsoids_of_their_size(moments, sizes):
+def test_links_without_shapes_have_bones_and_ellipsoids_of_their_size(moments, sizes, is_ball):
     """Links of 0.1 m in a row. An ellipsoid larger than its link is drawn smaller, in its proportions."""
     xx, yy, zz = moments
     one = link("l0", 0.5, (0.0, 0.0, 0.05), (xx, 0.0, 0.0, yy, 0.0, zz))
@@ -453,16 +463,14 @@ def test_links_without_shapes_have_bones_and_ellipsoids_of_their_size(moments, s
     text = description("worm", *(one.replace("l0", f"l{k}") for k in range(6)), *joints)
     drawn = scene_of(dd.load_urdf(text), text, MeshLibrary())
     for entry in drawn["links"][:-1]:
-        semi, within = np.array(entry["inertia"]["semi"]), np.array(entry["inertia"]["drawn"])
-        assert entry["ellipsoid"]
-        if sizes is None:
-            np.testing.assert_allclose(within, semi)
-            continue
-        assert sizes[0] < within.max() < sizes[1]
-        if semi.min() > 0.0:
-            np.testing.assert_allclose(within / within.max(), semi / semi.max())
-        else:
-            assert within.min() == within.max()  # a ball, where there is no ellipsoid
+        half_axes = np.linalg.norm(np.reshape(entry["ellipsoid"], (4, 4))[:3, :3], axis=0)
+        assert not entry["visuals"] and sizes[0] < half_axes.max() < sizes[1]
+        assert (np.ptp(half_axes) < 1e-9) == is_ball
+        if not is_ball:
+            squares = half_axes**2
+            np.testing.assert_allclose(
+                (squares.sum() - squares) / squares.sum(), np.array([0.2, 0.2, 0.1])[::-1] / 0.25
+            )
     assert [entry["bones"] for entry in drawn["links"]] == [*([[[0.0, 0.0, 0.1]]] * 5), []]
     low, high = np.array(drawn["bounds"])
     assert abs(low[2]) < 0.05
@@ -495,8 +503,8 @@ def test_what_cannot_be_drawn_is_listed_and_replaced_by_an_ellipsoid(tmp_path, m
     assert drawn["missing"].keys() == {*causes, "upper"}
     for name, cause in (causes | {"upper": "no shape of a URDF"}).items():
         assert cause in drawn["missing"][name]
-    assert (len(library), drawn["links"][1]["visuals"], drawn["links"][1]["ellipsoid"]) == (0, [], True)
+    assert len(library) == 0 and stands_in(drawn["links"][1])
     monkeypatch.setitem(sys.modules, "trimesh", None)
     drawn, _ = scene(mesh("box.stl"), folders=[tmp_path])
     assert "trimesh" in drawn["missing"]["box.stl"]
-    assert drawn["links"][1]["ellipsoid"]
+    assert stands_in(drawn["links"][1])

@@ -12,21 +12,31 @@ import diag_dynamics as dd
 from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.nodes.monitor.markers import AHEAD, COLD, HOT, LASTING, LITTLE, MarkerMaker
-from diag_dynamics.views.scene import Scene
+from diag_dynamics.nodes.monitor.markers import COLD, HORIZON, HOT, LIFETIME, MIN_ENERGY, MarkerMaker
+from diag_dynamics.page.scene import links_of
+from diag_dynamics.page.tree import tree_of
 from nodes import MS, PANDA, Monitor, S, nanoseconds, robot
 
 ROBOTS = pytest.mark.parametrize(("name", "floating"), [("panda", False), ("ur5", False), ("go2", True)])
+SHAPES = {"mesh": Marker.MESH_RESOURCE, "box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
 
 
-def made(name, floating=False, seed=0, watch=None, link="", effort=None):
-    """Return dynamics, evaluation, RobotState, Scene, and markers by namespace."""
-    model = dd.load_robot(name, floating_base=floating)
-    dynamics, rng = dd.DiagonalDynamics(model), np.random.default_rng(seed)
-    q, qd = model.random(rng), rng.normal(size=model.nv)
-    s, state = dynamics.evaluate(q, qd, effort), RobotState(q, qd, effort, 5 * S + 7, 5 * S, False, True)
-    scene = Scene(dynamics, find_urdf(name), link)
-    return dynamics, s, state, scene, by_space(MarkerMaker(scene).message(s, state, watch))
+class Drawn:
+    """A robot in a random state, and its markers by namespace."""
+
+    def __init__(self, name, floating=False, watch=None):
+        self.model = dd.load_robot(name, floating_base=floating)
+        self.dynamics, rng = dd.DiagonalDynamics(self.model), np.random.default_rng(0)
+        self.q, self.qd = self.model.random(rng), rng.normal(size=self.model.nv)
+        self.s = self.dynamics.evaluate(self.q, self.qd)
+        self.maker = MarkerMaker(self.dynamics, find_urdf(name))
+        self.markers = self.show(watch)
+
+    def show(self, watch=None, qd=None):
+        """Return the markers by namespace."""
+        s = self.s if qd is None else self.dynamics.evaluate(self.q, qd)
+        state = RobotState(self.q, self.qd if qd is None else qd, None, 5 * S + 7, 5 * S, False, True)
+        return by_space(self.maker.message(s, state, watch))
 
 
 def by_space(message):
@@ -37,7 +47,7 @@ def by_space(message):
 
 
 def matrix(pose):
-    """Placement (4x4) of a pose."""
+    """Return the placement (4x4) of a pose."""
     p, r = pose.position, pose.orientation
     return pin.SE3(pin.Quaternion(r.w, r.x, r.y, r.z).matrix(), np.array([p.x, p.y, p.z])).homogeneous
 
@@ -48,15 +58,13 @@ def vector(x):
 
 @ROBOTS
 def test_links_are_where_pinocchio_has_them(name, floating):
-    """In the root link's axes, whatever turns the robot about; each marker of its kind, size and file."""
-    dynamics, _, state, scene, markers = made(name, floating)
+    """In the root link's axes, tinted by the share of their joints, each of its kind, size and file."""
+    drawn = Drawn(name, floating)
     model = pin.buildModelFromUrdf(str(find_urdf(name)), *([pin.JointModelFreeFlyer()] if floating else []))
-    data, q, k = model.createData(), pin.neutral(model), 0
-    assert [model.names[i] for i in range(1, model.njoints) if model.joints[i].nq == 1][:3]
-    if floating:
-        q[:7], k = state.position[:7], 7
-    values = dict(zip(dynamics.model.coordinate_names[k:], state.position[k:], strict=True))
-    for joint, mimic in dynamics.model.mimics.items():
+    data, q, k = model.createData(), pin.neutral(model), 7 if floating else 0
+    q[:k] = drawn.q[:k]
+    values = dict(zip(drawn.model.coordinate_names[k:], drawn.q[k:], strict=True))
+    for joint, mimic in drawn.model.mimics.items():
         values[joint] = mimic.multiplier * values[mimic.leader] + mimic.offset
     for i in range(1, model.njoints):
         joint = model.joints[i]
@@ -65,73 +73,56 @@ def test_links_are_where_pinocchio_has_them(name, floating):
         elif joint.nq == 2:  # a continuous joint
             q[joint.idx_q : joint.idx_q + 2] = np.cos(values[model.names[i]]), np.sin(values[model.names[i]])
     pin.framesForwardKinematics(model, data, q)
-    root = data.oMf[model.getFrameId(dynamics.model.root_link)]
-    assert len(markers["links"]) == len(scene.parts) > 7
-    for part, marker in zip(scene.parts, markers["links"], strict=True):
-        there = (root.inverse() * data.oMf[model.getFrameId(part.link)]).homogeneous @ part.placement
-        assert np.allclose(matrix(marker.pose), there, atol=1e-9)
-        assert vector(marker.scale) == pytest.approx(part.size)
-        kind = {"mesh": Marker.MESH_RESOURCE, "box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
-        assert marker.type == kind[part.kind] and bool(marker.mesh_resource) == (part.kind == "mesh")
-        assert marker.mesh_resource.startswith("package://") or not marker.mesh_resource
-    assert len({(m.ns, m.id) for all_of in markers.values() for m in all_of}) == sum(map(len, markers.values()))
-
-
-@ROBOTS
-def test_headers_and_tints(name, floating):
-    """The tint is the share of the joint that moves the link; every marker has stamp, frame and lifetime."""
-    dynamics, s, _, scene, markers = made(name, floating)
-    for marker in (one for several in markers.values() for one in several):
-        assert nanoseconds(marker.header.stamp) == 5 * S + 7
-        assert marker.header.frame_id == dynamics.model.root_link
-        assert nanoseconds(marker.lifetime) == LASTING * S
-        assert marker.color.a > 0.0
-    joints = dict(zip(dynamics.model.dof_names, s.energy_share, strict=True))
-    for part, marker in zip(scene.parts, markers["links"], strict=True):
-        share = joints[dynamics.model.dof_names[part.dof]] if part.dof >= 0 else 0.0
-        tint = COLD + share / (s.kinetic_energy + LITTLE) * (HOT - COLD)
+    root = data.oMf[model.getFrameId(drawn.model.root_link)]
+    shares = dict(zip(drawn.model.dof_names, drawn.s.energy_share / (drawn.s.kinetic_energy + MIN_ENERGY), strict=True))
+    geometry = links_of(drawn.model, find_urdf(name))
+    shapes = [(link.name, shape) for link in geometry for shape in link.shapes or [None] * (link.ellipsoid is not None)]
+    moved_by = zip(drawn.model.link_names, tree_of(drawn.model)["links"], strict=True)
+    moved_by = {link: drawn.model.dof_names[one["dofs"][-1]] for link, one in moved_by if one["dofs"]}
+    for (link, shape), marker in zip(shapes, drawn.markers["links"], strict=True):
+        if shape is not None:  # else an ellipsoid stands for it
+            there = (root.inverse() * data.oMf[model.getFrameId(link)]).homogeneous @ shape.placement
+            np.testing.assert_allclose(matrix(marker.pose), there, atol=1e-9)
+        assert marker.type == (SHAPES[shape.kind] if shape else Marker.SPHERE)
+        assert marker.mesh_resource.startswith("package://") == (marker.type == Marker.MESH_RESOURCE)
+        tint = COLD + (shares[moved_by[link]] if link in moved_by else 0.0) * (HOT - COLD)
         assert [marker.color.r, marker.color.g, marker.color.b] == pytest.approx(tint, abs=1e-6)
+    every = [marker for several in drawn.markers.values() for marker in several]
+    assert len({(marker.ns, marker.id) for marker in every}) == len(every)
+    for marker in every:
+        assert (nanoseconds(marker.header.stamp), marker.header.frame_id) == (5 * S + 7, drawn.model.root_link)
+        assert nanoseconds(marker.lifetime) == LIFETIME * S and marker.color.a > 0.0
 
 
 @ROBOTS
 def test_ellipsoid_arrow_and_text(name, floating):
-    dynamics, s, state, scene, markers = made(name, floating)
-    model, q, qd, link = dynamics.model, state.position, state.velocity, scene.link
-    root = dynamics.placement(q, model.root_link)[:3, :3]
-    J = root.T @ dynamics.jacobian(q, link, frame="world")[:3]
-    (ellipsoid,), (arrow,), (text,) = markers["ellipsoid"], markers["velocity"], markers["text"]
-    R, half = matrix(ellipsoid.pose)[:3, :3], 0.5 * vector(ellipsoid.scale) / scene.scale
-    expected = J @ np.linalg.solve(dynamics.mass_matrix(q), J.T)
-    assert np.allclose(R @ np.diag(half**2) @ R.T, expected, rtol=1e-6, atol=1e-4 * expected.max())
+    drawn = Drawn(name, floating)
+    model, link, s, q, qd = drawn.model, drawn.maker.link, drawn.s, drawn.q, drawn.qd
+    root = drawn.dynamics.placement(q, model.root_link)[:3, :3]
+    J = root.T @ drawn.dynamics.jacobian(q, link, frame="world")[:3]
+    (ellipsoid,), (arrow,), (text,) = (drawn.markers[space] for space in ("ellipsoid", "velocity", "text"))
+    R, half = matrix(ellipsoid.pose)[:3, :3], 0.5 * vector(ellipsoid.scale) / drawn.maker.scale
+    mobility = J @ np.linalg.solve(drawn.dynamics.mass_matrix(q), J.T)
+    np.testing.assert_allclose(R @ np.diag(half**2) @ R.T, mobility, rtol=1e-6, atol=1e-4 * mobility.max())
     begin, end = map(vector, arrow.points)
-    assert np.allclose((end - begin) / AHEAD, J @ qd, atol=1e-9) and arrow.action == Marker.ADD
-    assert np.allclose(begin, matrix(ellipsoid.pose)[:3, 3])
-    first, second, third = text.text.splitlines()
-    k = int(np.argmax(s.energy_share))
-    most = f"most of it {model.dof_names[k]}: {100 * s.energy_share[k] / s.kinetic_energy:.0f} %"
-    assert first == f"K {s.kinetic_energy:.3g} J, {most}"
     v = J @ qd
-    mass = (v @ v) / (v @ expected @ v)
-    assert second == f"{link}: {np.linalg.norm(v):.3g} m/s, {mass:.3g} kg along it"
-    assert third == "velocities are estimated"
-
-
-def test_at_rest():
-    """No arrow, no share, nothing that is not finite."""
-    model = dd.load_robot("ur5")
-    dynamics, zero = dd.DiagonalDynamics(model), np.zeros(model.nv)
-    maker = MarkerMaker(Scene(dynamics, find_urdf("ur5")))
-    s = dynamics.evaluate(model.neutral, zero)
-    markers = by_space(maker.message(s, RobotState(model.neutral, zero, None, 0, 0, False)))
+    np.testing.assert_allclose((end - begin) / HORIZON, v, atol=1e-9)
+    np.testing.assert_allclose(begin, matrix(ellipsoid.pose)[:3, 3])
+    k = int(np.argmax(s.energy_share))
+    share = f"{100 * s.energy_share[k] / s.kinetic_energy:.0f} %"
+    assert text.text.splitlines() == [
+        f"K {s.kinetic_energy:.3g} J, most of it {model.dof_names[k]}: {share}",
+        f"{link}: {np.linalg.norm(v):.3g} m/s, {(v @ v) / (v @ mobility @ v):.3g} kg along it",
+        "velocities are estimated",
+    ]
+    assert arrow.action == Marker.ADD
+    markers = drawn.show(qd=np.zeros(model.nv))
     assert markers["velocity"][0].action == markers["contact"][0].action == Marker.DELETE
-    assert markers["text"][0].text == "K 0 J: at rest\nwrist_3_link: 0 m/s"
-    moving = dynamics.evaluate(model.neutral, zero + 1.0)
-    markers = by_space(maker.message(moving, RobotState(model.neutral, zero + 1.0, None, 0, 0, False)))
-    assert markers["velocity"][0].action == Marker.ADD
+    assert markers["text"][0].text == f"K 0 J: at rest\n{link}: 0 m/s\nvelocities are estimated"
 
 
 class Watch:
-    """What a TorqueWatch has seen."""
+    """A TorqueWatch with a result."""
 
     def __init__(self, residual, torque, collision):
         self.seen = Disturbance(True, "", residual, torque, float(np.linalg.norm(residual)), collision)
@@ -139,69 +130,45 @@ class Watch:
 
 @pytest.mark.parametrize("link", ["upper_arm_link", "forearm_link", "wrist_2_link"])
 def test_contact_is_at_the_link_that_is_pushed(link):
-    """By ε of the push, which joints outboard of the link have none of."""
-    dynamics, _, state, scene, _ = made("ur5")
-    q = state.position
-    epsilon = dynamics.epsilon_from_wrench(q, link, [30.0, -20.0, 9.0, 0, 0, 0], [0.05, 0.05, 0.15])
-    torque = dynamics.tau_from_epsilon(q, epsilon)
-    s = dynamics.evaluate(q, state.velocity)
-    for collision in (True, False):
-        markers = by_space(MarkerMaker(scene).message(s, state, Watch(epsilon, torque, collision)))
+    """The ε of a push is zero at joints outboard of the link."""
+    drawn = Drawn("ur5")
+    epsilon = drawn.dynamics.epsilon_from_wrench(drawn.q, link, [30.0, -20.0, 9.0, 0, 0, 0], [0.05, 0.05, 0.15])
+    torque = drawn.dynamics.tau_from_epsilon(drawn.q, epsilon)
+    k = int(np.argmax(np.abs(torque)))
+    for collision in (False, True):
+        markers = drawn.show(Watch(epsilon, torque, collision))
         (contact,), lines = markers["contact"], markers["text"][0].text.splitlines()
-        k = int(np.argmax(np.abs(torque)))
-        assert f"external torque {abs(torque[k]):.3g} N m at {dynamics.model.dof_names[k]}" in lines
+        assert f"external torque {abs(torque[k]):.3g} N m at {drawn.model.dof_names[k]}" in lines
         assert (contact.action == Marker.ADD) == (f"contact at {link}" in lines) == collision
-    markers = by_space(MarkerMaker(scene).message(s, state, Watch(epsilon, torque, True)))
-    assert np.allclose(vector(markers["contact"][0].pose.position), dynamics.placement(q, link)[:3, 3])
+    np.testing.assert_allclose(vector(contact.pose.position), drawn.dynamics.placement(drawn.q, link)[:3, 3])
 
 
-# --- scenes
-
-
-def test_links_without_a_shape_show_their_inertia():
-    """As the solid ellipsoid that has it; a capsule is a cylinder and two spheres."""
-    text = """<robot name="bare"><link name="base"/><link name="bar"><inertial><origin xyz="0.1 0.2 0.3" rpy="0.3 0.2 0.1"/>
-    <mass value="2"/><inertia ixx="0.02" iyy="0.05" izz="0.06" ixy="0" ixz="0" iyz="0"/></inertial></link>
-    <joint name="j" type="continuous"><origin xyz="1 0 0" rpy="0 1 0"/><parent link="base"/><child link="bar"/><axis
-    xyz="0 1 0"/></joint><link name="cap"><visual><origin xyz="0 0 1"/><geometry><capsule radius="0.1" length="0.6"/>
-    </geometry></visual></link><joint name="f" type="fixed"><parent link="bar"/><child link="cap"/></joint></robot>"""
-    dynamics = dd.DiagonalDynamics(dd.load_urdf(text))
-    scene = Scene(dynamics, text)
-    bar, cylinder, low, high = scene.parts
-    d = np.array(bar.size)
-    inertia = 2.0 / 20.0 * (d @ d - d**2)  # of a solid ellipsoid, by its diameters
-    assert (bar.kind, sorted(inertia)) == ("sphere", pytest.approx([0.02, 0.05, 0.06]))
-    assert bar.placement[:3, 3] == pytest.approx([0.1, 0.2, 0.3])
-    about = bar.placement[:3, :3] @ np.diag(inertia) @ bar.placement[:3, :3].T
-    R = pin.rpy.rpyToMatrix(0.3, 0.2, 0.1)
-    assert np.allclose(about, R @ np.diag([0.02, 0.05, 0.06]) @ R.T)
-    assert (cylinder.kind, cylinder.size) == ("cylinder", (0.2, 0.2, 0.6))
-    assert [part.placement[2, 3] for part in (low, high)] == pytest.approx([0.7, 1.3])
-    assert {part.dof for part in scene.parts} == {0}
-
-
-def test_meshes_are_named_for_viewers(tmp_path):
-    """A package stays one, without a third slash; a relative path becomes a whole one."""
+def test_shapes_of_links(tmp_path):
+    """An ellipsoid stands for a link without shapes, a cylinder and two spheres are a capsule, viewers find meshes."""
+    names = ("package:///arm/meshes/a.dae", "package://arm/b.dae", "hand.stl", "lost.stl")
     (tmp_path / "hand.stl").write_bytes(b"solid")
-    urdf = tmp_path / "robot.urdf"
-    shapes = "".join(
-        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
-        for name in ("package:///arm/meshes/a.dae", "package://arm/b.dae", "hand.stl", "lost.stl")
-    )
-    urdf.write_text(f'<robot name="r"><link name="base">{shapes}</link></robot>')
-    scene = Scene(dd.DiagonalDynamics(dd.load_urdf(urdf)), urdf)
-    assert [part.file for part in scene.parts] == [
+    shapes = ['<capsule radius="0.1" length="0.6"/>', *(f'<mesh filename="{name}"/>' for name in names)]
+    visuals = "".join(f'<visual><origin xyz="0 0 1"/><geometry>{shape}</geometry></visual>' for shape in shapes)
+    path = tmp_path / "robot.urdf"
+    path.write_text(f"""<robot name="bare"><link name="base"/><link name="bar"><inertial><origin xyz="0.1 0.2 0.3"
+    rpy="0.3 0.2 0.1"/><mass value="2"/><inertia ixx="0.002" iyy="0.005" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial>
+    </link><joint name="j" type="continuous"><parent link="base"/><child link="bar"/></joint><link name="cap">{visuals}
+    </link><joint name="f" type="fixed"><parent link="bar"/><child link="cap"/></joint></robot>""")
+    model = dd.load_urdf(path)
+    maker = MarkerMaker(dd.DiagonalDynamics(model), path)
+    s = dd.DiagonalDynamics(model).evaluate(model.neutral, np.zeros(1))
+    message = maker.message(s, RobotState(model.neutral, np.zeros(1), None, 0, 0, False))
+    bar, cylinder, low, high, *meshes = by_space(message)["links"]
+    assert [mesh.mesh_resource for mesh in meshes] == [
         *("package://arm/meshes/a.dae", "package://arm/b.dae", (tmp_path / "hand.stl").as_uri(), "lost.stl")
     ]
-
-
-@pytest.mark.parametrize(("name", "link"), [("panda", "panda_hand"), ("ur5", "wrist_3_link")])
-def test_the_ellipsoid_is_at_the_end_effector_link(name, link):
-    model = dd.load_robot(name)
-    assert Scene(dd.DiagonalDynamics(model), find_urdf(name)).link == link
-    assert Scene(dd.DiagonalDynamics(model), find_urdf(name), model.link_names[3]).link == model.link_names[3]
-    with pytest.raises(dd.InputError, match="'nose' is not a link of robot"):
-        Scene(dd.DiagonalDynamics(model), find_urdf(name), "nose")
+    d, X = vector(bar.scale), matrix(bar.pose)
+    R = pin.rpy.rpyToMatrix(0.3, 0.2, 0.1)
+    inertia = X[:3, :3] @ np.diag(0.1 * (d @ d - d**2)) @ X[:3, :3].T  # of a solid ellipsoid, by its diameters
+    np.testing.assert_allclose(inertia, R @ np.diag([0.002, 0.005, 0.006]) @ R.T, atol=1e-12)
+    np.testing.assert_allclose(X[:3, 3], [0.1, 0.2, 0.3])
+    assert (cylinder.type, *vector(cylinder.scale)) == (Marker.CYLINDER, 0.2, 0.2, 0.6)
+    assert [(ball.type, ball.pose.position.z) for ball in (low, high)] == [(Marker.SPHERE, 0.7), (Marker.SPHERE, 1.3)]
 
 
 # --- the topic

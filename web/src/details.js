@@ -50,8 +50,8 @@ export class Details {
     const k = layout.links.indexOf(link);
     if (k >= 0) {
       add("link energy", f("link_energy", k), "J");
-      const mass = layout.scene.links.find((one) => one.name === link)?.inertia?.mass;
-      if (Number.isFinite(mass)) add("mass", () => mass, "kg");
+      const mass = layout.scene.links[k]?.mass;
+      if (mass > 0) add("mass", () => mass, "kg");
       const origin = (d, b) => layout.placements(d, b)?.[k].slice(12, 15) ?? [NaN, NaN, NaN];
       add("x, y, z", origin, "m", (xyz) => xyz.map((x) => metres(x)).join(", "));
     }

@@ -9,7 +9,6 @@ import {
 import { NEUTRAL } from "./colours.js";
 import { geometryOf } from "./mesh.js";
 
-const UNKNOWN_MASS = 1e-9; // [kg]: lighter links have no ellipsoid
 const THICK = 0.018; // radius of a bone, in parts of the robot's size
 
 export class Robot extends Group {
@@ -30,31 +29,25 @@ export class Robot extends Group {
     const group = new Group();
     group.name = link.name;
     group.matrixAutoUpdate = false;
-    const material = new MeshStandardMaterial({ color: new Color(...linear(NEUTRAL)), roughness: 0.62, metalness: 0.08, fog: false });
-    group.userData.material = material;
+    group.userData.material = new MeshStandardMaterial({ color: new Color(...linear(NEUTRAL)), roughness: 0.62, metalness: 0.08, fog: false });
     this.byName.set(link.name, group);
     for (const visual of link.visuals) {
-      if (visual.kind === "mesh") this.#mesh(group, visual, material, load, changed, link, this.layout);
-      else this.#put(group, primitive(visual), visual.origin, material);
+      if (visual.kind === "mesh") this.#mesh(group, visual, load, changed, link);
+      else put(group, primitive(visual), placed(visual.origin));
     }
-    this.#bones(group, link.bones ?? [], material);
-    if (link.ellipsoid) this.#inertia(group, link, material);
+    if (!link.visuals.length) this.#standIn(group, link);
     return group;
   }
 
-  #mesh(group, visual, material, load, changed, link, layout) {
-    const { mesh: sha } = visual;
+  #mesh(group, { mesh: sha, origin }, load, changed, link) {
     if (!this.meshes.has(sha)) this.meshes.set(sha, load(sha).then(geometryOf));
     this.pending++;
     this.meshes
       .get(sha)
-      .then((geometry) => this.#put(group, geometry, visual.origin, material))
+      .then((geometry) => put(group, geometry, placed(origin)))
       .catch(() => {
         this.missing++;
-        if (group.children.length) return;
-        const joints = layout.scene.joints.filter((joint) => joint.parent === link.name && joint.origin);
-        this.#bones(group, joints.map((joint) => joint.origin), material);
-        this.#inertia(group, link, material);
+        if (!group.children.length) this.#standIn(group, link);
       })
       .finally(() => {
         this.pending--;
@@ -62,39 +55,17 @@ export class Robot extends Group {
       });
   }
 
-  #put(group, geometry, origin, material) {
-    const mesh = new Mesh(geometry, material);
-    if (origin) mesh.matrix.set(...origin);
-    mesh.matrixAutoUpdate = false;
-    mesh.castShadow = true;
-    group.add(mesh);
-  }
-
-  // Tubes from the link's origin to its joints, and a ball at each end.
-  #bones(group, ends, material) {
-    if (!ends.length) return;
-    this.#put(group, new SphereGeometry(1.25 * this.bone, 24, 16), null, material);
-    for (const end of ends) {
-      const to = new Vector3(...end);
-      const length = to.length();
-      if (!(length > 0)) continue;
+  // What stands for a link without shapes: tubes from its origin to its joints with a ball at each end, and the ellipsoid of
+  // its inertia.
+  #standIn(group, { bones = [], ellipsoid }) {
+    if (bones.length) put(group, new SphereGeometry(1.25 * this.bone, 24, 16), new Matrix4());
+    for (const bone of bones) {
+      const end = new Vector3(...bone);
+      const length = end.length();
       const tube = new CylinderGeometry(this.bone, this.bone, length, 20).translate(0, 0.5 * length, 0);
-      tube.applyQuaternion(new Quaternion().setFromUnitVectors(UP, to.normalize()));
-      this.#put(group, tube, null, material);
+      put(group, tube, new Matrix4().makeRotationFromQuaternion(new Quaternion().setFromUnitVectors(UP, end.normalize())));
     }
-  }
-
-  // Where nothing is to be seen of a link, the ellipsoid of equal inertia, within the link's extent.
-  #inertia(group, link, material) {
-    const inertia = link.inertia;
-    const semi = inertia?.drawn ?? inertia?.semi;
-    if (!semi || !(inertia.mass > UNKNOWN_MASS) || !semi.every((x) => x > 0 && Number.isFinite(x))) return;
-    const mesh = new Mesh(new SphereGeometry(1, 32, 20), material);
-    const [x, y, z] = [0, 1, 2].map((k) => new Vector3(...inertia.axes.map((row) => row[k])).multiplyScalar(semi[k]));
-    mesh.matrix.makeBasis(x, y, z).setPosition(...inertia.com);
-    mesh.matrixAutoUpdate = false;
-    mesh.castShadow = true;
-    group.add(mesh);
+    if (ellipsoid) put(group, new SphereGeometry(1, 32, 20), placed(ellipsoid));
   }
 
   // placements: of each link, 16 numbers column by column.
@@ -145,6 +116,18 @@ function sizeOf({ bounds }) {
 export function linear(rgb) {
   const colour = new Color().setRGB(...rgb.map((c) => c / 255), "srgb");
   return [colour.r, colour.g, colour.b];
+}
+
+function put(group, geometry, matrix) {
+  const mesh = new Mesh(geometry, group.userData.material);
+  mesh.matrix.copy(matrix);
+  mesh.matrixAutoUpdate = false;
+  mesh.castShadow = true;
+  group.add(mesh);
+}
+
+function placed(rows) {
+  return new Matrix4().set(...rows);
 }
 
 function primitive({ kind, size }) {

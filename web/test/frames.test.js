@@ -9,7 +9,6 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { gunzipSync } from "node:zlib";
 import { barLength, columnsOf as tableColumns, largestOf, together } from "../src/bars.js";
-import { creased } from "../src/crease.js";
 import { csv } from "../src/csv.js";
 import { FLAGS, Layout, shortFields } from "../src/layout.js";
 import { chosenLines, COLOURINGS, largestJoints, othersLine, plotsOf, roundUp } from "../src/quantities.js";
@@ -253,12 +252,4 @@ test("contact as the package tells it comes back from the store", () => {
   const { points, ...rest } = touches.at(fixture.contact.t);
   assert.deepEqual(rest, { t: 1.7e9 + 0.25, half: 1.5, worst: 0, estimated: true });
   assert.deepEqual([points[1].allowed, points[1].margin, points[0].link], [null, null, "lower"]);
-});
-
-test("normals: a flat edge is smooth, a sharp one stays sharp, a face without area has none", () => {
-  const square = creased(new Float32Array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0]), new Uint32Array([0, 1, 2, 0, 2, 3]));
-  near([...square.normals], Array(6).fill([0, 0, 1]).flat());
-  const bent = creased(new Float32Array([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]), new Uint32Array([0, 1, 2, 0, 3, 1]));
-  near([...bent.normals], [...Array(3).fill([0, 0, 1]).flat(), ...Array(3).fill([0, 1, 0]).flat()]);
-  assert.ok([...creased(new Float32Array(9), new Uint32Array([0, 1, 2])).normals].every((x) => x === 0));
 });

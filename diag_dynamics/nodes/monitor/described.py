@@ -25,7 +25,6 @@ from diag_dynamics.nodes.support.loading import compile_dynamics
 from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE
 from diag_dynamics.nodes.support.messages import BytesMaker, MessageMaker
 from diag_dynamics.parameters.shared import payloads_of
-from diag_dynamics.views.scene import Scene
 
 POSES = 20
 """Poses in which a joint's largest D is looked for: it changes little."""
@@ -176,7 +175,7 @@ class MonitoredRobot:
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
         if self._markers is None:
-            self._markers = MarkerMaker(Scene(self.dynamics, self.description, self.settings.values["markers.link"]))
+            self._markers = MarkerMaker(self.dynamics, self.description, self.settings.values["markers.link"])
         return self._markers.message(s, self.state, self.torque)
 
     def matrix(self, topic):

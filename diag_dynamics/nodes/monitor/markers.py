@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot as markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, and a contact."""
+"""A robot as RViz markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, and a contact."""
 
 import math
+import re
 
 import numpy as np
 from builtin_interfaces.msg import Duration
@@ -11,100 +12,144 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model import end_effector_link
+from diag_dynamics.model.base import quaternion_of
+from diag_dynamics.model.meshes import find_mesh
 from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.support.messages import to_time
+from diag_dynamics.page.scene import links_of
+from diag_dynamics.page.tree import links_of_dofs
 from diag_dynamics.text import plain
 
-KINDS = {"box": Marker.CUBE, "cylinder": Marker.CYLINDER, "sphere": Marker.SPHERE, "mesh": Marker.MESH_RESOURCE}
-
 COLD, HOT = np.array([0.55, 0.60, 0.66]), np.array([0.84, 0.37, 0.0])
-"""Tints of a link without energy and of one that has all of it; told apart by the colour-blind, and on black."""
+"""Tints of a link without energy and of one that has all of it; the color-blind can tell them apart."""
 
-LITTLE = 1e-3
-"""Energy [J] that is added to K where shares are compared with it: at rest all links are cold."""
+MIN_ENERGY = 1e-3
+"""Energy [J] added to K where shares are compared with it: a robot at rest is cold."""
 
-LASTING = 2.0
-"""Time after which a viewer takes a marker away that has not come again [s]: what it shows is never old."""
+LIFETIME = 2
+"""Time after which a viewer deletes a marker that is not published again [s]."""
 
-SOME = 0.1
-"""Part of the largest |r| of a joint from which another joint takes part in a contact."""
+MIN_RESIDUAL = 0.1
+"""Minimum |r| of a joint that takes part in a contact, as a fraction of the largest one."""
 
-AHEAD = 0.5
-"""The arrow ends where the point would be after so long [s]."""
+HORIZON = 0.5
+"""Time after which the origin would be at the end of the arrow [s]."""
+
+MAX_HALF_AXIS = 0.2
+"""Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach."""
+
+MIN_REACH = 0.05
+"""Minimum reach of a robot [m]: all links may be at one place."""
 
 
 class MarkerMaker:
     """Makes the MarkerArray of states of one robot; its message is the same object each time.
 
-    Everything is in the frame of the root link, so that a viewer whose fixed frame that is needs no tf.
+    Everything is in the frame of the root link: a viewer with this fixed frame needs no tf.
 
     Parameters
     ----------
-    scene : Scene
+    dynamics : DiagonalDynamics
+    description : str, bytes or os.PathLike
+        The URDF of its model, or its path.
+    link : str
+        Link of the ellipsoid; empty: the end-effector link.
+
+    Attributes
+    ----------
+    link : str
+    reach : float
+        Distance of the farthest link from the root link at positions of zero [m].
+    scale : float
+        Half axes of the ellipsoid per root of an eigenvalue [m kg^½].
     """
 
-    def __init__(self, scene):
-        self._scene, model = scene, scene.model
-        self._names = [plain(name) for name in model.dof_names]
-        self._of_dof, self._units = _links_of_dofs(model), ["N" if slides else "N m" for slides in sliding_dofs(model)]
-        self._dof = np.array([part.dof for part in scene.parts], dtype=int)
-        thin = 0.015 * scene.reach
-        self._links = [_of_part(part, k) for k, part in enumerate(scene.parts)]
-        self._ellipsoid = _marker("ellipsoid", Marker.SPHERE, ColorRGBA(r=0.34, g=0.71, b=0.91, a=0.4))
-        self._arrow = _marker("velocity", Marker.ARROW, ColorRGBA(r=0.9, g=0.62, b=0.0, a=1.0))
-        self._arrow.scale = Vector3(x=thin, y=2.5 * thin, z=0.0)
-        self._text = _marker("text", Marker.TEXT_VIEW_FACING, ColorRGBA(r=0.6, g=0.6, b=0.6, a=1.0))
-        self._text.scale = Vector3(x=0.0, y=0.0, z=0.07 * scene.reach)
-        self._contact = _marker("contact", Marker.SPHERE, ColorRGBA(r=0.9, g=0.1, b=0.1, a=0.5))
-        size = 0.15 * scene.reach
-        self._contact.scale = Vector3(x=size, y=size, z=size)
-        self._all = [*self._links, self._ellipsoid, self._arrow, self._text, self._contact]
-        self._message = MarkerArray(markers=self._all)
+    def __init__(self, dynamics, description, link=""):
+        self._dynamics, self._model = dynamics, dynamics.model
+        model, q, bodies = dynamics.model, dynamics.model.neutral, dynamics.model.bodies
+        self.link = link or end_effector_link(model)
+        self.reach = max(MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values()))
+        largest = float(np.linalg.eigvalsh(self._mobility(q)).max(initial=0.0))
+        self.scale = MAX_HALF_AXIS * self.reach / np.sqrt(largest) if largest > 0.0 else 0.0
+        self._names, self._link_of_dof = [plain(name) for name in model.dof_names], links_of_dofs(model)
+        self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
+        geometry, folder = links_of(model, description), folder_of(description)
+        self._parts = [(one.name, *part) for one in geometry for part in _parts(one, folder)]
+        for number, (*_, marker) in enumerate(self._parts):
+            marker.id = number
+        moving = [model.placement_in_body(name)[0] for name, *_ in self._parts]
+        self._dofs = np.array([bodies["dof"][body] if body else -1 for body in moving], dtype=int)
+        reach = self.reach
+        self._ellipsoid = _marker("ellipsoid", Marker.SPHERE, (1.0, 1.0, 1.0), (0.34, 0.71, 0.91, 0.4))
+        self._arrow = _marker("velocity", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.62, 0.0, 1.0))
+        self._text = _marker("text", Marker.TEXT_VIEW_FACING, (0.0, 0.0, 0.07 * reach), (0.6, 0.6, 0.6, 1.0))
+        self._contact = _marker("contact", Marker.SPHERE, (0.15 * reach,) * 3, (0.9, 0.1, 0.1, 0.5))
+        links = [marker for *_, marker in self._parts]
+        self._message = MarkerArray(markers=[*links, self._ellipsoid, self._arrow, self._text, self._contact])
 
     def message(self, s, state, watch=None):
-        """Markers of an evaluation (or what stands for it), its RobotState, and the TorqueWatch, if there is one."""
-        header = Header(stamp=to_time(state.newest), frame_id=self._scene.model.root_link)
-        for marker in self._all:
+        """Return the markers of an evaluation (or what stands for it), its RobotState, and the TorqueWatch, if any."""
+        header = Header(stamp=to_time(state.newest), frame_id=self._model.root_link)
+        for marker in self._message.markers:
             marker.header = header
-        q, qd, shares = state.position, state.velocity, s.energy_share
-        self._tint(shares / (s.kinetic_energy + LITTLE))
-        for marker, X in zip(self._links, self._scene.placements(q), strict=True):
-            marker.pose = _pose(X)
-        placed, half_axes = self._scene.ellipsoid(q)
-        self._ellipsoid.pose = _pose(placed)
-        x, y, z = np.maximum(2.0 * half_axes, 1e-3 * self._scene.reach).tolist()  # nothing that is flat is drawn
-        self._ellipsoid.scale = Vector3(x=x, y=y, z=z)
-        told = self._move(placed[:3, 3], *self._scene.motion(q, qd))
-        told = [self._energies(s.kinetic_energy, shares), told, *self._touched(watch, q)]
-        self._text.text = "\n".join([*told, *(["velocities are estimated"] if state.velocity_estimated else [])])
-        self._text.pose.position = Point(z=self._scene.top(q) + 0.25 * self._scene.reach)
+        placed, shares = self._placements(state.position), s.energy_share
+        self._tint(shares / (s.kinetic_energy + MIN_ENERGY))
+        for name, placement, marker in self._parts:
+            marker.pose = _pose(placed[name] @ placement)
+        lines = [self._describe_energy(s.kinetic_energy, shares), self._move(placed[self.link], state)]
+        lines += self._touch(watch, placed) + ["velocities are estimated"] * bool(state.velocity_estimated)
+        self._text.text = "\n".join(lines)
+        top = max((float(placed[name][2, 3]) for name, *_ in self._parts), default=0.0)
+        self._text.pose.position = Point(z=top + 0.25 * self.reach)
         return self._message
 
-    def _tint(self, part):
-        """Give each link the tint of the part of K that the joint which moves it has."""
-        tints = COLD + np.append(part, 0.0)[self._dof, None] * (HOT - COLD)  # −1 is the 0 at the end: nothing moves it
-        for marker, (r, g, b) in zip(self._links, tints.tolist(), strict=True):
+    def _placements(self, q):
+        """Return the placement of each link in the root link, shape (4, 4), by name."""
+        placed = {name: self._dynamics.placement(q, name) for name in self._model.link_names}
+        if not self._model.floating_base:
+            return placed
+        from_world = np.linalg.inv(placed[self._model.root_link])
+        return {name: from_world @ X for name, X in placed.items()}
+
+    def _mobility(self, q):
+        """Return the linear part of JM⁻¹Jᵀ in the link's axes [1/kg]."""
+        return self._dynamics.operational_inverse_inertia(q, self.link)[:3, :3]
+
+    def _tint(self, fractions):
+        """Tint each link by the fraction of K of the joint that moves it."""
+        tints = COLD + np.append(fractions, 0.0)[self._dofs, None] * (HOT - COLD)  # dof −1: nothing moves the link
+        for (*_, marker), (r, g, b) in zip(self._parts, tints.tolist(), strict=True):
             marker.color.r, marker.color.g, marker.color.b = r, g, b
 
-    def _energies(self, K, shares):
+    def _describe_energy(self, K, shares):
         if not K:
             return "K 0 J: at rest"
         k = int(np.argmax(shares))
         return f"K {K:.3g} J, most of it {self._names[k]}: {100 * shares[k] / K:.0f} %"
 
-    def _move(self, begin, v, mass):
-        """Draw the velocity of the ellipsoid's link, and tell of it."""
-        link, speed = plain(self._scene.link), float(np.linalg.norm(v))
-        self._arrow.action = Marker.ADD if speed * AHEAD > 0.01 * self._scene.reach else Marker.DELETE
-        self._arrow.points = [_point(begin), _point(begin + AHEAD * v)]
-        if not (speed and math.isfinite(mass)):
-            return f"{link}: {speed:.3g} m/s"
-        return f"{link}: {speed:.3g} m/s, {mass:.3g} kg along it"
+    def _move(self, X, state):
+        """Place ellipsoid and arrow at a link's placement; return the line about its velocity."""
+        q, R, origin, ellipsoid = state.position, X[:3, :3], X[:3, 3], X.copy()
+        values, axes = np.linalg.eigh(self._mobility(q))
+        half_axes = np.maximum(self.scale * np.sqrt(np.maximum(values, 0.0)), 5e-4 * self.reach)  # never flat
+        ellipsoid[:3, :3] = R @ axes * half_axes
+        placement, diameters = _sphere(ellipsoid)
+        self._ellipsoid.pose, self._ellipsoid.scale = _pose(placement), _vector(diameters)
+        v = self._dynamics.link_velocity(q, state.velocity, self.link)[:3]
+        speed = float(np.linalg.norm(v))
+        self._arrow.action = Marker.ADD if speed * HORIZON > 0.01 * self.reach else Marker.DELETE
+        self._arrow.points = [_point(origin), _point(origin + HORIZON * R @ v)]
+        line = f"{plain(self.link)}: {speed:.3g} m/s"
+        mass = self._dynamics.reflected_mass(q, self.link, v) if speed else math.inf
+        return f"{line}, {mass:.3g} kg along it" if math.isfinite(mass) else line
 
-    def _touched(self, watch, q):
-        """Mark the link that is touched in a collision, and tell of it; nothing where external torque is not observed.
+    def _touch(self, watch, placed):
+        """Mark the link of a collision; return lines about external torque, none where it is not observed.
 
-        A push on a link makes no ε of joints outboard of it: the outermost joint that has some of r carries the link.
+        A push on a link gives no ε to joints outboard of it: the outermost joint that has some of r carries the link.
         """
         seen = watch.seen if watch else None
         colliding = bool(seen and seen.valid and seen.collision)
@@ -112,54 +157,76 @@ class MarkerMaker:
         if not (seen and seen.valid):
             return []
         k = int(np.argmax(np.abs(seen.external_torque)))
-        said = f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"
+        line = f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"
         if not colliding:
-            return [said]
+            return [line]
         r = np.abs(seen.residual)
-        link = self._of_dof[int(np.flatnonzero(r >= SOME * r.max())[-1])]
-        self._contact.pose.position = _point(self._scene.origin(q, link))
-        return [f"contact at {plain(link)}", said]
+        link = self._link_of_dof[int(np.flatnonzero(r >= MIN_RESIDUAL * r.max())[-1])]
+        self._contact.pose.position = _point(placed[link][:3, 3])
+        return [f"contact at {plain(link)}", line]
 
 
-def _links_of_dofs(model):
-    """Link that each degree of freedom moves."""
-    bodies = model.bodies
-    own = {int(bodies["dof"][k]): k for k in range(1, len(bodies)) if bodies["owner"][k] == k}
-    return [model.link_names[bodies["link"][own[dof]]] for dof in range(model.nv)]
+def _parts(link, folder):
+    """Yield placement and marker of each shape of a LinkGeometry, or of the ellipsoid that stands for them."""
+    for shape in link.shapes:
+        X, numbers, d = shape.placement, shape.numbers, 2.0 * shape.numbers[0]
+        if shape.kind == "mesh":
+            marker = _marker("links", Marker.MESH_RESOURCE, numbers)
+            marker.mesh_resource = _resource(shape.file, folder)
+            yield X, marker
+        elif shape.kind == "box":
+            yield X, _marker("links", Marker.CUBE, numbers)
+        elif shape.kind == "sphere":
+            yield X, _marker("links", Marker.SPHERE, (d, d, d))
+        else:
+            yield X, _marker("links", Marker.CYLINDER, (d, d, numbers[1]))
+            for end in (-0.5, 0.5) if shape.kind == "capsule" else ():
+                placement = X.copy()
+                placement[:3, 3] += end * numbers[1] * X[:3, 2]
+                yield placement, _marker("links", Marker.SPHERE, (d, d, d))
+    if not link.shapes and link.ellipsoid is not None:
+        placement, diameters = _sphere(link.ellipsoid)
+        yield placement, _marker("links", Marker.SPHERE, diameters)
 
 
-def _marker(space, kind, color, number=0):
-    marker = Marker(ns=space, id=number, type=kind, action=Marker.ADD, color=color)
-    marker.pose = Pose(orientation=Quaternion(w=1.0))
-    whole = int(LASTING)
-    marker.lifetime = Duration(sec=whole, nanosec=int((LASTING - whole) * 1e9))
-    return marker
+def _sphere(ellipsoid):
+    """Return placement and diameters of an ellipsoid (4x4), whose first columns are its half axes."""
+    half_axes, placement = np.linalg.norm(ellipsoid[:3, :3], axis=0), ellipsoid.copy()
+    placement[:3, :3] /= half_axes
+    placement[:3, 0] *= np.sign(np.linalg.det(placement))  # a mirror is no rotation
+    return placement, 2.0 * half_axes
 
 
-def _of_part(part, number):
-    marker = _marker("links", KINDS[part.kind], ColorRGBA(a=1.0), number)
-    marker.scale = Vector3(**dict(zip("xyz", part.size, strict=True)))
-    marker.mesh_resource = part.file
-    return marker
+def _resource(file, folder):
+    """Return the name of a mesh for viewers: in a package, else a whole path; unchanged where there is no such file."""
+    if package := re.fullmatch(r"(?:package|model)://+([^/]+)/+(.+)", file.strip()):
+        return f"package://{package[1]}/{package[2]}"  # some exporters write a third slash
+    try:
+        return find_mesh(file, folder).resolve().as_uri()
+    except UrdfError:
+        return file
+
+
+def _marker(namespace, kind, size, color=(0.0, 0.0, 0.0, 1.0)):
+    return Marker(
+        ns=namespace,
+        type=kind,
+        action=Marker.ADD,
+        pose=Pose(orientation=Quaternion(w=1.0)),
+        scale=_vector(size),
+        color=ColorRGBA(**dict(zip("rgba", color, strict=True))),
+        lifetime=Duration(sec=LIFETIME),
+    )
 
 
 def _point(x):
     return Point(x=float(x[0]), y=float(x[1]), z=float(x[2]))
 
 
+def _vector(x):
+    return Vector3(x=float(x[0]), y=float(x[1]), z=float(x[2]))
+
+
 def _pose(X):
-    """Pose of a placement, shape (4, 4)."""
-    (a, b, c, x), (d, e, f, y), (g, h, i, z) = X[:3].tolist()
-    # The largest of four squares is at least a quarter: nothing is divided by little (Shepperd 1978).
-    squares = (a + e + i, a - e - i, e - a - i, i - a - e)
-    k = squares.index(max(squares))
-    w = 0.5 * math.sqrt(1.0 + squares[k])
-    n = 0.25 / w
-    quaternion = (
-        ((h - f) * n, (c - g) * n, (d - b) * n, w),
-        (w, (b + d) * n, (c + g) * n, (h - f) * n),
-        ((b + d) * n, w, (f + h) * n, (c - g) * n),
-        ((c + g) * n, (f + h) * n, w, (d - b) * n),
-    )[k]
-    turn = Quaternion(**dict(zip("xyzw", quaternion, strict=True)))
-    return Pose(position=Point(x=x, y=y, z=z), orientation=turn)
+    x, y, z, w = quaternion_of(X[:3, :3])
+    return Pose(position=_point(X[:3, 3]), orientation=Quaternion(x=x, y=y, z=z, w=w))
