@@ -23,7 +23,7 @@ EXECUTABLES = {
     "demo": "demos.demo",
     "demo_control": "demos.demo_control",
     "energy_view": "demos.energy_view",
-    "top": "tools.top",
+    "top": "top.top",
 }
 """Where in diag_dynamics.nodes the main function of each executable is."""
 

@@ -1,0 +1,199 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Robots on the graph in this terminal: their joints by energy, torque or velocity, with peaks, limits and alarms."""
+
+import argparse
+import copy
+import math
+import os
+import re
+import select
+import signal
+import sys
+import termios
+import tty
+from functools import partial
+
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from rich.live import Live
+from std_msgs.msg import String
+
+from diag_dynamics.msg import DiagonalizedState, ExternalTorque
+from diag_dynamics.nodes.support.clocks import NodeTime
+from diag_dynamics.nodes.support.graph import topics_of
+from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.support.runner import run
+from diag_dynamics.nodes.top.robot import ENERGY, EXTERNAL, Robot
+from diag_dynamics.nodes.top.screen import MAX_SILENCE, View
+from diag_dynamics.text import duration, number, plain
+
+STATE = "diag_dynamics/msg/DiagonalizedState"
+
+ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
+
+
+class Keyboard:
+    """Keys of the terminal, without Enter and echo; none if standard input is no terminal."""
+
+    def __init__(self, fd=0):
+        self._fd, self._mode = fd, termios.tcgetattr(fd) if os.isatty(fd) else None
+        self._stop = signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # the shell would draw on this screen
+        if self._mode:
+            tty.setcbreak(fd, termios.TCSANOW)
+
+    def read(self):
+        """Return the keys since the last call; q if the terminal has gone."""
+        if not self._mode or not select.select([self._fd], [], [], 0.0)[0]:
+            return []
+        try:
+            text = os.read(self._fd, 1024).decode(errors="replace") or "q"
+        except OSError:
+            text = "q"
+        keys = re.findall(r"\x1b[\[O][\d;]*[A-Za-z~]|.", text, re.DOTALL)
+        return [ARROWS.get(key[-1], "") if key[0] == "\x1b" else key for key in keys]
+
+    def close(self):
+        """Restore the mode of the terminal."""
+        signal.signal(signal.SIGTSTP, self._stop)
+        if self._mode:
+            termios.tcsetattr(self._fd, termios.TCSANOW, self._mode)
+
+
+class Top(Node):
+    """Shows `topics`, or all robots on the graph, until the user quits: `finished` is done then."""
+
+    def __init__(self, topics=(), rate=10.0, duration=math.inf, lines=False, note="", time=NodeTime, **kwargs):
+        super().__init__("top", enable_rosout=False, start_parameter_services=False, **kwargs)
+        self.finished, self.time = Future(), time(self)
+        self._topics, self._robots, self._paused = topics, {}, None
+        self._view, self._live = View(note), None
+        self._end = self.time.steady() + duration
+        if not lines:
+            self._live = Live(console=make_console(), screen=True, auto_refresh=False)
+            self._keyboard = Keyboard()
+            self._live.start()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._find_robots()
+        self.create_timer(1.0, self._find_robots, clock=steady)
+        self.create_timer(1.0 if lines else 1.0 / rate, self._print if lines else self._draw, clock=steady)
+
+    def _find_robots(self):
+        """Subscribe to new robots; only `--state` shows a simulator's own states."""
+        found = [topic for topic in topics_of(self, STATE) if not topic.endswith("/ground_truth")]
+        for topic in self._topics or found:
+            if topic not in self._robots:
+                self._robots[topic] = self._subscribe(topic)
+
+    def _subscribe(self, topic):
+        """Return the robot of a monitor's states, external torques and description."""
+        monitor = topic.rpartition("/")[0]
+        namespace, _, name = monitor.rpartition("/")
+        robot = Robot((namespace or "/") if name == NODES["monitor"] else topic, topic)
+        newest = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for kind, name, accept, qos in (
+            (DiagonalizedState, topic, self._accept_state, newest),
+            (ExternalTorque, f"{monitor}/external_torque", Robot.accept_external_torque, newest),
+            (String, f"{namespace}/robot_description", Robot.accept_description, latched),
+        ):
+            self.create_subscription(kind, name, partial(self._accept, robot, accept), qos)
+        return robot
+
+    def _accept(self, robot, accept, message):
+        robot.rejected += attempt(accept, robot, message)[1] is not None
+
+    def _accept_state(self, robot, message):
+        robot.accept_state(message, self.get_clock().now().nanoseconds, self.time.steady())
+
+    def _shown(self):
+        robots = [robot for _, robot in sorted(self._robots.items())]
+        return robots or [Robot("diag_dynamics", f"any topic of type {STATE}")]
+
+    def _draw(self):
+        view, size, now = self._view, self._live.console.size, self.time.steady()
+        for key in filter(None, self._keyboard.read()):
+            view.press(key)
+            for robot in self._robots.values() if view.reset else ():
+                robot.reset_peaks()
+        robots = self._paused or self._shown()
+        self._paused = (self._paused or copy.deepcopy(robots)) if view.paused else None
+        self._live.update(view.draw(robots, now, size.width, size.height), refresh=True)
+        self._finish_if(view.quit or now > self._end)
+
+    def _print(self):
+        now = self.time.steady()
+        for robot in self._shown():
+            print(plain(line_of(robot, now)), flush=True)
+        self._finish_if(now > self._end)
+
+    def _finish_if(self, condition):
+        if condition and not self.finished.done():
+            self.finished.set_result(None)
+
+    def destroy_node(self):
+        """Restore the terminal."""
+        if self._live:
+            self._live.stop()
+            self._keyboard.close()
+            self._live = None
+        return super().destroy_node()
+
+
+def make_console(**options):
+    """Return a console that interprets nothing of the text."""
+    return Console(markup=False, emoji=False, highlight=False, **options)
+
+
+def line_of(robot, now):
+    """Return a robot as one line of text."""
+    if not robot.names:
+        return f"{robot.title}: waiting for states on {robot.topic}"
+    if robot.silence(now) > MAX_SILENCE:
+        return f"{robot.title}: no state for {duration(robot.silence(now))}"
+    energies, external, limits = robot.last[ENERGY], robot.last[EXTERNAL], robot.limits[EXTERNAL]
+    largest = [f"{robot.names[k]} {number(energies[k])}" for k in np.argsort(-energies)[:4]]
+    energy = f"K {number(robot.energy)} J, peak {number(robot.energy_peak)}"
+    parts = [f"{robot.title}: {energy}", f"{', '.join(largest)} J"]
+    fraction = np.nan_to_num(np.abs(external) / limits)
+    if fraction.any():
+        k = int(fraction.argmax())
+        parts.append(f"external {robot.names[k]} {number(external[k])} of {number(limits[k])} N m")
+    alarm = [f"ALARM {robot.alarm}"] if robot.alarm else []
+    return "; ".join([*parts, f"{robot.rate(now)} Hz", *alarm])
+
+
+def has_screen():
+    """Return whether the terminal can draw frames."""
+    return sys.stdout.isatty() and os.environ.get("TERM", "dumb") not in ("", "dumb", "unknown")
+
+
+def main(args=None):
+    """Show robots: ``ros2 run diag_dynamics top``."""
+    parser = argparse.ArgumentParser(prog="top", description=__doc__)
+    states = "states that are shown (default: those of all robots); may be repeated"
+    parser.add_argument("--state", metavar="TOPIC", action="append", default=[], help=states)
+    parser.add_argument("--rate", type=float, default=10.0, help="frames per second (default: 10)")
+    parser.add_argument("--duration", type=float, default=math.inf, help="time to run [s]")
+    parser.add_argument("--lines", action="store_true", help="a line per second, as without a terminal")
+    chosen = parser.parse_args(remove_ros_args(args or sys.argv)[1:])
+    if not 0.0 < chosen.rate <= 60.0:
+        parser.error(f"argument --rate: {chosen.rate} is not a number > 0 and <= 60")
+    if not chosen.duration > 0.0:
+        parser.error(f"argument --duration: {chosen.duration} is not a number > 0")
+    for topic in chosen.state:
+        if not re.fullmatch(r"(/[A-Za-z_]\w*)+", topic):
+            parser.error(f"argument --state: '{topic}' is not a full topic name such as /diag_dynamics/state")
+    lines = chosen.lines or not has_screen()
+    return run(lambda: Top(chosen.state, chosen.rate, chosen.duration, lines), args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
