@@ -38,11 +38,8 @@ NODES = {
 }
 
 GRAPH = {
-    "node": "list nodes",
-    "topic": "list, info, echo, hz, pub",
-    "service": "list, type, call",
-    "param": "list, get, set",
-    "lifecycle": "nodes, list, get, set",
+    "topic": "echo, hz",
+    "service": "call",
     "launch": "the launch files of this package",
 }
 

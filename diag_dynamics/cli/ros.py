@@ -12,11 +12,8 @@ from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.text import plain
 
 TOOLS = {
-    "node": ("lifecycle_commands", "add_node_arguments"),
-    "topic": ("topic_commands", "add_arguments"),
-    "service": ("service_commands", "add_arguments"),
-    "param": ("param_commands", "add_arguments"),
-    "lifecycle": ("lifecycle_commands", "add_arguments"),
+    "topic": ("graph_commands", "add_topic_arguments"),
+    "service": ("graph_commands", "add_service_arguments"),
     "launch": ("launch_command", "add_arguments"),
 }
 """Module in diag_dynamics.nodes.tools, and its function that declares the arguments of each."""

@@ -1,153 +1,93 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages as YAML, and back; types by their names."""
+"""Conversion between ROS messages and YAML."""
 
-import array
+import re
 from importlib import import_module
 
-import numpy as np
 import yaml
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.names import nearest
 
-KINDS = ("msg", "srv")
 
-
-def type_of(name):
-    """The class of a message or service.
-
-    Parameters
-    ----------
-    name : str
-        As ``sensor_msgs/msg/JointState``.
-
-    Raises
-    ------
-    InputError
-        No such type is installed.
-    """
-    parts = name.split("/")
-    if len(parts) != 3 or parts[1] not in KINDS:
-        raise InputError(f"type '{name}' is not of the form package/msg/Name or package/srv/Name.")
+def find_type(name):
+    """Return the class of a type such as ``std_msgs/msg/Float64``."""
     try:
-        module = import_module(".".join(parts[:2]))
-    except ImportError as error:
-        raise InputError(f"type '{name}': {error}. Is the shell set up (source scripts/env.bash)?") from error
-    found = getattr(module, parts[2], None)
-    if found is None:
-        raise InputError(f"type '{name}' is not in {'.'.join(parts[:2])}{_meant(parts[2], dir(module))}")
-    return found
+        package, kind, short = name.split("/")
+        return getattr(import_module(f"{package}.{kind}"), short)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(f"type is '{name}'; expected package/msg/Name: {error}.") from error
 
 
-def as_values(message):
-    """A message as dicts, lists and numbers."""
-    if hasattr(message, "get_fields_and_field_types"):
-        return {name: as_values(getattr(message, name)) for name in message.get_fields_and_field_types()}
-    if isinstance(message, (bytes, bytearray)):
-        return list(message)
-    if isinstance(message, (np.ndarray, array.array)):
-        return message.tolist()
-    if isinstance(message, (list, tuple)):
-        return [as_values(entry) for entry in message]
-    return message
-
-
-class _Dumper(yaml.SafeDumper):
-    """Writes a list of numbers or texts in one line, everything else a line each."""
-
-    def represent_sequence(self, tag, sequence, flow_style=None):
-        plain = not any(isinstance(entry, (dict, list)) for entry in sequence)
-        return super().represent_sequence(tag, sequence, flow_style=plain)
-
-
-def as_yaml(values):
-    """What :func:`as_values` gave, as text for people; a text alone as it is."""
-    if isinstance(values, str):
-        return f"{values}\n"
-    text = yaml.dump(values, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=160, allow_unicode=True)
-    return text.removesuffix("...\n")  # YAML's end of a document that is one number
-
-
-def field(message, path):
-    """A field of a message by a path such as ``header.stamp`` or ``position[0]``.
-
-    Raises
-    ------
-    InputError
-        The message has no such field.
-    """
-    here = message
+def read_field(message, path):
+    """Return the field of a message at a path such as ``header.stamp`` or ``position[0]``."""
+    value = message
     for part in path.replace("[", ".[").split("."):
         try:
-            here = here[int(part[1:-1])] if part.startswith("[") else getattr(here, part)
+            value = value[int(part[1:-1])] if part.startswith("[") else getattr(value, part)
         except (AttributeError, IndexError, TypeError, ValueError):
-            names = list(getattr(here, "get_fields_and_field_types", dict)())
-            raise InputError(f"field '{path}': there is no {part!r}{_meant(part, names)}") from None
-    return here
-
-
-def filled(kind, text):
-    """A message of a type from YAML text; what is not said keeps its default.
-
-    Raises
-    ------
-    InputError
-        The text is no YAML, names a field that is not there, or has a value of the wrong type.
-    """
-    try:
-        values = yaml.safe_load(text) if text else {}
-    except yaml.YAMLError as error:
-        raise InputError(f"{text!r} is no YAML: {' '.join(str(error).split())}") from error
-    return _message(kind, {} if values is None else values, "")
-
-
-def _message(kind, values, path):
-    message = kind()
-    types = message.get_fields_and_field_types()
-    if not isinstance(values, dict):
-        raise InputError(f"{path or kind.__name__} is {values!r}, expected {{field: value, …}} of {', '.join(types)}.")
-    for name, value in values.items():
-        if name not in types:
-            raise InputError(f"{kind.__name__} has no field {name!r}{_meant(str(name), types)}")
-        where = f"{path}.{name}" if path else name
-        try:
-            setattr(message, name, _value(types[name], value, getattr(message, name), where))
-        except InputError:  # of a field within this one
-            raise
-        except (AssertionError, OverflowError, TypeError, ValueError) as error:
-            raise InputError(f"field '{where}' is {value!r}, expected {types[name]}.") from error
-    return message
-
-
-def _value(type_name, value, now, where):
-    """A value of a field, from YAML's, as the field wants it; `now` is what it has."""
-    if type_name.startswith("sequence<") or type_name.endswith("]"):
-        entry = type_name.removeprefix("sequence<").rstrip(">").split("[")[0].split(",")[0]
-        if not isinstance(value, list):
-            raise TypeError
-        return [_value(entry, one, None, f"{where}[{k}]") for k, one in enumerate(value)]
-    if "/" in type_name:
-        package, name = type_name.split("/")
-        return _message(type_of(f"{package}/msg/{name}"), value, where)
-    if type_name in ("double", "float"):
-        if isinstance(value, bool):
-            raise TypeError
-        return float(value)
-    if type_name == "boolean" and not isinstance(value, bool):
-        raise TypeError
-    if "int" in type_name and (isinstance(value, bool) or not isinstance(value, int)):
-        raise TypeError
-    if type_name.startswith("string") and not isinstance(value, str):
-        raise TypeError
-    if type_name == "octet":
-        return bytes([value])
+            fields = _expected(part, getattr(value, "get_fields_and_field_types", dict)())
+            raise InputError(f"field '{path}' has no part '{part}'{fields}") from None
     return value
 
 
-def _meant(name, names):
-    near = nearest(name, [one for one in names if not one.startswith("_")])
-    if near:
-        return f"; is '{near}' meant?"
-    return f"; there are {', '.join(names)}." if 0 < len(names) <= 20 else "."
+def to_yaml(message):
+    """Return a message or a field as YAML; a string alone is not quoted."""
+    values = _to_values(message)
+    if isinstance(values, str):
+        return f"{values}\n"
+    options = {"sort_keys": False, "default_flow_style": None, "width": 1000, "allow_unicode": True}
+    return yaml.safe_dump(values, **options).removesuffix("...\n")
+
+
+def _to_values(message):
+    if names := getattr(message, "get_fields_and_field_types", dict)():
+        return {name: _to_values(getattr(message, name)) for name in names}
+    if hasattr(message, "tolist"):
+        return message.tolist()
+    return [_to_values(one) for one in message] if isinstance(message, (bytes, list)) else message
+
+
+def from_yaml(kind, text):
+    """Return a message of a class from YAML; fields that the text lacks keep their defaults."""
+    try:
+        return _message(kind, yaml.safe_load(text) if text else {}, "request")
+    except yaml.YAMLError as error:
+        raise InputError(f"request is no YAML: {' '.join(str(error).split())}.") from error
+
+
+def _message(kind, values, path):
+    message, types = kind(), kind.get_fields_and_field_types()
+    if not isinstance(values, dict):
+        raise InputError(f"{path} is {values!r}; expected {{field: value}} of {', '.join(types)}.")
+    for name, value in values.items():
+        if name not in types:
+            raise InputError(f"{path} has no field '{name}'{_expected(str(name), types)}")
+        converted = _convert(types[name], value, f"{path}.{name}")
+        try:
+            setattr(message, name, converted)
+        except (AssertionError, OverflowError) as error:
+            raise InputError(f"{path}.{name} is {value!r}; expected {types[name]}.") from error
+    return message
+
+
+def _convert(type_name, value, path):
+    """Return a value of YAML as the type of a field."""
+    entries = re.fullmatch(r"sequence<([^,]*).*>|(.*)\[\d+\]", type_name)
+    if "/" in type_name and not entries:
+        return _message(find_type(type_name.replace("/", "/msg/")), value, path)
+    kinds = {"double": (float, int), "float": (float, int), "boolean": (bool,), "string": (str,)}
+    allowed = (list,) if entries else kinds.get(type_name.split("<")[0], (int,))
+    if type(value) not in allowed:
+        raise InputError(f"{path} is {value!r}; expected {type_name}.")
+    if entries:
+        return [_convert(entries[1] or entries[2], one, path) for one in value]
+    return bytes([value]) if type_name == "octet" else allowed[0](value)
+
+
+def _expected(name, names):
+    if near := nearest(name, names):
+        return f". Did you mean '{near}'?"
+    return f"; expected one of {', '.join(names)}." if names else "."
