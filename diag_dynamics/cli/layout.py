@@ -3,46 +3,38 @@
 
 """`diag-dynamics layout`: a layout of a viewer for one robot, with its joints' names."""
 
-import shlex
-import sys
+import re
 from pathlib import Path
 
 from diag_dynamics.cli import common
-from diag_dynamics.layouts.tools import TOOLS, layout
-from diag_dynamics.text import plain
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.layouts import foxglove, plotjuggler
 
-EPILOG = """Give the parameters that the monitor is given: mimic, locked_joints and floating_base say which joints there are,
-and entries of arrays go by their order."""
-
+EPILOG = """Name the parameters of the monitor: mimic, locked_joints and floating_base change the order of joints. The
+layouts follow the sources of the viewers, and have not been tried with the viewers themselves."""
 
 OUTPUTS = {"-o": "output"}
+
+TOOLS = {"foxglove": foxglove, "plotjuggler": plotjuggler}
 
 
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_robot(parser)
     parser.add_argument("--tool", required=True, choices=TOOLS, help="the viewer")
-    parser.add_argument(
-        "--monitor", default="/diag_dynamics", help="name of the monitor on the graph (default: /diag_dynamics)"
-    )
+    text = "name of the monitor on the graph (default: /diag_dynamics)"
+    parser.add_argument("--monitor", default="/diag_dynamics", help=text)
     common.add_parameters(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", help="where to write it (default: stdout)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="the file (default: stdout)")
 
 
 def run(chosen):
     """Write a layout; return the exit status."""
-    text = layout(chosen.tool, common.chosen_model(chosen), chosen.monitor)
-    tool = TOOLS[chosen.tool]
+    if not re.fullmatch(r"(/\w+)+", chosen.monitor):
+        raise InputError(f"--monitor is '{chosen.monitor}'; expected a whole name such as /arm/diag_dynamics.")
+    text = TOOLS[chosen.tool](common.chosen_model(chosen), chosen.monitor)
     if chosen.output in (None, "-"):
         print(text, end="")
     else:
         Path(chosen.output).expanduser().write_text(text, encoding="utf-8")
-        print(
-            plain(f"Wrote {chosen.output}: {tool.opened.replace('FILE', shlex.quote(chosen.output))}."), file=sys.stderr
-        )
-    print(
-        f"It has not been tried with {tool.title} itself: it follows what {tool.title}'s source reads. That every topic, "
-        "field and joint in it exists is tested.",
-        file=sys.stderr,
-    )
-    return 0
+    return common.DONE

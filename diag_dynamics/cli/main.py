@@ -21,7 +21,7 @@ LIBRARY = {
     "calibrate": "alarm thresholds from recordings without contact",
     "demo-identify": "from a wrong model to alarms that work, on simulated robots",
     "inspect": "facts about a robot, and checks of its URDF",
-    "layout": "a layout of RViz, Foxglove, Lichtblick or PlotJuggler for a robot",
+    "layout": "a layout of Foxglove or PlotJuggler for a robot",
     "robots": "names of the example robots",
 }
 """Commands that need no ROS 2; each has a module of its name in diag_dynamics.cli."""

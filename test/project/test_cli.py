@@ -176,7 +176,7 @@ REFUSED = [  # command line, message; the exit status is 2
     ("inspect arm.urdf.xacro side:=a side:=b", "'side' is 'a' and 'b'; expected one value"),
     ("inspect panda side:=left", "'side:=left' is a xacro argument, but robot 'panda' is no .xacro file"),
     ("inspect arm.xml side:=left", "is no .xacro file"),
-    ("layout nobody --tool rviz", "nobody"),
+    ("layout nobody --tool foxglove", "nobody"),
     ("layout panda --tool plotjuggler --set max_agee=1", "'max_age' meant"),
     ("excite nobody -o {tmp}/x.json", "nobody"),
     ("excite panda", "no output is named; expected -o OUT.json"),
