@@ -44,7 +44,7 @@ JOINT = _record(
     ("i8", "other_stamp other_count other_returns"),  # messages in a row that agree with it, and how often it returned
     ("i8", "other_since"),  # stamp and position in force then
     ("f8", "other_since_position"),
-    ("i8", "bare_stamp bare_since bare_count"),  # of a source, by its first joint: last message without velocity
+    ("i8", "bare_since bare_count"),  # of a source, by its first joint: last message without velocity
     ("i8", "late_first late_last late_count"),  # stamps older than the one before
     ("i8", "gap_last gap_count"),  # last stamp, and number of intervals
     ("i8", "estimate_known estimate_stamp estimate_since"),  # estimator of velocities

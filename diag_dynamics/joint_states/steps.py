@@ -108,13 +108,12 @@ def is_contradicted(memory, here, position, stamp, unstamped):
         first = min(first, j)
         if _is_comparable(memory.joints[j], unstamped):
             newest = max(newest, memory.joints[j].stamp)
-    source, again = memory.joints[first], True
+    source = memory.joints[first]
     again = source.bare_count == len(here) and source.bare_since != newest
-    again = again and abs(stamp - source.bare_stamp) <= CANDIDATE_TIMEOUT * 1e9
     for i in range(len(here)):
         again = again and memory.history[first, i] == position[here[i]]
         memory.history[first, i] = position[here[i]]
-    source.bare_count, source.bare_stamp, source.bare_since = len(here), stamp, newest
+    source.bare_count, source.bare_since = len(here), newest
     largest, joint = MARGIN, -1
     for j in here:
         if _is_comparable(memory.joints[j], unstamped):
@@ -226,7 +225,7 @@ def _compare_candidate(memory, here, position, velocity, stamp, mask):
         in_row = in_row and joint.other_since_position == joint.position
         recent = (stamp - joint.other_stamp) * 1e-9 <= SOURCE_TIMEOUT
         table[COUNT, j] = joint.other_count + 1 if agrees and in_row else 1
-        returned = int(agrees and not in_row and recent)
+        returned = int(agrees and not in_row)
         table[RETURNS, j] = joint.other_returns + returned if agrees and (in_row or recent) else 0
     return same
 

@@ -9,15 +9,11 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from diag_dynamics.joint_states import decoding
-from examples import examples
 from joint_state_cases import TABLE
-from joint_state_messages import INF, MIMICS, MS, NAMES, NAN, NOW, S, joint_state, odometry
-from joint_state_model import Model
-from joint_state_readers import READERS, Message, Reader, model, positive, read_columns
+from joint_state_messages import MS, NAMES, NAN, NOW, S, joint_state, odometry
+from joint_state_readers import READERS, Message, Reader, model, read_columns
 
 
 def expected_counts(steps):
@@ -58,152 +54,6 @@ def assert_equal(actual, expected, what):
         np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9, err_msg=what)
     else:
         assert actual == expected, what
-
-
-# --- any sequence
-
-
-def by_joint(values):
-    """Draw entries of some joints, perhaps of all others."""
-    names = st.sampled_from((*NAMES, *MIMICS, "*"))
-    entries = st.dictionaries(names, st.sampled_from(values), max_size=3)
-    return entries.map(lambda drawn: [f"{name}={value}" for name, value in drawn.items()])
-
-
-PARAMETERS = {
-    # one value in half of the sequences, else one of all
-    "joint_timeout": (0.5, 0.0, 0.3, 2.0),
-    "max_age": (1.05, 0.0, 0.45, 2.05),
-    "foreign_time": ("warn", "warn", "refuse"),
-    "missing_velocity": ("refuse", "estimate"),
-    "velocity_filter_time": (0.1, 0.0, 0.01, 0.5),
-    "mimic_tolerance": (0.01, 0.0, 2.0),
-    "absurd.position": (0.0, 0.0, 6.0, 8.5),
-    "absurd.velocity": (0.0, 0.0, 7.0, 8.5),
-    "absurd.effort": (0.0, 0.0, 3.0, 8.0),
-    "absurd.beyond_limits": (0.0, 0.0, 0.5, 3.0),
-    "absurd.beyond_velocity": (0.0, 1.3),
-    "absurd.beyond_effort": (0.0, 0.1),
-    "absurd.jump": (0.0, 0.13),
-}
-
-
-@st.composite
-def parameters(draw):
-    """Draw parameters: half of them as above, entries of single joints in one sequence of three."""
-    drawn = {name: draw(st.just(values[0]) | st.sampled_from(values)) for name, values in PARAMETERS.items()}
-    for name, values in (
-        ("joint_timeouts", (0.0, 0.2, 0.5, 1.0)),
-        ("effort_available", ("true", "false")),
-        ("effort_scale", (2.0, -0.5, 1e-3)),
-    ):
-        if draw(st.integers(0, 2)) == 0:
-            drawn[name] = draw(by_joint(values))
-    return drawn
-
-
-PARTS = (
-    (NAMES,),
-    (NAMES,),
-    (NAMES[::-1], ("lid", "wheel")),
-    (("elbow", "shoulder"), ("wrist",)),
-    (("thumb", "wrist", "shoulder", "elbow", "heel", "pinky"),),
-    (("lid", "shoulder", "elbow", "heel"), ("pinky", "wrist", "thumb"), ("elbow",)),
-    (NAMES, ("thumb", "heel")),
-)
-"""Names in the messages of each publisher."""
-
-ODD = (NAN, INF, -INF, 1e300, -0.0, 5.5, -7.0)
-OFFSETS = (6, 8, 9, 12, 30, 100, 700, -8, -12, -30, -100)
-"""What a clock is set by [0.1 s]."""
-
-
-@st.composite
-def journeys(draw):
-    """Draw messages of one to three publishers, and times of reception; all in tenths of a second, so bounds are met.
-
-    Mostly all is well. In some sequences clocks are set and messages come late, in some single messages are spoilt.
-    """
-    parts, now = draw(st.sampled_from(PARTS)), 3000
-    sets, spoils = draw(st.sampled_from((0, 1, 3))), draw(st.sampled_from((0, 1, 4)))
-    offsets = dict.fromkeys(parts, draw(st.sampled_from((0, 0, 0, 700))))
-    efforts, velocities = draw(st.booleans()), draw(st.sampled_from((True, True, True, False)))
-    pace, shift = draw(st.sampled_from((1, 1, 5, 30))), draw(st.sampled_from((0.0, 0.0, 0.0, 2.0, -6.0)))
-    other = draw(st.sampled_from((None, None, 0.0, 0.25, 3.0)))
-    journey = []
-    for _ in range(draw(st.integers(1, 20))):
-        now += draw(st.sampled_from((pace, pace, pace, 0, 4)))
-        part = draw(st.sampled_from(parts))
-        if sets and draw(st.integers(0, 11)) < sets:
-            some = parts if draw(st.booleans()) else (part,)
-            step = draw(st.sampled_from(OFFSETS))
-            offsets |= {one: offsets[one] + step for one in some}
-        shift += draw(st.sampled_from((0.0, *[0.02] * 7, -0.05, 2.0)))
-        delay = draw(st.sampled_from((0, 0, 0, 1, 2, 6))) if sets else 0
-        stamp = divmod((now - offsets[part] - delay) * 100 * MS, S)
-        position = {name: shift + 0.25 * k for k, name in enumerate((*NAMES, "lid", "wheel"))}
-        position |= {name: m * position[source] + x for name, (source, m, x) in MIMICS.items()}
-        values = [position[name] for name in part]
-        fields = [values, [3.0 * x for x in values] if velocities else [], [0.7 * x for x in values] if efforts else []]
-        names, clock = list(part), now * 100 * MS
-        if spoils and draw(st.integers(0, 9)) < spoils:
-            names, fields, stamp, clock = draw(spoilt(names, fields, stamp, clock))
-        journey.append(((names, fields, stamp), clock))
-        if other is not None:
-            journey += draw(resting(part, other, stamp, clock))
-    return journey
-
-
-@st.composite
-def resting(draw, part, place, stamp, clock):
-    """Draw up to four messages of a second source, which rests."""
-    count = draw(st.sampled_from((1, 1, 1, 0, 2, 4)))
-    velocity = draw(st.sampled_from(([0.0] * len(part), [])))
-    sec, nanosec = stamp
-    later = draw(st.sampled_from((0, 0, 50 * MS)))
-    stamps = [divmod(sec * S + nanosec + k * later, S) if 0 <= nanosec < S else stamp for k in range(1, count + 1)]
-    return [((list(part), [[place] * len(part), velocity, []], one), clock) for one in stamps]
-
-
-@st.composite
-def spoilt(draw, names, fields, stamp, clock):
-    """Draw one thing that is wrong with a message."""
-    kind = draw(st.sampled_from(("number", "number", "number", "length", "name", "stamp", "clock", "clock")))
-    field = fields[draw(st.integers(0, 2))]
-    if kind == "number" and field:
-        field[draw(st.integers(0, len(field) - 1))] = draw(st.sampled_from(ODD) | st.floats(-9, 9))
-    elif kind == "length":
-        fields[draw(st.integers(0, 2))] = draw(st.sampled_from(([], [1.0], [1.0] * 5)))
-    elif kind == "name":
-        names = draw(st.permutations(names)) if draw(st.booleans()) else [names[0], *names[1:-1], names[0]]
-    elif kind == "stamp":
-        stamp = draw(st.sampled_from(((0, 0), (-1, 5), (300, S), (300, 2**32 - 1), (300, S - 1), (0, 1))))
-    elif kind == "clock":
-        clock, stamp = 0, draw(st.sampled_from((stamp, stamp, (0, 0))))
-    return names, fields, stamp, clock
-
-
-@examples(250)
-@given(parameters(), journeys())
-def test_any_sequence(chosen, journey):
-    """All implementations and the model agree on states, causes and counters."""
-    messages = [Message(joint_state(names, *fields, stamp), now) for (names, fields, stamp), now in journey]
-    results = [reader(model("arm"), chosen, messages) for reader in READERS.values()]
-    assert all(repr(result) == repr(results[0]) for result in results[1:])
-    expected = Model(chosen)
-    for message, now in journey:
-        expected.read(message, now)
-    result = results[0]
-    counts = {name: count for name, count in result.counts.items() if name != "lost by gaps in stamps"}
-    assert counts == positive(expected.counts)
-    told = [cause for k, cause in enumerate(expected.causes) if expected.causes[:k].count(cause) < 20]
-    assert [cause for cause, _ in result.rejections] == told
-    for state, others in zip(result.states, expected.states, strict=True):
-        assert state[3:] == others[3:]
-        for actual, values in zip(state[:3], others[:3], strict=True):
-            assert (actual is None) == (values is None)
-            if values is not None:
-                np.testing.assert_allclose(actual, values, rtol=1e-7, atol=1e-9)
 
 
 def test_efforts_without_gravity():
@@ -276,16 +126,6 @@ def test_rejected_messages_leave_no_trace(reader):
                     assert_no_trace(reader, robot, parameters, messages, rejected)
                 except AssertionError as error:
                     raise AssertionError(f"{name}: message {rejected}") from error
-
-
-@examples(100)
-@given(parameters(), journeys(), st.integers(0, 30))
-def test_any_rejected_message_leaves_no_trace(chosen, journey, which):
-    """So it is in any sequence."""
-    messages = [Message(joint_state(names, *fields, stamp), now) for (names, fields, stamp), now in journey]
-    found = rejections("arm", chosen, messages)
-    if found:
-        assert_no_trace(READERS["messages"], "arm", chosen, messages, found[which % len(found)])
 
 
 # --- change of parameters and memory

@@ -27,7 +27,7 @@ ITEMS = {
         library/test_recordings.py::test_the_robot_of_the_bag
         library/test_bag_messages.py::test_robots_of_several_namespaces""",
     "several publishers, floating base, gravity, missing joints": """
-        library/test_joint_states.py::test_any_sequence library/test_joint_states.py::test_efforts_without_gravity
+        library/test_joint_states.py::test_table library/test_joint_states.py::test_efforts_without_gravity
         library/test_bag_messages.py::test_names_that_came_and_a_map_for_them""",
     "start and end": "library/test_recordings.py::test_part_of_a_recording",
     "tables": """
