@@ -33,10 +33,9 @@ OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "j
 
 def add_arguments(parser):
     """Declare the arguments."""
-    text = "rosbag2 folder, .mcap, .db3, ROS 1 .bag, CSV, TSV, Parquet or npz; or several"
-    common.add_recording(parser, text, nargs="*")
+    common.add_recording(parser, "rosbag2 folder, .mcap, .db3, .bag, CSV, TSV, Parquet or npz; or several", nargs="*")
     parser.add_argument("--alarms", metavar="ALARMS.yaml", help="thresholds written by diag-dynamics calibrate")
-    text = f"gain of the disturbance observer [1/s], unless external_torque.gain is set (default: {common.GAIN:g})"
+    text = f"gain of the observer [1/s], unless external_torque.gain is set (default: {common.GAIN:g})"
     parser.add_argument("--gain", type=float, help=text)
     parser.add_argument("-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play")
     text = f"topics in OUT.mcap, separated by commas: {', '.join(TOPICS)} (default: {','.join(WRITTEN)})"
@@ -60,18 +59,23 @@ def run(chosen):
     fleet.refuse(chosen)
     if chosen.topics is not None and chosen.mcap is None:
         raise InputError("--topics are those of a file that --mcap writes.")
-    return (_analyse if len(chosen.recording) == 1 else _analyse_several)(chosen, parameters, robot)
-
-
-def _analyse(chosen, parameters, robot):
-    begun = time.perf_counter()
+    is_single = len(chosen.recording) == 1
+    for option, name in OUTPUTS.items():
+        if name != "json" and getattr(chosen, name) and not is_single:
+            count = f"there are {len(chosen.recording)}: --fleet --out DIR writes files of each."
+            raise InputError(f"{option} is of a single recording, and {count}")
     with common.json_output(chosen.json) as write:
-        summary = _summary(chosen, chosen.recording[0], parameters, robot)
-        write(summary)
+        return (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
+
+
+def _analyse(chosen, parameters, robot, write):
+    start = time.perf_counter()
+    summary = _summary(chosen, chosen.recording[0], parameters, robot)
+    write(summary)
     faults = describe_faults(summary)
     if _prints(chosen):
         print(format_summary(summary, _width()))
-        took = max(time.perf_counter() - begun, 1e-9)
+        took = max(time.perf_counter() - start, 1e-9)
         ratio = summary["duration"] / took
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
         common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
@@ -80,25 +84,20 @@ def _analyse(chosen, parameters, robot):
     return DOUBTFUL if faults else DONE
 
 
-def _analyse_several(chosen, parameters, robot):
+def _analyse_several(chosen, parameters, robot, write):
     """Analyse one recording after another; one that fails does not stop the others."""
-    for option, name in OUTPUTS.items():
-        if name != "json" and getattr(chosen, name):
-            count = f"there are {len(chosen.recording)}: --fleet --out DIR writes files of each."
-            raise InputError(f"{option} is of a single recording, and {count}")
     summaries, failed = [], {}
-    with common.json_output(chosen.json) as write:
-        for recording in chosen.recording:
-            try:
-                summary = _summary(chosen, recording, parameters, robot)
-            except (DiagDynamicsError, OSError) as error:
-                failed[recording] = str(error)
-                print(f"diag-dynamics analyse: {error}", file=sys.stderr)
-                continue
-            summaries.append(summary)
-            if _prints(chosen):
-                print(f"{printable(recording)}\n\n{format_summary(summary, _width())}\n")
-        write({"recordings": summaries, "robots": merge_robots(summaries), "failed": failed})
+    for recording in chosen.recording:
+        try:
+            summary = _summary(chosen, recording, parameters, robot)
+        except (DiagDynamicsError, OSError) as error:
+            failed[recording] = str(error)
+            print(f"diag-dynamics analyse: {error}", file=sys.stderr)
+            continue
+        summaries.append(summary)
+        if _prints(chosen):
+            print(f"{printable(recording)}\n\n{format_summary(summary, _width())}\n")
+    write({"recordings": summaries, "robots": merge_robots(summaries), "failed": failed})
     if _prints(chosen):
         print(printable(fleet.format_table(summaries, failed)))
     if not summaries:
@@ -112,12 +111,10 @@ def _summary(chosen, recording, parameters, robot):
     gain = common.GAIN if chosen.gain is None else chosen.gain
     analysis, outputs = Analysis(reading, gain=gain, threads=chosen.threads), []
     topics = WRITTEN if chosen.topics is None else chosen.topics.split(",")
-    kinds = {"mcap": partial(McapOutput, topics=topics), "parquet": TableOutput}
-    kinds |= {"csv": partial(TableOutput, kind="csv")}
+    messages, csv = partial(McapOutput, topics=topics), partial(TableOutput, kind="csv")
+    kinds = (chosen.mcap, messages), (chosen.parquet, TableOutput), (chosen.csv, csv)
     try:
-        for name, kind in kinds.items():
-            if path := getattr(chosen, name):
-                outputs.append(kind(path, reading, analysis.friction))
+        outputs += [kind(path, reading, analysis.friction) for path, kind in kinds if path]
         if chosen.report:
             outputs.append(ReportOutput(chosen.report, reading))
         with common.Progress(chosen.quiet) as progress:

@@ -30,16 +30,15 @@ OUTPUTS = {"-o": "output"}
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_recording(parser, "recordings without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
-    text = "gain of the disturbance observer [1/s] (default: %(default)g)"
-    parser.add_argument("--gain", type=float, default=common.GAIN, help=text)
     text = "N/s, N/min or N/h, of all detectors together (default: %(default)s)"
     parser.add_argument("--false-alarms", metavar="N/min", default="1/min", help=text)
-    text = "alarm.release (default: %(default)g)"
-    parser.add_argument("--release", type=float, default=RELEASE, help=text)
-    text = "alarm.hold_off [s] (default: %(default)g)"
-    parser.add_argument("--hold-off", type=float, default=HOLD_OFF, help=text)
-    text = "alarm.standing [s], 0 for never (default: %(default)g)"
-    parser.add_argument("--standing", type=float, default=STANDING, help=text)
+    for option, default, text in (
+        ("--gain", common.GAIN, "gain of the disturbance observer [1/s]"),
+        ("--release", RELEASE, "alarm.release"),
+        ("--hold-off", HOLD_OFF, "alarm.hold_off [s]"),
+        ("--standing", STANDING, "alarm.standing [s], 0 for never"),
+    ):
+        parser.add_argument(option, type=float, default=default, help=f"{text} (default: %(default)g)")
     parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help="for monitor and analyse --alarms")
     common.add_threads(parser)
     common.add_quiet(parser)

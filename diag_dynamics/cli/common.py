@@ -5,15 +5,13 @@
 
 import argparse
 import json
-import os
 import signal
 import sys
-import threading
 import time
 from contextlib import contextmanager
 from pathlib import Path
 
-from diag_dynamics.entries import ARGUMENT, ASSIGNMENT, split_arguments
+from diag_dynamics.entries import ARGUMENT, split_arguments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import plain
 
@@ -43,13 +41,8 @@ class Terminated(KeyboardInterrupt):
 def run_command(name, about, module, arguments):
     """Parse the arguments of a command of the library and run it; return its exit status.
 
-    Parameters
-    ----------
-    name, about : str
-    module : module
-        It has the functions ``add_arguments(parser)`` and ``run(chosen)``; and may have an EPILOG of its help, and OUTPUTS:
-        the names of attributes of `chosen` with the paths of its outputs, by option.
-    arguments : sequence of str
+    Its module has the functions ``add_arguments(parser)`` and ``run(chosen)``, and may have an EPILOG of the help and
+    OUTPUTS: the attributes of `chosen` with paths of outputs, by option.
     """
     epilog = getattr(module, "EPILOG", None)
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=about, epilog=epilog)
@@ -75,15 +68,12 @@ def run_command(name, about, module, arguments):
 
 @contextmanager
 def terminable():
-    """Have SIGTERM raise :class:`Terminated` in the main thread."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
+    """Have SIGTERM raise :class:`Terminated`; the caller is in the main thread."""
     before = signal.signal(signal.SIGTERM, _raise_terminated)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before if before is not None else signal.SIG_DFL)
+        signal.signal(signal.SIGTERM, before)
 
 
 def _raise_terminated(*_):
@@ -99,11 +89,6 @@ def parse_arguments(parser, arguments):
     chosen.xacro_args = [word for word in arguments if ARGUMENT.fullmatch(word)]
     if not hasattr(chosen, "urdf"):
         left += chosen.xacro_args
-    for word in (*left, *(getattr(chosen, "recording", None) or ())):
-        if ASSIGNMENT.fullmatch(word) and not os.path.exists(word):
-            argument = word.replace("=", ":=", 1)
-            message = f"'{word}' is no argument. Write {argument} for an argument of a xacro file."
-            parser.exit(FAILED, f"{parser.prog}: {message}\n")
     if left:
         parser.error(f"unrecognized arguments: {' '.join(left)}")
     return chosen
@@ -119,8 +104,7 @@ def add_recording(parser, text, nargs="+"):
     parser.add_argument("recording", nargs=nargs, help=text)
     parser.add_argument("--urdf", metavar="ROBOT", help=f"{ROBOT} (default: the robot in the bag)")
     parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
-    text = "topic of the joint states, if a bag has several; repeat it to merge topics, as of arm and gripper"
-    parser.add_argument("--topic", action="append", help=text)
+    parser.add_argument("--topic", action="append", help="topic of joint states; repeat it to merge several")
     text = "joint of the robot by its name in the recording; * is any text: 'fer_*=panda_*' (docs/recordings.md)"
     add_entries(parser, "--joint-names", "NAME=JOINT", text)
     add_parameters(parser)
@@ -135,10 +119,9 @@ def add_robot(parser):
 
 def add_parameters(parser):
     """Add the options that set parameters."""
-    text = "parameters of the monitor, or of the robot: friction, rotor inertias (docs/library.md); may be repeated"
+    text = "parameters of the monitor, or of the robot (docs/library.md); may be repeated"
     parser.add_argument("--parameters", metavar="FILE.yaml", action="append", default=[], help=text)
-    text = "parameters of the monitor (docs/parameters.md), as effort_scale='*=0.5'"
-    add_entries(parser, "--set", "PARAMETER=VALUE", text)
+    add_entries(parser, "--set", "PARAMETER=VALUE", "parameters of the monitor, as effort_scale='*=0.5'")
 
 
 def add_quiet(parser):
@@ -148,8 +131,7 @@ def add_quiet(parser):
 
 def add_threads(parser):
     """Add the option --threads."""
-    text = "threads for evaluation (default: number of processors)"
-    parser.add_argument("--threads", type=positive_int, help=text)
+    parser.add_argument("--threads", type=positive_int, help="number of threads (default: number of processors)")
 
 
 def positive_int(text):
@@ -202,10 +184,7 @@ def reading_options(chosen):
 
 
 class StreamedRecording:
-    """A recording that each call of :meth:`pieces` reads anew, in bounded memory.
-
-    `model` is its robot, `findings` are those of the last reading.
-    """
+    """A recording that each call of :meth:`pieces` reads anew; `findings` are those of the last reading."""
 
     def __init__(self, path, robot, options, progress):
         from diag_dynamics.recordings.recording import Reading
@@ -275,10 +254,7 @@ def report_written(*paths):
 
 @contextmanager
 def json_output(path):
-    """Yield a function that writes a document as JSON; ``-`` is stdout, None nothing.
-
-    A file is created first, because a path that cannot be written should be reported before anything is computed.
-    """
+    """Yield a function that writes a document as JSON; ``-`` is stdout, None nothing. The file is created first."""
     from diag_dynamics.recordings.atomic_file import AtomicFile
 
     file = AtomicFile(path) if path and path != "-" else None
@@ -300,21 +276,12 @@ def json_output(path):
 
 
 def check_outputs(chosen, outputs):
-    """Refuse to write over a file that is read, twice into one file, and into a folder that does not exist.
-
-    Parameters
-    ----------
-    chosen : Namespace
-        Files to be read are its attributes :data:`READ`.
-    outputs : dict
-        Path, or None, by option; ``-`` is stdout.
-    """
+    """Refuse to write over a file that is read, twice into one file, and into a folder that does not exist."""
     read = [getattr(chosen, name, None) or () for name in READ]
     read = [path for paths in read for path in ([paths] if isinstance(paths, str) else paths)]
     taken = {_resolve(split_arguments(path)[0]): f"'{path}' is read" for path in read}
-    written = {}
     for option, path in outputs.items():
-        full = None if path in (None, "-") else _resolve(path, option)
+        full = None if path in (None, "-") else _resolve(path)
         if full is None or (full.exists() and not full.is_file() and not full.is_dir()):
             continue  # several outputs may share a pipe or /dev/null
         for other, what in taken.items():
@@ -322,15 +289,11 @@ def check_outputs(chosen, outputs):
                 raise InputError(f"{option} '{path}': {what}, so nothing is written there.")
         if not full.parent.is_dir():
             raise InputError(f"{option} '{path}': there is no folder '{full.parent}'.")
-        taken[full], written[full] = f"{option} is written into it", option
-    for full, option in written.items():
-        if (other := written.get(full.with_name(f"{full.name}.part"))) is not None:  # see AtomicFile
-            raise InputError(f"{option} '{outputs[option]}' has the name that {other} was given while it is written.")
+        taken[full] = f"{option} is written into it"
 
 
-def _resolve(path, option=None):
-    """Return the absolute path."""
+def _resolve(path):
     try:
         return Path(path).expanduser().resolve()
     except (OSError, RuntimeError, ValueError) as error:  # a link to itself, no home, a null character
-        raise InputError(f"{option + ' ' if option else ''}'{path}': {error}.") from None
+        raise InputError(f"'{path}': {error}.") from None

@@ -36,7 +36,7 @@ UNITS = {
     "identification.kernels.regressors": 1,
     "sweeps.residuals": 1,
 }
-"""Modules with entry kernels, and their time to compile [CPU-s], the longest first: a late one keeps the others waiting."""
+"""Modules with entry kernels, and their time to compile [CPU-s], the longest first."""
 
 
 def add_arguments(parser):
@@ -55,8 +55,9 @@ def run(chosen):
             "diag-dynamics compile: there is no folder to keep compiled code in, so nothing is done.", file=sys.stderr
         )
         return 1
-    if chosen.if_needed and _is_compiled():
-        return common.DONE
+    with suppress(OSError):
+        if chosen.if_needed and _stamp_file().read_text(encoding="utf-8") == _stamp():
+            return common.DONE
     start = time.perf_counter()
     with common.Progress(chosen.quiet, lines=True) as progress:
         progress.show("Compiling for this machine and Python: half a minute as a rule, and kept.")
@@ -65,7 +66,7 @@ def run(chosen):
         print(f"diag-dynamics compile: {failure}", file=sys.stderr)
         return 1
     with suppress(OSError):  # without it, the next --if-needed looks through the cache
-        _stamp_file().write_text("\n".join([_stamp(), *_code_files()]), encoding="utf-8")
+        _stamp_file().write_text(_stamp(), encoding="utf-8")
     if not chosen.quiet:
         print(f"Compiled, or found compiled, in {time.perf_counter() - start:.0f} s.", file=sys.stderr)
     return common.DONE
@@ -74,9 +75,9 @@ def run(chosen):
 def _compile(jobs, progress):
     """Compile all units in processes; return why that failed, or None. An interrupt ends the processes."""
     context = multiprocessing.get_context("spawn")  # a fork would share the compiler's locks
-    pool, done = ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker), 0
+    pool, done = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent), 0
     try:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # workers inherit it: Ctrl-C is this process's matter
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # for the workers: Ctrl-C is this process's matter
         running = {pool.submit(compile_unit, unit): unit for unit in UNITS}
         signal.signal(signal.SIGINT, before)
         for one in as_completed(running):
@@ -93,15 +94,14 @@ def _compile(jobs, progress):
     return None
 
 
-def _start_worker():
-    """Have this process end with the one that started it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_after, args=(multiprocessing.parent_process(),), daemon=True).start()
+def _end_with_parent():
+    """Have this worker end with the process that started it, also if that is killed."""
 
+    def wait():
+        multiprocessing.parent_process().join()
+        os.kill(os.getpid(), signal.SIGTERM)
 
-def _end_after(parent):
-    parent.join()
-    os.kill(os.getpid(), signal.SIGTERM)
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def compile_unit(unit):
@@ -113,30 +113,17 @@ def compile_unit(unit):
     compile_ahead(f"diag_dynamics.{unit}")
 
 
-# --- Stamp: a file beside the code that names all files of code
-
-
-_COPY = f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}.py{sys.version_info[0]}{sys.version_info[1]}"
+COPY = f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}.py{sys.version_info[0]}{sys.version_info[1]}"
 """Part of the names of this copy's files: copies of the package and versions of Python share the folder."""
 
 
-def _is_compiled():
-    """Return whether all was compiled from these sources on this machine, and all files of code are there."""
-    try:
-        stamp, *files = _stamp_file().read_text(encoding="utf-8").splitlines()
-    except (OSError, ValueError):
-        return False
-    return stamp == _stamp() and _code_files().issuperset(files)
-
-
 def _stamp_file():
-    return cache_folder() / f"ahead-{_COPY}"
+    return cache_folder() / f"ahead-{COPY}"
 
 
 def _stamp():
-    return " ".join([source_hash(), platform.node(), *UNITS])
-
-
-def _code_files():
-    pattern = f"plain-{source_hash()[:16]}/**/*.nb?" if PLAIN else f"*-{_COPY}*.nb?"
-    return {path.name for path in cache_folder().glob(pattern)}
+    """Return a text that stays as long as sources, machine, units and files of code do."""
+    pattern = f"plain-{source_hash()[:16]}/**/*.nb?" if PLAIN else f"*-{COPY}*.nb?"
+    return "\n".join(
+        [source_hash(), platform.node(), *UNITS, *sorted(path.name for path in cache_folder().glob(pattern))]
+    )

@@ -32,8 +32,7 @@ NUMBERS = {  # options with a number: type, default and help
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_robot(parser)
-    text = "as of diag-dynamics identify (default: %(default)s)"
-    parser.add_argument("--what", default="friction,rotors", help=text)
+    parser.add_argument("--what", default="friction,rotors", help="as of identify (default: %(default)s)")
     for option, (kind, default, text) in NUMBERS.items():
         parser.add_argument(option, type=kind, default=default, help=f"{text} (default: %(default)g)")
     parser.add_argument("--joints", help="joints that move, separated by commas (default: all)")
@@ -42,10 +41,8 @@ def add_arguments(parser):
     common.add_entries(parser, "--velocity-limit", "JOINT=LIMIT", text.format("rad/s, m/s"))
     common.add_entries(parser, "--position-limit", "JOINT=LOWER:UPPER", text.format("rad, m"))
     common.add_parameters(parser)
-    text = "times, positions, velocities, accelerations, efforts"
-    parser.add_argument("-o", "--output", metavar="OUT.json", help=text)
-    text = "trajectory_msgs/JointTrajectory, for the controller's mode tracking"
-    parser.add_argument("--trajectory", metavar="OUT.yaml", help=text)
+    parser.add_argument("-o", "--output", metavar="OUT.json", help="times, positions, velocities, efforts")
+    parser.add_argument("--trajectory", metavar="OUT.yaml", help="JointTrajectory, for the controller's mode tracking")
 
 
 def run(chosen):

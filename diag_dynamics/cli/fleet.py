@@ -25,10 +25,8 @@ def add_arguments(parser):
     group = parser.add_argument_group("many recordings")
     group.add_argument("--fleet", metavar="PATTERN", nargs="*", help="paths or patterns; ** is any number of folders")
     group.add_argument("--out", metavar="DIR", help="folder for a summary and a Parquet file of each, and fleet.html")
-    text = "Dask cluster (default: processes on this machine)"
-    group.add_argument("--scheduler", metavar="tcp://HOST:PORT", help=text)
-    text = "number of these processes (default: number of processors)"
-    group.add_argument("--workers", type=common.positive_int, help=text)
+    group.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster (default: local processes)")
+    group.add_argument("--workers", type=common.positive_int, help="number of local processes (default: processors)")
     group.add_argument("--no-parquet", action="store_true", help="no Parquet files")
     group.add_argument("--reports", action="store_true", help="a report of each, linked from fleet.html")
 

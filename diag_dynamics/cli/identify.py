@@ -30,18 +30,14 @@ OUTPUTS = {"-o": "output", "--json": "json", "--plots": "plots", "--write-urdf":
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_recording(parser, "as of diag-dynamics analyse, without contact")
-    text = "some of friction, rotors, inertias, payload:LINK, separated by commas (default: %(default)s); no rotors if "
-    text += "efforts are measured behind the gears"
+    text = "some of friction, rotors, inertias, payload:LINK, separated by commas (default: %(default)s)"
     parser.add_argument("--what", default="friction,rotors", metavar="WHAT", help=text)
     text = "recordings of the same robot without the payload"
     parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)
-    text = "the parameters, for every node and for load_urdf"
-    parser.add_argument("-o", "--output", metavar="ARM.yaml", help=text)
-    text = "the quality of the parameters, for programs; - for stdout"
-    parser.add_argument("--json", metavar="QUALITY.json", help=text)
-    text = "efforts that the model does not explain, before and after"
-    parser.add_argument("--plots", metavar="PAGE.png", help=text)
-    text = "a copy of the URDF with inertias, payloads, damping and friction; URDF has no place for the rest"
+    parser.add_argument("-o", "--output", metavar="ARM.yaml", help="the parameters, for every node and load_urdf")
+    parser.add_argument("--json", metavar="QUALITY.json", help="the quality, for programs; - for stdout")
+    parser.add_argument("--plots", metavar="PAGE.png", help="efforts that the model does not explain, before and after")
+    text = "a copy of the URDF with inertias, payloads, damping and friction"
     parser.add_argument("--write-urdf", metavar="NEW.urdf", help=text)
     common.add_quiet(parser)
 

@@ -31,8 +31,7 @@ def add_arguments(parser):
     common.add_robot(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--floating-base", action="store_true", help="the root link moves freely")
-    text = "do not inspect, but write the URDF with inertias estimated from geometry at this density [kg/m³] for links "
-    text += "without one"
+    text = "write a URDF with inertias estimated from geometry at this density [kg/m³], for links without one"
     parser.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
     parser.add_argument("-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias")
 

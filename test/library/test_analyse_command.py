@@ -283,7 +283,6 @@ WRONG = {
     ("--out", "{out}"): "--out belongs to --fleet",
     ("--threads", "0"): "argument --threads: 0 is not at least 1",
     ("--csv", "{out}", "--json", "{out}"): "--csv is written into it",
-    ("--csv", "{out}", "--json", "{out}.part"): "--csv '{out}' has the name that --json was given",
     ("--json", "{out}/a.json"): "there is no folder",
     ("--start", "50"): "no message is within --start and --end",
     ("--alarms", "{arm}"): "'{arm}' has no thresholds",
