@@ -26,7 +26,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
 # E402: `streams` is in test/support and found by the line above alone.
 from diag_dynamics.model.example_robots import find_urdf  # noqa: E402
-from streams import CONTACT, FRAME, HEARTBEAT, Stream, get_json  # noqa: E402
+from streams import FRAME, HEARTBEAT, Stream, get_json  # noqa: E402
 
 HZ = 50.0
 """Frames per second that a tab asks for."""
@@ -126,7 +126,9 @@ class Tab:
         self.frames, self._open = 0, True
         link = get_json(address, "/layout?robot=/arm")["links"][-1]
         self._stream = Stream(address, robot="/arm", hz=HZ, link=link, timeout=30.0).__enter__()
-        self._stream.next(CONTACT if contact else HEARTBEAT)
+        self._stream.next(HEARTBEAT)
+        if contact:
+            self._stream.next(FRAME, lambda frame: frame["contact_worst"] >= 0.0)
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
 
@@ -216,7 +218,7 @@ def page(found):
         "subscribes to the bytes of states and does nothing with them, and the monitor, which observes external torque,",
         "without a view and with one. Whatever else a machine does makes these larger. Where it is too busy for all frames,",
         "the bound is compared with what as many as were asked for would cost. With contact the monitor judges all links by",
-        "their meshes against limits, and a tab is told of each link ten times a second.",
+        "their meshes against limits, and each frame has the contact of each link.",
         "",
         "| robot | states/s | no tab | one tab | two tabs | frames/s | at most | raw subscription | monitor, watched |",
         "|---|---|---|---|---|---|---|---|---|",

@@ -21,11 +21,11 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model import RobotModel, end_effector_link, load_urdf
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.page.frames import Seen, States, Told
+from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
-from diag_dynamics.page.show import Show, Taken
+from diag_dynamics.page.stream import Received, RobotStream
 
 PORT = 8420
 """Where the page is, unless told otherwise."""
@@ -74,8 +74,8 @@ class MovingRobot:
         external = dyn.jacobian(q, self._end_effector, frame="world")[1] * force
         return q, qd, dyn.inverse_dynamics(q, qd, qdd) + dyn.friction_torque(qd) - external, external
 
-    def take(self, dynamics: DiagonalDynamics) -> Taken | None:
-        """The newest state, for :class:`Show`."""
+    def take(self, dynamics: DiagonalDynamics) -> Received | None:
+        """The newest state, for RobotStream."""
         now = self._clock() - self._first_clock
         k = int(now * self.rate)
         if k <= self._last:
@@ -86,20 +86,25 @@ class MovingRobot:
         r = dynamics.epsilon_from_tau(q, external)
         norm = float(np.linalg.norm(r))
         colliding = bool((np.abs([*external, norm]) > [*self._limits[: self.model.nv], self._limits[-1]]).any())
-        states = States.of(self._first_stamp + t, q, qd, tau, dynamics.evaluate(q, qd, tau))
-        seen = Seen([True], r[None], external[None], np.array([norm]), [colliding])
-        return Taken(states, seen, Told(latency=now - t), self._first_clock + t, count, self._limits)
+        observed = {"residual": r[None], "external_torque": external[None], "norm": np.array([norm])}
+        states = States.of(
+            *(self._first_stamp + t, q, qd, tau, dynamics.evaluate(q, qd, tau)),
+            **observed,
+            collision=colliding,
+            latency=now - t,
+        )
+        return Received(states, self._first_clock + t, count, self._limits)
 
 
-def show_of(urdf, rate: float, name: str = "/") -> Show:
-    """The Show of a moving robot, by the path of its URDF."""
+def stream_of(urdf, rate: float, name: str = "/") -> RobotStream:
+    """Return the stream of a moving robot, by the path of its URDF."""
     model = load_urdf(urdf, massless="lock")
-    show = Show(name, MovingRobot(model, rate).take)
+    stream = RobotStream(name, MovingRobot(model, rate).take)
     meshes = MeshLibrary(mesh_folders(urdf))
-    show.use(DiagonalDynamics(model), scene_of(model, urdf, meshes), meshes)
+    stream.set_robot(DiagonalDynamics(model), scene_of(model, urdf, meshes), meshes)
     values = {"joint states": f"{rate:g}/s"}
-    show.tell([{"level": 0, "name": f"{name}: joint states", "message": "as expected", "values": values}])
-    return show
+    stream.set_diagnostics([{"level": 0, "name": f"{name}: joint states", "message": "as expected", "values": values}])
+    return stream
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -112,8 +117,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     try:
         names = ["/"] if len(chosen.robots) == 1 else [f"/{robot}_{k}" for k, robot in enumerate(chosen.robots)]
-        shows = [show_of(find_urdf(robot), chosen.rate, name) for robot, name in zip(chosen.robots, names, strict=True)]
-        server = PageServer(lambda: shows, chosen.host, chosen.port, log=print)
+        streams = [
+            stream_of(find_urdf(robot), chosen.rate, name) for robot, name in zip(chosen.robots, names, strict=True)
+        ]
+        server = PageServer(lambda: streams, chosen.host, chosen.port)
     except DiagDynamicsError as error:
         parser.error(str(error))
     print(f"{', '.join(chosen.robots)}: {server.address}", flush=True)

@@ -27,7 +27,7 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 SLOW = "link_energy", *CHOSEN
 """Fields that change slowly enough to be kept less often where states are kept at their full rate."""
 
-LOGARITHMIC = ("coriolis_work",)
+LOGARITHMIC = ("coriolis_work", "contact_mass", "contact_allowed")
 """Fields of which the exponent counts: their logarithms are packed."""
 
 EVERY = 20
@@ -49,11 +49,8 @@ class Track(NamedTuple):
         return sum(map(len, self.blocks))
 
 
-def overview(layout: Layout, t: Array, numbers: Any, contact: Any = None) -> Track:
-    """States that stand for the whole recording; times in seconds after its beginning.
-
-    `contact` has what :func:`~diag_dynamics.page.contact.kept_of` gives of them.
-    """
+def overview(layout: Layout, t: Array, numbers: Any) -> Track:
+    """States that stand for the whole recording; times in seconds after its beginning."""
     packed = pack(_scaled(layout, numbers))
     about = {
         "kind": "overview",
@@ -61,11 +58,11 @@ def overview(layout: Layout, t: Array, numbers: Any, contact: Any = None) -> Tra
         "logarithmic": LOGARITHMIC,
         "parts": [{"fields": None, "every": 1, "columns": packed.columns}],
     }
-    return _with_contact(Track(about, [pack_times(t), packed.data]), contact)
+    return Track(about, [pack_times(t), packed.data])
 
 
-def full_rate(layout: Layout, t: Array, numbers: Any, contact: Any = None) -> Track:
-    """All states of some seconds; the fields :data:`SLOW` of every :data:`EVERY`-th. `contact` as of :func:`overview`."""
+def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
+    """All states of some seconds; the fields :data:`SLOW` of every :data:`EVERY`-th."""
     numbers, slow = _scaled(layout, numbers), np.zeros(layout.size, dtype=bool)
     for name in SLOW:
         slow[layout.place(name)] = True
@@ -80,15 +77,7 @@ def full_rate(layout: Layout, t: Array, numbers: Any, contact: Any = None) -> Tr
             {"fields": [name for name in names if name in SLOW], "every": EVERY, "columns": few.columns},
         ],
     }
-    return _with_contact(Track(about, [pack_times(t), fast.data, few.data]), contact, FULL_RATE_LEVELS, OF_NOISE)
-
-
-def _with_contact(track: Track, contact: Any, *packing: Any) -> Track:
-    """A track with contact at each of its states, if there is any."""
-    if contact is None:
-        return track
-    packed = pack(contact, *packing)
-    return Track(track.about | {"contact": packed.columns}, [*track.blocks, packed.data])
+    return Track(about, [pack_times(t), fast.data, few.data])
 
 
 def _scaled(layout: Layout, numbers: Any) -> Any:

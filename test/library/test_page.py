@@ -9,7 +9,6 @@ import itertools
 import json
 import struct
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -19,12 +18,11 @@ import trimesh
 import diag_dynamics as dd
 import page_fixture
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.page.contact import Touch, mass_of_half, told
-from diag_dynamics.page.frames import GAP, FrameMaker, Seen, States, Told
-from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout
+from diag_dynamics.page.frames import GAP, FrameMaker, States
+from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
-from diag_dynamics.page.show import Show, Taken
+from diag_dynamics.page.stream import Received, RobotStream
 from diag_dynamics.page.tree import tree_of
 from oracles import Oracle
 from robots import description, joint, link, random_robots, robot, robot_path
@@ -125,32 +123,62 @@ def test_mobility_and_velocity_are_pinocchios(one):
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_frames_have_the_numbers_of_the_evaluation(one):
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)
-    dyn, maker = dd.DiagonalDynamics(model), FrameMaker(dd.DiagonalDynamics(model))
-    layout = maker.layout
+    dyn, places = dd.DiagonalDynamics(model), [(link, (0.0, 0.1, 0.2)) for link in model.link_names[-2:]]
+    points = dd.ContactPoints(model, [dd.ContactPoint(link, link, place) for link, place in places])
+    maker = FrameMaker(dd.DiagonalDynamics(model), zip(points.names, points.links, strict=True))
     q, qd, tau = (rows[0] for rows in some(model))
     s = dyn.evaluate(q, qd, tau, friction=True)
     r = np.random.default_rng(8).normal(size=model.nv)
-    torque = dyn.tau_from_epsilon(q, r)
-    seen = Seen([True], r[None], torque[None], np.array([np.linalg.norm(r)]), [True])
-    (frame,) = maker.frames(States.of(1.5, q, qd, tau, s), seen, Told(latency=0.003, rate=500.0))
-    assert len(frame.tobytes()) == 8 + 4 * layout.size
+    torque, norm, contact = dyn.tau_from_epsilon(q, r), np.linalg.norm(r), dyn.contact_batch(q[None], qd[None], points)
+    observed = {"residual": r[None], "external_torque": torque[None], "norm": np.array([norm]), "collision": True}
+    states = States.of(1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0).with_contact(contact)
+    (frame,) = maker.frames(states)
+    assert len(frame.tobytes()) == 8 + 4 * maker.layout.size
     expected = {
         **{"q": q, "qd": qd, "effort": tau, "nu": s.nu, "epsilon": s.epsilon, "coriolis": s.coriolis},
         **{"gravity": s.gravity, "gravity_torque": dyn.gravity_torque(q), "D": s.articulated_inertia},
         **{"link_energy": s.link_energy, "K": s.kinetic_energy, "residual": r, "external_torque": torque},
-        **{"norm": np.linalg.norm(r), "torque_norm": np.linalg.norm(torque), "latency": 0.003, "rate": 500.0},
+        **{"norm": norm, "torque_norm": np.linalg.norm(torque), "latency": 0.003, "rate": 500.0},
         **{"p_effort": s.nu @ s.epsilon, "p_gravity": -s.nu @ s.gravity, "p_friction": -s.nu @ s.friction},
         **{"p_external": qd @ torque, "flags": CAUSES["collision"]},
+        **{"contact_worst": contact.worst, "contact_position": contact.position[0, contact.worst[0]]},
+        **{"contact_speed": contact.speed, "contact_mass": contact.reflected_mass, "contact_energy": contact.energy},
+        **{"contact_allowed": contact.allowed_speed},
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():
-        found = value(frame, layout, name)
-        atol = FLOAT * (scale if name.startswith("p_") else max(np.abs(wanted).max(), 1e-3))
-        np.testing.assert_allclose(found, np.reshape(wanted, found.shape), rtol=FLOAT, atol=atol, err_msg=name)
-    assert np.isnan(value(frame, layout, "dK"))
-    assert 0.0 <= value(frame, layout, "coriolis_work") < 1e-14  # of doubles: floats would leave 1e-8
-    assert all(np.isnan(value(frame, layout, name)).all() for name in CHOSEN)
-    assert {field.name for field in layout.fields} == {*expected, "dK", "coriolis_work", *CHOSEN}
+        found, wanted = value(frame, maker.layout, name), np.ravel(wanted)
+        finite = wanted[np.isfinite(wanted)]
+        atol = FLOAT * (scale if name.startswith("p_") else max(np.abs(finite).max(initial=0.0), 1e-3))
+        np.testing.assert_allclose(found, wanted, rtol=FLOAT, atol=atol, err_msg=name)
+    assert np.isnan(value(frame, maker.layout, "dK"))
+    assert 0.0 <= value(frame, maker.layout, "coriolis_work") < 1e-14  # of doubles: floats would leave 1e-8
+    assert all(np.isnan(value(frame, maker.layout, name)).all() for name in CHOSEN)
+    assert {field.name for field in maker.layout.fields} == {*expected, "dK", "coriolis_work", *CHOSEN}
+
+
+def test_unknown_values_are_nan_and_flagged(panda):
+    """A state without efforts, of a receive time and with an estimated velocity; its stamp is late."""
+    q, qd, _ = (rows[0] for rows in some(panda))
+    maker = FrameMaker(dd.DiagonalDynamics(panda), [("tool", "panda_hand")])
+    evaluation = dd.DiagonalDynamics(panda).evaluate(q, qd)
+    (frame,) = maker.frames(
+        States.of(1.0, q, qd, None, evaluation, velocity_estimated=True, receive_time=True, latency=2.0)
+    )
+    for name in (
+        "effort",
+        "epsilon",
+        "p_effort",
+        "p_external",
+        "external_torque",
+        "norm",
+        "torque_norm",
+        "contact_speed",
+    ):
+        assert np.isnan(value(frame, maker.layout, name)).all(), name
+    flags = int(value(frame, maker.layout, "flags")[0])
+    expected = {"velocity_estimated", "effort_missing", "no_external_torque", "late", "receive_time"}
+    assert {name for name, bit in CAUSES.items() if flags & bit} == expected
 
 
 def test_many_states_are_as_one_by_one(panda):
@@ -160,14 +188,13 @@ def test_many_states_are_as_one_by_one(panda):
     t = 100.0 + 0.01 * np.arange(40)
     t[20:] += 2.0 * GAP
     batch = dyn.evaluate_batch(q, qd, tau)
-    whole = FrameMaker(dyn, live=False).frames(States.of(t, q, qd, tau, batch))
+    whole = FrameMaker(dyn).frames(States.of(t, q, qd, tau, batch))
     for ends in (range(41), (0, 15, 40)):
-        maker = FrameMaker(dyn, live=False)
+        maker = FrameMaker(dyn)
         parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
-        frames = [maker.frames(States.of(t[k], q[k], qd[k], tau[k], batch[k])) for k in parts]
-        np.testing.assert_array_equal(np.concatenate(frames)["t"], whole["t"])
-        numbers = np.concatenate(frames)["numbers"]
-        np.testing.assert_allclose(numbers, whole["numbers"], rtol=1e-5, atol=1e-4)
+        frames = np.concatenate([maker.frames(States.of(t[k], q[k], qd[k], tau[k], batch[k])) for k in parts])
+        np.testing.assert_array_equal(frames["t"], whole["t"])
+        np.testing.assert_allclose(frames["numbers"], whole["numbers"], rtol=1e-5, atol=1e-4)
     rate, K = value(whole, maker.layout, "dK")[:, 0], batch.kinetic_energy
     assert np.isnan(rate[[0, 20]]).all()
     np.testing.assert_allclose(rate[1:20], np.diff(K[:20]) / 0.01, rtol=1e-5)
@@ -183,64 +210,50 @@ def test_a_state_of_another_model_is_flagged(panda):
     assert int(value(frame, maker.layout, "flags")[0]) & CAUSES["other_model"]
 
 
-# --- Shows ---
+def test_half_mass():
+    """Half of the moving mass, and the whole payload; what a fixed base carries does not move."""
+    model, place = dd.load_urdf(page_fixture.ARM), (0.0, 0.0, 0.1)
+    assert half_mass(model) == pytest.approx(1.5)
+    assert half_mass(model.with_payload("lower", 1.5, place)) == pytest.approx(3.0)
+    assert half_mass(model.with_payload("base", 1.5, place)) == pytest.approx(1.5)
 
 
-def test_a_show_makes_each_frame_once(panda):
-    """Readers of one state share one evaluation; a chosen link costs one more frame."""
-    dyn, states = dd.DiagonalDynamics(panda), [None]
+# --- Streams ---
+
+
+def test_a_frame_is_made_once_for_each_link(panda):
+    """An unknown link is the end effector. Thresholds and points of contact start a new layout."""
+    dyn, states = dd.DiagonalDynamics(panda), []
     q, qd, tau = (rows[0] for rows in some(panda))
-    show = Show("/arm", lambda _: states.pop() if states else None)
-    assert show.newest("panda_hand").frame == b""  # nothing is known of links yet
-    show.use(dyn, None, None)
-    with pytest.raises(dd.InputError, match="'tool0'"):
-        show.newest("tool0")
-    states[:] = [Taken(States.of(1.0, q, qd, tau, dyn.evaluate(q, qd, tau)))]
-    frames = [show.newest(name).frame for name in ("", "", "panda_hand", "panda_hand", "panda_link3")]
-    assert not states
-    assert len(set(frames)) == 3
+    stream = RobotStream("/arm", lambda _: states.pop() if states else None)
+    assert stream.newest("panda_hand") == ((0, ""), (0, "[]"), "", 0, b"")  # no robot yet
+    stream.set_robot(dyn)
+    evaluated = States.of(1.0, q, qd, tau, dyn.evaluate(q, qd, tau))
+    states[:] = [Received(evaluated, 0.0, 3)]
+    newest = [stream.newest(link) for link in ("panda_hand", "nobody", "panda_link3")]
+    assert [one.link for one in newest] == ["panda_hand", "panda_hand", "panda_link3"]
+    assert newest[0].frame is newest[1].frame != newest[2].frame
     common = 8 + 4 * Layout(panda).common
-    assert len({frame[:common] for frame in frames}) == 1
+    assert newest[0].frame[:common] == newest[2].frame[:common]
+    assert (newest[0].layout[0], newest[0].number) == (1, 3)
+    states[:] = [Received(evaluated, 0.0, 1, (*np.full(panda.nv, np.inf), np.inf, 8.0), (("tool", "panda_hand"),))]
+    number, layout = stream.newest().layout
+    assert (number, json.loads(layout)["thresholds"]["norm"]) == (2, 8.0)
+    assert json.loads(layout)["contact"]["points"] == [{"name": "tool", "link": "panda_hand"}]
 
 
 def test_why_no_state_comes():
     """The worst status is the reason if there is no other."""
-    show = Show("/arm", lambda _: None)
-    show.use(dd.DiagonalDynamics(dd.load_urdf(page_fixture.ARM)), None, None)
-    assert show.about()["waiting"] == "waiting for the first state"
-    told = [(0, "model", "fits"), (1, "joint states", "rejected: no joint 'elbow'"), (0, "rates", "well")]
-    show.tell([{"level": level, "name": f"/arm/monitor: {name}", "message": text} for level, name, text in told])
-    assert show.about()["waiting"] == "joint states: rejected: no joint 'elbow'"
-    show.wait_for("waiting for robot_description")
-    assert show.about()["waiting"] == "waiting for robot_description"
-
-
-def contact(t=1.0, **changes):
-    numbers = {"speed": [0.5, 0.0], "mass": [3.0, 0.0], "energy": [0.375, 0.0], "allowed": [0.4, np.inf]}
-    arrays = {name: np.array(values) for name, values in (numbers | changes).items()}
-    return Touch(t, ["a", "b"], ["upper", "lower"], np.arange(6.0), **arrays, worst=0, estimated=False)
-
-
-def test_contact_is_read_at_most_ten_times_a_second(monkeypatch):
-    taken, now = [], [50.0]
-    monkeypatch.setattr("diag_dynamics.page.show.time", SimpleNamespace(monotonic=lambda: now[0]))
-    show = Show("/arm", lambda _: None, lambda dyn: taken.append(dyn) or contact(float(len(taken))))
-    assert show.touch() == (0, b"")
-    show.use(dd.DiagonalDynamics(dd.load_urdf(page_fixture.ARM)), None, None)
-    for later, count in ((0.0, 1), (0.09, 1), (0.02, 2)):
-        now[0] += later
-        number, text = show.touch()
-        assert number == json.loads(text)["t"] == len(taken) == count
-
-
-def test_mass_of_half_and_the_margin_of_a_retreat():
-    """Half of the moving mass, and the whole payload. A point that moves away has its whole allowed speed as margin."""
-    model = dd.load_urdf(page_fixture.ARM)
-    assert mass_of_half(model) == pytest.approx(1.5)
-    assert mass_of_half(model.with_payload("lower", 1.5, (0.0, 0.0, 0.1))) == pytest.approx(3.0)
-    assert mass_of_half(model.with_payload("base", 1.5, (0.0, 0.0, 0.1))) == pytest.approx(1.5)
-    away = json.loads(told(contact(speed=[-0.2, 0.0]), model))["points"]
-    assert away[0]["margin"] == pytest.approx(0.4)
+    stream = RobotStream("/arm", lambda _: None)
+    stream.set_robot(dd.DiagonalDynamics(dd.load_urdf(page_fixture.ARM)))
+    assert stream.about()["waiting"] == "waiting for the first state"
+    statuses = [(0, "model", "fits"), (1, "joint states", "rejected: no joint 'elbow'"), (0, "rates", "well")]
+    stream.set_diagnostics(
+        [{"level": level, "name": f"/arm/monitor: {name}", "message": text} for level, name, text in statuses]
+    )
+    assert stream.about()["waiting"] == "joint states: rejected: no joint 'elbow'"
+    stream.set_waiting("waiting for robot_description")
+    assert stream.about()["waiting"] == "waiting for robot_description"
 
 
 # --- Scenes ---

@@ -227,7 +227,7 @@ def test_meshes_have_fewer_vertices_where_they_are_too_large():
 
 
 def track_of(told, blocks, track):
-    """Return times of a track, its fields by name with their states, and its contact."""
+    """Return times of a track, and its fields by name with their states."""
     first, *others = (blocks[k] for k in track["blocks"])
     steps = np.frombuffer(gzip.decompress(first), np.uint8).reshape(-1, track["rows"])
     sizes, found = {field["name"]: field["size"] for field in told["layout"]["fields"]}, {}
@@ -236,8 +236,7 @@ def track_of(told, blocks, track):
         numbers = unpacked(data, part["columns"], -(-track["rows"] // part["every"]))
         for name in part["fields"] or sizes:
             found[name], numbers = (numbers[:, : sizes[name]], every), numbers[:, sizes[name] :]
-    contact = unpacked(others[-1], track["contact"], track["rows"]) if "contact" in track else None
-    return np.cumsum(256.0 ** np.arange(len(steps)) @ steps) * 1e-6, found, contact
+    return np.cumsum(256.0 ** np.arange(len(steps)) @ steps) * 1e-6, found
 
 
 def test_the_numbers_are_the_librarys(recording):
@@ -251,9 +250,9 @@ def test_the_numbers_are_the_librarys(recording):
     assert told["summary"] == summary
     assert [track["kind"] for track in told["tracks"]] == ["overview", "full rate"]
     points = dd.ContactPoints(recording.model, dd.link_geometry(recording.model, ARM).points, limits, "limit")
-    assert [point["name"] for point in told["contact"]] == list(points.names)
+    assert [point["name"] for point in told["layout"]["contact"]["points"]] == list(points.names)
     for track in told["tracks"]:
-        t, found, contact = track_of(told, blocks, track)
+        t, found = track_of(told, blocks, track)
         which = np.rint(t * RATE).astype(int)
         np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
         q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
@@ -276,10 +275,12 @@ def test_the_numbers_are_the_librarys(recording):
         K = s.kinetic_energy[found["link_energy"][1]]
         np.testing.assert_allclose(found["link_energy"][0].sum(axis=1), K, atol=1e-3 * K.max())
         c = recording.dyn.contact_batch(q, qd, points)
-        mass, allowed = np.log10(c.reflected_mass), np.log10(c.allowed_speed[:, points.limited])
-        worst = c.position[np.arange(len(t)), c.worst]
-        np.testing.assert_array_equal(contact[:, 0], c.worst)
-        np.testing.assert_allclose(contact[:, 1:], np.hstack([worst, c.speed, mass, allowed]), atol=1e-3)
+        assert (found["contact_worst"][0][:, 0] == c.worst).all()
+        allowed = np.where(points.limited, c.allowed_speed, np.nan)
+        expected = {"position": c.position[np.arange(len(t)), c.worst], "speed": c.speed, "energy": c.energy}
+        expected |= {"mass": np.log10(c.reflected_mass), "allowed": np.log10(allowed)}
+        for name, numbers in expected.items():
+            np.testing.assert_allclose(found[f"contact_{name}"][0], numbers, atol=1e-3, err_msg=name)
     around = track_of(told, blocks, told["tracks"][1])[0]
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
 
@@ -313,7 +314,7 @@ def test_states_without_an_effort_are_counted(recording):
     assert 201 <= unknown <= 202 and len(summary["collisions"]) == 1
     assert f"Of {unknown} of 4000 states nothing is known" in summary["observer"]["says"]
     told, blocks = parts_of(html)
-    t, found, _ = track_of(told, blocks, told["tracks"][0])
+    t, found = track_of(told, blocks, told["tracks"][0])
     missing = np.abs(t - 5.2) < 0.18
     assert all(np.isnan(found[name][0][missing]).all() for name in ("effort", "epsilon", "p_effort"))
     assert all(np.isfinite(found[name][0]).all() for name in ("coriolis", "K", "p_gravity"))
@@ -350,7 +351,7 @@ def test_times_behind_a_long_gap_are_right(recording):
     told, blocks = parts_of(html)
     t = track_of(told, blocks, told["tracks"][0])[0]
     assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
-    assert (told["contact"], ["contact" in track for track in told["tracks"]]) == ([], [False])
+    assert told["layout"]["contact"]["points"] == []
     assert told["parameters"][0] == {"name": "external_torque.gain", "value": "25.0", "default": False}
     assert {"yes", "no", "none"} <= {row["value"] for row in told["parameters"]}
 

@@ -21,12 +21,11 @@ from browser import Tab, browser
 from diag_dynamics.cli.main import main
 from diag_dynamics.demos.moving_robot import MovingRobot
 from diag_dynamics.model.example_robots import find_urdf
-from diag_dynamics.page.contact import Touch
-from diag_dynamics.page.frames import Seen, States, Told
+from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
-from diag_dynamics.page.show import Show, Taken
+from diag_dynamics.page.stream import Received, RobotStream
 from hostile import START, Driver
 from recorded_arm import ARM, WATCHED, Recording
 from robots import description, joint, link
@@ -42,20 +41,18 @@ def chromium():
 
 def still(dynamics):
     """Return the state of page_fixture with the present time."""
-    s = dynamics.evaluate(page_fixture.Q, page_fixture.QD, page_fixture.EFFORT)
-    zero = np.zeros((1, 2))
-    seen = Seen([True], zero, zero, np.zeros(1), [False])
-    states = States.of(time.time(), page_fixture.Q, page_fixture.QD, page_fixture.EFFORT, s)
-    return Taken(states, seen, received=time.monotonic())
+    state = page_fixture.Q, page_fixture.QD, page_fixture.EFFORT
+    observed = {"residual": np.zeros((1, 2)), "external_torque": np.zeros((1, 2)), "norm": np.zeros(1)}
+    return Received(States.of(time.time(), *state, dynamics.evaluate(*state), **observed), time.monotonic())
 
 
 @pytest.fixture
 def serve():
-    """Serve shows in this process; returns a function that takes them and returns their server."""
+    """Serve robots in this process; returns a function that takes their streams and returns the server."""
     servers = []
 
-    def start(*shows, **options):
-        servers.append(PageServer(lambda: shows, **options))
+    def start(*streams):
+        servers.append(PageServer(lambda: streams))
         servers[-1].start()
         return servers[-1]
 
@@ -67,9 +64,9 @@ def serve():
 def test_the_page_shows_the_kinetic_energy_of_the_state(chromium, serve):
     """The page opens, its console says nothing, and K is 6.5 J."""
     model = dd.load_urdf(page_fixture.ARM)
-    show = Show("/arm", still)
-    show.use(dd.DiagonalDynamics(model), scene_of(model, page_fixture.ARM), None)
-    address = serve(show).address
+    stream = RobotStream("/arm", still)
+    stream.set_robot(dd.DiagonalDynamics(model), scene_of(model, page_fixture.ARM))
+    address = serve(stream).address
     with Tab(chromium, (640, 480)) as tab:
         tab.open(address)
         tab.until("document.querySelector('.headline b').textContent === '6.50 J'")
@@ -94,21 +91,21 @@ class Robot(MovingRobot):
         return self.state(stamp - self._first_stamp)
 
     def take(self, dynamics):
-        taken = None if self.silent.is_set() else super().take(dynamics)
-        if taken is None or not self.doubtful.is_set():
-            return taken
-        told = Told(velocity_estimated=True, latency=0.001)
-        return taken._replace(seen=taken.seen._replace(valid=[False]), told=told)
+        received = None if self.silent.is_set() else super().take(dynamics)
+        if received is None or not self.doubtful.is_set():
+            return received
+        unknown = {"residual": np.nan, "external_torque": np.nan, "norm": np.array([np.nan])}
+        return received._replace(states=received.states._replace(velocity_estimated=True, **unknown))
 
 
-def shown(urdf, name, take_contact=lambda _: None):
-    """Return a robot and its Show."""
+def shown(urdf, name):
+    """Return a robot and its stream."""
     robot = Robot(dd.load_urdf(urdf, massless="lock"))
-    show = Show(name, robot.take, take_contact)
+    stream = RobotStream(name, robot.take)
     meshes = MeshLibrary(mesh_folders(urdf) if not urdf.startswith("<") else ())
-    show.use(dd.DiagonalDynamics(robot.model), scene_of(robot.model, urdf, meshes), meshes)
-    show.tell([status(1, "joint states", "a gap of 0.2 s")])
-    return robot, show
+    stream.set_robot(dd.DiagonalDynamics(robot.model), scene_of(robot.model, urdf, meshes), meshes)
+    stream.set_diagnostics([status(1, "joint states", "a gap of 0.2 s")])
+    return robot, stream
 
 
 def status(level, name, message):
@@ -127,7 +124,7 @@ def chain(names, shape='<visual><geometry><sphere radius="0.03"/></geometry></vi
     return text.replace('lower="-10"', f'lower="-{limit}"').replace('upper="10"', f'upper="{limit}"')
 
 
-def read(text):
+def read_number(text):
     """Return a number of a text of the page."""
     return float(text.replace("−", "-"))
 
@@ -148,8 +145,8 @@ def panda():
 @pytest.fixture(scope="module")
 def opened(chromium, panda):
     """Share a page between tests. Its console stays empty, and its requests go to its server."""
-    shows = [panda[1], shown(str(find_urdf("ur5")), "/other")[1]]
-    server = PageServer(lambda: shows)
+    streams = [panda[1], shown(str(find_urdf("ur5")), "/other")[1]]
+    server = PageServer(lambda: streams)
     server.start()
     with Tab(chromium) as tab:
         tab.open(server.address)
@@ -198,7 +195,7 @@ def test_numbers_are_those_of_the_state(live, panda):
     wanted = s.nu * s.coriolis
     np.testing.assert_allclose([exchange[name] for name in names], wanted, rtol=1e-3, atol=2e-4 * np.abs(wanted).max())
     rows = live.page.locator(".joints tbody tr").all_inner_texts()
-    np.testing.assert_allclose([read(row.split()[1]) for row in rows], s.energy_share, rtol=0.01, atol=1e-4)
+    np.testing.assert_allclose([read_number(row.split()[1]) for row in rows], s.energy_share, rtol=0.01, atol=1e-4)
     last = rows_of(live)[-1]
     assert float(last["t [s]"]) == values["t"]
     np.testing.assert_allclose([float(last[f"nu.{name}"]) for name in names], values["nu"], rtol=1e-6)
@@ -306,9 +303,9 @@ def test_no_text_is_cut_off(live):
 def test_sixty_joints_and_names_that_are_html(chromium, serve):
     """Bars of the largest few and of others; HTML in a name is text."""
     hostile = "&lt;img src=x onerror=alert(1)&gt;"
-    _, show = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
+    _, stream = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
     with Tab(chromium, (1000, 700), "light") as tab:
-        tab.open(serve(show).address)
+        tab.open(serve(stream).address)
         tab.until("document.querySelectorAll('.joints tbody tr').length === 11")
         assert "50 others" in tab.page.locator(".joints").inner_text()
         tab.page.keyboard.press("j")  # the joint with that name
@@ -322,39 +319,45 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
 
 @pytest.mark.full
 def test_contact_now_and_then(chromium, serve):
-    """Each point has its numbers and half the mass beside them; a past moment shows the contact nearest to it."""
-    begun, received, names, quiet = time.time(), {}, ["link1", "link2"], threading.Event()
+    """Each point has its numbers and half the mass beside them, now and at a past moment."""
+    begun, names, quiet = time.time(), ("link1", "link2"), threading.Event()
 
-    def take_contact(_):
-        if quiet.is_set():
+    def contact_at(t):
+        speed, position = np.array([[0.1, 0.2]]) * (t - begun), np.array([[0.0, 0.0, 0.1 * (t - begun)]])
+        numbers = {"worst": np.zeros(1), "position": position, "speed": speed, "mass": np.ones((1, 2))}
+        numbers |= {"energy": 0.5 * speed**2, "allowed": np.array([[-1.0, np.inf]])}  # the first is above its limit
+        return {f"contact_{name}": number for name, number in numbers.items()}
+
+    def read(dynamics):
+        received = robot.take(dynamics)
+        if received is None:
             return None
-        t = time.time()
-        speed, places = np.array([0.1, 0.2]) * (t - begun), np.array([[0, 0, 0.1 * (t - begun)], [0, 0, 0.3]])
-        received[t] = speed, places
-        allowed = np.array([-1.0, np.inf])  # no speed is allowed, so that the first point is above its limit
-        return Touch(t, names, names, places, speed, np.ones(2), 0.5 * speed**2, allowed, 0, False)
+        contact = {} if quiet.is_set() else contact_at(received.states.t[0])
+        return received._replace(
+            states=received.states._replace(**contact), points=tuple(zip(names, names, strict=True))
+        )
 
-    _, show = shown(chain(["one", "two"]), "/touched", take_contact)
+    text = chain(["one", "two"])
+    robot, stream = Robot(dd.load_urdf(text)), RobotStream("/touched", read)
+    stream.set_robot(dd.DiagonalDynamics(robot.model), scene_of(robot.model, text))
     with Tab(chromium) as tab:
-        tab.open(serve(show).address)
-        tab.until("document.querySelectorAll('.touch tr.above').length === 1 && diag.contact.drawn")
+        tab.open(serve(stream).address)
+        tab.until("document.querySelectorAll('.contact tr.above').length === 1 && diag.contact")
         assert "0.300 kg" in tab.page.locator("#contact p").inner_text()
-        past = tab.until("diag.contact.t")
-        tab.until(f"diag.contact.t > {past!r} + 0.5 && diag.state.last > {past!r} + 0.5")
+        past = tab.until("diag.values.t")
+        tab.until(f"diag.state.last > {past!r} + 0.5")
         tab.page.keyboard.press("Space")
         tab.ask(f"diag.go({past!r})")
+        tab.until(f"diag.values.t === {past!r}")
         tab.drawn()
-        at = tab.ask("diag.values.t")
-        nearest = min(list(received), key=lambda other: abs(other - at))
-        tab.until(f"diag.contact.shown && diag.contact.shown.t === {nearest!r}")
-        (v, _), places = received[nearest]
-        np.testing.assert_allclose(tab.ask("diag.contact.drawn"), places[0], rtol=1e-6, atol=1e-6)
-        cells = [read(cell) for cell in tab.page.locator(".touch tbody tr").first.inner_text().split()[1:]]
+        contact = contact_at(past)
+        np.testing.assert_allclose(tab.ask("diag.contact"), contact["contact_position"][0], rtol=1e-5, atol=1e-6)
+        cells = [read_number(cell) for cell in tab.page.locator(".contact tbody tr").first.inner_text().split()[1:]]
+        v = contact["contact_speed"][0, 0]
         np.testing.assert_allclose(cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4)
-        assert "at this moment" in tab.page.locator("#contact h2").inner_text()
         tab.page.keyboard.press("l")
         quiet.set()
-        tab.until("!diag.contact.fresh && diag.contact.drawn === null && document.querySelector('#contact.old')")
+        tab.until("diag.contact === null && document.querySelector('#contact.old')")
         assert (tab.cut_off(), tab.said) == ([], [])
 
 
@@ -363,38 +366,37 @@ def test_the_worst_status_is_seen_at_once(chromium, serve):
     """Head and banner have the reason why there is no state."""
     text, refused = chain(["one", "two"]), "parameter 'alarm.joints' names 'elbow'"
     robot = Robot(dd.load_urdf(text))
-    show = Show("/late", robot.take)
-    show.tell([status(1, "rates", "a gap"), status(2, "model", refused)])
+    stream = RobotStream("/late", robot.take)
+    stream.set_diagnostics([status(1, "rates", "a gap"), status(2, "model", refused)])
     with Tab(chromium, (1280, 720), "light") as tab:
-        tab.page.goto(serve(show).address, wait_until="domcontentloaded")
+        tab.page.goto(serve(stream).address, wait_until="domcontentloaded")
         tab.until("diag.state.word === 'Waiting' && diag.state.worst")
         for place in (".banner", ".worst", ".diagnostics"):
             tab.until(f'document.querySelector("{place}").textContent.includes("{refused}")')
             assert tab.page.locator(place).is_visible()
-        show.use(dd.DiagonalDynamics(robot.model), scene_of(robot.model, text), None)
+        stream.set_robot(dd.DiagonalDynamics(robot.model), scene_of(robot.model, text))
         tab.until(
             "diag.state.word === 'Live' && diag.state.level === 'bad' && document.querySelector('.banner').hidden"
         )
         robot.silent.set()
         tab.until("diag.state.word === 'Stale' && !document.querySelector('.banner').hidden")
         assert refused in tab.page.locator(".banner").inner_text()
-        show.tell([status(0, "model", "as expected")])
+        stream.set_diagnostics([status(0, "model", "as expected")])
         robot.silent.clear()
         tab.until("diag.state.level === 'good' && document.querySelector('.worst').hidden")
-        assert [text for text in tab.said if "503" not in text] == []  # while nothing was known of the robot
+        assert tab.said == []
 
 
 # --- Reports ---
 
 
 def show_moment(tab, t):
-    """Go to a moment. Return the values of its state and its contact."""
+    """Go to a moment. Return the values of its state and the drawn point of contact."""
     tab.until("diag.values")
     tab.ask(f"diag.go({t!r})")
+    tab.until("diag.values.t === diag.state.now || Math.abs(diag.values.t - diag.state.now) < 0.1")
     tab.drawn()
-    values = tab.ask("diag.values")
-    tab.until(f"diag.contact.shown && Math.abs(diag.contact.shown.t - {values['t']!r}) < 1e-9")
-    return values, tab.ask("diag.contact")
+    return tab.ask("diag.values"), tab.ask("diag.contact")
 
 
 @pytest.fixture(scope="module")
@@ -413,15 +415,14 @@ def test_a_report_shows_the_recording(chromium, recording):
     with Tab(chromium) as tab:
         tab.open(html.as_uri())
         for moment in (0.5, 2.1, 2.113, 6.7):
-            values, contact = show_moment(tab, moment)
+            values, place = show_moment(tab, moment)
             k = round(values["t"] * recorded_arm.RATE)
             s, c = dyn.evaluate(recording.q[k], recording.qd[k]), dyn.contact(recording.q[k], recording.qd[k], points)
             np.testing.assert_allclose(values["nu"], s.nu, atol=1e-3 * np.abs(s.nu).max())
             np.testing.assert_allclose(values["K"][0], s.kinetic_energy, rtol=2e-3)
-            assert contact["shown"]["worst"] == c.worst
-            speeds = [point["speed"] for point in contact["shown"]["points"]]
-            np.testing.assert_allclose(speeds, c.speed, atol=1e-4)
-            np.testing.assert_allclose(contact["drawn"], c.position[c.worst], atol=1e-3)
+            assert values["contact_worst"] == [c.worst]
+            np.testing.assert_allclose(values["contact_speed"], c.speed, atol=1e-4)
+            np.testing.assert_allclose(place, c.position[c.worst], atol=1e-3)
         words = {name: " ".join(tab.page.locator(f"#{name}").inner_text().split()) for name in CHAPTERS}
         assert f"{summary['kinetic_energy']['at']:.3f} s" in words["overall"]
         assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
@@ -464,10 +465,10 @@ def test_the_worst_point_moves_with_a_floating_base(chromium, tmp_path):
     with Tab(chromium, (1280, 720), "light") as tab:
         tab.open(html.as_uri())
         for moment in (0.2, 1.8, 0.4):
-            _, contact = show_moment(tab, moment)
-            k = int(np.argmin(np.abs(rec.t - rec.t[0] - contact["shown"]["t"])))
+            values, drawn = show_moment(tab, moment)
+            k = int(np.argmin(np.abs(rec.t - rec.t[0] - values["t"])))
             c, root = dyn.contact(rec.q[k], rec.qd[k], points), dyn.placement(rec.q[k], rec.model.root_link)
-            assert contact["shown"]["worst"] == c.worst
+            assert values["contact_worst"] == [c.worst]
             place = root[:3, :3] @ c.position[c.worst] + root[:3, 3]
-            np.testing.assert_allclose(contact["drawn"], place, atol=3e-4)
+            np.testing.assert_allclose(drawn, place, atol=3e-4)
         assert tab.said == []

@@ -3,18 +3,15 @@
 
 """The viewer node in process, with monitors beside it; its page is read by HTTP from this machine."""
 
-from collections import deque
-
 import numpy as np
 import pytest
 from diag_dynamics.msg import Contact
 from diag_dynamics.srv import SetPayload
-from rclpy.node import Node
 
 import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from nodes import PANDA, UR5, Monitor, S, nanoseconds, robot
-from streams import CONTACT, DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
+from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
 
 VIEW = "/diag_dynamics_view"
 FIELDS = {name: name for name in ("nu", "epsilon", "coriolis", "gravity", "effort")} | {
@@ -25,36 +22,10 @@ FIELDS = {name: name for name in ("nu", "epsilon", "coriolis", "gravity", "effor
 """Fields of a state's message, by those of a frame."""
 
 
-class Aside:
-    """The node that no executor serves: messages wait in its subscriptions."""
-
-    def __init__(self, graph, name):
-        self._node = graph.add(Node, node_name=name)
-        self.destroy_subscription, self.destroy_node = self._node.destroy_subscription, self._node.destroy_node
-
-    def create_subscription(self, kind, topic, callback, qos, raw):
-        """Subscribe; bytes are kept."""
-        waiting = deque(maxlen=qos.depth)
-        keep = lambda raw: waiting.append(raw)  # noqa: E731 (rclpy reads its signature)
-        subscription = self._node.create_subscription(kind, topic, keep, qos, raw=raw)
-        subscription.waiting = waiting
-        return subscription
-
-
-def drained(subscription):
-    """Return the newest message that waits, no information on it, and the number of messages."""
-    taken = [subscription.waiting.popleft() for _ in range(len(subscription.waiting))]
-    return (taken[-1] if taken else None), {}, len(taken)
-
-
 @pytest.fixture(scope="module")
 def start_view(peer):
     """Return a function that starts a view."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("diag_dynamics.nodes.view.view.Node", lambda name, **_: Aside(peer.graph, name))
-        for module in ("watched", "touching"):
-            patch.setattr(f"diag_dynamics.nodes.view.{module}.drained", drained)
-        yield lambda *arguments, port=0: peer.start("view", *arguments, port=port, rate=100.0)
+    return lambda *arguments, port=0: peer.start("view", *arguments, port=port, rate=100.0)
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +92,7 @@ def test_external_torque(peer, monitor, view, panda):
 
 def test_thresholds_diagnostics_and_heartbeat(peer, monitor, view, panda, monkeypatch):
     """The page has thresholds of the monitor, diagnostics of the robot's nodes, and whether states come."""
-    stale = "diag_dynamics.page.show.STALE"
+    stale = "diag_dynamics.page.stream.STALE"
     monkeypatch.setattr(stale, np.inf)  # the server reads the time of the machine, which may be busy
     monitor.next_report()
     with stream_of(view) as stream:
@@ -185,10 +156,9 @@ def test_restart_of_the_monitor(peer, view):
                 monitor.now = last = last + 1000 * S
                 monitor.serves(robot(id), 1)
                 frame = frame_of(stream, monitor.now)
-                layouts.append((stream.layout["robot"], stream.layout["link"]))
-                assert np.isnan(frame["link_velocity"]).all() == (id is PANDA)
+                layouts.append((stream.layout["robot"], stream.next(HEARTBEAT)["link"]))
                 assert frame["link_energy"].sum() == pytest.approx(frame["K"], rel=1e-4, abs=1e-6)
-    assert layouts == [("ur5", "tool0"), ("panda", "")]  # the Panda has no tool0
+    assert layouts == [("ur5", "tool0"), ("panda", "panda_hand")]  # the Panda has no tool0
 
 
 def test_restart_of_the_view(peer, start_view, monitor, panda):
@@ -238,22 +208,22 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
         monitor.next_report()
         assert peer.node.count_subscribers(f"{monitor.name}/contact") == 2
         with stream_of(view, "/limited") as stream:
+            stream.next(HEARTBEAT)
             monitor.serves(panda)
-            shown = stream.next(CONTACT)
+            frame = frame_of(stream, monitor.now)
         message = contacts.messages[-1]
-    assert shown["t"] == nanoseconds(message.header.stamp) / S
-    assert shown["worst"] == message.worst
-    points = shown["points"]
-    names = [(point["name"], point["link"]) for point in points]
+    assert nanoseconds(message.header.stamp) == monitor.now
+    about = stream.layout["contact"]
+    names = [(point["name"], point["link"]) for point in about["points"]]
     assert names == list(zip(message.point_names, message.link_names, strict=True))
-    for name, field in (("speed", "speed"), ("mass", "reflected_mass"), ("energy", "transferable_energy")):
-        np.testing.assert_array_equal([point[name] for point in points], getattr(message, field))
-    np.testing.assert_array_equal(np.ravel([point["position"] for point in points]), message.positions)
-    finite = np.isfinite(message.margin)
-    assert finite.any()
-    margins = [point["margin"] for point, is_limited in zip(points, finite, strict=True) if is_limited]
-    np.testing.assert_allclose(margins, np.array(message.margin)[finite], atol=1e-12)
-    assert shown["half"] == pytest.approx(0.5 * (17.451901 - 0.629769))  # of the links that move
+    fields = {"speed": "speed", "mass": "reflected_mass", "energy": "transferable_energy", "allowed": "allowed_speed"}
+    for name, field in fields.items():
+        np.testing.assert_array_equal(frame[f"contact_{name}"], np.array(getattr(message, field), dtype=np.float32))
+    worst = int(frame["contact_worst"])
+    assert worst == message.worst
+    place = np.array(message.positions[3 * worst : 3 * worst + 3], dtype=np.float32)
+    np.testing.assert_array_equal(frame["contact_position"], place)
+    assert about["half"] == pytest.approx(0.5 * (17.451901 - 0.629769))  # of the links that move
 
 
 def test_foreign_time(peer, view, panda):

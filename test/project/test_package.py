@@ -67,7 +67,9 @@ def test_package_xml_declares_what_is_imported():
     """But for what recordings need, which pip alone has: `pip install diag_dynamics[recordings]`."""
     package = ET.parse(ROOT / "package.xml").getroot()
     declared = {element.text for element in package if element.tag.endswith("depend")}
-    keys = {name: f"python3-{name}" for name in ("numba", "numpy", "lxml", "rich", "matplotlib", "scipy", "yaml")}
+    keys = {
+        name: f"python3-{name}" for name in ("aiohttp", "numba", "numpy", "lxml", "rich", "matplotlib", "scipy", "yaml")
+    }
     keys |= {"yourdfpy": "python3-yourdfpy-pip", "llvmlite": keys["numba"]}
     extra = re.search(r"^recordings = (\[.*\])$", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)[1]
     declared |= {re.split("[<>=]", name)[0] for name in json.loads(extra)}

@@ -18,12 +18,11 @@ import numpy as np
 
 import diag_dynamics as dd
 from coupling import mimicking
-from diag_dynamics.page.contact import Touch, told
-from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
+from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.packing import pack, pack_mesh, pack_times
 from diag_dynamics.page.report import full_rate, overview
 from diag_dynamics.page.scene import scene_of
-from diag_dynamics.page.show import Show, Taken
+from diag_dynamics.page.stream import Received, RobotStream
 from diag_dynamics.page.tree import tree_of
 from robots import BOX, description, joint, link, random_tree
 
@@ -40,33 +39,37 @@ ARM = description(
 )
 Q, QD, EFFORT = np.array([0.3, 0.5 * math.pi]), np.array([2.0, -1.0]), np.array([5.0, 1.0])
 EXTERNAL, T = np.array([0.5, -0.25]), 1.7e9 + 0.25
+CONTACT = {
+    "contact_worst": np.array([0.0]),
+    "contact_position": np.array([[0.0, 1.0, 2.0]]),
+    "contact_speed": np.array([[0.5, 0.0]]),
+    "contact_mass": np.array([[3.0, 0.0]]),
+    "contact_energy": np.array([[0.375, 0.0]]),
+    "contact_allowed": np.array([[0.4, math.inf]]),
+}
+POINTS = (("tool", "lower"), ("arm", "upper"))
+"""Two points; the second one is at rest and has no limit."""
 
 
 def content():
     """Return what the file contains."""
     model = dd.load_urdf(ARM)
     dyn, scene = dd.DiagonalDynamics(model), scene_of(model, ARM)
-    residual = dyn.epsilon_from_tau(Q, EXTERNAL)
-    seen = Seen([True], residual[None], EXTERNAL[None], np.array([np.linalg.norm(residual)]), [True])
-    state = States.of(T, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT))
-    unknown = States.of(T + 0.1, Q, QD, None, dyn.evaluate(Q, QD))
-    taken = [
-        Taken(state, seen, Told(latency=0.003), limits=(12.0, math.inf, math.inf, 8.0)),
-        Taken(
-            unknown,
-            None,
-            Told(velocity_estimated=True, receive_time=True, latency=2.0),
-            limits=(12.0, math.inf, math.inf, 8.0),
-        ),
-    ]
-    show = Show("/arm", lambda _: taken.pop(0))
-    show.use(dyn, scene, None)
-    frames = [show.newest(name).frame for name in ("lower", "")]
-    contact = Touch(T, ["tool", "arm"], ["lower", "upper"], np.arange(6.0), *_contact(), worst=0, estimated=True)
+    residual = dyn.epsilon_from_tau(Q, EXTERNAL)[None]
+    observed = {"residual": residual, "external_torque": EXTERNAL[None], "norm": np.linalg.norm(residual, axis=1)}
+    state = States.of(
+        T, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **observed, **CONTACT, collision=True, latency=0.003
+    )
+    flags = {"velocity_estimated": True, "receive_time": True, "latency": 2.0}
+    unknown = States.of(T + 0.1, Q, QD, None, dyn.evaluate(Q, QD), **flags)
+    limits = (12.0, math.inf, math.inf, 8.0)
+    received = [Received(state, 0.0, 1, limits, POINTS) for state in (state, unknown)]
+    stream = RobotStream("/arm", lambda _: received.pop(0))
+    stream.set_robot(dyn, scene, None)
+    frames = [stream.newest("lower").frame for _ in range(2)]
     return {
-        "layout": json.loads(show.layout()),
+        "layout": json.loads(stream.layout()),
         "frames": [_text(frame) for frame in frames],
-        "contact": json.loads(told(contact, model)),
         "columns": _columns(),
         "times": _text(pack_times(np.array([0.0, 0.25, 0.25, 4000.0, 4000.000001, 10_000.0, 9e8]))),
         "mesh": _text(pack_mesh(_tetrahedron())),
@@ -94,11 +97,6 @@ def _kinematics():
     return found
 
 
-def _contact():
-    """Return speed, mass, energy and allowed speed of two points; the second one rests and has no limit."""
-    return (np.array(row) for row in ([0.5, 0.0], [3.0, 0.0], [0.375, 0.0], [0.4, math.inf]))
-
-
 def _columns():
     """Return a packed ramp, a parabola, a constant, and numbers with gaps."""
     k = np.arange(6.0)
@@ -119,8 +117,8 @@ def _tracks(dyn):
 
     K is 10 t, and each link's energy t. All other numbers are those of one state.
     """
-    maker = FrameMaker(dyn)
-    state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT))
+    maker = FrameMaker(dyn, POINTS)
+    state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **CONTACT)
     row = maker.frames(state)["numbers"][0].astype(float)
     blocks, tracks = [], []
     for make, t in ((overview, np.arange(6.0)), (full_rate, 2.5 + 0.01 * np.arange(21))):

@@ -13,7 +13,7 @@ from urllib.parse import urlencode, urlsplit
 
 import numpy as np
 
-LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT, CONTACT = range(5)
+LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT = "layout", "frame", "diagnostics", "heartbeat"
 
 PATIENCE = 120.0
 """Longest time for anything [s]. Only a failing test waits so long."""
@@ -51,9 +51,9 @@ def wait_for_robot(address, accept=lambda _: True, timeout=PATIENCE):
 
 
 class Stream:
-    """A stream of the server."""
+    """A stream of the server, over a websocket."""
 
-    def __init__(self, address, timeout=PATIENCE, room=None, **query):
+    def __init__(self, address, timeout=PATIENCE, room=None, origin=None, **query):
         """Request the stream; `room` is the size of the receiving buffer [bytes]."""
         url = urlsplit(address)
         self.socket = socket.socket()
@@ -61,8 +61,11 @@ class Stream:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
         self.socket.settimeout(timeout)
         self.socket.connect((url.hostname, url.port))
-        self.socket.sendall(f"GET /stream?{urlencode(query)} HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode())
-        self._buffer, self.layout = b"", None
+        headers = [f"GET /stream?{urlencode(query)} HTTP/1.1", f"Host: {url.netloc}", "Sec-WebSocket-Version: 13"]
+        headers += ["Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg=="]
+        headers += [f"Origin: {origin}"] if origin else []
+        self.socket.sendall("\r\n".join([*headers, "", ""]).encode())
+        self._buffer, self._news, self.layout = b"", [], None
 
     def __enter__(self):
         """Read the headers."""
@@ -85,25 +88,35 @@ class Stream:
         some, self._buffer = self._buffer[:count], self._buffer[count:]
         return some
 
+    def _message(self):
+        """Return opcode and payload of a websocket's next message, which is one frame of the server."""
+        first, length = self._exactly(2)
+        if length > 125:
+            length = int.from_bytes(self._exactly({126: 2, 127: 8}[length]), "big")
+        return first & 15, self._exactly(length)
+
     def packet(self):
-        """Return the kind of the next packet and its content, JSON or a :class:`Frame`."""
-        length, kind = struct.unpack("<IB", self._exactly(5))
-        payload = self._exactly(length)
-        if kind == FRAME:
-            return kind, Frame(self.layout, payload)
-        told = json.loads(payload)
-        if kind == LAYOUT:
-            self.layout = told
-        return kind, told
+        """Return the name of what comes next and its content, JSON or a :class:`Frame`."""
+        if self._news:
+            return self._news.pop(0)
+        opcode, payload = self._message()
+        if opcode == 8:
+            raise EOFError(int.from_bytes(payload[:2], "big"), payload[2:].decode())
+        if opcode == 2:
+            return FRAME, Frame(self.layout, payload)
+        news = json.loads(payload)
+        self.layout = news.get(LAYOUT, self.layout)
+        self._news = list(news.items())
+        return self.packet()
 
     def next(self, kind, accept=lambda _: True, timeout=PATIENCE):
-        """Return the next accepted packet of a kind."""
+        """Return the next accepted content of a kind."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
-            found, told = self.packet()
-            if found == kind and accept(told):
-                return told
-        raise TimeoutError(f"no such packet of kind {kind} within {timeout} s")
+            found, content = self.packet()
+            if found == kind and accept(content):
+                return content
+        raise TimeoutError(f"no such {kind} within {timeout} s")
 
     def frames(self, count):
         """Return some frames."""

@@ -13,7 +13,6 @@ import { download, el, toggle } from "./dom.js";
 import { Health } from "./health.js";
 import { JointTable } from "./joints.js";
 import { Keys } from "./keys.js";
-import { picture } from "./picture.js";
 import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 import { View } from "./view.js";
@@ -117,12 +116,6 @@ export class App {
     this.touch();
   }
 
-  // What a touch would cost; null: nothing is told of it.
-  touched(json) {
-    this.cards.touched(json);
-    this.#want("numbers");
-  }
-
   beat(json, drawn) {
     this.cards.beat(json, drawn);
     this.touch();
@@ -169,7 +162,6 @@ export class App {
       [["j", "k"], "next, previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
       [["r"], "next robot", () => this.bar.nextRobot()],
       [["t"], "light, dark", () => this.theme.next()],
-      [["p"], "screenshot of the page (PNG)", () => this.picture()],
       [["c"], "numbers of the time window (CSV)", () => this.csv()],
       [["Escape"], "nothing chosen", () => this.layout && this.select(null)],
       [["?"], "this", () => this.keys.help()],
@@ -195,21 +187,11 @@ export class App {
     this.#select(this.layout.linkOfDof[dof], dof);
   }
 
-  async picture() {
-    const blob = await picture(() => this.stage.render(true));
-    download(`${this.#file()}.png`, blob);
-    return blob;
-  }
-
   csv() {
     if (!this.layout) return;
-    const { contact } = this.cards;
-    download(`${this.#file()}.csv`, csv(this.layout, this.rows, this.view.window(), contact.told ? contact.stored : null));
-  }
-
-  #file() {
-    const robot = (this.layout?.json.robot ?? "robot").replace(/[^\w.-]+/g, "_");
-    return `${robot}_${new Date().toISOString().slice(0, 19).replace(/:/g, "-")}`;
+    const robot = this.layout.json.robot.replace(/[^\w.-]+/g, "_");
+    const time = new Date().toISOString().slice(0, 19).replace(/:/g, "-");
+    download(`${robot}_${time}.csv`, csv(this.layout, this.rows, this.view.window()));
   }
 
   // --- drawing ---
@@ -220,7 +202,6 @@ export class App {
 
   #moved(what) {
     this.rows.held = this.view.paused && !this.report;
-    this.cards.contact.hold(this.rows.held);
     if (what === "window") this.#want("plots", "strip");
     if (what === "pointer") this.wanted.place = true;
     else this.#want("numbers", "robot", "place");
@@ -264,8 +245,8 @@ export class App {
     if (turn("numbers", NUMBERS)) {
       this.table.draw(rows, i);
       this.details.draw(rows, i);
-      this.cards.contact.draw(this.view.following ? null : rows.time(i), this.source.playing);
-      this.stage.touched(this.cards.contact.worst);
+      this.cards.contact?.draw(rows.data, rows.base(i));
+      this.stage.touched(this.cards.contact?.worst ?? null);
       this.touch();
     }
     if (turn("strip", STRIP)) this.timeline.draw();

@@ -41,7 +41,6 @@ export class Bar {
     this.transport = el("div", { class: "transport" }, this.go, this.time, ...(app.report ? [] : [this.live]));
     const tools = [
       ...(app.report ? [] : [this.length]),
-      button("PNG", "screenshot of the page (p)", () => app.picture()),
       button("CSV", "numbers of the time window (c)", () => app.csv()),
     ];
     this.tools = el("span", { class: "tools" }, ...tools);

@@ -23,14 +23,13 @@ export class Cards {
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.told = []; // cards of a report
-    this.contact = new ContactCard((link) => shared.selectLink(link));
     this.node = el("div", { class: "cards" }, ...(shared.view.live ? [this.words] : [])); // before there is a robot: why there is none
     resized(this.node, () => this.#arrange());
   }
 
   // As many columns as leave few places empty, and cards about twice as wide as high.
   #arrange() {
-    const wide = this.contact.node.parentNode ? 1 : 0; // it takes two places where there are two columns
+    const wide = this.contact ? 1 : 0; // it takes two places where there are two columns
     const places = (columns) => this.node.childElementCount + (columns > 1 ? wide : 0);
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const [width, height] = [this.node.clientWidth, this.node.clientHeight];
@@ -50,9 +49,10 @@ export class Cards {
     for (const plot of this.plots) plot.remove();
     this.pointer = null;
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
-    const touch = this.contact.told ? [this.contact.node] : [];
+    this.contact = layout.size("contact_worst") ? new ContactCard(layout, (link) => this.shared.selectLink(link)) : null;
+    const contact = this.contact ? [this.contact.node] : [];
     const [first, ...others] = this.told; // what happened, before all else
-    this.node.replaceChildren(...(first ? [first] : []), ...touch, ...others, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
+    this.node.replaceChildren(...(first ? [first] : []), ...contact, ...others, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
     this.#arrange();
   }
 
@@ -124,18 +124,6 @@ export class Cards {
     over.addEventListener("dblclick", () => (view.live ? view.follow() : view.whole()));
   }
 
-  // Shows what a touch would cost once there is something; null takes it away.
-  touched(json) {
-    if (json === null) {
-      this.contact.forget();
-      this.contact.node.remove();
-    } else {
-      this.contact.take(json);
-      if (!this.contact.node.parentNode) this.node.prepend(this.contact.node);
-    }
-    this.#arrange();
-  }
-
   diagnosed(list) {
     const order = [...list].sort((a, b) => b.level - a.level);
     const rows = order.map(({ level, name, message, values }) => {
@@ -162,10 +150,9 @@ export class Cards {
   }
 
   // about: the server's heartbeat; drawn: frames that have come in a second.
-  beat({ age, rate, hz, served, skipped }, drawn) {
+  beat({ age, rate, hz }, drawn) {
     const parts = [`${number(rate)} states/s received`, `${number(drawn)} of ${number(hz)} frames/s shown`];
     parts.push(`last state ${age === null || age === undefined ? UNKNOWN : span(age)} old`);
-    if (served !== undefined) parts.push(`${served} frames sent, ${skipped ?? 0} skipped`);
     say(this.pulse, parts.join(" · "));
   }
 }

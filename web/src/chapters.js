@@ -68,7 +68,8 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
 }
 
 // What a touch would have cost, where limits were given: how long they were exceeded, and the worst moments.
-function touches({ summary, begin, half }, act) {
+function touches({ summary, begin, layout }, act) {
+  const { half } = layout.contact;
   const { contact } = summary;
   const points = Object.entries(contact.above_by_point).sort((a, b) => b[1] - a[1]);
   const moments = contact.worst.map((one) =>

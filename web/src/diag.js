@@ -65,12 +65,10 @@ export function readOnly(app, errors) {
     get marks() {
       return app.stage.told ? { ...app.stage.told } : null;
     },
-    // What a touch would cost, as it was told last, what is shown of it, and where the worst point is drawn.
+    // Where the worst point of contact is drawn; null where it is not.
     get contact() {
-      const { contact } = app.cards;
       const { point } = app.stage.scene ?? {};
-      const drawn = point?.visible ? point.position.toArray() : null;
-      return contact.told ? { ...contact.newest, fresh: contact.fresh, shown: contact.shown, bytes: contact.stored.bytes, drawn } : null;
+      return point?.visible ? point.position.toArray() : null;
     },
     get names() {
       return app.layout ? shortFields(app.layout).map(({ name }) => name) : [];

@@ -28,9 +28,8 @@ export class Layout {
     this.thresholds = json.thresholds ?? {};
     this.fields = new Map();
     let offset = 0;
-    for (const { name, size } of json.fields) {
-      if (name === "t") continue;
-      this.fields.set(name, { offset, size });
+    for (const { name, size, of } of json.fields) {
+      this.fields.set(name, { offset, size, of });
       offset += size;
     }
     this.width = offset;
@@ -64,22 +63,13 @@ export class Layout {
     return this.tree.placements(data, base + this.fields.get("q").offset);
   }
 
-  // The link whose ellipsoid and arrow are drawn before a link is chosen.
-  get endEffector() {
-    return this.json.end_effector;
-  }
 }
 
 // Names of all numbers of a frame, as quantity.joint or quantity.link, and where they lie.
 export function shortFields(layout) {
-  const names = [];
-  for (const [name, { offset, size }] of layout.fields) {
-    for (let k = 0; k < size; k++) names.push({ name: size === 1 ? name : `${name}.${entry(layout, name, size, k)}`, at: offset + k });
-  }
-  return names;
-}
-
-function entry(layout, name, size, k) {
-  if (name === "link_energy") return layout.links[k];
-  return size === layout.dofs.length ? layout.dofs[k] : String(k);
+  const { dofs, links, contact } = layout.json;
+  const entries = { dofs, links, coordinates: layout.json.coordinates, points: contact?.points.map(({ name }) => name) };
+  return [...layout.fields].flatMap(([name, { offset, size, of }]) =>
+    Array.from({ length: size }, (_, k) => ({ name: of || size > 1 ? `${name}.${entries[of]?.[k] ?? k}` : name, at: offset + k })),
+  );
 }

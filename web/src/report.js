@@ -4,7 +4,6 @@
 // The source of a report: the recording that is in this file, and what was found in it.
 
 import { Layout } from "./layout.js";
-import { Kept } from "./kept.js";
 import { Rows } from "./rows.js";
 import { chapters } from "./chapters.js";
 import { field } from "./quantities.js";
@@ -31,10 +30,8 @@ export class Report {
   async begin() {
     const { app, told } = this;
     const layout = new Layout({ ...told.layout, report: true });
-    const [rows, touches] = await rowsOf(layout, told.tracks);
+    const rows = await rowsOf(layout, told.tracks);
     this.rows = rows;
-    const { contact: points, half, left_out: leftOut } = told;
-    if (touches) app.cards.contact.keep(new Kept({ points, half, leftOut }, touches, rows, layout));
     app.cards.told = chapters(told, {
       go: (t) => app.view.go(t),
       see: (start, end) => {

@@ -78,7 +78,7 @@ export class Stage {
 
   setLayout(layout) {
     this.layout = layout;
-    this.marked = layout.endEffector; // a report has mobility and velocity of this link only
+    this.marked = layout.json.end_effector; // a report has mobility and velocity of this link only
     this.ends = {};
     this.scene?.setLayout(layout);
     this.#getters();
@@ -181,7 +181,7 @@ export class Stage {
     this.scene?.touch(worst);
   }
 
-  render(atOnce = false) {
-    this.scene?.render(atOnce);
+  render() {
+    this.scene?.render();
   }
 }

@@ -1,18 +1,15 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The states of a report in one store: those of the whole recording, and, around contacts, all there were. Contact at these
-// states has a store of its own.
+// The states of a report in one store: those of the whole recording and, around contacts, all of them.
 
 import { Rows } from "./rows.js";
 import { bytesOf, columnsOf, timesOf } from "./unpack.js";
 
-// Rows of states, and of contact; these are null where nothing is told of it.
 export async function rowsOf(layout, tracks) {
   const parts = [];
   for (const track of tracks) parts.push(await read(layout, track));
-  const touches = parts.map(({ times, contact }) => ({ times, columns: contact }));
-  return [together(parts), touches.every(({ columns }) => columns) ? together(touches) : null];
+  return together(parts);
 }
 
 function together(parts) {
@@ -60,8 +57,7 @@ async function read(layout, track) {
       own.forEach((column, n) => (columns[offset + n] = every === 1 ? column : stretched(column, every, track.rows)));
     }
   }
-  const contact = track.contact ? columnsOf(await bytesOf(others.at(-1)), track.rows, track.contact) : null;
-  return { times, columns, contact };
+  return { times, columns };
 }
 
 // Numbers in between, along straight lines.

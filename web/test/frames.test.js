@@ -14,8 +14,6 @@ import { FLAGS, Layout, shortFields } from "../src/layout.js";
 import { chosenLines, COLOURINGS, largestJoints, othersLine, plotsOf, roundUp } from "../src/quantities.js";
 import { exchange, K, massAlong, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
-import { KIND, Packets } from "../src/stream.js";
-import { Touches } from "../src/touches.js";
 import { rowsOf } from "../src/tracks.js";
 import { Tree } from "../src/tree.js";
 import { columnsOf, meshOf, timesOf } from "../src/unpack.js";
@@ -52,27 +50,15 @@ test("a frame has the numbers of the state", () => {
 test("what is unknown is NaN, flagged, and nowhere a number", () => {
   const { estimated, effortMissing, observerInvalid, late, receiveTime } = FLAGS;
   assert.equal(unknown[layout.at("flags")], estimated + effortMissing + observerInvalid + late + receiveTime);
-  for (const name of ["effort", "p_effort", "external_torque", "norm", "mobility_root", "link_velocity"]) {
+  for (const name of ["effort", "p_effort", "external_torque", "norm", "contact_worst", "contact_speed"]) {
     assert.ok(field(unknown, name).every(Number.isNaN), name);
   }
   assert.ok(Number.isNaN(layout.at("nu", 2)) && Number.isNaN(layout.at("nothing")));
   assert.ok(!layout.has("nothing") && layout.has("nu") && layout.size("nothing") === 0);
 });
 
-test("packets: in one piece, byte by byte, and empty", () => {
-  const sent = [[KIND.frame, fixture.frames[0]], [KIND.heartbeat, ""], [KIND.frame, fixture.frames[1]]];
-  const packet = ([kind, text]) => [...new Uint8Array(new Uint32Array([bytes(text).length]).buffer), kind, ...bytes(text)];
-  const stream = new Uint8Array(sent.flatMap(packet));
-  for (const size of [stream.length, 1, 7]) {
-    const found = [];
-    const packets = new Packets((kind, payload) => found.push([kind, Buffer.from(payload).toString("base64")]));
-    for (let at = 0; at < stream.length; at += size) packets.take(stream.slice(at, at + size));
-    assert.deepEqual(found, sent);
-  }
-});
-
 test("the layout: which joint moves which link, short names, names of numbers", () => {
-  assert.deepEqual([layout.short, layout.endEffector, layout.linkOfDof], [["shoulder", "elbow"], "lower", ["upper", "lower"]]);
+  assert.deepEqual([layout.short, layout.json.end_effector, layout.linkOfDof], [["shoulder", "elbow"], "lower", ["upper", "lower"]]);
   assert.deepEqual(["lower", "base", "nobody"].map((link) => layout.dofOfLink(link)), [1, -1, -1]);
   const names = shortFields(layout).map(({ name }) => name);
   assert.equal(new Set(names).size, layout.width);
@@ -219,7 +205,7 @@ test("packed columns, times and meshes come back", () => {
 test("a report's states: the overview, and all of those around a contact, in order", async () => {
   const { blocks } = fixture.tracks;
   globalThis.document = { getElementById: (id) => ({ textContent: blocks[Number(id.replace("block-", ""))] }) };
-  const [rows, contact] = await rowsOf(layout, fixture.tracks.about);
+  const rows = await rowsOf(layout, fixture.tracks.about);
   delete globalThis.document;
   const times = [0, 1, 2, ...Array.from({ length: 21 }, (_, k) => 2.5 + 0.01 * k), 3, 4, 5];
   near(Array.from({ length: rows.length }, (_, i) => rows.time(i)), times, 1e-9);
@@ -227,29 +213,19 @@ test("a report's states: the overview, and all of those around a contact, in ord
     const row = rows.data.subarray(rows.base(i), rows.base(i + 1) || undefined);
     near(field(row, "K"), 10 * t, 1e-3, `K at ${t}`);
     near(field(row, "link_energy"), [t, t, t], 1e-3, `energy at ${t}`); // kept of every 20th state
-    for (const name of ["q", "nu", "D"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
+    for (const name of ["q", "nu", "D", "contact_speed", "contact_position"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
   });
-  assert.equal(contact, null);
 });
 
-test("numbers of what is seen as CSV: names are quoted, what is unknown is empty", async () => {
-  const rows = new Rows(layout.width, 9);
+test("the time window as CSV: names are quoted, unknown numbers are empty", async () => {
+  const named = new Layout(structuredClone(fixture.layout));
+  named.json.contact.points[0].name = '=x,"y"';
+  const rows = new Rows(named.width, 9);
   fixture.frames.forEach((text, k) => rows.push(time(text), [known, unknown][k]));
-  const touches = new Touches(10, 1);
-  const [first, second] = fixture.contact.points;
-  touches.take({ ...fixture.contact, points: [{ ...first, name: '=x,"y"' }, second] });
-  const [header, ...lines] = (await csv(layout, rows, [0, Infinity], touches).text()).trimEnd().split("\n");
+  const [header, ...lines] = (await csv(named, rows, [0, Infinity]).text()).trimEnd().split("\n");
   assert.ok(header.startsWith("t [s],q.arm_shoulder") && header.includes(',"contact_speed.=x,""y"""'), header);
-  const at = header.replace(/"[^"]*(""[^"]*)*"/g, "quoted").split(",").indexOf("effort.arm_elbow");
-  assert.deepEqual(lines.map((line) => line.split(",")[at]), ["1", ""]);
-  assert.match(lines[0], /^1700000000.25,.*,1700000000.25,"=x,""y""",0.5,3,0.375,0.4000\d*,-0.\d+,0,0,0,,$/);
-  assert.equal((await csv(layout, rows, [0, 1]).text()).trimEnd().split("\n").length, 1);
-});
-
-test("contact as the package tells it comes back from the store", () => {
-  const touches = new Touches(10, 10);
-  touches.take(fixture.contact);
-  const { points, ...rest } = touches.at(fixture.contact.t);
-  assert.deepEqual(rest, { t: 1.7e9 + 0.25, half: 1.5, worst: 0, estimated: true });
-  assert.deepEqual([points[1].allowed, points[1].margin, points[0].link], [null, null, "lower"]);
+  const names = header.replace(/"[^"]*(""[^"]*)*"/g, "quoted").split(",");
+  const column = (name) => lines.map((line) => line.split(",")[names.indexOf(name)]);
+  assert.deepEqual([column("effort.arm_elbow"), column("contact_energy.arm"), column("contact_allowed.arm")], [["1", ""], ["0", ""], ["", ""]]);
+  assert.equal((await csv(named, rows, [0, 1]).text()).trimEnd().split("\n").length, 1);
 });

@@ -7,81 +7,80 @@ import assert from "node:assert/strict";
 import { afterEach, beforeEach, mock, test } from "node:test";
 import { Health } from "../src/health.js";
 import { Live } from "../src/live.js";
-import { KIND, Stream } from "../src/stream.js";
+import { Stream } from "../src/stream.js";
 
-const settled = async () => {
-  for (let k = 0; k < 5; k++) await new Promise(setImmediate);
-};
+let sockets;
 
-function packet(kind, payload) {
-  const head = new Uint8Array(5);
-  new DataView(head.buffer).setUint32(0, payload.length, true);
-  head[4] = kind;
-  return [...head, ...payload];
+class Socket {
+  constructor(url) {
+    Object.assign(this, { url, closed: false });
+    sockets.push(this);
+  }
+
+  close() {
+    this.closed = true;
+  }
 }
-
-const json = (kind, value) => packet(kind, new TextEncoder().encode(JSON.stringify(value)));
-
-let asked, answers;
 
 beforeEach(() => {
   mock.timers.enable({ apis: ["setTimeout"] });
-  [asked, answers] = [[], []];
-  globalThis.fetch = async (url) => {
-    asked.push(Object.fromEntries(new URLSearchParams(url.split("?")[1])));
-    const answer = answers.shift();
-    if (answer instanceof Error) throw answer;
-    return answer ?? new Promise(() => {});
-  };
+  sockets = [];
+  Object.assign(globalThis, { WebSocket: Socket, location: { href: "https://robot.local:8420/x?robot=/arm" } });
 });
 
 afterEach(() => mock.timers.reset());
 
-function listened() {
-  const heard = [];
-  const names = ["layout", "frame", "diagnostics", "heartbeat", "contact", "connection", "unknown"];
-  const handlers = Object.fromEntries(names.map((name) => [name, (...given) => heard.push([name, ...given])]));
-  return [new Stream(handlers), heard];
+function opened() {
+  const events = [];
+  const names = ["layout", "frame", "diagnostics", "heartbeat", "lost"];
+  const handlers = Object.fromEntries(names.map((name) => [name, (...values) => events.push([name, ...values])]));
+  const stream = new Stream(handlers);
+  stream.open("/arm", "hand", 50);
+  return [stream, events];
 }
 
-test("packets reach their handlers; the stream comes back after its end", async () => {
-  const bytes = [new Float64Array([1.5]), new Float32Array([1, NaN])].flatMap(({ buffer }) => [...new Uint8Array(buffer)]);
-  const parts = [json(KIND.layout, { a: 1 }), packet(KIND.frame, bytes), json(KIND.heartbeat, {}), json(9, {})];
-  answers.push(new Response(new Uint8Array(parts.flat())));
-  const [stream, heard] = listened();
-  stream.open("/arm", "hand", 50);
-  await settled();
-  assert.deepEqual(asked, [{ robot: "/arm", hz: "50", link: "hand" }]);
-  const lost = ["connection", "lost", 0.25, "the stream ended"];
-  assert.deepEqual(heard, [["layout", { a: 1 }], ["frame", 1.5, new Float32Array([1, NaN])], ["heartbeat", {}], lost]);
+test("messages reach their handlers; the next connection follows the end of one", () => {
+  const [, events] = opened();
+  const [socket] = sockets;
+  assert.equal(String(socket.url), "wss://robot.local:8420/stream?robot=%2Farm&link=hand&hz=50");
+  socket.onmessage({ data: '{"layout": {"a": 1}, "later": 2, "heartbeat": {}}' });
+  const frame = new Uint8Array([...new Uint8Array(new Float64Array([1.5]).buffer), ...new Uint8Array(new Float32Array([1, NaN]).buffer)]);
+  socket.onmessage({ data: frame.buffer });
+  assert.deepEqual(events, [["layout", { a: 1 }], ["heartbeat", {}], ["frame", 1.5, new Float32Array([1, NaN])]]);
+  socket.onclose({ code: 4404, reason: "no such robot" });
+  assert.deepEqual(events.at(-1), ["lost", "no such robot", 404]);
   mock.timers.tick(250);
-  await settled();
-  assert.equal(asked.length, 2);
+  assert.equal(sockets.length, 2);
 });
 
-test("tries grow rarer while no server answers", async () => {
-  answers.push(...Array.from({ length: 7 }, () => new Error("refused")));
-  const [stream, heard] = listened();
-  stream.open("/arm", "hand", 50);
-  for (let k = 0; k < 7; k++) {
-    await settled();
-    mock.timers.tick(5000);
+test("attempts become rarer while nothing answers; silence is a loss", () => {
+  const [, events] = opened();
+  for (const pause of [250, 500, 1000, 2000, 4000, 5000, 5000]) {
+    const count = sockets.length;
+    sockets.at(-1).onclose({ code: 1006, reason: "" });
+    mock.timers.tick(pause - 1);
+    assert.equal(sockets.length, count);
+    mock.timers.tick(1);
+    assert.equal(sockets.length, count + 1);
   }
-  assert.deepEqual(heard.map(([, , seconds]) => seconds), [0.25, 0.5, 1, 2, 4, 5, 5]);
-  assert.equal(heard[0][3], "refused");
+  sockets.at(-1).onmessage({ data: "{}" });
+  mock.timers.tick(4000);
+  assert.deepEqual(events.at(-1).slice(0, 2), ["lost", "no data"]);
+  assert.ok(sockets.at(-1).closed);
+  mock.timers.tick(250);
+  assert.equal(sockets.length, 9);
 });
 
-test("a link that the robot lacks is dropped; a robot that is not there is reported", async () => {
-  answers.push(new Response('{"error": "no such link"}', { status: 400 }), new Response("", { status: 404 }));
-  const [stream, heard] = listened();
-  stream.open("/arm", "nobody", 50);
-  await settled();
-  mock.timers.tick(250);
-  await settled();
-  assert.deepEqual(asked[1], { robot: "/arm", hz: "50" });
-  assert.deepEqual(heard.map(([name, , , why]) => [name, why]), [
-    ["connection", "no such link"], ["unknown", undefined], ["connection", "the server says 404"],
-  ]);
+test("another link replaces the connection; the end of the old one is no loss", () => {
+  const [stream, events] = opened();
+  stream.open("/arm", "elbow", 50);
+  const [old, next] = sockets;
+  assert.ok(old.closed);
+  old.onclose({ code: 1005, reason: "" });
+  old.onmessage({ data: '{"heartbeat": {}}' });
+  assert.deepEqual(events, []);
+  next.onmessage({ data: '{"heartbeat": {}}' });
+  assert.equal(events.length, 1);
 });
 
 test("five minutes are stored; the same robot keeps them, another one begins anew", () => {
@@ -91,8 +90,8 @@ test("five minutes are stored; the same robot keeps them, another one begins ane
   const app = { health: new Health(), laidOut: onLayout, came: nothing, marked: nothing };
   const live = new Live(app);
   const { layout, frame } = live.stream.handlers;
-  const fields = [{ name: "t", size: 1 }, { name: "q", size: 2 }];
-  const robot = { robot: "arm", dofs: ["a", "b"], links: ["base"], end_effector: "base", fields };
+  const fields = [{ name: "q", size: 2 }];
+  const robot = { robot: "arm", dofs: ["a", "b"], links: ["base"], fields };
   layout(robot);
   for (let k = 0; k < 30_000; k++) frame(k / 50, new Float32Array([k, 0]));
   frame(700, new Float32Array(3)); // of another layout

@@ -3,10 +3,8 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Kept } from "../src/kept.js";
 import { Rows } from "../src/rows.js";
 import { envelope, largest, stacked, tellingRows, timeOfLargest } from "../src/sampling.js";
-import { byMargin, inWords, Touches } from "../src/touches.js";
 import { View } from "../src/view.js";
 
 const value = (d, b) => d[b];
@@ -79,50 +77,6 @@ test("rows that tell: of each bucket smallest and largest", () => {
   const rows = stored([0, 1, 2, 3, 4, 5, 6, 7], [0, 9, -9, 1, 5, 5, 5, 5]);
   assert.deepEqual(tellingRows(rows, 0, 8, 2, value), [1, 2, 4]);
   assert.deepEqual([...largest(rows, 0, 8, [value, () => NaN])], [9, 0]);
-});
-
-// --- contact ---
-
-const FREE = { allowed: null, margin: null };
-const POINT = { name: "tool", link: "hand", position: [1, 2, 3], speed: 0.5, mass: 4, energy: 0.5, ...FREE };
-const told = (t, point = {}) => ({ t, half: 3, worst: 0, estimated: true, points: [{ ...POINT, ...point }] });
-
-test("touches: what was told at a moment, null where nothing was", () => {
-  const touches = new Touches(300, 10);
-  assert.equal(touches.at(1), null);
-  touches.take(told(1));
-  touches.take(told(2, { speed: -0.25 }));
-  assert.deepEqual(touches.at(1.4), told(1));
-  assert.equal(touches.at(2.5).points[0].speed, -0.25);
-  assert.equal(touches.at(2.6), null);
-  touches.take(told(3, { name: "other" }));
-  assert.equal(touches.at(2), null);
-  touches.forget();
-  assert.equal(touches.at(3), null);
-});
-
-test("points by margin, and the worst in words", () => {
-  const points = [[1, null], [2, null], [0, 0.5], [0, -1]].map(([energy, margin]) => ({ energy, margin }));
-  assert.deepEqual(byMargin(points), [3, 2, 1, 0]);
-  assert.equal(inWords(undefined, false), "at rest");
-  assert.equal(inWords({ ...POINT, margin: -0.1 }, false), "least margin: tool, −0.100 m/s");
-  assert.match(inWords(POINT, true), /most energy: tool, 0.500 J; no limits \(contact.limits_file\)/);
-});
-
-test("contact of a report: energy ½mv² onward, the margin, and a point at rest", () => {
-  const points = [{ name: "a", limited: true }, { name: "b", limited: false }, { name: "c", limited: true, directed: true }];
-  const rows = new Rows(12, 2);
-  const [mass, ...allowed] = [4, 0.25, 0.5].map(Math.log10);
-  rows.push(0, [0, 1, 2, 3, 0.5, 0, -2, mass, NaN, mass, ...allowed]);
-  const kept = new Kept({ points, half: 3, leftOut: 0 }, rows, stored([0], [1]), { at: () => 0 });
-  const { worst, estimated, points: [a, b, c] } = kept.at(0.2);
-  assert.deepEqual([worst, estimated, a.position, b.position], [0, true, [1, 2, 3], null]);
-  for (const [name, expected] of Object.entries({ speed: 0.5, mass: 4, energy: 0.5, allowed: 0.25, margin: -0.25 })) {
-    assert.ok(Math.abs(a[name] - expected) < 1e-6, name);
-  }
-  assert.deepEqual([b.mass, b.energy, b.allowed, b.margin], [0, 0, null, null]);
-  assert.equal(c.energy, 0); // against its direction nothing is transferred
-  assert.ok(Math.abs(c.margin - 0.5) < 1e-6);
 });
 
 // --- the window of time ---

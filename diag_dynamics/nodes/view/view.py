@@ -5,7 +5,6 @@
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.declaring import declare, judge
@@ -16,8 +15,8 @@ from diag_dynamics.nodes.support.managed import ManagedNode
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.runner import main_of
 from diag_dynamics.nodes.support.usage import defaults_of, parser_of
-from diag_dynamics.nodes.view.watched import WatchedRobot, folders_of
-from diag_dynamics.page.server import Limits, PageServer
+from diag_dynamics.nodes.view.robot_subscription import RobotSubscription, folders_of
+from diag_dynamics.page.server import PageServer
 from diag_dynamics.parameters.view import PARAMETERS
 
 OTHERS = [name for node, name in NODES.items() if node != "view"]
@@ -45,7 +44,7 @@ class ViewNode(ManagedNode):
     def __init__(self, **kwargs):
         super().__init__(NODES["view"], **kwargs)
         self._values = declare(self, PARAMETERS)
-        self._server = self._aside = self._timer = self._listened = None
+        self._server = self._timer = self._listened = None
         self._robots, self._folders = {}, []
         judge(self, PARAMETERS, lambda: self._values, self._take_values)
         self._diagnostics = Diagnostics(self, self._report, lambda: None)
@@ -64,24 +63,13 @@ class ViewNode(ManagedNode):
         if not 1 <= values["tabs"] <= MOST_TABS:
             raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MOST_TABS}.")
         self._folders = folders_of(values["mesh_folders"])
-        limits = Limits(rate=values["rate"], streams=values["tabs"])
-        self._server = PageServer(self._shows, values["host"], values["port"], limits, self._say)
+        self._server = PageServer(self._streams, values["host"], values["port"], values["rate"], values["tabs"])
         self._server.start()
         self.settled()
         self.get_logger().info(f"Page: {self.address}")
 
     def listen(self):
         """Watch the robots that there are, and look for others."""
-        own = f"{NODES['view']}_reading"
-        # Nobody spins it: what comes is taken when a page wants a frame, and costs nothing until then.
-        self._aside = Node(
-            own,
-            context=self.context,
-            namespace=self.get_namespace(),
-            use_global_arguments=False,
-            start_parameter_services=False,
-            enable_rosout=False,
-        )
         self._listened = self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
         self._timer = self.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._look()
@@ -95,9 +83,7 @@ class ViewNode(ManagedNode):
         robots, self._robots = self._robots, {}
         for robot in robots.values():
             robot.destroy()
-        if self._aside:
-            self._aside.destroy_node()
-        self._timer = self._listened = self._aside = None
+        self._timer = self._listened = None
 
     def tear_down(self):
         """Serve no more."""
@@ -113,8 +99,8 @@ class ViewNode(ManagedNode):
 
     # --- Robots ---
 
-    def _shows(self):
-        return [robot.show for _, robot in sorted(self._robots.copy().items())]
+    def _streams(self):
+        return [robot.stream for _, robot in sorted(self._robots.copy().items())]
 
     def _look(self):
         """Find monitors. Those that have gone stay for a time: the page says how old their last state is."""
@@ -123,7 +109,7 @@ class ViewNode(ManagedNode):
             if topic.endswith(STATE) and monitor not in self._robots and self._is_wanted(monitor):
                 self._watch(monitor)
         for robot in self._robots.values():
-            _, fault = attempt(robot.look)
+            _, fault = attempt(robot.update)
             if fault:
                 self.get_logger().error(f"{robot.monitor}: {fault.text}", throttle_duration_sec=5.0)
         for monitor in [monitor for monitor, robot in self._robots.items() if robot.has_gone]:
@@ -138,7 +124,7 @@ class ViewNode(ManagedNode):
         if len(self._robots) >= MOST_ROBOTS:
             self.get_logger().warning(f"There are more than {MOST_ROBOTS} robots: {monitor} is not shown.", once=True)
             return
-        self._robots[monitor] = WatchedRobot(self, self._aside, monitor, self._folders)
+        self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
 
     def _take_diagnostics(self, message):
         for robot in self._robots.values():
@@ -146,12 +132,9 @@ class ViewNode(ManagedNode):
             own.add(robot.monitor.lstrip("/"))
             statuses = [status for status in message.status if status.name.partition(": ")[0] in own]
             if statuses:
-                robot.tell(statuses)
+                robot.set_diagnostics(statuses)
 
     # --- What it says ---
-
-    def _say(self, text):
-        self.get_logger().error(text, throttle_duration_sec=5.0)
 
     def _take_values(self, _, changed):
         self._values |= changed

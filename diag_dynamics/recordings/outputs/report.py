@@ -9,9 +9,8 @@ import diag_dynamics
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.page.contact import kept_about, kept_of, kept_width, mass_of_half
-from diag_dynamics.page.frames import FrameMaker, Seen, States, Told
-from diag_dynamics.page.layout import finite
+from diag_dynamics.page.frames import FrameMaker, States
+from diag_dynamics.page.layout import thresholds_of
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.packing import pack_meshes
 from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_of, write_report
@@ -32,10 +31,11 @@ class ReportOutput:
     def __init__(self, path, reading):
         self._target, self._reading = AtomicFile(path), reading
         self._dynamics = DiagonalDynamics(reading.model)
-        self._maker = FrameMaker(self._dynamics)
         self._points, self._left_out = self._contact_points()
-        width = self._maker.layout.size + (kept_width(self._points) if self._points else 0)
-        self._overview, self._contacts = Overview(max(200, MAX_OVERVIEW // (2 * width))), ContactRuns()
+        points = zip(self._points.names, self._points.links, strict=True) if self._points else ()
+        self._maker = FrameMaker(self._dynamics, points)
+        self._overview = Overview(max(200, MAX_OVERVIEW // (2 * self._maker.layout.size)))
+        self._contacts = ContactRuns()
         self._work, self._count, self._first = Work(), 0, None
         self._runs, self._dropped = [], 0  # (largest |r|, start, Track) of each run at full rate
 
@@ -52,14 +52,11 @@ class ReportOutput:
         size = whole.size + sum(map(len, meshes.values()))
         self._fit(MAX_REPORT - sum(len(part.encode()) for part in page_of()) - as_text(size))
         data = {
-            "layout": self._maker.layout.to_json(scene, self._thresholds()),
+            "layout": self._maker.layout.to_json(scene, self._thresholds(), self._left_out),
             "summary": summary,
             "parameters": self._parameters(),
             "begin": (self._first - self._reading.offset) * 1e-9,
             "without_full_rate": self._dropped,
-            "half": mass_of_half(self._reading.model),
-            "contact": kept_about(self._points) if self._points else [],
-            "left_out": self._left_out,
             "version": diag_dynamics.__version__,
         }
         runs = sorted(self._runs, key=lambda run: run[1])
@@ -80,11 +77,15 @@ class ReportOutput:
         terms = epsilon, s.coriolis, s.gravity, s.articulated_inertia, s.kinetic_energy
         friction = np.zeros_like(s.nu) if s.friction is None else s.friction
         powers = [np.einsum("tk,tk->t", s.nu, force) for force in (epsilon, -s.gravity, -friction, residual)]
+        evaluated = t, states.position, states.velocity, states.effort, s.nu, *terms
         columns = {
-            **States(t, states.position, states.velocity, states.effort, s.nu, *terms)._asdict(),
-            **Seen(valid, residual, torque, norm, np.asarray(collision, dtype=bool))._asdict(),
-            "estimated": states.velocity_estimated,
-            "received": states.stamp_received,
+            **dict(zip(States._fields, evaluated, strict=False)),
+            "residual": np.where(valid[:, None], residual, np.nan),
+            "external_torque": np.where(valid[:, None], torque, np.nan),
+            "norm": np.where(valid, norm, np.nan),
+            "collision": np.asarray(collision & valid, dtype=bool),
+            "velocity_estimated": states.velocity_estimated,
+            "receive_time": states.stamp_received,
             "index": self._count + np.arange(len(t)),
             "sums": self._work.integrate(t, np.stack(powers, axis=1)),
         }
@@ -94,18 +95,16 @@ class ReportOutput:
     def _track(self, pack, states, every=1):
         """Return a Track; only every so many states have the numbers of the end-effector link."""
         columns = {name: np.ascontiguousarray(states[name]) for name in states.dtype.names}
-        evaluated, observed = (kind(*map(columns.get, kind._fields)) for kind in (States, Seen))
-        frames = self._maker.frames(evaluated, observed, Told(columns["estimated"], columns["received"]))
-        numbers, layout = np.array(frames["numbers"]), self._maker.layout
+        evaluated = States(**{name: column for name, column in columns.items() if name in States._fields})
+        if self._points:
+            evaluated = evaluated.with_contact(self._dynamics.contact_batch(evaluated.q, evaluated.qd, self._points))
+        numbers, layout = np.array(self._maker.frames(evaluated)["numbers"]), self._maker.layout
         for name, power in zip(POWERS, mean_powers(states).T, strict=True):
             numbers[:, layout.place(name).start] = power
         link = end_effector_link(self._reading.model)
         for k in range(0, len(numbers), every):
             numbers[k, layout.common :] = self._maker.chosen(evaluated.q[k], evaluated.nu[k], link)
-        contact = None
-        if self._points:
-            contact = kept_of(self._dynamics.contact_batch(evaluated.q, evaluated.qd, self._points))
-        return pack(layout, evaluated.t, numbers, contact)
+        return pack(layout, evaluated.t, numbers)
 
     def _add_runs(self, runs):
         for states in runs:
@@ -145,8 +144,7 @@ class ReportOutput:
         if observation is None:
             return None
         limits = [np.inf] * (len(names) + 1) + [observation.threshold]
-        *joints, torque_norm, norm = finite(observation.alarms.limits(names) if observation.alarms else limits)
-        return {"external_torque": joints, "external_torque_norm": torque_norm, "norm": norm, "energy": None}
+        return thresholds_of(observation.alarms.limits(names) if observation.alarms else limits)
 
     def _parameters(self):
         """Return the monitor's parameters, those that differ from the default first."""

@@ -1,0 +1,268 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The robot of one monitor: its newest messages, and the model that the monitor's parameters make."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
+
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.robot_source import read_source
+from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque
+from diag_dynamics.nodes.support.descriptions import Descriptions
+from diag_dynamics.nodes.support.diagnostics import shortened
+from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.page.frames import States
+from diag_dynamics.page.meshes import MeshLibrary
+from diag_dynamics.page.scene import mesh_folders, scene_of
+from diag_dynamics.page.stream import Received, RobotStream
+from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.parameters.shared import PARAMETERS as SHARED
+
+REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED)
+"""Parameters of a monitor that make its model, and whether its stamps are of simulated time."""
+
+MAX_DIFFERENCE = 0.1
+"""Largest difference between the stamps of a state and of its external torque or contact [s]."""
+
+REMOVAL_TIMEOUT, RETRY_PERIOD = 600.0, 5.0
+"""Time without a publisher after which a robot is removed, and until an unanswered request is repeated [s]."""
+
+NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class RobotSubscription:
+    """The robot of one monitor. Messages stay bytes until a page asks for a frame.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    monitor : str
+        Full name of the monitor.
+    folders : list of Path
+        Where meshes may be.
+
+    Attributes
+    ----------
+    monitor, namespace : str
+    stream : RobotStream
+    """
+
+    def __init__(self, node, monitor, folders):
+        self.monitor, self.namespace = monitor, monitor.rpartition("/")[0] or "/"
+        self._node, self._folders, self._newest, self._count, self._read_count = node, folders, {}, 0, 0
+        is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
+        self.stream = RobotStream(self.namespace if is_usual else monitor, self._read)
+        self._subscriptions = {}
+        self._subscribe(DiagonalizedState, "state", self._receive_state)
+        self._subscribe(ExternalTorque, "external_torque", lambda raw: self._newest.update(torque=raw))
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._topic = f"{self.namespace.rstrip('/')}/robot_description"
+        self._subscriptions["robot_description"] = node.create_subscription(
+            String, self._topic, self._receive_description, latched
+        )
+        self._client = node.create_client(GetParameters, f"{monitor}/get_parameters")
+        self._loader = Descriptions(node, self._load_robot, self._take_robot)
+        self._description = self._values = self._loaded = (
+            None  # of the topic; of the monitor; both of the model in force
+        )
+        self._publishers, self._requested_at, self._is_outdated = set(), None, True
+        self._published_at, self._revision, self._differs_in_time, self._points = time.monotonic(), None, False, ()
+        self._diagnostics, self._rejection, self._unreadable = {}, "", ""
+        self.stream.set_waiting(f"waiting for the parameters of {monitor}")
+
+    @property
+    def fault(self):
+        """Why the robot or its states cannot be shown; empty if nothing is wrong."""
+        return self._rejection or self._unreadable
+
+    @property
+    def has_gone(self):
+        """Whether the monitor has been away for :data:`REMOVAL_TIMEOUT`."""
+        return time.monotonic() - self._published_at > REMOVAL_TIMEOUT
+
+    def update(self):
+        """Request the monitor's parameters if they are unknown or may have changed; called once a second."""
+        infos = self._node.get_publishers_info_by_topic(f"{self.monitor}/state")
+        publishers, now = {bytes(info.endpoint_gid) for info in infos}, time.monotonic()
+        if not publishers:
+            return
+        self._published_at = now
+        self._is_outdated |= publishers != self._publishers  # a monitor has started
+        self._publishers = publishers
+        is_due = self._requested_at is None or now - self._requested_at >= RETRY_PERIOD
+        if is_due and self._is_outdated and self._client.service_is_ready():
+            self._requested_at = now
+            request = self._client.call_async(GetParameters.Request(names=list(REQUESTED)))
+            request.add_done_callback(lambda future: attempt(self._receive_parameters, future))
+
+    def set_diagnostics(self, statuses):
+        """Show statuses of this robot's nodes."""
+        for status in statuses:
+            if status.name == f"{self.monitor.lstrip('/')}: contact" and "contact" not in self._subscriptions:
+                # Without limits the monitor would compute contact for the page alone.
+                self._subscribe(Contact, "contact", lambda raw: self._newest.update(contact=raw))
+            values = {value.key: value.value for value in status.values}
+            about = {"level": status.level[0], "name": status.name, "message": status.message, "values": values}
+            self._diagnostics[status.name] = about
+        self.stream.set_diagnostics(sorted(self._diagnostics.values(), key=lambda one: (-one["level"], one["name"])))
+
+    def destroy(self):
+        """Unsubscribe."""
+        self._loader.drop()
+        self._node.destroy_client(self._client)
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+
+    def _subscribe(self, kind, topic, callback):
+        name = f"{self.monitor}/{topic}"
+        self._subscriptions[topic] = self._node.create_subscription(kind, name, callback, NEWEST, raw=True)
+
+    # --- The model ---
+
+    def _receive_description(self, message):
+        self._description = message.data
+        self._load()
+
+    def _receive_parameters(self, future):
+        self._requested_at, self._is_outdated = None, False
+        values = [parameter_value_to_python(value) for value in future.result().values]
+        known = {name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None}
+        self._differs_in_time = bool(known.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
+        self._values = {name: spec.default for name, spec in SHARED.items()} | {"robot_description": ""} | known
+        self._load()
+
+    def _load(self):
+        """Load the robot as the monitor has it, unless it is loaded already."""
+        if self._values is None:
+            return
+        description = self._values["robot_description"] or self._description
+        if not description:
+            self.stream.set_waiting(f"waiting for {self._topic}")
+            return
+        wanted = description, json.dumps(self._values, sort_keys=True, default=str)
+        if wanted != self._loaded:
+            self._loaded = wanted
+            self._loader.load(description, self._values)
+
+    def _load_robot(self, description, values):
+        """Load a robot with its scene and meshes, in a thread; return its name and the meshes that are missing."""
+        source = description if values["robot_description"] else description.encode(errors="replace")
+        with warnings_told(lambda text: None):  # the monitor logs them
+            text = read_source(source).text
+            try:
+                model = model_of(text, values)
+            except InputError:
+                if not values["parameters_file"]:
+                    raise
+                model = model_of(text, values | {"parameters_file": ""})  # a file of another machine
+        meshes = MeshLibrary([*self._folders, *mesh_folders(source if isinstance(source, str) else None)])
+        self.stream.set_robot(DiagonalDynamics(model), scene_of(model, text, meshes), meshes)
+        return model.name, meshes.missing
+
+    def _take_robot(self, loaded, *_):
+        if isinstance(loaded, Exception):
+            self._rejection = shortened(f"the robot of {self.monitor} cannot be shown: {loaded}")
+            self.stream.set_waiting(self._rejection)
+            self._node.get_logger().error(self._rejection)
+            return
+        name, missing = loaded
+        self._rejection = ""
+        self._node.get_logger().info(f"Showing robot '{name}' of {self.monitor}.")
+        for why in list(missing.values())[:3]:
+            self._node.get_logger().warning(f"Robot '{name}' lacks a mesh: {shortened(why)}")
+
+    # --- States ---
+
+    def _receive_state(self, raw):
+        self._newest["state"] = raw, time.monotonic(), self._node.get_clock().now().nanoseconds * 1e-9
+        self._count += 1
+
+    def _read(self, dynamics):
+        """Return the newest state as :class:`~diag_dynamics.page.stream.Received`; called in the page's thread."""
+        received, fault = attempt(self._read_state, dynamics)
+        if fault:
+            self._unreadable = f"states of {self.monitor} cannot be read: {fault.reason}"
+            self._node.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
+        elif received:
+            self._unreadable = ""
+        return received
+
+    def _read_state(self, dynamics):
+        if "state" not in self._newest:
+            return None
+        raw, received, clock = self._newest.pop("state")
+        count, self._read_count = self._count - self._read_count, self._count
+        message, model = deserialize_message(raw, DiagonalizedState), dynamics.model
+        if message.model_revision != self._revision:
+            self._revision, self._is_outdated = message.model_revision, True
+        names, positions = tuple(message.dof_names), tuple(message.position_names)
+        if names != model.dof_names or (positions or names) != model.coordinate_names:
+            self._is_outdated = True
+            raise InputError(f"they are of another robot than '{model.name}'")
+        t = seconds(message.header.stamp)
+        torque, limits = self._read_torque(t, model.nv)
+        points, contact = self._read_contact(t, model)
+        fields = "position", "velocity", "effort", "nu", "epsilon", "coriolis", "gravity", "articulated_inertia"
+        rows = (np.array(value)[None] if len(value := getattr(message, name)) else None for name in fields)
+        q, qd, effort, nu, epsilon, *others = rows
+        states = States(
+            *(np.array([t]), q, qd, effort, nu, epsilon, *others, np.array([message.kinetic_energy])),
+            velocity_estimated=message.velocity_estimated,
+            receive_time=message.stamp_is_receive_time,
+            latency=np.nan if self._differs_in_time else clock - t,
+            **torque,
+            **contact,
+        )
+        return Received(states, received, count, limits, points)
+
+    def _read_torque(self, t, nv):
+        """Return fields of the external torque at a time, and thresholds of alarms."""
+        message = deserialize_message(self._newest["torque"], ExternalTorque) if "torque" in self._newest else None
+        if message is None or len(message.dof_names) != nv:
+            return {}, ()
+        joints = message.torque_threshold or [np.inf] * nv
+        limits = (*joints, message.torque_norm_threshold, message.threshold)
+        if not message.valid or abs(seconds(message.header.stamp) - t) > MAX_DIFFERENCE:
+            return {}, limits
+        rows = {name: np.array(getattr(message, name))[None] for name in ("residual", "external_torque")}
+        return rows | {"norm": np.array([message.norm]), "collision": message.collision}, limits
+
+    def _read_contact(self, t, model):
+        """Return name and link of each point of contact, and its fields at a time."""
+        message = deserialize_message(self._newest["contact"], Contact) if "contact" in self._newest else None
+        if message is None or not message.valid or not set(message.link_names) <= set(model.link_names):
+            return self._points, {}
+        self._points = tuple(zip(message.point_names, message.link_names, strict=True))
+        if abs(seconds(message.header.stamp) - t) > MAX_DIFFERENCE:
+            return self._points, {}
+        numbers = {"speed": message.speed, "mass": message.reflected_mass, "energy": message.transferable_energy}
+        numbers |= {"allowed": message.allowed_speed, "worst": [message.worst]}
+        position = message.positions[3 * message.worst :][:3] if message.worst >= 0 else [np.nan] * 3
+        rows = {f"contact_{name}": np.array(row)[None] for name, row in (numbers | {"position": position}).items()}
+        return self._points, rows
+
+
+def seconds(stamp):
+    """Return a stamp in seconds."""
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def folders_of(entries):
+    """Return the folders of the parameter mesh_folders."""
+    folders = [Path(entry).expanduser() for entry in entries if entry]
+    for folder in folders:
+        if not folder.is_dir():
+            raise InputError(f"parameter 'mesh_folders' has '{folder}'; expected a folder.")
+    return folders

@@ -1,0 +1,152 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The stream of one robot: frames of its newest state, made when a page asks for one."""
+
+import json
+import threading
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.model import end_effector_link
+from diag_dynamics.page.frames import FrameMaker, States
+from diag_dynamics.page.layout import thresholds_of
+
+STALE = 1.0
+"""Age of the last state above which a robot is not alive [s]."""
+
+RATE_PERIOD = 0.5
+"""Shortest time over which the rate of states is measured [s]."""
+
+
+class Received(NamedTuple):
+    """The newest state of a robot."""
+
+    states: States
+    """One state, of the robot in force."""
+    received: float
+    """Time of reception by :func:`time.monotonic` [s]."""
+    count: int = 1
+    """States received since the last call, this one included."""
+    limits: tuple[float, ...] = ()
+    """Thresholds of alarms as of :func:`~diag_dynamics.page.layout.thresholds_of`; empty if unknown."""
+    points: tuple[tuple[str, str], ...] = ()
+    """Name and link of each point of contact."""
+
+
+class Newest(NamedTuple):
+    """The newest of a robot: number and JSON of layout and diagnostics, the chosen link, number and frame of the state."""
+
+    layout: tuple[int, str]
+    diagnostics: tuple[int, str]
+    link: str
+    number: int
+    frame: bytes
+
+
+class RobotStream:
+    """One robot for any number of pages: each frame is made once. All methods may be called from any thread.
+
+    Parameters
+    ----------
+    name : str
+        Namespace of the robot, by which pages ask for it.
+    read : callable
+        Called with the DiagonalDynamics in force by one thread at a time; returns the newest state since the last call as
+        :class:`Received`, or None. It raises nothing.
+    """
+
+    def __init__(self, name, read):
+        self.name, self._read, self._lock = name, read, threading.RLock()
+        self._dynamics = self._scene = self._meshes = self._last = self._rate = None
+        self._layout, self._diagnostics, self._number, self._frames = (0, ""), (0, "[]"), 0, {}
+        self._waiting, self._worst = "waiting for a robot", ""
+        self._counted, self._since = 0, 0.0
+
+    def set_robot(self, dynamics, scene=None, meshes=None):
+        """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on."""
+        q, zero = dynamics.model.neutral, np.zeros(dynamics.model.nv)
+        maker = FrameMaker(dynamics)  # compiles before the first state
+        maker.frames(States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero)))
+        maker.chosen(q, zero, dynamics.model.root_link)
+        with self._lock:
+            self._dynamics, self._scene, self._meshes = dynamics, scene, meshes
+            self._waiting, self._last = "", None
+            self._lay_out((), ())
+
+    def set_waiting(self, reason):
+        """Set the reason why no state comes; the last state stays, with its age."""
+        self._waiting = reason
+
+    def set_diagnostics(self, statuses):
+        """Set the newest diagnostics, a list of dicts: level, name, message and values of each."""
+        worst = max(statuses, key=lambda status: status["level"])
+        name = worst["name"].partition(": ")[2] or worst["name"]
+        with self._lock:
+            self._worst = f"{name}: {worst['message']}" if worst["level"] else ""
+            if (text := json.dumps(statuses)) != self._diagnostics[1]:
+                self._diagnostics = self._diagnostics[0] + 1, text
+
+    def newest(self, link=""):
+        """Return the :class:`Newest`, with the fields of a link; of the end effector where the robot has no such link."""
+        with self._lock:
+            self._refresh()
+            link = link if self._dynamics and link in self._dynamics.model.link_names else self._end_effector
+            return Newest(self._layout, self._diagnostics, link, self._number, self._frame(link))
+
+    def layout(self):
+        """Return the layout as JSON; empty while there is none."""
+        return self._layout[1]
+
+    def mesh(self, sha):
+        """Return the bytes of a mesh; None if there is none of this hash."""
+        with self._lock:
+            return self._meshes.data(sha) if self._meshes else None
+
+    def about(self):
+        """Return name, robot, whether it is alive, age and rate of its states and why there is none, for JSON."""
+        with self._lock:
+            self._refresh()
+            age = time.monotonic() - self._last.received if self._last else None
+            alive = age is not None and age < STALE
+            missing = self._worst or ("waiting for the first state" if age is None else "")
+            robot, waiting = self._dynamics and self._dynamics.model.name, self._waiting or ("" if alive else missing)
+            return {
+                **{"name": self.name, "robot": robot, "alive": alive},
+                **{"age": age, "rate": self._rate, "waiting": waiting},
+            }
+
+    @property
+    def _end_effector(self):
+        return end_effector_link(self._dynamics.model) if self._dynamics else ""
+
+    def _lay_out(self, limits, points):
+        """Start a new layout."""
+        self._limits, self._points, self._maker = limits, points, FrameMaker(self._dynamics, points)
+        layout = self._maker.layout.to_json(self._scene, thresholds_of(limits) if limits else None)
+        self._layout, self._frames = (self._layout[0] + 1, json.dumps(layout, allow_nan=False)), {}
+
+    def _refresh(self):
+        """Read the newest state, if there is one since."""
+        received = self._read(self._dynamics) if self._dynamics else None
+        if received is None:
+            return
+        if (received.limits, received.points) != (self._limits, self._points):
+            self._lay_out(received.limits, received.points)
+        self._counted, now = self._counted + received.count, time.monotonic()
+        if now - self._since >= RATE_PERIOD:
+            self._rate = self._counted / (now - self._since) if self._since else None
+            self._counted, self._since = 0, now
+        self._last, self._number, self._frames = received, self._number + received.count, {}
+
+    def _frame(self, link):
+        """Return the frame of the last state, made once for each link; empty before the first state."""
+        if self._last is None or link in self._frames:
+            return self._frames.get(link, b"")
+        states, common = self._last.states, 8 + 4 * self._maker.layout.common
+        if "" not in self._frames:
+            self._frames[""] = self._maker.frames(states._replace(rate=self._rate)).tobytes()[:common]
+        self._frames[link] = self._frames[""] + self._maker.chosen(states.q[0], states.nu[0], link).tobytes()
+        return self._frames[link]
