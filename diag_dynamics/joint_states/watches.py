@@ -119,7 +119,6 @@ def _compare_states(memory, position, velocity, stamp):
         else:
             if not (fast and joint.still_fast and x == joint.still_position):
                 joint.still_since = stamp
-            joint.still_since = max(joint.still_since, stamp - timeout)
             over = zero and ends
             if over and stamp - joint.zero_since >= timeout - shared.frozen_step:
                 joint.slides = int(abs(x - joint.zero_position) > MOVED)

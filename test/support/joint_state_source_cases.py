@@ -186,6 +186,11 @@ COARSE_CASES = [
 SOURCE_CASES = [
     *(case(name, *_in_turns(*steps), absurd__jump=0.1) for name, steps in SOURCES.items()),
     case(
+        "sources are not told apart without a bound of jumps",
+        *_in_turns(_at(EACH[:20], _driver, then=GOOD), _at(EACH[:20], _bare, then=BARE)),
+        absurd__jump=0.0,
+    ),
+    case(
         "garbage at home is not another source",
         *(_pose(10 * k * MS) for k in range(5)),
         _pose(50 * MS, "jump", pose=(1.5, 1.5, 1.5), velocity=(0.3, 0.3, 0.3)),
