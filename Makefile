@@ -33,7 +33,7 @@ demo-control: setup  ## a push on an arm under control: seen, and its kinetic en
 	@$(in_env) scripts/demo_control $(ARGS)
 
 demo-identify: setup  ## a wrong model, identified and calibrated until alarms see pushes; a picture; ARGS=<options>
-	@$(in_env) diag-dynamics demo-identify --picture demo_identify.png $(ARGS)
+	@$(in_env) python3 examples/demos/demo_identify.py --picture demo_identify.png $(ARGS)
 
 test: $(or $(LINT),setup-tests)  ## the gate: lint, JavaScript, tests; ARGS=<pytest options>, JOBS=<workers, 0: a debugger>, LINT= for none
 	@node --test web/test/*.test.js

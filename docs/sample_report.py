@@ -7,15 +7,18 @@ python docs/sample_report.py
 """
 
 import os
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from diag_dynamics.cli.main import main
-from diag_dynamics.demos.simulated_robot import Push, recorded
 from diag_dynamics.model import load_urdf
 from diag_dynamics.model.example_robots import find_urdf
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "examples" / "demos"))
+from demo_identify import Push, record
 
 LENGTH, PUSHED = 16.0, (4.0, 8.5, 12.6)
 HELD = {"panda_finger_joint1": 0.03}
@@ -38,9 +41,9 @@ def sample(folder):
     model = load_urdf(find_urdf("panda"), locked_joints=HELD)
     force = {PUSHED[0]: (0.0, 35.0, 0.0), PUSHED[1]: (-30.0, 0.0, 15.0), PUSHED[2]: (0.0, -25.0, -25.0)}
     pushes = [Push("panda_hand", begin, begin + 0.25, np.array(push)) for begin, push in force.items()]
-    states = recorded(model.perturbed(0.01, 3), model, *motion(model), pushes)
+    states = record(model.perturbed(0.01, 3), model, *motion(model), pushes)
     path = Path(folder) / "panda_run.npz"
-    np.savez(path, joints=np.array(model.dof_names), **states._asdict())
+    np.savez(path, joints=np.array(model.dof_names), **states)
     return path
 
 

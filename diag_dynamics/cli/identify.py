@@ -16,9 +16,9 @@ from diag_dynamics.model import Parameters
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
 from diag_dynamics.model.robot_source import read_source
+from diag_dynamics.plot.identified import draw_identification
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import plain
-from diag_dynamics.views.identified import picture
 
 EPILOG = """exit status: 0 identified; 1 no parameter improved the model on the held-out part, so that it stays as it was, the
 motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 not identified, for example
@@ -103,7 +103,9 @@ def _draw(path, recording, model, found):
         f"Of d(K + U)/dt the efforts explain {shares[0]} before, {shares[1]} after."
     )
     time, torques = residual_curves((model, found.model), recording.pieces, common.GAIN)
-    picture(path, title, time, torques, quality["torque_rms"], (time[-1] - quality["held_out_duration"], time[-1]))
+    draw_identification(
+        path, title, time, torques, quality["torque_rms"], (time[-1] - quality["held_out_duration"], time[-1])
+    )
 
 
 def format_summary(found, first):

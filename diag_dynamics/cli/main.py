@@ -19,7 +19,6 @@ LIBRARY = {
     "identify": "friction, rotor inertias, payloads and inertias from recordings",
     "excite": "a trajectory that moves a robot for identify",
     "calibrate": "alarm thresholds from recordings without contact",
-    "demo-identify": "from a wrong model to alarms that work, on simulated robots",
     "inspect": "facts about a robot, and checks of its URDF",
     "layout": "a layout of Foxglove or PlotJuggler for a robot",
     "robots": "names of the example robots",

@@ -15,12 +15,14 @@ import termios
 import time
 from pathlib import Path
 
+import demo_identify
 import matplotlib.image
 import numpy as np
 import psutil
 import pytest
 
 import robots
+from diag_dynamics.cli.main import main as cli
 from diag_dynamics.nodes.demos.demo_control import PUSH, REST, SIMULATOR
 from nodes import PANDA, START, TIMEOUT, UR5, robot
 from processes import Process
@@ -198,6 +200,26 @@ def test_at_a_terminal(tmp_path):
             assert echo
     finally:
         os.close(terminal)
+
+
+# --- the demo of identification
+
+
+def test_demo_identify(tmp_path, capsys):
+    """Of ten pushes nine are detected with the identified model; its files are usable."""
+    plot, kept = tmp_path / "before_and_after.svg", tmp_path / "kept"
+    assert demo_identify.main(["--robots", "ur5_robot", "--picture", str(plot), "--keep", str(kept)]) == 0
+    out = capsys.readouterr().out
+    detected = re.findall(r"(with the URDF|identified): (\d+) of 10 pushes detected", out)
+    assert [label for label, _ in detected] == ["with the URDF", "identified"]
+    assert int(detected[0][1]) < 9 <= int(detected[1][1])
+    shares = re.search(r"dK/dt explained: (\S+) with the URDF, (\S+) identified", out)
+    assert float(shares[1]) < 0.0 and float(shares[2]) > 0.95
+    assert plot.read_text().startswith("<?xml")
+    arm, pushed = kept / "ur5_robot_arm.yaml", kept / "ur5_robot_pushed.npz"
+    alarms = ["--alarms", str(kept / "ur5_robot_alarms_identified.yaml")]
+    assert cli(["analyse", str(pushed), "--urdf", "ur5_robot", "--parameters", str(arm), *alarms]) == 0
+    assert "collision" in capsys.readouterr().out
 
 
 # --- the demo of control

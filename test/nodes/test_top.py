@@ -155,6 +155,7 @@ def test_peaks_pause_and_silence(make_robot, make_screen):
     robot.publish()
     text = screen.frame()
     assert "K 7.00 J" in text and "peak 50.0 J" in text and "█" in text
+    assert screen.rows(3)[0] == ["shoulder", "0.500", "50.0"]
     assert "PAUSED" in screen.frame(" ")
     robot.publish(nu=(1.0, 0.0, 0.0))
     assert "K 7.00 J" in screen.frame()

@@ -454,31 +454,3 @@ def test_compiled_where_it_is_installed(tmp_path):
         assert "['compile'" not in cmake("--install", build, "--prefix", tmp_path / "made", **mark).stdout
     cmake("-S", tmp_path, "-B", build, "-DDIAG_DYNAMICS_COMPILE=OFF")
     assert "['compile'" not in cmake("--install", build, "--prefix", place).stdout
-
-
-# --- demo-identify ---
-
-
-def test_demo_identify_refuses(run):
-    status, _, error = run("demo-identify --robots nobody")
-    assert status == 2 and "--robots has 'nobody', expected some of panda, ur5_robot, tiago_no_hand" in error
-
-
-@pytest.mark.full
-def test_demo_identify(tmp_path, run):
-    """Ten pushes, of which nine are seen with what was identified; and every file of it can be used."""
-    plot, kept = tmp_path / "before_and_after.svg", tmp_path / "kept"
-    status, out, error = run(["demo-identify", "--robots", "ur5_robot", "--picture", plot, "--keep", kept])
-    assert status == 0 and error.startswith("ur5_robot: ")  # it says at once what it does
-    seen = re.findall(r"(with the URDF|identified): (\d+) of 10 pushes seen", out)
-    assert [what for what, _ in seen] == ["with the URDF", "identified"]
-    assert int(seen[0][1]) < 9 <= int(seen[1][1])
-    shares = re.search(r"explains (\S+) of dK/dt with the URDF, (\S+) identified", out)
-    assert float(shares[1]) < 0.0 and float(shares[2]) > 0.95
-    assert plot.read_text().startswith("<?xml")
-    arm, pushed = kept / "ur5_robot_arm.yaml", kept / "ur5_robot_pushed.npz"
-    model = dd.load_robot("ur5_robot", parameters=arm)
-    seen = dd.observe(dd.DiagonalDynamics(model), dd.read_recording(pushed, model))
-    assert np.isfinite(seen.norm[100:]).all()
-    alarms = ["--alarms", kept / "ur5_robot_alarms_identified.yaml"]
-    assert "collision" in run(["analyse", pushed, "--urdf", "ur5_robot", "--parameters", arm, *alarms])[1]

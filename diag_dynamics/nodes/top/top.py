@@ -85,6 +85,11 @@ class Top(Node):
         self.create_timer(1.0, self._find_robots, clock=steady)
         self.create_timer(1.0 if lines else 1.0 / rate, self._print if lines else self._draw, clock=steady)
 
+    @property
+    def has_states(self):
+        """Whether any robot has published a state."""
+        return any(robot.names for robot in self._robots.values())
+
     def _find_robots(self):
         """Subscribe to new robots; only `--state` shows a simulator's own states."""
         found = [topic for topic in topics_of(self, STATE) if not topic.endswith("/ground_truth")]
