@@ -32,8 +32,6 @@ _PRIMITIVES = {
     "double": "<f8",
 }
 
-_TEXT, _NUMBER, _PADDING = range(3)
-
 _SEQUENCE = re.compile(r"sequence<(\w+)>")
 
 
@@ -56,8 +54,6 @@ class Template:
         All bytes. Those after the encapsulation begin on a multiple of eight.
     doubles : ndarray of float64
         The same bytes after the encapsulation.
-    text : ndarray of uint8, shape of data
-        255 where a byte is neither of a number nor padding, 0 elsewhere: messages of one text differ in numbers alone.
 
     Raises
     ------
@@ -67,7 +63,7 @@ class Template:
 
     def __init__(self, message):
         self._kind, self._bytes, self._parts, self._places = type(message).__name__, bytearray(), bytearray(), {}
-        self._put(HEADER, _TEXT)
+        self._put(HEADER)
         self._add(message, "")
         size = len(self._bytes)
         room = np.zeros(size + 12, dtype=np.uint8)
@@ -75,27 +71,19 @@ class Template:
         self.data = room[4 : 4 + size]
         self.data[:] = self._bytes
         self.doubles = self.data[4 : 4 + (size - 4) // 8 * 8].view("<f8")
-        parts = np.frombuffer(self._parts, dtype=np.uint8)
-        self.text, self._padding = (np.where(parts == part, 255, 0).astype(np.uint8) for part in (_TEXT, _PADDING))
+        self._meaningful = np.frombuffer(self._parts, dtype=bool)
         self.numbers = {path: self.data[begin:end].view(kind) for path, (kind, begin, end) in self._places.items()}
 
     def encoded(self):
         """The message as it is now."""
         return self.data.tobytes()
 
-    def fits(self, raw):
-        """Whether these bytes are a message that differs from this one in numbers alone."""
-        return self._equal(raw, self.text)
-
     def holds(self, raw):
-        """Whether these bytes are this very message, whatever is in the padding."""
-        return self._equal(raw, ~self._padding)
-
-    def _equal(self, raw, where):
-        """What comes after a message is not looked at, as rclpy does not: it may leave some bytes there."""
+        """Return whether these bytes are this message; padding, and bytes after the message, may be any."""
         if len(raw) < len(self.data):
             return False
-        return not ((np.frombuffer(raw, dtype=np.uint8, count=len(self.data)) ^ self.data) & where).any()
+        theirs = np.frombuffer(raw, dtype=np.uint8, count=len(self.data))
+        return bool((theirs == self.data)[self._meaningful].all())
 
     def place(self, path):
         """Byte at which a number, or the first one of a sequence, begins; -1 if the sequence is empty."""
@@ -129,21 +117,21 @@ class Template:
         numbers = np.array(values, dtype=_PRIMITIVES[kind])
         self._align(numbers.itemsize)
         begin = len(self._bytes)
-        self._put(numbers.tobytes(), _NUMBER)
+        self._put(numbers.tobytes())
         self._places[path] = numbers.dtype, begin, len(self._bytes)
 
     def _add_text(self, value):
         encoded = value.encode() + b"\0"
         self._add_count(len(encoded))
-        self._put(encoded, _TEXT)
+        self._put(encoded)
 
     def _add_count(self, count):
         self._align(4)
-        self._put(struct.pack("<I", count), _TEXT)
+        self._put(struct.pack("<I", count))
 
     def _align(self, size):
-        self._put(bytes(-(len(self._bytes) - len(HEADER)) % size), _PADDING)
+        self._put(bytes(-(len(self._bytes) - len(HEADER)) % size), False)
 
-    def _put(self, some, part):
+    def _put(self, some, is_meaningful=True):
         self._bytes += some
-        self._parts += bytes([part]) * len(some)
+        self._parts += bytes([is_meaningful]) * len(some)
