@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 import pytest
+from moving_robot import MovingRobot
 from PIL import Image
 
 import diag_dynamics as dd
@@ -19,7 +20,6 @@ import recorded_arm
 from bags import odometry, write_floating
 from browser import Tab, browser
 from diag_dynamics.cli.main import main
-from diag_dynamics.demos.moving_robot import MovingRobot
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
