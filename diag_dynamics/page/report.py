@@ -21,73 +21,75 @@ from diag_dynamics.page.packing import LEVELS, pack, pack_times
 STATIC = Path(__file__).parent / "static"
 """Where the page lies: it is built from web/ by ``make page``."""
 
-POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-"""What a report may load: nothing that is not in it."""
+HEAD = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline'; \
+style-src 'unsafe-inline'; img-src data: blob:">
+<title>diag_dynamics</title>
+<link rel="icon" href="data:,">
+<style>STYLE</style>
+</head>
+<body>
+"""
+"""A report loads nothing that is not in it."""
 
-SLOW = "link_energy", *CHOSEN
-"""Fields that change slowly enough to be kept less often where states are kept at their full rate."""
+EVERY, SLOW = 20, ("link_energy", *CHOSEN)
+"""Fields that change slowly: at the full rate one state of so many has them."""
 
 LOGARITHMIC = ("coriolis_work", "contact_mass", "contact_allowed")
-"""Fields of which the exponent counts: their logarithms are packed."""
-
-EVERY = 20
-"""States of which one has these."""
+"""Fields of which the logarithms are packed."""
 
 FULL_RATE_LEVELS, OF_NOISE = 16_000, 1.0 / 3.0
-"""Values that a column can have at the full rate, and the step in parts of its noise where that is coarser."""
+"""Levels of a column at the full rate, and its step as a fraction of its noise where that is coarser."""
 
 
 class Track(NamedTuple):
-    """Some states of a recording, in the order of time: what the page calls them, and their packed numbers."""
+    """Some states of a recording in the order of time: their description for the page, and their packed numbers."""
 
     about: dict[str, Any]
     blocks: list[bytes]
 
     @property
     def size(self) -> int:
-        """Bytes, before they are text."""
+        """Bytes of the blocks."""
         return sum(map(len, self.blocks))
 
 
 def overview(layout: Layout, t: Array, numbers: Any) -> Track:
-    """States that stand for the whole recording; times in seconds after its beginning."""
-    packed = pack(_scaled(layout, numbers))
-    about = {
-        "kind": "overview",
-        "rows": len(t),
-        "logarithmic": LOGARITHMIC,
-        "parts": [{"fields": None, "every": 1, "columns": packed.columns}],
-    }
-    return Track(about, [pack_times(t), packed.data])
+    """Return the Track of states that stand for the whole recording.
+
+    Parameters
+    ----------
+    layout : Layout
+    t : ndarray, shape (T,)
+        Times after the beginning of the recording [s].
+    numbers : ndarray, shape (T, layout.size)
+    """
+    return _pack_track(layout, t, numbers, {1: [field.name for field in layout.fields]}, LEVELS)
 
 
 def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
-    """All states of some seconds; the fields :data:`SLOW` of every :data:`EVERY`-th."""
-    numbers, slow = _scaled(layout, numbers), np.zeros(layout.size, dtype=bool)
-    for name in SLOW:
-        slow[layout.place(name)] = True
-    fast, few = pack(numbers[:, ~slow], FULL_RATE_LEVELS, OF_NOISE), pack(numbers[::EVERY, slow], LEVELS)
-    names = [field.name for field in layout.fields]
-    about = {
-        "kind": "full rate",
-        "rows": len(t),
-        "logarithmic": LOGARITHMIC,
-        "parts": [
-            {"fields": [name for name in names if name not in SLOW], "every": 1, "columns": fast.columns},
-            {"fields": [name for name in names if name in SLOW], "every": EVERY, "columns": few.columns},
-        ],
-    }
-    return Track(about, [pack_times(t), fast.data, few.data])
+    """Return the Track of all states of some seconds; parameters as of :func:`overview`."""
+    names = {1: [field.name for field in layout.fields if field.name not in SLOW], EVERY: list(SLOW)}
+    return _pack_track(layout, t, numbers, names, FULL_RATE_LEVELS, OF_NOISE)
 
 
-def _scaled(layout: Layout, numbers: Any) -> Any:
-    """Numbers as they are packed; those of :data:`LOGARITHMIC` fields that are zero are unknown then."""
-    scaled = np.array(numbers, dtype=float)
-    for name in LOGARITHMIC:
-        place = layout.place(name)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scaled[:, place] = np.log10(scaled[:, place])
-    return scaled
+def _pack_track(layout: Layout, t: Array, numbers: Any, names: Any, *precision: Any) -> Track:
+    """Pack the fields of each entry of `names` of every so many states."""
+    numbers = np.array(numbers, dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for name in LOGARITHMIC:
+            numbers[:, layout.place(name)] = np.log10(numbers[:, layout.place(name)])
+    blocks, parts = [pack_times(t)], []
+    for every, fields in names.items():
+        columns = np.concatenate([np.arange(layout.size)[layout.place(name)] for name in fields])
+        packed = pack(numbers[::every, columns], *(precision if every == 1 else ()))
+        parts.append({"fields": fields, "every": every, "columns": packed.columns})
+        blocks.append(packed.data)
+    return Track({"rows": len(t), "logarithmic": LOGARITHMIC, "parts": parts}, blocks)
 
 
 def page_of(static: Path = STATIC) -> list[str]:
@@ -105,13 +107,13 @@ def page_of(static: Path = STATIC) -> list[str]:
 
 
 def as_text(size: int) -> int:
-    """Bytes that so many bytes take as text."""
+    """Return the characters that so many bytes take."""
     return 4 * -(-size // 3)
 
 
 def write_report(
     path: str | Path,
-    told: Mapping[str, Any],
+    content: Mapping[str, Any],
     tracks: Iterable[Track],
     meshes: Mapping[str, bytes],
     static: Path = STATIC,
@@ -121,8 +123,8 @@ def write_report(
     Parameters
     ----------
     path : str or Path
-    told : mapping
-        For JSON: ``layout``, ``summary``, and whatever else the page tells.
+    content : mapping
+        For JSON: ``layout``, ``summary``, and whatever else the page shows.
     tracks : iterable of Track
         The overview first.
     meshes : mapping
@@ -136,28 +138,21 @@ def write_report(
         The page has not been built.
     """
     script, style, licences = page_of(static)
-    blocks, about = [], []
+    blocks: list[bytes] = []
+    about = []
     for track in tracks:
         about.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
         blocks += track.blocks
     places = {sha: len(blocks) + k for k, sha in enumerate(meshes)}
-    blocks += meshes.values()
-    data = _for_html({**told, "tracks": about, "meshes": places})
+    texts = [base64.b64encode(block).decode("ascii") for block in (*blocks, *meshes.values())]
+    text = json.dumps({**content, "tracks": about, "meshes": places}, allow_nan=False, separators=(",", ":"))
+    for character in "<>&":  # no name ends an element
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    parts = [
+        HEAD.replace("STYLE", style),
+        f'<script type="application/json" id="report">{text}</script>\n',
+        *(f'<script type="text/plain" id="block-{k}">{block}</script>\n' for k, block in enumerate(texts)),
+        f"<script>{script}</script>\n<!--\n{licences.replace('--', '- -')}\n-->\n</body>\n</html>\n",
+    ]
     with open(path, "w", encoding="utf-8", newline="\n") as file:
-        file.write(
-            '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-            f'<title>diag_dynamics</title>\n<link rel="icon" href="data:,">\n<style>{style}</style>\n</head>\n<body>\n'
-            f'<script type="application/json" id="report">{data}</script>\n'
-        )
-        for k, block in enumerate(blocks):
-            text = base64.b64encode(block).decode("ascii")
-            file.write(f'<script type="text/plain" id="block-{k}">{text}</script>\n')
-        file.write(f"<script>{script}</script>\n<!--\n{licences.replace('--', '- -')}\n-->\n</body>\n</html>\n")
-
-
-def _for_html(value: Any) -> str:
-    """JSON that ends no element, whatever names are in it."""
-    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+        file.writelines(parts)

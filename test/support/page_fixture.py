@@ -103,7 +103,7 @@ def _columns():
     packed = pack(
         np.stack([k - 3.0, 0.5 * k * k, np.full(6, 2.5), [math.nan, 1.0, math.inf, -math.inf, -1.0, 0.5]], axis=1)
     )
-    return {"rows": packed.rows, "columns": packed.columns, "data": _text(packed.data)}
+    return {"rows": len(k), "columns": packed.columns, "data": _text(packed.data)}
 
 
 def _tetrahedron():

@@ -7,66 +7,48 @@ import { Rows } from "./rows.js";
 import { bytesOf, columnsOf, timesOf } from "./unpack.js";
 
 export async function rowsOf(layout, tracks) {
-  const parts = [];
-  for (const track of tracks) parts.push(await read(layout, track));
-  return together(parts);
+  return merged(await Promise.all(tracks.map((track) => read(layout, track))));
 }
 
-function together(parts) {
-  const total = parts.reduce((sum, part) => sum + part.times.length, 0);
-  const width = parts[0].columns.length;
-  const rows = new Rows(width, total);
-  [rows.room, rows.times, rows.data] = [total, new Float64Array(total), new Float32Array(total * width)];
-  const [overview, ...full] = parts;
+// Of the overview those states at whose times no other track has any.
+function merged([overview, ...full]) {
+  const total = [overview, ...full].reduce((sum, part) => sum + part.times.length, 0);
+  const rows = new Rows(overview.columns.length, total);
   full.sort((a, b) => a.times[0] - b.times[0]);
   let next = 0;
-  const upTo = (t) => {
-    while (next < overview.times.length && overview.times[next] < t) put(rows, overview, next++);
-  };
-  for (const part of full) {
-    upTo(part.times[0]);
-    for (let i = 0; i < part.times.length; i++) put(rows, part, i);
-    const end = part.times.at(-1);
-    while (next < overview.times.length && overview.times[next] <= end) next++;
+  for (const part of [...full, { times: [Infinity], columns: [] }]) {
+    while (overview.times[next] < part.times[0]) put(rows, overview, next++);
+    if (part.columns.length) part.times.forEach((_, i) => put(rows, part, i));
+    while (overview.times[next] <= part.times.at(-1)) next++;
   }
-  upTo(Infinity);
   return rows;
 }
 
-function put(rows, part, i) {
-  const t = part.times[i];
-  if (rows.length && t <= rows.last) return;
-  const base = rows.length * rows.width;
-  rows.times[rows.length++] = t;
-  for (let k = 0; k < part.columns.length; k++) rows.data[base + k] = Number.isFinite(part.columns[k][i]) ? part.columns[k][i] : NaN;
+function put(rows, { times, columns }, i) {
+  if (!rows.length || times[i] > rows.last) rows.push(times[i], columns.map((column) => column[i]));
 }
 
-async function read(layout, track) {
-  const [first, ...others] = track.blocks;
-  const times = timesOf(await bytesOf(first), track.rows);
+async function read(layout, { rows, parts, logarithmic, blocks }) {
+  const [times, ...packed] = await Promise.all(blocks.map(bytesOf));
   const columns = new Array(layout.width);
-  for (let p = 0; p < track.parts.length; p++) {
-    const { fields, every, columns: scales } = track.parts[p];
-    const found = columnsOf(await bytesOf(others[p]), Math.ceil(track.rows / every), scales);
-    let k = 0;
-    for (const name of fields ?? layout.fields.keys()) {
+  parts.forEach(({ fields, every, columns: scales }, p) => {
+    const found = columnsOf(packed[p], Math.ceil(rows / every), scales);
+    for (const name of fields) {
       const { offset, size } = layout.fields.get(name);
-      const own = found.slice(k, k + size);
-      k += size;
-      if (track.logarithmic.includes(name)) for (const column of own) column.forEach((x, i) => (column[i] = 10 ** x));
-      own.forEach((column, n) => (columns[offset + n] = every === 1 ? column : stretched(column, every, track.rows)));
+      found.splice(0, size).forEach((column, k) => {
+        const values = logarithmic.includes(name) ? column.map((x) => 10 ** x) : column;
+        columns[offset + k] = every > 1 ? stretched(values, every, rows) : values;
+      });
     }
-  }
-  return { times, columns };
+  });
+  return { times: timesOf(times, rows), columns };
 }
 
 // Numbers in between, along straight lines.
 function stretched(column, every, rows) {
-  const out = new Float32Array(rows);
-  for (let i = 0; i < rows; i++) {
-    const [k, part] = [Math.floor(i / every), (i % every) / every];
-    const next = Math.min(k + 1, column.length - 1);
-    out[i] = column[k] + part * (column[next] - column[k]);
-  }
-  return out;
+  return Float32Array.from({ length: rows }, (_, i) => {
+    const k = Math.floor(i / every);
+    const next = column[Math.min(k + 1, column.length - 1)];
+    return column[k] + ((i % every) / every) * (next - column[k]);
+  });
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// What packing.py has packed: columns of numbers, times, meshes.
+// Columns of numbers, times and meshes as packing.py packs them.
 
 export async function bytesOf(id) {
   const text = document.getElementById(`block-${id}`).textContent;
@@ -10,56 +10,43 @@ export async function bytesOf(id) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// columns: of each [the value of 1, that of one more, how often differences were taken]. Returns an array for each.
+// Fills out with integers from their differences, which have the sign in the lowest bit: lowest bytes come first.
+function sums(out, bytes, at, width) {
+  const [count, end] = [out.length, 256 ** width];
+  let sum = 0;
+  for (let n = 0; n < count; n++) {
+    let zigzag = 0;
+    for (let [plane, weight] = [0, 1]; plane < width; plane++, weight *= 256) zigzag += bytes[at + plane * count + n] * weight;
+    sum += zigzag % 2 ? -(zigzag + 1) / 2 : zigzag / 2;
+    out[n] = sum < 0 ? sum + end : sum >= end ? sum - end : sum;
+    sum = out[n];
+  }
+  return out;
+}
+
+// columns: value of 1 and step of each; 0 is unknown. Returns an array for each.
 export function columnsOf(bytes, rows, columns) {
-  return columns.map(([low, step, order], k) => {
-    const [high, at] = [2 * k * rows, (2 * k + 1) * rows];
-    const out = new Float32Array(rows);
-    let [difference, value] = [0, 0];
-    for (let i = 0; i < rows; i++) {
-      const zigzag = (bytes[high + i] << 8) | bytes[at + i];
-      const change = (zigzag >>> 1) ^ -(zigzag & 1);
-      difference = order === 2 ? difference + change : change;
-      value = (value + difference) & 0xffff;
-      out[i] = value ? low + (value - 1) * step : NaN;
-    }
-    return out;
+  return columns.map(([low, step], k) => {
+    const column = sums(new Float32Array(rows), bytes, 2 * k * rows, 2);
+    for (let i = 0; i < rows; i++) column[i] = column[i] ? low + (column[i] - 1) * step : NaN;
+    return column;
   });
 }
 
 export function timesOf(bytes, rows) {
-  const out = new Float64Array(rows);
-  let micro = 0;
-  for (let i = 0; i < rows; i++) {
-    for (let [plane, weight] = [0, 1]; plane < 8; plane++, weight *= 0x100) micro += bytes[plane * rows + i] * weight;
-    out[i] = micro / 1e6;
-  }
-  return out;
+  return sums(new Float64Array(rows), bytes, 0, 8).map((micro) => micro / 1e6);
 }
 
 // A mesh as the server would send it.
 export function meshOf(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset);
   const [vertices, triangles] = [view.getUint32(0, true), view.getUint32(4, true)];
-  const low = [8, 12, 16].map((at) => view.getFloat32(at, true));
-  const span = view.getFloat32(20, true);
+  const [x, y, z, span] = [8, 12, 16, 20].map((at) => view.getFloat32(at, true));
   const out = new ArrayBuffer(8 + 12 * vertices + 12 * triangles);
   new Uint32Array(out, 0, 2).set([vertices, triangles]);
   const positions = new Float32Array(out, 8, 3 * vertices);
-  const [count, first] = [3 * vertices, 24];
-  let whole = 0;
-  for (let n = 0; n < count; n++) {
-    whole = (whole + bytes[first + n] + (bytes[first + count + n] << 8)) & 0xffff;
-    const axis = Math.floor(n / vertices);
-    positions[3 * (n % vertices) + axis] = low[axis] + (whole / 65535) * span;
-  }
-  const indices = new Uint32Array(out, 8 + 12 * vertices, 3 * triangles);
-  const [corners, begin] = [3 * triangles, first + 2 * count];
-  let index = 0;
-  for (let n = 0; n < corners; n++) {
-    const zigzag = bytes[begin + n] + bytes[begin + corners + n] * 0x100 + bytes[begin + 2 * corners + n] * 0x10000 + bytes[begin + 3 * corners + n] * 0x1000000;
-    index += zigzag % 2 ? -(zigzag + 1) / 2 : zigzag / 2;
-    indices[n] = index;
-  }
+  const whole = sums(new Uint16Array(3 * vertices), bytes, 24, 2); // all x, then all y, then all z
+  positions.forEach((_, n) => (positions[n] = [x, y, z][n % 3] + (whole[(n % 3) * vertices + Math.floor(n / 3)] / 65535) * span));
+  sums(new Uint32Array(out, 8 + 12 * vertices, 3 * triangles), bytes, 24 + 6 * vertices, 4);
   return out;
 }

@@ -19,7 +19,7 @@ from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.outputs.downsampling import ContactRuns, Overview, Work, make_records, mean_powers
 
-MAX_OVERVIEW, MAX_REPORT, MAX_MESHES = 5_200_000, 14_500_000, 2_000_000
+MAX_OVERVIEW, MAX_REPORT, MAX_MESHES = 3_000_000, 14_500_000, 2_000_000
 """Bytes of the overview before compression, of the file, and of compressed meshes."""
 
 POWERS = "p_effort", "p_gravity", "p_friction", "p_external", "dK"
