@@ -4,7 +4,8 @@
 // The robot as three.js has it: a group for each link, in the link's frame, with all that is seen of it.
 
 import {
-  BoxGeometry, CapsuleGeometry, Color, CylinderGeometry, Group, Matrix4, Mesh, MeshStandardMaterial, SphereGeometry, Box3, Vector3, Quaternion,
+  Box3, BoxGeometry, CapsuleGeometry, CylinderGeometry, Group, Matrix4, Mesh, MeshStandardMaterial, Quaternion, SphereGeometry, SRGBColorSpace,
+  Vector3,
 } from "three";
 import { NEUTRAL } from "./colours.js";
 import { geometryOf } from "./mesh.js";
@@ -29,8 +30,9 @@ export class Robot extends Group {
     const group = new Group();
     group.name = link.name;
     group.matrixAutoUpdate = false;
-    group.userData.material = new MeshStandardMaterial({ color: new Color(...linear(NEUTRAL)), roughness: 0.62, metalness: 0.08, fog: false });
+    group.userData.material = new MeshStandardMaterial({ roughness: 0.62, metalness: 0.08, fog: false });
     this.byName.set(link.name, group);
+    this.paint(link.name, NEUTRAL, false);
     for (const visual of link.visuals) {
       if (visual.kind === "mesh") this.#mesh(group, visual, load, changed, link);
       else put(group, primitive(visual), placed(visual.origin));
@@ -84,13 +86,9 @@ export class Robot extends Group {
     const key = `${rgb.join()}${chosen}`;
     if (!material || material.userData.key === key) return false;
     material.userData.key = key;
-    material.color.setRGB(...linear(rgb));
-    material.emissive.setRGB(...(chosen ? linear(rgb).map((c) => 0.35 * c + 0.02) : [0, 0, 0]));
+    material.color.setRGB(...rgb.map((c) => c / 255), SRGBColorSpace);
+    material.emissive.copy(material.color).multiplyScalar(0.35).addScalar(0.02).multiplyScalar(chosen ? 1 : 0);
     return true;
-  }
-
-  colour(link) {
-    return this.byName.get(link)?.userData.material.color;
   }
 
   get bounds() {
@@ -111,11 +109,6 @@ const UP = new Vector3(0, 1, 0); // of three's cylinders
 // Half the diagonal of the box around a robot [m].
 function sizeOf({ bounds }) {
   return bounds ? Math.max(0.05, 0.5 * Math.hypot(...bounds[1].map((x, k) => x - bounds[0][k]))) : 0.5;
-}
-
-export function linear(rgb) {
-  const colour = new Color().setRGB(...rgb.map((c) => c / 255), "srgb");
-  return [colour.r, colour.g, colour.b];
 }
 
 function put(group, geometry, matrix) {
