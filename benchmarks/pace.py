@@ -64,9 +64,7 @@ def measured(robot, seconds, order, commanded=False):
     parameters = {"robot_description": find_urdf(robot), "rate": RATE, "order": order}
     parameters |= {"compensates_gravity": True, "publish_clock": True} if commanded else {"motion": "wave"}
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "diag_dynamics.nodes.support.start", "simulator", "--ros-args", *arguments]
-    )
+    process = subprocess.Popen([sys.executable, "-m", "diag_dynamics.nodes.simulator", "--ros-args", *arguments])
     node, reports, done = rclpy.create_node("listener"), [], Future()
 
     def take(array):
@@ -98,7 +96,7 @@ def row(name, reports):
     """A line of the table."""
     ticks = sum(int(report["ticks"]) for report in reports[1:])
     overruns = int(reports[-1]["overruns"]) - int(reports[0]["overruns"])
-    let_go = float(reports[-1]["time let go [s]"]) - float(reports[0]["time let go [s]"])
+    let_go = float(reports[-1]["real-time lag dropped [s]"]) - float(reports[0]["time let go [s]"])
     late = [float(report["late, mean [s]"]) for report in reports[1:]]
     largest = [float(report["late, largest [s]"]) for report in reports[1:]]
     cpu = (reports[-1]["cpu"] - reports[0]["cpu"]) / ticks

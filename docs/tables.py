@@ -12,13 +12,15 @@ from importlib import import_module
 from itertools import groupby
 from pathlib import Path
 from textwrap import fill, wrap
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from diag_dynamics.control.modes import MODES  # noqa: E402
 from diag_dynamics.entries import LARGEST  # noqa: E402
-from diag_dynamics.nodes.support.interfaces import INTERFACES, MANAGED, TITLES  # noqa: E402
 from diag_dynamics.nodes.support.names import NODES  # noqa: E402
+from diag_dynamics.nodes.support.topics import TOPICS  # noqa: E402
 from diag_dynamics.parameters.controller import COMPENSATES, WHY_REQUIRED  # noqa: E402
 from diag_dynamics.yaml_files import as_yaml  # noqa: E402
 
@@ -28,9 +30,9 @@ CHANGES = {
     "monitor": "Values are judged together: a wrong one is refused with the reason, and changes nothing. `~/set_payload` "
     "changes `payloads` too. Why the bounds `absurd.*` are what they are: [drivers.md](drivers.md#what-cannot-be); how "
     "to choose `external_torque.*` and `alarm.*`: [alarms.md](alarms.md).",
-    "simulator": "`gravity` and `payloads` may change while the robot moves, all others while the node is unconfigured.",
-    "controller": "All may change while the node is unconfigured only. What the gains do: [control.md](control.md#laws).",
-    "view": "All may change while the node is unconfigured only. What the page shows: [view.md](view.md).",
+    "simulator": "`gravity` and `payloads` may change while the robot moves.",
+    "controller": "Parameters may change while the node is unconfigured. What the gains do: [control.md](control.md#laws).",
+    "view": "What the page shows: [view.md](view.md).",
 }
 """What a reader has to know beside a node's table."""
 
@@ -81,9 +83,9 @@ def parameters_page():
         f"# Parameters\n\n<!-- Written by `{COMMAND}` from diag_dynamics/parameters/: edit these files, not this page. -->",
         paragraph(
             "Each node has a file of its own with all defaults in [config/](../config): copy it, change what you need, and "
-            "start with `--ros-args --params-file my.yaml`. A whole number stands for a number, and `[]` for an empty list "
+            "start with `--ros-args --params-file my.yaml`. An integer stands for a number, and `[]` for an empty list "
             'of entries, whose default is `[""]`. A node warns of a parameter whose name is nearly one of its own. *Changes* '
-            "says when another value is taken: at `any time`, while the node is `unconfigured`, or `never` after its start."
+            "says when another value is accepted: at `any time`, while the node is `unconfigured`, or `never`."
         ),
         " · ".join(f"[{node}](#{node})" for node in NODES),
     ]
@@ -101,6 +103,181 @@ def parameters_page():
 
 
 # --- Interfaces ---
+
+IN, OUT, SERVICE = "in", "out", "service"
+"""Kinds of interfaces: a topic the node subscribes to, a topic it publishes, a service it offers."""
+
+TITLES = {IN: "listens to", OUT: "publishes", SERVICE: "services"}
+"""What a list of each kind is called."""
+
+
+class Interface(NamedTuple):
+    """One topic or service of a node."""
+
+    kind: str
+    name: str
+    """``~`` stands for the node's name, ``/`` makes the name absolute, all others are relative to the namespace."""
+    type: str
+    """``package/Name``; a type without package is one of this package's."""
+    meaning: str
+    condition: str = ""
+    """Parameter without which the topic is not there."""
+
+
+CLOCK = Interface(IN, "/clock", "rosgraph_msgs/Clock", "simulated time", "use_sim_time")
+DESCRIPTION = Interface(
+    IN, "robot_description", "std_msgs/String", "URDF, latched; not listened to where the parameter of that name is set"
+)
+
+INTERFACES = {
+    "monitor": (
+        Interface(IN, "joint_states", "sensor_msgs/JointState", "positions, velocities and efforts of the joints"),
+        DESCRIPTION,
+        Interface(
+            IN,
+            "odom",
+            "nav_msgs/Odometry",
+            "pose and twist of the base; child_frame_id is the root link or one rigidly attached to it, gravity is given "
+            "in header.frame_id",
+            "floating_base",
+        ),
+        CLOCK,
+        *(Interface(OUT, f"~/{topic.name}", topic.type, topic.meaning, topic.condition) for topic in TOPICS),
+        Interface(
+            OUT,
+            "/diagnostics",
+            "diagnostic_msgs/DiagnosticArray",
+            "inputs, model, numerical health, energy, external torque, contact: once a second, at once where energy rises "
+            "too high, something collides or a limit of contact is exceeded",
+        ),
+        Interface(SERVICE, "~/forward_dynamics", "ForwardDynamics", "q̈ and ν̇ from positions, velocities, efforts"),
+        Interface(
+            SERVICE, "~/inverse_dynamics", "InverseDynamics", "efforts from positions, velocities, accelerations"
+        ),
+        Interface(
+            SERVICE, "~/diagonalize", "Diagonalize", "everything the monitor publishes, for a state of your choice"
+        ),
+        Interface(
+            SERVICE, "~/set_payload", "SetPayload", "attach a payload to a link, change it, take it off, while running"
+        ),
+    ),
+    "simulator": (
+        Interface(
+            IN,
+            "effort_controller/commands",
+            "std_msgs/Float64MultiArray",
+            "efforts in the order of command_joints; held until the next one, or command_timeout; not with motion wave",
+        ),
+        Interface(
+            IN,
+            "external_wrench",
+            "geometry_msgs/WrenchStamped",
+            "pushes the link frame_id at its origin; several links at a time",
+        ),
+        CLOCK,
+        Interface(
+            OUT,
+            "joint_states",
+            "sensor_msgs/JointState",
+            "as the sensors measure it; coupled mimic joints last, with an effort of 0; efforts as they act, weight "
+            "compensation included",
+        ),
+        Interface(OUT, "robot_description", "std_msgs/String", "latched"),
+        Interface(
+            OUT,
+            "odom",
+            "nav_msgs/Odometry",
+            "of a floating base, in `world`; delayed and lost with its joint state, without noise",
+            "floating_base",
+        ),
+        Interface(OUT, "~/ground_truth", "DiagonalizedState", "what is, without sensors"),
+        Interface(OUT, "/clock", "rosgraph_msgs/Clock", "simulated time", "publish_clock or lockstep"),
+        Interface(
+            OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "commands, pace and simulation: once a second"
+        ),
+        Interface(SERVICE, "~/pause", "std_srvs/SetBool", "the robot stands still, and goes on as it was"),
+        Interface(SERVICE, "~/step", "Step", "some steps while paused, stamped from now on"),
+        Interface(
+            SERVICE, "~/reset", "std_srvs/Trigger", "where it began, without a command; time goes on, noise begins anew"
+        ),
+        Interface(SERVICE, "~/set_state", "SetState", "any other state; time and command go on"),
+    ),
+    "controller": (
+        Interface(
+            IN,
+            "joint_states",
+            "sensor_msgs/JointState",
+            "positions and velocities of all joints, with stamps; efforts are not looked at",
+        ),
+        DESCRIPTION._replace(meaning=DESCRIPTION.meaning + "; another robot is taken over when deactivated"),
+        Interface(
+            IN,
+            "target",
+            "geometry_msgs/PoseStamped",
+            "mode pose: where controlled_link shall be, in the axes of the link frame_id, as that link is when the target "
+            "comes",
+        ),
+        Interface(
+            IN,
+            "trajectory",
+            "trajectory_msgs/JointTrajectory",
+            "mode tracking: interpolated as ros2_control's joint trajectory controller does; within position and velocity "
+            "limits",
+        ),
+        Interface(
+            IN,
+            "set_point",
+            "sensor_msgs/JointState",
+            "mode tracking: positions of all joints, within their limits; gone to at set_point_speed",
+        ),
+        Interface(
+            IN,
+            "contact_scale",
+            "std_msgs/Float64",
+            "part, from 0 to 1, of the allowed speeds of contact that is allowed now, as of speed and separation monitoring",
+            "contact.limits_file or contact.energy_limit",
+        ),
+        CLOCK,
+        Interface(
+            OUT,
+            "effort_controller/commands",
+            "std_msgs/Float64MultiArray",
+            "efforts in the order of command_joints, one message for each valid joint state",
+        ),
+        Interface(OUT, "~/status", "ControllerStatus", "law, phase, energies, V and its rate, errors, who is limited"),
+        Interface(
+            OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "control, commands and inputs: once a second"
+        ),
+        *(
+            Interface(
+                SERVICE,
+                f"~/mode/{mode}",
+                "std_srvs/Trigger",
+                "puts this law in force, with the present state as its target; takes up a robot that was given up",
+            )
+            for mode in MODES
+        ),
+    ),
+    "view": (
+        Interface(IN, "diag_dynamics/state", "DiagonalizedState", "of each monitor that is found, whatever its name"),
+        Interface(IN, "diag_dynamics/external_torque", "ExternalTorque", "likewise"),
+        Interface(IN, "diag_dynamics/contact", "Contact", "of every monitor that judges contact by limits"),
+        Interface(IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"),
+        Interface(IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "what each robot's nodes say"),
+        CLOCK,
+        Interface(OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "page and robots: once a second"),
+    ),
+}
+"""Of each node, in the order in which they are listed."""
+
+LIFECYCLE = (
+    ("~/change_state", "lifecycle_msgs/ChangeState"),
+    ("~/get_state", "lifecycle_msgs/GetState"),
+    ("~/get_available_states", "lifecycle_msgs/GetAvailableStates"),
+    ("~/get_available_transitions", "lifecycle_msgs/GetAvailableTransitions"),
+    ("~/get_transition_graph", "lifecycle_msgs/GetAvailableTransitions"),
+)
+"""Services of the controller, which is a managed node."""
 
 
 def anchored(kind):
@@ -154,7 +331,7 @@ def interfaces_page():
     """Text of docs/interfaces.md."""
     parts = [
         f"# Topics, services and messages\n\n<!-- Written by `{COMMAND}` from msg/, srv/ and "
-        "diag_dynamics/nodes/support/interfaces.py: edit these, not this page. -->",
+        "docs/tables.py: edit these, not this page. -->",
         paragraph(
             "`~` is the node's name; it and all names without a leading `/` are relative to the namespace. `ros2 interface "
             "show diag_dynamics/msg/KineticEnergy` tells the unit and meaning of each field, too. A message that nobody "
@@ -171,11 +348,11 @@ def interfaces_page():
                     meaning = cell(one.meaning) + (f" (with {conditions(one)})" if one.condition else "")
                     rows.append((f"`{one.name}`", anchored(one.type), meaning))
             parts.append(table((title, "type", ""), rows))
-    own = ", ".join(f"`{name}`" for name, _ in MANAGED)
+    own = ", ".join(f"`{name}`" for name, _ in LIFECYCLE)
     parts.append(
         paragraph(
-            f"Each node is a managed node, with the services {own} of `lifecycle_msgs`, and has the parameter services of "
-            "every node."
+            f"The controller is a managed node with the services {own} of `lifecycle_msgs`. Each node has the parameter "
+            "services of rclpy."
         )
     )
     for title, pattern in (("Messages", "msg/*.msg"), ("Services", "srv/*.srv")):

@@ -1,11 +1,43 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator: moves a robot and publishes its joint_states and robot_description."""
+"""A simulated robot."""
 
-from diag_dynamics.nodes.support.launching import launched
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+ARGUMENTS = {
+    "namespace": "",
+    "params_file": "",
+    "robot_description": "",
+    "motion": "",
+    "without_command": "",
+    "publish_clock": "",
+    "log_level": "info",
+}
+
+
+def start(context):
+    """Return the node for the values of the arguments."""
+    given = context.launch_configurations
+    files = [given["params_file"]] if given["params_file"] else []
+    common = {
+        "package": "diag_dynamics",
+        "namespace": given["namespace"],
+        "arguments": ["--ros-args", "--log-level", given["log_level"]],
+        "output": "both",
+    }
+    parameters = {key: given[key] for key in ("motion", "without_command") if given[key]}
+    if given["robot_description"]:
+        parameters["robot_description"] = ParameterValue(given["robot_description"], value_type=str)
+    if given["publish_clock"]:
+        parameters["publish_clock"] = given["publish_clock"] == "true"
+    return [Node(executable="simulator", name="diag_dynamics_simulator", parameters=[*files, parameters], **common)]
 
 
 def generate_launch_description():
-    """Describe the launch; the arguments are listed by `ros2 launch diag_dynamics simulator.launch.py -s`."""
-    return launched("simulator")
+    """Declare the arguments; without a value that of params_file or of the node holds."""
+    declared = [DeclareLaunchArgument(name, default_value=value) for name, value in ARGUMENTS.items()]
+    return LaunchDescription([*declared, OpaqueFunction(function=start)])

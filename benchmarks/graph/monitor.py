@@ -10,6 +10,4 @@ from graph.executors import EXECUTORS
 
 if __name__ == "__main__":
     runner.Executor = EXECUTORS[sys.argv.pop(1)]
-    from diag_dynamics.nodes.monitor.monitor import main
-
-    sys.exit(main())
+    runner.main("monitor")

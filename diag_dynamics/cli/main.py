@@ -39,7 +39,6 @@ NODES = {
 GRAPH = {
     "topic": "echo, hz",
     "service": "call",
-    "launch": "the launch files of this package",
 }
 
 GROUPS = {

@@ -14,9 +14,16 @@ from diag_dynamics.text import plain
 TOOLS = {
     "topic": ("graph_commands", "add_topic_arguments"),
     "service": ("graph_commands", "add_service_arguments"),
-    "launch": ("launch_command", "add_arguments"),
 }
 """Module in diag_dynamics.nodes.tools, and its function that declares the arguments of each."""
+
+OWN_MAIN = {
+    "demo": "demos.demo",
+    "demo_control": "demos.demo_control",
+    "energy_view": "demos.energy_view",
+    "top": "tools.top",
+}
+"""Module in diag_dynamics.nodes of each executable that has options of its own."""
 
 
 def missing():
@@ -35,12 +42,15 @@ def missing():
 
 
 def run_executable(name, arguments):
-    """Start an executable, as `ros2 run` does."""
+    """Run an executable as `ros2 run` does; return the exit status."""
     if reason := missing():
         print(f"diag-dynamics {name} {reason}", file=sys.stderr)
         return 1
     sys.argv = [f"diag-dynamics {name}", *arguments]
-    import_module("diag_dynamics.nodes.support.start").start(name.replace("-", "_"))
+    executable = name.replace("-", "_")
+    if module := OWN_MAIN.get(executable):
+        return import_module(f"diag_dynamics.nodes.{module}").main()
+    import_module("diag_dynamics.nodes.support.runner").main(executable)
     return 0
 
 

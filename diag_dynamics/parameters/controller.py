@@ -33,7 +33,7 @@ PARAMETERS = {
         "robot_description is used.",
     ),
     **{
-        name: spec._replace(while_unconfigured=True)
+        name: spec._replace(read_only=False, while_unconfigured=True)
         for name, spec in SHARED_PARAMETERS.items()
         if name != "floating_base"
     },
@@ -85,7 +85,7 @@ PARAMETERS = {
     "energy_rate": _once(
         50.0, "Rate alpha at which that bound is approached [1/s]; times the period of states below 1.", minimum=1e-6
     ),
-    **{name: spec._replace(while_unconfigured=True) for name, spec in CONTACT_PARAMETERS.items()},
+    **{name: spec._replace(read_only=False, while_unconfigured=True) for name, spec in CONTACT_PARAMETERS.items()},
     "contact.energy_limit": _once(
         0.0,
         "Bound on the kinetic energy that a contact could take out of the robot along the motion of any point [J], beside "

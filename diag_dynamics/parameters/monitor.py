@@ -38,7 +38,6 @@ BESIDES = {
 """What is to be said of the rate of some topics."""
 
 PARAMETERS = {
-    "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
     "robot_description": Spec(
         "",
         "URDF, or the path of one or of a xacro file, with NAME:=VALUE behind it. If it is empty, the topic "
@@ -48,7 +47,7 @@ PARAMETERS = {
     "odom_twist_frame": Spec(
         "child",
         "Axes of the twist in odom: those of child_frame_id (child), as REP 147 has it, or of header.frame_id (header).",
-        while_unconfigured=True,
+        read_only=True,
         choices=("child", "header"),
     ),
     "odom_timeout": Spec(
@@ -244,7 +243,7 @@ PARAMETERS = {
         "sign(velocity). Unless it is changed, that of parameters_file has precedence.",
         minimum=0.0,
         maximum=1.0,
-        while_unconfigured=True,
+        read_only=True,
     ),
     "publish_friction": Spec(
         False,

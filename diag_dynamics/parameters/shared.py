@@ -17,24 +17,22 @@ PARAMETERS = {
     "mimic": Spec(
         "embed",
         "Mimic joints: coupled to their leaders (embed), independent (free), or locked (lock).",
-        while_unconfigured=True,
+        read_only=True,
         choices=("embed", "free", "lock"),
     ),
     "massless": Spec(
         "error",
         "What to do about joints that move no inertia: refuse the robot (error), or lock them (lock).",
-        while_unconfigured=True,
+        read_only=True,
         choices=("error", "lock"),
     ),
-    "locked_joints": Spec([""], "Joints that are held, each as joint=position [rad, m].", while_unconfigured=True),
-    "armature": Spec(
-        [""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg].", while_unconfigured=True
-    ),
+    "locked_joints": Spec([""], "Joints that are held, each as joint=position [rad, m].", read_only=True),
+    "armature": Spec([""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg].", read_only=True),
     "parameters_file": Spec(
         "",
         "YAML file of parameters beside the URDF, as diag-dynamics identify writes it: friction, offset of the effort and "
         "rotor inertia of each joint, inertias of links, payloads. armature has precedence over it.",
-        while_unconfigured=True,
+        read_only=True,
     ),
     "gravity": Spec(
         [0.0, 0.0, -9.81],
@@ -46,17 +44,15 @@ PARAMETERS = {
         "Payloads, each as link=mass, link=mass x y z, or link=mass x y z ixx iyy izz ixy ixz iyz: centre of mass and "
         "inertia about it in the link's axes [kg, m, kg m^2]. Those on links that a robot lacks are not applied.",
     ),
-    "max_joints": Spec(
-        MAX_JOINTS, "Most joints, fixed ones included, of a URDF that is not refused.", while_unconfigured=True
-    ),
+    "max_joints": Spec(MAX_JOINTS, "Most joints, fixed ones included, of a URDF that is not refused.", read_only=True),
     "max_coupled": Spec(
         MAX_COUPLED,
         "Most bodies of a group of coupled joints, its degrees of freedom and its followers, that is not refused. Every "
         "state takes time as the cube of that number.",
-        while_unconfigured=True,
+        read_only=True,
     ),
     "floating_base": Spec(
-        False, "Whether the root link moves freely; its state then comes from the topic odom.", while_unconfigured=True
+        False, "Whether the root link moves freely; its state then comes from the topic odom.", read_only=True
     ),
 }
 

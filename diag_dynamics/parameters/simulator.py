@@ -8,11 +8,10 @@ from diag_dynamics.parameters.spec import Spec
 
 
 def _once(default, description, **options):
-    return Spec(default, description, while_unconfigured=True, **options)
+    return Spec(default, description, read_only=True, **options)
 
 
 PARAMETERS = {
-    "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
     "robot_description": _once(
         "", "URDF, or the path of one or of a xacro file, with NAME:=VALUE behind it; required."
     ),

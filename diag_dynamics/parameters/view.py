@@ -7,11 +7,10 @@ from diag_dynamics.parameters.spec import Spec
 
 
 def _once(default, description, **options):
-    return Spec(default, description, while_unconfigured=True, **options)
+    return Spec(default, description, read_only=True, **options)
 
 
 PARAMETERS = {
-    "autostart": Spec(True, "Whether the node configures and activates itself when it starts.", read_only=True),
     "host": _once(
         "127.0.0.1",
         "Address that the page is served on. Of another machine only one that is not loopback can be reached, and whoever "

@@ -528,10 +528,7 @@ def test_late_states_by_the_clock_of_the_machine(peer):
 
 
 def test_it_does_not_start_on_a_guess(peer):
-    """Without robot_compensates_gravity it is not configured; with joints in another order than theirs not activated.
-
-    An effort controller that comes back with another order ends it.
-    """
+    """Without robot_compensates_gravity it is not configured; with joints in another order than theirs not activated."""
     model = robot(UR5)
     swapped = [model.names[1], model.names[0], *model.names[2:]]
     with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (it has to be there first)
@@ -540,9 +537,9 @@ def test_it_does_not_start_on_a_guess(peer):
         ) as controller:
             name = controller.name
             peer.wait_until(lambda: controller.reports, "a report", START)
-            to_do = f"diag-dynamics (or ros2) lifecycle set {name} configure"
+            to_do = f"ros2 lifecycle set {name} configure"
             controller.process.wait_for_text(f"Waiting to be configured (autostart is false): {to_do}")
-            wrong = "Parameter 'energy_limt' is not known, and has no effect: is 'energy_limit' meant?"
+            wrong = "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?"
             controller.process.wait_for_text(wrong)
             given = {"check_time": 60.0, "payloads": [""]}
             assert peer.get_parameters(name, given) == given
@@ -561,35 +558,6 @@ def test_it_does_not_start_on_a_guess(peer):
             assert peer.transition(name, "activate")
             report = controller.wait_until_told("control", "no valid state yet", b"\1")
             assert report.values["order of joints"] == f"that of {other}"
-            assert peer.set_parameter(other, "joints", swapped).successful
-            report = controller.wait_until_told("control", said, b"\2")
-            assert "deactivated: " in report.entries["control"].message and report.values["lifecycle"] == "inactive"
-            assert peer.set_parameter(other, "joints", list(model.names)).successful
-            assert peer.transition(name, "activate")
-            controller.wait_until_told("control", "no valid state yet", b"\1")
             assert not controller.sent.messages
     with pytest.raises(InputError, match="robot_compensates_gravity"):
         peer.start("controller", robot_description=model.path, autostart=True)
-
-
-def test_an_order_of_joints_that_changes_ends_it(peer):
-    """The last command, which stays, is gravity in the order that the effort controller has now; foreign joints get zero."""
-    swapped, foreign = [NAMES[1], NAMES[0], *NAMES[2:]], ["wing_joint", *NAMES[1:]]
-    with (
-        effort_controller(peer, "/order", NAMES) as other,
-        Fed(peer, "/order", robot_compensates_gravity=False, check_time=60.0) as fed,
-    ):
-        fed.connect()
-        for joints in (swapped, foreign):
-            fed.settle()
-            fed.sent.forget()
-            assert peer.set_parameter(other, "joints", joints).successful
-            fed.wait_until_told("control", "deactivated: commands and the joints of", b"\2")
-            gravity = dict(zip(NAMES, gravity_of(Q), strict=True))
-            wait_for_command(fed, [gravity.get(name, 0.0) * (joints is swapped) for name in joints])
-            assert peer.set_parameter(other, "joints", list(NAMES)).successful
-            assert peer.transition(fed.name, "activate")
-            fed.sent.forget()
-            fed.connect()
-            peer.wait_until(lambda: fed.sent.messages, "a command")
-            close(fed.sent.messages[0].data, gravity_of(Q) * (joints is swapped))  # they go on from what was sent

@@ -16,7 +16,6 @@ from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes.monitor.described import MonitoredRobot, model_status
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch, numerical_health
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, counted
-from diag_dynamics.nodes.support.managed import ACTIVE
 from diag_dynamics.parameters.monitor import Settings, Thresholds
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.recordings.balance import Balance, WindowSums
@@ -378,7 +377,7 @@ def test_joints_without_rotor_inertia(armature, named):
     robot = MonitoredRobot(limited, model_of(limited, values), Settings.of(values), 1)
     expected = {name for f in inspect_robot(limited).findings if f.check == "rotor_inertia" for name in f.joints}
     assert expected and set(robot.without_rotors) == (expected if named else set())
-    status = model_status(robot, ACTIVE, 1, "", None, None)
+    status = model_status(robot, 1, None, None)
     assert status.level == OK and status.values["joints without rotor inertia"] == counted(robot.without_rotors)
 
 

@@ -181,9 +181,8 @@ def test_foreign_time_refused(clocked, panda):
     """With foreign_time = refuse a recording is rejected from its first message on; stamps of now are served."""
 
     def reconfigure(foreign_time):
-        clocked.transition("deactivate", "cleanup")
         clocked.set_parameter("foreign_time", foreign_time)
-        clocked.transition("configure", "activate")
+        clocked.reload()
 
     reconfigure("refuse")
     recorded = panda.message(1000 * S, panda.samples[0])
@@ -336,7 +335,7 @@ def test_odometry_that_stops(floating):
 
 def test_joints_before_odometry(floating):
     """Counted and warned of until the first odometry."""
-    floating.transition("deactivate", "activate")
+    floating.reload()
     before = floating.next_report()
     floating.forget()
     floating.publish(floating.joints_message(floating.tick()))
@@ -406,19 +405,22 @@ def test_before_the_first_robot(peer, panda):
 
 @pytest.mark.parametrize("case", [*DESCRIPTIONS, "no file"])
 def test_description_refused_by_parameter(monitor, panda, case):
-    """The result says why, and not a joint is forgotten."""
+    """Diagnostics say why, and not a joint is forgotten."""
     text, reason = (DESCRIPTIONS | {"no file": ("/nowhere/robot.urdf", "/nowhere/robot.urdf")})[case]
-    result = monitor.set_parameters({"robot_description": text})
-    assert not result.successful
-    assert reason in result.reason
-    assert "robot_description" in result.reason
+    monitor.set_parameter("robot_description", text)
+    report = monitor.next_report()
+    assert report.level == ERROR
+    assert "robot_description refused" in report.message and reason in report.message
     assert monitor.feed(panda.message(monitor.tick(100 * MS), panda.samples[1], ARM), ["state"])
+    monitor.set_parameter("robot_description", panda.urdf)
+    monitor.serves(panda)
+    assert monitor.next_report().entries["model"].level == OK
 
 
 def test_one_source_of_the_robot(by_topic, monitor, panda):
     """A robot by topic is not replaced by the parameter, nor the other way round."""
     for found, value, reason in (
-        (by_topic, str(robot(UR5).path), "clean the node up first"),
+        (by_topic, str(robot(UR5).path), "cannot replace the topic"),
         (monitor, "", "cannot become empty"),
     ):
         result = found.set_parameters({"robot_description": value})
@@ -429,13 +431,12 @@ def test_one_source_of_the_robot(by_topic, monitor, panda):
 
 # --- parameters
 
-READ_ONLY = "read-only while the node is configured: clean it up first"
+READ_ONLY = "read-only"
 
 PARAMETERS = {
     "absurd.position": [(-1.0, "absurd.position"), (math.nan, "absurd.position"), (1e13, "absurd.position")],
     "alarm.joints": [(["elbow=1"], "gain is 0"), (["panda_joint1"], "name=number")],
     "armature": [(["panda_joint1=0.5"], READ_ONLY)],
-    "autostart": [(False, "read-only")],
     "contact.limits_file": [("/nowhere/limits.yaml", "parameter 'contact.limits_file'")],
     "contact.links": [
         (["nowhere"], "'nowhere', which is no link of robot 'panda'"),

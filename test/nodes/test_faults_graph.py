@@ -18,8 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from diag_dynamics.nodes.support.diagnostics import LONG, OK, WARN, Diagnostics, Status, shortened
-from diag_dynamics.nodes.support.logger import PlainLogger
+from diag_dynamics.nodes.support.diagnostics import MAX_LENGTH, OK, WARN, Diagnostics, Status, shortened
 from nodes import LATCHED, MANY, MS, OUTPUTS, PANDA, UR5, Monitor, Truth, description, joint_state, robot
 
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -366,7 +365,7 @@ def test_names_in_control(peer, tmp_path):
 
 def test_texts_are_short_and_plain(peer):
     """A text is cut before it is escaped; entries are plain from their names to their values."""
-    assert shortened("\x1b" * 1_000_000) == r"\x1b" * LONG + "… (1000000 characters)"
+    assert shortened("\x1b" * 1_000_000) == r"\x1b" * MAX_LENGTH + "… (1000000 characters)"
     topic, node = peer.topic(DiagnosticArray, "/diagnostics"), peer.extra_node("plain", "/plain")
     diagnostics = Diagnostics(node, list, lambda: SimpleNamespace(name=f"e{FIRE}"))
     diagnostics.publish([Status(f"a{FIRE}", OK, f"b{FIRE}", {f"c{FIRE}": f"d{FIRE}"})])
@@ -375,14 +374,3 @@ def test_texts_are_short_and_plain(peer):
     for letter in "abcde":
         assert any(rf"{letter}\x0a[FATAL] [0.0] [safety_controller]: fire" in text for text in texts)
     peer.drop_node(node)
-
-
-def test_the_logger_is_that_of_rclpy(capfd):
-    """A line is plain, and a throttled line is throttled by the place that logs it."""
-    logger = PlainLogger("logged")
-    capfd.readouterr()
-    for k in range(3):  # two places, each of which is logged once
-        logger.warning(f"first {k}{FIRE}", throttle_duration_sec=1e6)
-        logger.warning(f"second {k}", throttle_duration_sec=1e6)
-    lines = capfd.readouterr().err.splitlines()
-    assert [line.partition("]: ")[2] for line in lines] == [rf"first 0{shortened(FIRE)}", "second 0"]

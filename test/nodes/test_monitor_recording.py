@@ -151,7 +151,6 @@ OBSERVED = {
 
 NOT_OBSERVED = {
     *(
-        "autostart",
         "robot_description",
         "max_joints",
         "max_coupled",

@@ -15,10 +15,9 @@ from std_msgs.msg import String
 
 import robots
 from diag_dynamics import DiagonalDynamics, load_urdf
-from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.launches import LAUNCHES, arguments_of, started
-from diag_dynamics.nodes.support.runner import ARGUMENTS_MAKE_NO_SENSE
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.monitor import PARAMETERS
+from launches import launched
 from nodes import BELIEVING, LATCHED, MS, PANDA, START, UR5, Monitor, S, Truth, nanoseconds, robot
 
 STEP = 2 * MS
@@ -254,11 +253,7 @@ def test_monitor_of_a_simulator(wave):
 
 def test_monitor_accepts_the_robot_of_the_demo(peer):
     """By default the demo's launch file drives a UR5 along sine waves, of which the monitor rejects nothing."""
-    launch = LAUNCHES["demo"]
-    values = {name: default for name, (default, _) in arguments_of(launch).items()}
-    parameters = {
-        node.executable: {name: text for name, (_, text) in node.parameters.items()} for node in started(launch, values)
-    }
+    parameters = {executable: node.parameters for executable, node in launched("demo").items()}
     rules = {name: PARAMETERS[name].default for name in BELIEVING}
     with (
         Simulator(peer, "/demo", robot(UR5), rate=100.0, **parameters["simulator"]) as simulator,
@@ -326,7 +321,7 @@ WRONG = {
 @pytest.mark.parametrize(("parameters", "said"), WRONG.values(), ids=WRONG)
 def test_bad_parameters(peer, parameters, said):
     """The constructor raises what an executable prints in one line, and the message names the parameter."""
-    with pytest.raises((InputError, ParameterException, *ARGUMENTS_MAKE_NO_SENSE), match=said):
+    with pytest.raises((DiagDynamicsError, ParameterException, RuntimeError), match=said):
         peer.start("simulator", **parameters)
 
 

@@ -178,7 +178,7 @@ def test_another_description_and_a_pause(monitor, standing, panda):
         first, second = feed(monitor, [standing(0)] * 2)
         assert nothing(first)
         assert second.valid
-        monitor.transition("deactivate", "activate")
+        monitor.reload()
         first, second = feed(monitor, [standing(0)] * 2)
         assert nothing(first)
         assert second.valid

@@ -180,24 +180,6 @@ def test_restart_of_the_view(peer, start_view, monitor, panda):
         assert f"port {port}" in str(caught.value)
 
 
-def test_lifecycle(peer, monitor, view, panda):
-    """Deactivated it lists no robot and its page stays; cleaned up the page is gone; configured again both are back."""
-    address = view.node.address
-    assert peer.transition(VIEW, "deactivate")
-    assert get_json(address, "/robots") == []
-    assert peer.transition(VIEW, "cleanup")
-    with pytest.raises(ConnectionError):
-        get_json(address, "/robots")
-    assert peer.set_parameter(VIEW, "rate", 20.0).successful
-    assert not peer.set_parameter(VIEW, "rate", 1e6).successful
-    assert peer.transition(VIEW, "configure") and peer.transition(VIEW, "activate")
-    peer.pass_time(3.0)
-    with stream_of(view) as stream:
-        monitor.serves(panda)
-        frame_of(stream, monitor.now)
-        assert stream.next(HEARTBEAT)["hz"] == pytest.approx(20.0)
-
-
 def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tmp_path):
     """The page has the monitor's numbers by stamp; the view subscribes to contact only where the monitor has limits."""
     assert peer.node.count_subscribers("/arm/diag_dynamics/contact") == 0

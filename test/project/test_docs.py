@@ -11,11 +11,11 @@ import sys
 import xml.etree.ElementTree as ET
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
-from diag_dynamics.nodes.support.interfaces import IN, INTERFACES, MANAGED, OUT, SERVICE
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.topics import TOPICS
 from diag_dynamics.parameters.files import parameters_of
@@ -23,6 +23,10 @@ from pages import blocks_of
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+TABLES = SimpleNamespace(**runpy.run_path(str(DOCS / "tables.py")))
+IN, OUT, SERVICE, INTERFACES, LIFECYCLE = (
+    getattr(TABLES, name) for name in ("IN", "OUT", "SERVICE", "INTERFACES", "LIFECYCLE")
+)
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 
 
@@ -34,8 +38,7 @@ def node_parameters(node):
 
 
 def test_generated_files_are_fresh():
-    files = runpy.run_path(str(DOCS / "tables.py"))["files"]()
-    stale = [path.name for path, text in files.items() if path.read_text(encoding="utf-8") != text]
+    stale = [path.name for path, text in TABLES.files().items() if path.read_text(encoding="utf-8") != text]
     assert stale == [], "run make docs-tables"
 
 
@@ -65,25 +68,16 @@ def test_configuration_of_a_robot_names_parameters_of_the_monitor(path):
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("node", NODES)
-def test_help_names_parameters_and_interfaces(node, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", [node, "--help", "--ros-args", "-p", "rate:=1.0"])
-    with pytest.raises(SystemExit) as end:
-        import_module(f"diag_dynamics.nodes.{node}.{node}").main()
-    shown = capsys.readouterr().out
-    assert end.value.code == 0
-    assert f"usage: {node} " in shown
-    assert [name for name in node_parameters(node) if name not in shown] == []
-    assert [one.name for one in INTERFACES[node] if one.name not in shown] == []
+@pytest.mark.parametrize(("argument", "status"), [("--help", 0), ("my.urdf", 2), ("--rate", 2)])
+def test_arguments_of_nodes(argument, status, capsys):
+    """The help names the page of the parameters; arguments that are not of ROS are refused."""
+    from diag_dynamics.nodes.support.runner import parse_arguments
 
-
-@pytest.mark.ros
-def test_unknown_arguments_end_with_status_2(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["monitor", "my.urdf"])
     with pytest.raises(SystemExit) as end:
-        import_module("diag_dynamics.nodes.monitor.monitor").main()
-    assert end.value.code == 2
-    assert "my.urdf" in capsys.readouterr().err
+        parse_arguments("monitor", ["monitor", argument, "--ros-args", "-p", "rate:=1.0"])
+    assert end.value.code == status
+    shown = "".join(capsys.readouterr())
+    assert "usage: monitor" in shown and ("docs/parameters.md" if not status else argument) in shown
 
 
 @pytest.mark.ros
@@ -103,10 +97,10 @@ def test_topics_of_the_monitor_agree():
     assert tuple(topic.name for topic in TOPICS if not topic.beside) == ORDER
 
 
-OF_EVERY_NODE = {"~/transition_event", "/rosout", "/parameter_events", "~/get_type_description"}
+OF_EVERY_NODE = {"/rosout", "/parameter_events", "~/get_type_description"}
 OF_EVERY_NODE |= {f"~/{name}_parameters" for name in ("describe", "get", "list", "set")}
-OF_EVERY_NODE |= {"~/get_parameter_types", "~/set_parameters_atomically", *(name for name, _ in MANAGED)}
-"""Topics and services that every managed node offers."""
+OF_EVERY_NODE |= {"~/get_parameter_types", "~/set_parameters_atomically"}
+"""Topics and services that every node offers."""
 
 
 @pytest.mark.parametrize("node", NODES)
@@ -117,9 +111,10 @@ def test_access_policy_allows_the_interfaces(node):
         profile for profile in policy.iter("profile") if profile.get("node").removesuffix("_reading") == NODES[node]
     ]
     paths = {IN: "topics[@subscribe]/topic", OUT: "topics[@publish]/topic", SERVICE: "services[@reply]/service"}
+    common = OF_EVERY_NODE | ({"~/transition_event", *dict(LIFECYCLE)} if node == "controller" else set())
     for kind, path in paths.items():
         allowed = {element.text for profile in profiles for element in profile.findall(path)}
-        assert allowed - OF_EVERY_NODE == {one.name for one in INTERFACES[node] if one.kind == kind}
+        assert allowed - common == {one.name for one in INTERFACES[node] if one.kind == kind}
 
 
 # --- Pages ---

@@ -19,8 +19,8 @@ import yaml
 
 import diag_dynamics as dd
 from diag_dynamics.compiled.cache import ROOMS
-from diag_dynamics.nodes.support.launches import ARGUMENTS, LAUNCHES, arguments_of, misspelt, started
 from diag_dynamics.nodes.support.names import NODES
+from launches import LAUNCH_FILES, launched
 from robots import robot_path
 
 ROOT = Path(__file__).parents[2]
@@ -182,44 +182,6 @@ def node_parameters(node):
     return import_module(f"diag_dynamics.parameters.{node}").PARAMETERS
 
 
-@pytest.mark.parametrize("name", LAUNCHES)
-def test_launch_files_name_what_exists(name):
-    """Each file starts the launch of its name, whose executables and parameter files are installed."""
-    source = (ROOT / "launch" / f"{name}.launch.py").read_text(encoding="utf-8")
-    compile(source, name, "exec")
-    assert f'return launched("{name}")' in source
-    for executable in LAUNCHES[name].given:
-        assert (ROOT / "scripts" / executable).is_file()
-        assert (ROOT / "config" / f"{executable}.yaml").is_file()
-
-
-@pytest.mark.ros
-@pytest.mark.parametrize("name", LAUNCHES)
-def test_arguments_of_launches_are_parameters(name):
-    """A launch lists each free parameter of its nodes, and no argument without effect."""
-    launch = LAUNCHES[name]
-    listed = set(arguments_of(launch)) - {"namespace", "params_file", "clock_topic", "urdf", *launch.optional}
-    free = {text[1:] for given in launch.given.values() for text in given.values() if text.startswith("$")}
-    for node, given in (launch.given | launch.optional).items():
-        known = {"robot_compensates_gravity", "use_sim_time", *node_parameters(node)}
-        assert set(given) <= set(ARGUMENTS[node]) <= known
-        free |= set(ARGUMENTS[node]) - set(given)
-    assert listed == free
-    assert set(launch.defaults) <= free
-
-
-def test_arguments_without_effect_are_reported():
-    """A misspelt argument, or one that the launch sets, gives a warning; arguments of an outer launch do not."""
-    given = {"robot_compensate_gravity": "true", "rviz": "true", "urdf": "x.urdf"}
-    (warning,) = misspelt(LAUNCHES["control"], given)
-    assert "'robot_compensate_gravity'" in warning
-    assert "'robot_compensates_gravity'" in warning
-    assert misspelt(LAUNCHES["control"], {"use_sim_time": "true"}) == []
-    (warning,) = misspelt(LAUNCHES["control"], {"publish_clock": "false"})
-    assert "'publish_clock' has no effect" in warning
-    assert misspelt(LAUNCHES["demo"], {"publish_clock": "false"}) == []
-
-
 def test_the_example_for_ros2_control_fits_together():
     """The controller commands the joints of the effort controller, in its order: those of the arm."""
     example = yaml.safe_load((ROOT / "config" / "effort_controllers.yaml").read_text(encoding="utf-8"))
@@ -231,50 +193,44 @@ def test_the_example_for_ros2_control_fits_together():
     assert own["robot_compensates_gravity"] in (False, True)
 
 
+TIME = {"use_sim_time": True}
 LAUNCHED = {
-    "monitor": ({}, {"monitor": {}}),
+    "monitor": ({"use_sim_time": "true", "view": "true"}, {"monitor": TIME, "view": TIME}),
     "simulator": (
-        {"urdf": "/my.urdf", "command_timeout": "2", "without_command": "zero"},
-        {"simulator": {"robot_description": "/my.urdf", "command_timeout": 2.0, "without_command": "zero"}},
+        {"robot_description": "/my.urdf", "without_command": "zero", "publish_clock": "true"},
+        {"simulator": {"robot_description": "/my.urdf", "without_command": "zero", "publish_clock": True}},
     ),
     "controller": (
-        {"robot_compensates_gravity": "true", "controlled_link": "1", "mimic": "lock", "namespace": "arm"},
-        {"controller": {"robot_compensates_gravity": True, "controlled_link": "1", "mimic": "lock"}},
+        {"robot_compensates_gravity": "true", "autostart": "false"},
+        {"controller": {"robot_compensates_gravity": True, "autostart": False}},
     ),
     "demo": (
-        {"urdf": "<robot>1: x</robot>", "view": "true"},
+        {"robot_description": "<robot>1: x</robot>", "view": "true"},
         {"simulator": {"robot_description": "<robot>1: x</robot>", "motion": "wave"}, "monitor": {}, "view": {}},
     ),
     "control": (
-        {"robot_compensates_gravity": "true", "command_timeout": "0.2", "view": "false"},
+        {"robot_compensates_gravity": "true", "robot_description": "/my.urdf"},
         {
-            "simulator": {"motion": "free", "compensates_gravity": True, "publish_clock": True, "use_sim_time": False}
-            | {"without_command": "brake", "command_timeout": 0.2},
-            "controller": {
-                "robot_compensates_gravity": True,
-                "autostart": True,
-                "check_time": 0.0,
-                "use_sim_time": True,
-            },
-            "monitor": {"use_sim_time": True},
+            "simulator": {"robot_description": "/my.urdf", "compensates_gravity": True, "publish_clock": True}
+            | {"without_command": "brake", "command_timeout": 0.5},
+            "controller": TIME | {"robot_compensates_gravity": True, "autostart": True, "check_time": 0.0},
+            "monitor": TIME,
         },
     ),
 }
 """Arguments of each launch file, and all parameters that it gives to its nodes."""
 
 
-@pytest.mark.parametrize("file", LAUNCHED)
+@pytest.mark.ros
+@pytest.mark.parametrize("file", LAUNCH_FILES)
 def test_launches_give_parameters(file):
-    """Check names, namespaces, clocks and parameters of the nodes."""
+    """Executables, names, namespaces and parameters of the nodes exist; without arguments params_file decides."""
     arguments, expected = LAUNCHED[file]
-    launch = LAUNCHES[file]
-    values = {name: default for name, (default, _) in arguments_of(launch).items()} | arguments
-    found = {}
-    for node in started(launch, values | {"params_file": "~/robot.yaml"}):
-        assert (node.name, node.namespace) == (NODES[node.executable], arguments.get("namespace", ""))
-        assert node.remappings == {"/clock": "/clock" if file in ("monitor", "controller") else "clock"}
-        assert node.params_file == str(Path.home() / "robot.yaml")
-        found[node.executable] = {
-            name: kind(yaml.safe_load(text) if kind is bool else text) for name, (kind, text) in node.parameters.items()
-        }
-    assert found == expected
+    nodes = launched(file, **arguments, namespace="arm", params_file="my.yaml")
+    for executable, node in nodes.items():
+        assert (node.name, node.namespace, node.files) == (NODES[executable], "arm", ["my.yaml"])
+        assert (ROOT / "scripts" / executable).is_file()
+        assert set(node.parameters) <= {"robot_compensates_gravity", "use_sim_time", *node_parameters(executable)}
+    assert {executable: node.parameters for executable, node in nodes.items()} == expected
+    for node in launched(file).values():
+        assert not node.files and "robot_description" not in node.parameters

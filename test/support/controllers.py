@@ -182,7 +182,7 @@ class PassedOn(Topic):
 
 def quiet(simulator):
     """Do not listen to what no test looks at: it is more than this process can take in."""
-    for topic in (simulator.audits, simulator.truth, simulator.odometry):
+    for topic in (simulator.truth, simulator.odometry):
         simulator.peer.node.destroy_subscription(topic.subscription)
 
 

@@ -28,8 +28,7 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
 from diag_dynamics.nodes.support.clocks import NodeTime
-from diag_dynamics.nodes.support.logger import PlainLogger
-from diag_dynamics.text import plain
+from diag_dynamics.nodes.support.descriptions import PERIOD, THREAD
 
 SECOND = 1_000_000_000
 
@@ -75,7 +74,7 @@ class Proxy:
 
 
 class GraphPublisher(Proxy):
-    """A publisher that publishes to the graph; a publisher of a managed node does so while it is activated."""
+    """A publisher that publishes to the graph."""
 
     def __init__(self, real, graph, node):
         super().__init__(real)
@@ -87,8 +86,7 @@ class GraphPublisher(Proxy):
 
     def publish(self, message):
         """Publish a message, or its bytes."""
-        if getattr(self._real, "is_activated", True):
-            self.send(message if isinstance(message, bytes) else serialize_message(message))
+        self.send(message if isinstance(message, bytes) else serialize_message(message))
 
     def send(self, raw):
         """Hand bytes to all matched subscriptions."""
@@ -188,8 +186,8 @@ class GraphTimer:
 class GraphLogger:
     """A logger that keeps its lines; `once` and throttling hold for the place of the call, by the time of the test."""
 
-    def __init__(self, graph, name, filter_text, output):
-        self.graph, self.name, self.filter_text, self.output = graph, name, filter_text, output
+    def __init__(self, graph, name, output):
+        self.graph, self.name, self.output = graph, name, output
         self._last = {}
 
     def _log(self, severity, message, once=False, throttle_duration_sec=0.0):
@@ -198,7 +196,7 @@ class GraphLogger:
         if place in self._last and (once or now - self._last[place] < throttle_duration_sec):
             return False
         self._last[place] = now
-        self.output.append(f"[{severity}] [{self.name}]: {self.filter_text(str(message))}")
+        self.output.append(f"[{severity}] [{self.name}]: {message}")
         return True
 
     def debug(self, message, **options):
@@ -253,6 +251,8 @@ def in_process(kind):
             self.graph = type(self).graph
             self.output, self.timers_ = [], []
             super().__init__(*args, **kwargs)
+            for service in self.services:  # those of a lifecycle node are not made by create_service
+                self.graph.offer(service)
 
         # --- time and log
 
@@ -262,8 +262,7 @@ def in_process(kind):
         def get_logger(self):
             logger = self.__dict__.get("_graph_logger")
             if logger is None:
-                filter_text = plain if isinstance(super().get_logger(), PlainLogger) else str
-                logger = self._graph_logger = GraphLogger(self.graph, self.get_name(), filter_text, self.output)
+                logger = self._graph_logger = GraphLogger(self.graph, self.get_name(), self.output)
             return logger
 
         def create_timer(self, period, callback, callback_group=None, clock=None, autostart=True):
@@ -285,14 +284,8 @@ def in_process(kind):
         def create_publisher(self, *args, **kwargs):
             return self.graph.publish_by(super().create_publisher(*args, **kwargs), self)
 
-        def create_lifecycle_publisher(self, *args, **kwargs):
-            return self.graph.publish_by(super().create_lifecycle_publisher(*args, **kwargs), self)
-
         def destroy_publisher(self, publisher):
             return super().destroy_publisher(self.graph.drop_publisher(publisher))
-
-        def destroy_lifecycle_publisher(self, publisher):
-            return super().destroy_lifecycle_publisher(self.graph.drop_publisher(publisher))
 
         def create_subscription(self, *args, **kwargs):
             return self.graph.subscribe_by(super().create_subscription(*args, **kwargs), self)
@@ -318,10 +311,7 @@ def in_process(kind):
         # --- services
 
         def create_service(self, *args, **kwargs):
-            service = super().create_service(*args, **kwargs)
-            service.send_response = lambda response, respond: respond(response)
-            self.graph.services[service.service_name] = service
-            return service
+            return self.graph.offer(super().create_service(*args, **kwargs))
 
         def destroy_service(self, service):
             self.graph.services = {name: one for name, one in self.graph.services.items() if one is not service}
@@ -339,6 +329,13 @@ def in_process(kind):
 
     InProcess.__name__ = kind.__name__
     return InProcess
+
+
+def join_loading():
+    """Wait for all robots that are being loaded: they take no time of the test's."""
+    for thread in threading.enumerate():
+        if thread.name == THREAD:
+            thread.join()
 
 
 class Graph(contextlib.AbstractContextManager):
@@ -397,7 +394,21 @@ class Graph(contextlib.AbstractContextManager):
         finally:
             made.graph = None
         self.nodes.append(node)
+        self.finish_loading(node)
         return node
+
+    def finish_loading(self, node):
+        """Have the robot of a parameter loaded: it takes no time of the test's but one look of the executor."""
+        loader = getattr(node, "_loader", None)
+        try:
+            while loader and loader.loading is not None:
+                join_loading()
+                self.advance(PERIOD)
+            if loader and node.finished.done():
+                node.finished.result()  # or its exception
+        except Exception:
+            node.destroy_node()
+            raise
 
     def forget(self, node):
         """Take all that is a node's off the graph."""
@@ -448,6 +459,12 @@ class Graph(contextlib.AbstractContextManager):
     def drop_subscription(self, subscription):
         """Remove a subscription, and return rclpy's."""
         return self._drop(self.subscriptions, subscription)
+
+    def offer(self, service):
+        """Enter a service, and return it."""
+        service.send_response = lambda response, respond: respond(response)
+        self.services[service.service_name] = service
+        return service
 
     def topics(self):
         """Return names and types of all topics."""
@@ -533,8 +550,6 @@ class Graph(contextlib.AbstractContextManager):
 
     def _go_on(self, end):
         """Go on to the next timer, at most to a steady time."""
-        for thread in threading.enumerate():  # a robot that is loaded beside the node: it takes no time of the test's
-            if thread.name == "description":
-                thread.join()
+        join_loading()
         waits = [timer.due - timer.read() for timer in self.timers if not timer.canceled]
         self.skip(min(end - self.steady, 1.0, *(wait for wait in waits if wait > 0.0)))

@@ -476,12 +476,21 @@ class Monitor(contextlib.AbstractContextManager):
 
     def set_parameter(self, name, value):
         """Set one of its parameters, which must succeed."""
-        result = self.peer.set_parameter(self.name, name, value)
+        result = self.set_parameters({name: value})
         assert result.successful, result.reason
 
     def set_parameters(self, values):
-        """Set several of its parameters, all or none, and return the result."""
-        return self.peer.set_parameters_atomically(self.name, values)
+        """Set several of its parameters, all or none, and return the result; in process, a robot is then loaded."""
+        result = self.peer.set_parameters_atomically(self.name, values)
+        if node := getattr(self.process, "node", None):
+            self.peer.graph.finish_loading(node)
+        return result
+
+    def reload(self):
+        """Have it load the robot of its parameter again, and forget all that has arrived."""
+        description = self.peer.get_parameters(self.name, ["robot_description"])["robot_description"]
+        assert description, "the robot is that of a topic"
+        self.set_parameter("robot_description", description)
 
     @contextlib.contextmanager
     def having(self, **values):
@@ -495,11 +504,6 @@ class Monitor(contextlib.AbstractContextManager):
         finally:
             result = self.set_parameters(before)
             assert result.successful, result.reason
-
-    def transition(self, *labels):
-        """Lead it through its lifecycle, every transition with success."""
-        for label in labels:
-            assert self.peer.transition(self.name, label), f"{self.name} refused to {label}"
 
     def alive(self):
         """Whether it still runs."""

@@ -3,7 +3,7 @@
 
 """A simulator as tests see it: its outputs and its inputs."""
 
-from diag_dynamics.msg import DiagonalizedState, EnergyAudit
+from diag_dynamics.msg import DiagonalizedState
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
@@ -25,7 +25,6 @@ class Simulator:
         self.states = peer.topic(JointState, f"{namespace}/joint_states")
         self.odometry = peer.topic(Odometry, f"{namespace}/odom")
         self.truth = peer.topic(DiagonalizedState, f"{self.name}/ground_truth")
-        self.audits = peer.topic(EnergyAudit, f"{self.name}/energy_audit")
         self.commands = peer.publisher(Float64MultiArray, f"{namespace}/effort_controller/commands")
         self.wrenches = peer.publisher(WrenchStamped, f"{namespace}/external_wrench")
         self.reports = Reports(peer.node, peer.wait_until, self.name)

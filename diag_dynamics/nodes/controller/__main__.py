@@ -3,8 +3,6 @@
 
 """The controller, by ``python3 -m diag_dynamics.nodes.controller``."""
 
-import sys
+from diag_dynamics.nodes.support.runner import main
 
-from diag_dynamics.nodes.controller.controller import main
-
-sys.exit(main())
+main("controller")

@@ -9,8 +9,6 @@ from functools import partial
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.clock import Clock as SomeClock
-from rclpy.clock import ClockType
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -26,23 +24,22 @@ from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import Options, joints_of
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controller import received
-from diag_dynamics.nodes.controller.effort_controller import JointsWatch, joints_of_controller
+from diag_dynamics.nodes.controller.effort_controller import joints_of_controller
+from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, ManagedNode
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, values_of_loop
 from diag_dynamics.nodes.controller.status import status_message
-from diag_dynamics.nodes.support.clocks import clock_notes
-from diag_dynamics.nodes.support.declaring import declare, judge
-from diag_dynamics.nodes.support.descriptions import Descriptions, DescriptionTopic
+from diag_dynamics.nodes.support.clocks import clock_notes, steady_clock
+from diag_dynamics.nodes.support.declaring import judge
+from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
-from diag_dynamics.nodes.support.guard import answered, attempt
+from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.loading import load_robot
-from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, PATIENT, SUCCESS, ManagedNode
 from diag_dynamics.nodes.support.names import NODES
-from diag_dynamics.nodes.support.publishing import RateLimit, connected
-from diag_dynamics.nodes.support.runner import main_of
-from diag_dynamics.nodes.support.usage import defaults_of, parser_of
+from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
 from diag_dynamics.parameters.contact_points import bounded_points
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
 from diag_dynamics.parameters.spec import Spec
+from diag_dynamics.text import plain
 
 COMMANDS = "effort_controller/commands"
 
@@ -56,76 +53,66 @@ ABSURD = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
 class ControllerNode(ManagedNode):
     """See the module; parameters are in :data:`~parameters.controller.PARAMETERS`, and one more that has no default.
 
-    A managed node. Configured, it has a robot or waits for its description; active, it answers every state by a command.
+    Configured, it loads a robot or waits for its description; active, it answers every state by a command.
     """
 
-    def __init__(self, **kwargs):
-        super().__init__(NODES["controller"], **kwargs)
-        self._values = declare(self, PARAMETERS)
+    def __init__(self, **options):
+        super().__init__(NODES["controller"], PARAMETERS, **options)
         required = ParameterDescriptor(description=f"Required: {WHY_REQUIRED}.")
-        self._compensated = self.declare_parameter(COMPENSATES, Parameter.Type.BOOL, required).value
-        self._loop = self._states = self._descriptions = None
+        self.values[COMPENSATES] = self.declare_parameter(COMPENSATES, Parameter.Type.BOOL, required).value
+        self._loop = self._states = self._descriptions = self._watch = None
         self._description, self._refused, self._other = None, "", None
-        self._published, self._listened, self._offered = [], [], []
-        self._loads = Descriptions(self, self._made, self._take_made)
-        self._starting, self._watch, self._joints_watch = False, None, None
+        self._published, self._subscribed, self._offered = [], [], []
         self._record, self._order_known = Record(), ""
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
-        judge(self, specs, lambda: self._values | {COMPENSATES: self._compensated}, self._take_parameters)
+        judge(self, specs, self._take_parameters)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._loop and self._loop.dynamics.model)
-        self.begin(self._values["autostart"])
-
-    def start(self):
-        """Configure, and activate as soon as there is a robot.
-
-        Raises
-        ------
-        InputError
-            That was not possible.
-        """
-        self._starting = not self._values["robot_description"]
+        self._loader = RobotLoader(self, self._make_robot, self._take_robot)
+        self._starting = self.values["autostart"]  # activates itself as soon as there is a robot
         if not self._starting:
-            super().start()
+            todo = f"ros2 lifecycle set {self.get_fully_qualified_name()} configure"
+            self.get_logger().info(f"Waiting to be configured (autostart is false): {todo}")
         elif self.trigger_configure() != SUCCESS:
             self.destroy_node()
             raise InputError(self.failure)
 
+    def _take_parameters(self, changed):
+        self.values |= changed
+
     def destroy_node(self):
         """Leave the robot by a last command, and end."""
-        self.stop_listening()
+        self.deactivate()
         super().destroy_node()
 
-    # --- Lifecycle ---
+    # --- Lifecycle
 
-    def set_up(self):
+    def configure(self):
         """Load the robot or wait for one; make publishers and services."""
-        if self._compensated is None:
+        if self.values[COMPENSATES] is None:
             raise InputError(f"parameter '{COMPENSATES}' is not set, and has no default. It says {WHY_REQUIRED}.")
         self._commands = self._publisher(Float64MultiArray, COMMANDS)
         self._status = self._publisher(ControllerStatus, "~/status")
-        self._status_limit = RateLimit(self._values["max_rate.status"])
+        self._status_limit = RateLimit(self.values["max_rate.status"])
         for mode in MODES:
             callback = answered(self, Trigger, partial(self._switch, mode))
-            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", callback, qos_profile=PATIENT))
-        if self._values["robot_description"]:
-            description = self._values["robot_description"]
-            self._adopt(self._made(description, self._values, self._compensated), description)
+            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", callback, qos_profile=SERVICE_QOS))
+        if self.values["robot_description"]:
+            self._loader.load(self.values["robot_description"], dict(self.values))
         else:
-            self._descriptions = DescriptionTopic(self, self._take_description)
+            self._descriptions = subscribe_description(self, self._take_description)
 
     def _publisher(self, kind, topic):
-        publisher = connected(self.create_publisher, kind, topic, QoSProfile(depth=10))
-        self._published.append(publisher)
-        return publisher
+        self._published.append(connected(self.create_publisher, kind, topic, QoSProfile(depth=10)))
+        return self._published[-1]
 
-    def listen(self):
+    def activate(self):
         """Compare the order of joints with the effort controller's, and subscribe to states and targets."""
-        self._starting = False
-        self._loads.finish()  # or it would move by the model of a robot that is being replaced
-        if self._loop is None or self._refused:  # or it would move by the model of a robot that has been replaced
+        self._loader.finish()  # or the model of a robot that is being replaced would move it
+        if self._loop is None or self._refused:
             raise InputError(self._refused or "no robot_description has arrived yet.")
+        self._starting = False
         self._compare_joints()
         self._loop.forget()
         self._states.forget()
@@ -133,7 +120,7 @@ class ControllerNode(ManagedNode):
         self._last_time = None
         self._record.begin()
         newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._listen_to(JointState, "joint_states", self._take_joint_state, newest, raw=True)
+        self._subscribe(JointState, "joint_states", self._take_joint_state, newest, raw=True)
         loop, model = self._loop, self._loop.dynamics.model
         names = model.dof_names
         for kind, topic, take in (
@@ -145,46 +132,41 @@ class ControllerNode(ManagedNode):
             ),
             (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
         ):
-            self._listen_to(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
-        self._listen_to(Float64, "contact_scale", self._take_scale, QoSProfile(depth=1))
-        # By simulated time where that is the node's; else by a clock that nobody sets, or it might stand still for hours.
-        clock = self.get_clock() if self.get_clock().ros_time_is_active else SomeClock(clock_type=ClockType.STEADY_TIME)
-        self._watch = self.create_timer(self._values["max_state_age"] / WATCHES, self._look, clock=clock)
-        if self._values["check_time"]:
-            self._joints_watch = JointsWatch(self, self._controller, self._take_joints)
-        self.get_logger().info(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
+            self._subscribe(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
+        self._subscribe(Float64, "contact_scale", self._take_scale, QoSProfile(depth=1))
+        # Simulated time where the node uses it; else a clock that nobody sets, as it might stand still for hours.
+        clock = self.get_clock() if self.get_clock().ros_time_is_active else steady_clock()
+        self._watch = self.create_timer(self.values["max_state_age"] / WATCHES, self._look, clock=clock)
+        self.get_logger().info(plain(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}."))
 
-    def _listen_to(self, kind, topic, take, qos, **options):
-        self._listened.append(connected(self.create_subscription, kind, topic, take, qos, **options))
+    def _subscribe(self, kind, topic, take, qos, **options):
+        self._subscribed.append(connected(self.create_subscription, kind, topic, take, qos, **options))
 
-    def stop_listening(self):
-        """Send a last command, which holds the robot by its gravity torque, and take nothing in any more."""
+    def deactivate(self):
+        """Send a last command, which holds the robot by its gravity torque, and take in nothing more."""
         if self._watch:
             self.destroy_timer(self._watch)
             self._watch = None
-        if self._joints_watch:
-            self._joints_watch.end()
-            self._joints_watch = None
-        if self._listened and (effort := self._loop.leave()) is not None:
+        if self._subscribed and (effort := self._loop.leave()) is not None:
             self._send(effort)
-        for subscription in self._listened:
+        for subscription in self._subscribed:
             self.destroy_subscription(subscription)
-        self._listened = []
+        self._subscribed = []
         if self._loop:
             self._loop.supervisor.forget()
 
     def on_deactivate(self, state):
-        """Stop listening, and take over the robot that was described meanwhile."""
+        """Stop, and load the robot that was described meanwhile."""
         result = super().on_deactivate(state)
         if self._other is not None:
             self._take_description(self._other)
         return result
 
-    def tear_down(self):
+    def clean_up(self):
         """Let the robot go, and all that was made for it."""
-        self._loads.drop()
+        self._loader.drop()
         if self._descriptions:
-            self._descriptions.close()
+            self.destroy_subscription(self._descriptions)
         for service in self._offered:
             self.destroy_service(service)
         for publisher in self._published:
@@ -194,64 +176,58 @@ class ControllerNode(ManagedNode):
         self._loop = self._descriptions = self._description = None
         self._refused, self._other = "", None
 
-    # --- The robot ---
+    # --- The robot
 
-    def _made(self, description, values, compensated):
-        """What belongs to the robot of a description; perhaps in a thread, so the node stays as it is."""
+    def _make_robot(self, description, values):
+        """Return what belongs to the robot of a description; in a thread, so the node stays as it is."""
         model = load_robot(self, description, values | {"floating_base": False})
         joints, order = command_order(values["command_joints"], model.dof_names)
-        # A single state from the future would make late ones of all that are right, so none is taken in.
+        # A single state from the future would make all correct ones late, so none is accepted.
         age = values["max_state_age"]
         options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
-        return ControlLoop(model, values, compensated, points), joints, order, states
+        return ControlLoop(model, values, values[COMPENSATES], points), joints, order, states
 
-    def _adopt(self, made, description):
-        """Make the robot of a description the one to control."""
+    def _take_robot(self, made, description, _):
+        """Control the robot of a description, or report why it cannot be."""
+        self.failure = ""  # that of the robot before
+        if isinstance(made, Exception):
+            self._refuse(Fault(made).reason)
+            if self._starting and self.values["robot_description"]:
+                self.finished.set_exception(InputError(self._refused))
+            return
         standing = self._standing()
         self._loop, self._joints, self._order, self._states = made
-        model = self._loop.dynamics.model
-        self._loop.efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
         self._description = description
-        self.settled()
-        self.get_logger().info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
-        if self._loop.efforts.unlimited:
+        model, efforts = self._loop.dynamics.model, self._loop.efforts
+        efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
+        self.get_logger().info(plain(f"Ready: robot '{model.name}', {model.nv} degrees of freedom."))
+        if efforts.unlimited:
             self.get_logger().warning(
-                f"No effort limit for {', '.join(self._loop.efforts.unlimited)}: anything may be sent there."
+                plain(f"No effort limit for {', '.join(efforts.unlimited)}: commands are not limited.")
             )
+        if self._starting:
+            self._starting = False
+            if self.trigger_activate() != SUCCESS and self.values["robot_description"]:
+                self.finished.set_exception(InputError(self.failure))
 
     def _standing(self):
-        """What was sent to each joint last: with another payload, or robot, it goes on from there."""
+        """Return the last effort of each joint: another robot or payload continues from there."""
         if self._loop is None:
             return self._left
         return dict(zip(self._loop.dynamics.model.dof_names, self._loop.efforts.sent, strict=True))
 
     def _take_description(self, description):
-        """Make a new robot the one to control, unless there is one under control."""
+        """Load another robot, unless one is under control."""
         self._refused, self._other = "", None
         if description == self._description:
-            self._loads.drop()
+            self._loader.drop()
         elif self.phase == ACTIVE:
             self._other = description
             self._refuse("another robot is not taken over while this one is controlled: deactivate first.")
-        elif description != self._loads.loading:
-            self._loads.load(description, dict(self._values), self._compensated)
-
-    def _take_made(self, made, description, *_):
-        _, fault = attempt(self._put_in_force, made, description)
-        self.failure = ""  # which was that of the robot before, or of none
-        if fault:
-            self._refuse(fault.reason)
-        elif self._starting:
-            self._starting = False
-            self.trigger_activate()
-
-    def _put_in_force(self, made, description):
-        """Make a robot the one to control, or raise the exception that is in its place."""
-        if isinstance(made, Exception):
-            raise made
-        self._adopt(made, description)
+        elif description != self._loader.loading:
+            self._loader.load(description, dict(self.values))
 
     def _refuse(self, reason):
         self._refused = shortened(f"robot_description refused: {reason}")
@@ -259,48 +235,24 @@ class ControllerNode(ManagedNode):
 
     def _compare_joints(self):
         """Refuse an effort controller that has another order of joints."""
-        self._controller = self.resolve_topic_name(COMMANDS).rpartition("/")[0]
-        if not self._values["check_time"]:
+        controller = self.resolve_topic_name(COMMANDS).rpartition("/")[0]
+        if not self.values["check_time"]:
             self._order_known = "not compared (check_time is 0)"
             return
-        theirs = joints_of_controller(self, self._controller, self._values["check_time"])
-        self._judge_joints(theirs)
+        theirs = joints_of_controller(self, controller, self.values["check_time"])
         if theirs is None:
+            self._order_known = f"not compared: no parameter 'joints' from {controller}"
             self.get_logger().warning(f"The order of joints is {self._order_known}.")
-
-    def _judge_joints(self, theirs):
-        if theirs is None:
-            self._order_known = f"not compared: {self._controller} has not said its joints"
         else:
-            require_same_joints(self._joints, theirs, self._controller)
-            self._order_known = f"that of {self._controller}"
+            require_same_joints(self._joints, theirs, controller)
+            self._order_known = f"that of {controller}"
 
-    def _take_joints(self, theirs):
-        """Stop where the effort controller turns out to have another order of joints."""
-        try:
-            self._judge_joints(theirs)
-        except InputError as error:
-            # The last command stays: it is in their order, or nothing.
-            known = sorted(theirs) == sorted(self._joints)
-            names, own = list(self._loop.dynamics.model.dof_names), self._order
-            if known:
-                self._order = [names.index(name) for name in theirs]
-                self.trigger_deactivate()
-                self._order = own
-            else:
-                self._loop.supervisor.forget()  # nothing more of what it has asked for
-                self.trigger_deactivate()
-                self._loop.efforts.reset(np.zeros(len(names)))
-                self._commands.publish(Float64MultiArray(data=array("d", [0.0] * len(theirs))))
-            self.failure = shortened(f"deactivated: {error}")
-            self.get_logger().error(self.failure)
-
-    # --- Every cycle ---
+    # --- Every cycle
 
     def _cycle(self):
         """The time of a cycle [ns]; where it has gone back, the states of before are forgotten, whose stamps are ahead."""
         now, last = self.time.now(), self._last_time
-        if last is not None and now < last - self._values["max_state_age"] * 1e9:
+        if last is not None and now < last - self.values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
             self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0)
             self._states.forget()
@@ -330,7 +282,7 @@ class ControllerNode(ManagedNode):
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
             late = self._states.stale(now)
             if 0 < len(late) < len(self._states.joint_names):
-                problem = f"joint '{late[0]}' is older than {self._values['joint_timeout']:g} s"
+                problem = f"joint '{late[0]}' is older than {self.values['joint_timeout']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
 
     def _rejected(self, now, cause, reason):
@@ -346,14 +298,14 @@ class ControllerNode(ManagedNode):
         if sent.lost:
             self._record.refuse("targets given up", sent.lost)
             self.get_logger().warning(sent.lost, throttle_duration_sec=1.0)
-        self._record.command(now, sent, self._loop, self._values["max_state_age"])
+        self._record.command(now, sent, self._loop, self.values["max_state_age"])
         if self._status.get_subscription_count() and self._status_limit.due(now):
             self._status.publish(status_message(self._loop, sent))
 
     def _send(self, effort):
         self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
 
-    # --- Targets and modes ---
+    # --- Targets and modes
 
     def _target_taker(self, topic, take):
         def callback(message):
@@ -389,13 +341,7 @@ class ControllerNode(ManagedNode):
         self.get_logger().debug(f"mode {mode} asked for")
         return f"mode {mode}"
 
-    # --- Parameters ---
-
-    def _take_parameters(self, _, changed):
-        self._compensated = changed.pop(COMPENSATES, self._compensated)
-        self._values |= changed
-
-    # --- Diagnostics ---
+    # --- Diagnostics
 
     def _report(self):
         record, recent = self._record, self._record.take_recent()
@@ -415,7 +361,7 @@ class ControllerNode(ManagedNode):
         values = {"lifecycle": self.phase}
         if self._loop:
             values |= values_of_loop(self._loop)
-            values |= {"robot compensates gravity": self._compensated, "order of joints": self._order_known}
+            values |= {"robot compensates gravity": self.values[COMPENSATES], "order of joints": self._order_known}
         reason = self.failure or self._refused
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
@@ -423,7 +369,7 @@ class ControllerNode(ManagedNode):
         if reason:
             return Status("control", ERROR, reason, values)
         waiting = self.phase == INACTIVE and not self._loop
-        if self._loads.loading is not None:
+        if self._loader.loading is not None:
             return Status("control", WARN, f"{self.phase}: loading a robot_description", values)
         return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}: no commands", values)
 
@@ -435,16 +381,9 @@ class ControllerNode(ManagedNode):
         receivers, others = self._commands.get_subscription_count(), self.count_publishers(topic) - 1
         if not receivers:
             problems.append(f"nobody listens to {topic}")
-        elif self._values["check_time"] and "not compared" in self._order_known:
+        elif self.values["check_time"] and "not compared" in self._order_known:
             problems.append(f"the order of joints is {self._order_known}")
         if others > 0:
             problems.append(f"others send to {topic} as well: {others}")
         problems += [*problems_of_limits(self._loop.efforts), *self._record.problems_of_contact()]
         return problems, {"receivers": receivers, "other senders": others}
-
-
-main = main_of(
-    ControllerNode,
-    parser_of("controller", __doc__, PARAMETERS, {COMPENSATES: WHY_REQUIRED}),
-    {COMPENSATES: False, **defaults_of(PARAMETERS)},
-)

@@ -39,8 +39,7 @@ class Processes:
         command = [
             sys.executable,
             "-m",
-            "diag_dynamics.nodes.support.start",
-            node,
+            f"diag_dynamics.nodes.{node}",
             "--ros-args",
             "-r",
             f"__ns:={NAMESPACE}",

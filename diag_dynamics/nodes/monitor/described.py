@@ -15,14 +15,13 @@ from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
-from diag_dynamics.model import Payload, RobotModel
+from diag_dynamics.model import Payload
 from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
 from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.loading import compile_dynamics
-from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE
 from diag_dynamics.nodes.support.messages import BytesMaker, MessageMaker
 from diag_dynamics.parameters.shared import payloads_of
 
@@ -212,39 +211,26 @@ def matrix(topic, maker, dynamics, state, with_inverse=False):
 
 
 class Refused(NamedTuple):
-    """A description that is not in force, why, and its model where that is not the reason."""
+    """A description that is not in force, and why."""
 
     description: bytes
     reason: str
-    model: RobotModel | None
 
 
-def fitted(model, settings):
-    """The model with the payloads and the gravity of other settings; payloads on links that it lacks are left out."""
-    links = set(model.link_names)
-    wanted = {link: one for link, one in payloads_of(settings.values["payloads"]).items() if link in links}
-    for link in {**model.payloads, **wanted}:
-        model = model.with_payload(link, *wanted.get(link, NO_PAYLOAD))
-    return model.with_gravity(settings.values["gravity"])
-
-
-def model_status(robot, phase, revision, failure, refused, loading):
-    """Status of the MonitoredRobot in force, or of none.
+def model_status(robot, revision, refused, loading):
+    """Return the status of the model.
 
     Parameters
     ----------
     robot : MonitoredRobot or None
-    phase : str
-        Of the node.
+        In force.
     revision : int
         Of the last model.
-    failure : str
-        Why the node could not be configured or activated.
     refused : Refused or None
-    loading : bytes or None
+    loading : str, bytes or None
         The description that is being loaded.
     """
-    values = {"lifecycle": phase, "model revision": revision}
+    values = {"model revision": revision}
     values["loading"] = "nothing" if loading is None else f"a robot_description of {len(loading)} bytes"
     if robot:
         model = robot.model
@@ -258,11 +244,10 @@ def model_status(robot, phase, revision, failure, refused, loading):
             "messages by rclpy": counted(sorted(robot.encoder.unlike)),
             "joints without rotor inertia": counted(robot.without_rotors),
         }
-    if failure or refused:
-        return Status("model", ERROR, failure or f"robot_description refused: {refused.reason}", values)
+    if refused:
+        return Status("model", ERROR, f"robot_description refused: {refused.reason}", values)
     if robot is None:
-        waiting = "no robot_description yet" if loading is None else "loading the robot_description"
-        return Status("model", WARN, waiting if phase in (INACTIVE, ACTIVE) else phase, values)
+        return Status("model", WARN, f"{'waiting for' if loading is None else 'loading'} the robot_description", values)
     if unapplied := robot.unapplied():
         return Status("model", WARN, f"payloads on links that are not there: {', '.join(unapplied)}", values)
     another = "; loading another robot_description" if loading is not None else ""

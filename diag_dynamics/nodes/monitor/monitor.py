@@ -3,232 +3,155 @@
 
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
-import contextlib
-from functools import partial
-
 from nav_msgs.msg import Odometry
-from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected
-from diag_dynamics.nodes.monitor.described import NO_PAYLOAD, MonitoredRobot, Refused, fitted, model_status
+from diag_dynamics.nodes.monitor.described import NO_PAYLOAD, MonitoredRobot, Refused, model_status
 from diag_dynamics.nodes.monitor.energy_watch import numerical_health
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
 from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.monitor.traffic import OVERLOAD, Traffic, foreign_stamps
-from diag_dynamics.nodes.support.clocks import clock_notes, tell_of_time
-from diag_dynamics.nodes.support.declaring import declare, judge
-from diag_dynamics.nodes.support.descriptions import Descriptions, DescriptionTopic
-from diag_dynamics.nodes.support.diagnostics import WARN, Diagnostics, Status, counted
+from diag_dynamics.nodes.support.clocks import clock_notes, steady_clock, warn_of_time
+from diag_dynamics.nodes.support.declaring import TableNode, judge
+from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
+from diag_dynamics.nodes.support.diagnostics import WARN, Diagnostics, counted
 from diag_dynamics.nodes.support.graph import publishers
-from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.loading import load_robot
-from diag_dynamics.nodes.support.managed import ACTIVE, INACTIVE, UNCONFIGURED, ManagedNode
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import connected
-from diag_dynamics.nodes.support.reading import read_odometry
-from diag_dynamics.nodes.support.runner import main_of
-from diag_dynamics.nodes.support.start import stop
-from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
+from diag_dynamics.text import plain
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
 
-An executor that serves events in their order puts everything off, services and diagnostics too, as long as states come in
-faster than they can be evaluated.
+An executor that serves events in their order delays services and diagnostics while states arrive faster than they are
+evaluated.
 """
 
 
-class MonitorNode(ManagedNode):
-    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TYPES`.
+class MonitorNode(TableNode, Node):
+    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TYPES`."""
 
-    A managed node. Configured, it has a robot or waits for one, and its services answer; active, it listens to states and
-    publishes. With `autostart` it goes there by itself.
-    """
-
-    def __init__(self, **kwargs):
-        super().__init__(NODES["monitor"], **kwargs)
-        self._settings = Settings.of(declare(self, PARAMETERS))
-        self._robot = self._outputs = self._offered = self._descriptions = None
-        self._inputs = []
-        self._refused = None  # description that is not in force, why, and its model if there is one
-        self._loads = Descriptions(self, self._made, self._take_made)
-        self._listening = 0  # number of the activation
+    def __init__(self, **options):
+        super().__init__(NODES["monitor"], PARAMETERS, **options)
+        self._settings = Settings.of(self.values)
+        self._robot = self._refused = None  # in force; a description that is not
         self._revision = 0
         self._traffic = Traffic(self.time.steady)
-        judge(self, PARAMETERS, lambda: self._settings.values, self._take_parameters)
-        self.time.on_jump(self._clock_jumped)
-        self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
-        self._beat = self.time.steady()
-        self.create_timer(HEARTBEAT, self._take_heartbeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.begin(self._settings.values["autostart"])
-
-    # --- Lifecycle ---
-
-    def set_up(self):
-        """Make the outputs and services, and load the robot or wait for one."""
         self._outputs = Outputs(self)
         for topic in TYPES:
-            self._outputs.limit(topic, self._settings.values[f"max_rate.{topic}"])
-        self._offered = DynamicsServices(self, self._in_force, self._put_on)
-        if self._settings.values["robot_description"]:
-            self._adopt(self._loaded_from_parameter(self._settings))
-        else:
-            self._descriptions = DescriptionTopic(self, self._take_description)
+            self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
+        self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
+        DynamicsServices(self, self._in_force, self._set_payload)
+        self._loader = RobotLoader(self, self._make_robot, self._take_robot)
+        self._subscribe()
+        judge(self, PARAMETERS, self._take_parameters)
+        self.time.on_jump(self._take_clock_jump)
+        self._beat = self.time.steady()
+        self.create_timer(HEARTBEAT, self._take_heartbeat, clock=steady_clock())
 
-    def listen(self):
-        """Subscribe to the inputs."""
+    def _subscribe(self):
+        """Subscribe to the inputs, and load the robot of the parameter if there is one."""
         sources = [(JointState, "joint_states", self._take_joint_state)]
-        if self._settings.values["floating_base"]:
+        if self.values["floating_base"]:
             sources.append((Odometry, "odom", self._take_odometry))
-        self._listening += 1
-        self._beat = self.time.steady()  # loading a robot may have taken long
-        for kind, topic, take in sources:
-            subscription = connected(
+        self._inputs = [
+            connected(
                 self.create_subscription,
                 kind,
                 topic,
-                partial(take, self._listening),
+                take,
                 QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT),
-                event_callbacks=SubscriptionEventCallbacks(message_lost=self._lost),
-                raw=True,  # what is no message must not end the node
+                event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
+                raw=True,  # bytes that are no message must not end the node
             )
-            self._inputs.append(subscription)
+            for kind, topic, take in sources
+        ]
+        if self.values["robot_description"]:
+            self._loader.load(self.values["robot_description"], self._settings)
+        else:
+            self._inputs.append(subscribe_description(self, self._take_description))
 
-    def stop_listening(self):
-        """Take no states any more; of those that came before, none counts."""
-        self._listening += 1  # events of a subscription that is gone may be served yet
-        for subscription in self._inputs:
-            self.destroy_subscription(subscription)
-        self._inputs = []
-        if self._robot:
-            self._robot.forget()
-            self._robot.assembler.forget_clock()
-
-    def tear_down(self):
-        """Let the robot go, and all that was made for it."""
-        self._loads.drop()
-        if self._descriptions:
-            self._descriptions.close()
-        for part in (self._offered, self._outputs):
-            if part:
-                part.destroy()
-        if self._robot:
-            self._traffic.keep(self._robot)
-        self._robot = self._outputs = self._offered = None
-        self._descriptions = self._refused = None
-
-    def _lost(self, info):
+    def _count_lost(self, info):
         self._traffic.counts["lost in transport"] += info.total_count_change
 
-    def _clock_jumped(self):
-        """Simulated time has started anew, or another clock is in force."""
+    def _take_clock_jump(self):
+        """Simulated time restarts, or another clock is in force."""
         if self._robot:
             self._robot.forget()
             self._traffic.counts["clock jumped back"] += 1
 
-    # --- The model ---
+    # --- The robot
 
     def _take_description(self, description):
-        """Make a new robot the one in force; keep the old one if the new one is not valid."""
+        """Load another robot; the one in force stays until that has succeeded."""
         if self._robot and description == self._robot.description:
-            self._loads.drop()
+            self._loader.drop()
             self._refused = None
-        elif description != self._loads.loading:
-            self._loads.load(description, self._settings)
+        elif description != self._loader.loading:
+            self._loader.load(description, self._settings)
 
-    def _made(self, description, settings):
-        """Model of a description, and its robot or why the settings do not fit; in a thread: the node stays as it is."""
-        model = load_robot(self, description, settings.values)
-        try:
-            return model, MonitoredRobot(description, model, settings, self._revision + 1)
-        except DiagDynamicsError as error:
-            return model, error
-
-    def _take_made(self, made, description, settings):
-        """Make the robot of a description the one in force, or tell why it cannot be."""
-        model, robot = (None, made) if isinstance(made, Exception) else made
-        _, fault = attempt(self._put_in_force, model, robot, description, settings)
-        if fault:
-            self._refused = Refused(description, fault.reason, model)
-            kept = f"; keeping robot '{self._robot.model.name}'" if self._robot else ""
-            said = f"robot_description refused{kept}: {fault.reason}"
-            self.get_logger().error(said, throttle_duration_sec=0.5)
-
-    def _put_in_force(self, model, robot, description, settings):
-        """Put a robot in force, or raise the exception that is in its place; with the settings that are in force by now."""
-        if isinstance(robot, Exception):
-            if settings is self._settings:
-                raise robot
-            self._loads.load(description, self._settings)  # others may fit
-            return
-        if settings is not self._settings or robot.revision != self._revision + 1:
-            robot.use(fitted(model, self._settings), self._settings, self._revision + 1)
-        self._adopt(robot)
-        self._refused = None
-
-    def _loaded(self, description, settings):
-        """The robot of a description.
-
-        Raises
-        ------
-        DiagDynamicsError
-            The description is not valid, or the settings do not fit it.
-        """
+    def _make_robot(self, description, settings):
+        """Return the robot of a description; in a thread, so the node stays as it is."""
         model = load_robot(self, description, settings.values)
         return MonitoredRobot(description, model, settings, self._revision + 1)
 
-    def _loaded_from_parameter(self, settings):
-        try:
-            with stop.may_be_left(self.destroy_node):
-                return self._loaded(settings.values["robot_description"], settings)
-        except DiagDynamicsError as error:
-            raise InputError(f"parameter 'robot_description' refused: {error}") from error
+    def _take_robot(self, made, description, _):
+        """Put a robot in force, or report why it could not be made."""
+        if not isinstance(made, Exception):
+            self._put_in_force(made)
+            return
+        reason = Fault(made).reason
+        if self.values["robot_description"] and not self._robot:
+            self.finished.set_exception(InputError(f"parameter 'robot_description' refused: {reason}"))
+            return
+        self._refused = Refused(description, reason)
+        kept = f"; keeping robot '{plain(self._robot.model.name)}'" if self._robot else ""
+        self.get_logger().error(f"robot_description refused{kept}: {reason}", throttle_duration_sec=0.5)
 
-    def _adopt(self, robot):
-        """Make this robot the one in force."""
+    def _put_in_force(self, robot):
         if self._robot:
             self._traffic.keep(self._robot)
-        elif not self._revision:
-            self.settled()  # the first robot has loaded all that any robot needs
-        self._robot = robot
-        self._revision += 1
-        for link in robot.unapplied():
-            self.get_logger().warning(
-                f"The payload on '{link}' is not applied: robot '{robot.model.name}' has no such link."
-            )
+        self._robot, self._refused = robot, None
+        self._revision = robot.revision
+        log, name = self.get_logger(), plain(robot.model.name)
+        for link in map(plain, robot.unapplied()):
+            log.warning(f"The payload on '{link}' is not applied: robot '{name}' has no such link.")
         if robot.without_rotors:
-            self.get_logger().info(
-                f"Joints at which the URDF has next to no inertia: {counted(robot.without_rotors)}. At its effort limit such "
-                "a joint is at full speed before the motor's current has risen. Kinetic energy and alarms are wrong there "
-                "without the rotor's inertia: armature, or a parameters_file by diag-dynamics identify (docs/identify.md)."
+            log.info(
+                f"Joints without rotor inertia: {plain(counted(robot.without_rotors))}. Their kinetic energy and alarms are "
+                "wrong without armature or a parameters_file by diag-dynamics identify (docs/identify.md)."
             )
-        self.get_logger().info(
-            f"Ready: robot '{robot.model.name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
+        log.info(
+            f"Ready: robot '{name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
             f"listening to {self.resolve_topic_name('joint_states')}."
         )
 
     def _in_force(self):
-        """What the services work with."""
+        """Return what the services need of the robot in force."""
         robot = self._robot
         return (robot.dynamics, robot.maker, robot.assembler.followers) if robot else None
 
-    def _put_on(self, link, payload):
-        """Change one payload, as the parameter `payloads`; returns the model with it."""
-        payloads = payloads_of(self._settings.values["payloads"]) | {link: payload}
+    def _set_payload(self, link, payload):
+        """Change one payload by the parameter `payloads`; return the model with it."""
+        payloads = payloads_of(self.values["payloads"]) | {link: payload}
         entries = [payload_entry(name, one) for name, one in payloads.items() if one.mass] or [""]
         result = self.set_parameters([Parameter("payloads", value=entries)])[0]
         if not result.successful:
             raise InputError(result.reason)
         return self._robot.model
 
-    # --- Every message ---
+    # --- Every message
 
     def _take_heartbeat(self):
         self._beat = self.time.steady()
@@ -236,21 +159,17 @@ class MonitorNode(ManagedNode):
     def _overloaded(self):
         return self.time.steady() - self._beat > OVERDUE
 
-    def _take_joint_state(self, listening, message):
-        if listening != self._listening:
-            return
+    def _take_joint_state(self, message):
         counts, robot = self._traffic.counts, self._robot
         counts["received"] += 1
         if self._overloaded():
             counts[OVERLOAD] += 1
             if robot:
                 robot.assembler.pause()
-            return
-        if robot is None:
+        elif robot is None:
             counts["before the model"] += 1
-            return
-
-        self._guarded("rejected", self._serve, robot, message)
+        else:
+            self._guarded("rejected", self._serve, robot, message)
 
     def _serve(self, robot, message):
         """Publish the state that a joint state completes."""
@@ -264,23 +183,20 @@ class MonitorNode(ManagedNode):
                 self._traffic.arrived(newest, now)
             self._publish(robot, found.state, "published")
 
-    def _take_odometry(self, listening, message):
-        if listening != self._listening:
-            return
+    def _take_odometry(self, message):
         self._traffic.counts["odometry received"] += 1
         robot = self._robot
         if robot is None or robot.base is None:
             return
         if self._overloaded():
             self._traffic.counts[f"odometry {OVERLOAD}"] += 1
-            return
-
-        self._guarded("odometry rejected", self._serve_odometry, robot, message)
+        else:
+            self._guarded("odometry rejected", self._serve_odometry, robot, message)
 
     def _serve_odometry(self, robot, message):
-        """Store where the base is; publish the state of a robot that is all base."""
+        """Store the pose of the base; publish the state of a robot that has no joints."""
         try:
-            message = read_odometry(message)
+            message = deserialize_message(message, Odometry)
         except Exception as error:
             text = f"odom: {len(message)} bytes that are no nav_msgs/msg/Odometry ({error})"
             raise RejectedError("malformed", text) from error
@@ -291,11 +207,11 @@ class MonitorNode(ManagedNode):
             self._publish(robot, found.state, "published from odometry")
 
     def _guarded(self, what, action, robot, message):
-        """Nothing that arrives may end the node."""
+        """Serve a message; whatever it is, it does not end the node."""
         _, fault = attempt(action, robot, message)
         if fault:
             if what == "rejected":
-                robot.assembler.pause()  # its stamp may not have been looked at
+                robot.assembler.pause()  # its stamp may not have been compared
             self._reject(what, fault.cause, fault.text)
 
     def _reject(self, what, cause, text):
@@ -304,16 +220,24 @@ class MonitorNode(ManagedNode):
         self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
 
     def _publish(self, robot, state, what):
-        """Evaluate a state, and pass it on."""
-        self._outputs.look()
+        """Evaluate a state, publish it where there are subscribers, and watch it."""
+        outputs = self._outputs
+        outputs.look()
         s, state = robot.evaluate(state)
-        if robot.torque:  # a collision is told of before anything else
+        stamp = state.newest
+        if robot.torque:  # a collision is reported before anything else
             self._observe(robot, state)
-        powers = robot.powers(s)
-        self._pass_on(robot, state.newest, s, powers, lambda topics: robot.encoder.messages(topics, s, state), what)
+        if robot.contact.judges or outputs.touched:
+            self._watch_contact(robot, state)
+        outputs.publish(stamp, lambda topics: robot.encoder.messages(topics, s, state), robot.matrix)
+        self._traffic.published(what, stamp)
+        if outputs.drawn:
+            outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
+        if robot.energy.take(stamp, s, *robot.powers(s)):  # an alarm does not wait for the next second
+            self._diagnostics.publish([robot.energy.report()])
 
     def _observe(self, robot, state):
-        """Observe external torque by a state as it was evaluated."""
+        """Publish external torque, and a collision at once."""
         watch = robot.torque
         alarm = watch.take(state)
         self._log_collisions(watch)
@@ -326,93 +250,52 @@ class MonitorNode(ManagedNode):
             self._diagnostics.publish([robot.torque_report()])
 
     def _log_collisions(self, watch):
-        """Log beginnings and ends of collisions."""
         for line, begins in watch.log.pop():
             if begins:
-                self.get_logger().warning(line)
+                self.get_logger().warning(plain(line))
             else:
-                self.get_logger().info(line)
+                self.get_logger().info(plain(line))
 
-    def _pass_on(self, robot, stamp, s, powers, messages, what):
-        """Publish a state where somebody listens, and watch it, with its powers of gravity and friction [W].
-
-        `messages` makes the messages of a list of topics.
-        """
-        if robot.contact.judges or self._outputs.touched:
-            self._look_at_contact(robot, robot.state)
-        self._outputs.publish(stamp, messages, robot.matrix)
-        self._traffic.published(what, stamp)
-        if self._outputs.drawn:
-            self._outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
-        if robot.energy.take(stamp, s, *powers):  # an alarm does not wait for the second to be over
-            self._diagnostics.publish([robot.energy.report()])
-
-    def _look_at_contact(self, robot, state):
-        """Tell what a touch would cost at a state where somebody listens, and at once where a limit is exceeded."""
+    def _watch_contact(self, robot, state):
+        """Publish predicted contact, and at once that a limit is exceeded."""
         watch = robot.contact
         alarm = watch.judges and watch.take(state)
         self._outputs.publish_beside("contact", state.newest, lambda: robot.encoder.contact(watch.at(state), state))
         if alarm:
             self._diagnostics.publish([watch.report()])
 
-    # --- Parameters ---
+    # --- Parameters
 
-    def _take_parameters(self, _, changed):
-        """Take new values over if all of them together make sense."""
-        self._refuse_now(changed)
-        settings = Settings.of(self._settings.values | changed)
-        robot = self._reconsidered(settings, changed)
-        self._settings = settings
-        self.get_logger().debug(f"parameters taken: {', '.join(changed)}")
-        if robot is not self._robot:
-            self._refused = None
-            self._loads.drop()
-            self._adopt(robot)
-        elif (
-            self._refused and not self._refused.model and self._loads.loading is None
-        ):  # the other settings may make a robot of it
-            self._loads.load(self._refused.description, settings)
-        for topic in TYPES if self._outputs else ():
+    def _take_parameters(self, changed):
+        """Take over new values if all of them together make sense, and load the robot anew where they may change it."""
+        if not changed:
+            return
+        in_force = self.values["robot_description"]
+        if bool(changed.get("robot_description", in_force)) != bool(in_force):
+            raise InputError(
+                "parameter 'robot_description' cannot replace the topic, and cannot become empty: restart the node."
+            )
+        settings = Settings.of(self.values | changed)
+        if self._robot:
+            try:
+                self._use(self._robot, settings, changed)
+            except DiagDynamicsError:
+                if not self._refused:  # whose robot they may fit
+                    raise
+        self._settings, self.values = settings, settings.values
+        waiting = self._loader.loading or (self._refused and self._refused.description)
+        if description := changed.get("robot_description") or waiting:
+            self._loader.load(description, settings)
+        for topic in TYPES:
             if f"max_rate.{topic}" in changed:
                 self._outputs.limit(topic, changed[f"max_rate.{topic}"])
-
-    def _refuse_now(self, changed):
-        """Refuse to go over from a robot of the topic to one of the parameter, or back, unless unconfigured."""
-        in_force = self._settings.values["robot_description"]
-        if self.phase != UNCONFIGURED and bool(changed.get("robot_description", in_force)) != bool(in_force):
-            raise InputError(
-                "parameter 'robot_description' is read-only while the robot comes from the topic, and cannot become empty "
-                "while it does not: clean the node up first."
-            )
-
-    def _reconsidered(self, settings, changed):
-        """The robot with other settings: another one, or that in force, or none if there is none.
-
-        Raises
-        ------
-        DiagDynamicsError
-            The settings do not fit it; nothing has changed then.
-        """
-        robot = self._robot
-        if changed.get("robot_description") and self.phase in (
-            INACTIVE,
-            ACTIVE,
-        ):  # be it the same path: its file may not be
-            return self._loaded_from_parameter(settings)
-        if self._refused and self._refused.model:  # for want of these settings, perhaps
-            with contextlib.suppress(DiagDynamicsError):
-                model = fitted(self._refused.model, settings)
-                return MonitoredRobot(self._refused.description, model, settings, self._revision + 1)
-        if robot:
-            self._use(robot, settings, changed)
-        return robot
 
     def _use(self, robot, settings, changed):
         """Put the robot in force with other settings."""
         model = robot.model
         if "payloads" in changed:
             wanted = payloads_of(changed["payloads"])
-            for link in robot.unapplied():  # has been left out before, and is said to be
+            for link in robot.unapplied():  # a warning has named it
                 wanted.pop(link, None)
             for link in {**model.payloads, **wanted}:
                 model = model.with_payload(link, *wanted.get(link, NO_PAYLOAD))
@@ -422,20 +305,17 @@ class MonitorNode(ManagedNode):
         robot.use(model, settings, revision)
         self._revision = revision
 
-    # --- Diagnostics ---
+    # --- Diagnostics
 
     def _report(self):
         robot = self._robot
-        tell_of_time(self, self._traffic.counts["received"], foreign_stamps(robot) if robot else [])
-        active = self.phase == ACTIVE
-        statuses = [self._traffic.status(robot, self.time.now(), self._notes())]
-        if not active:
-            values = statuses[0].values
-            statuses[0] = Status("joint states", WARN, f"{self.phase}: nothing is listened to", values)
-        elif robot is None:
-            statuses[0] = statuses[0]._replace(level=WARN, message=f"no robot yet; {statuses[0].message}")
-        statuses += [
-            model_status(robot, self.phase, self._revision, self.failure, self._refused, self._loads.loading),
+        warn_of_time(self, self._traffic.counts["received"], foreign_stamps(robot) if robot else [])
+        states = self._traffic.status(robot, self.time.now(), self._notes())
+        if robot is None:
+            states = states._replace(level=WARN, message=f"no robot yet; {states.message}")
+        statuses = [
+            states,
+            model_status(robot, self._revision, self._refused, self._loader.loading),
             numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
         if robot:
@@ -448,19 +328,13 @@ class MonitorNode(ManagedNode):
         return statuses
 
     def _notes(self):
-        """Who publishes the inputs, and what is wrong with that."""
+        """Return who publishes the inputs, and under None what is wrong with that."""
         notes, problems = {}, []
-        kinds = ("sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry")
-        for subscription, kind in [
-            *zip(self._inputs, kinds, strict=False),
-            (self._descriptions and self._descriptions.subscription, "std_msgs/msg/String"),
-        ]:
-            if subscription:
-                names, wrong = publishers(self, subscription, kind)
-                notes[f"publishers of {subscription.topic_name}"] = counted(names)
-                problems += wrong
+        for subscription in self._inputs:
+            kind = subscription.msg_type
+            package, middle, _ = kind.__module__.split(".", 2)
+            names, wrong = publishers(self, subscription, f"{package}/{middle}/{kind.__name__}")
+            notes[f"publishers of {subscription.topic_name}"] = counted(names)
+            problems += wrong
         values, wrong = clock_notes(self)
         return notes | values | {None: problems + wrong}
-
-
-main = main_of(MonitorNode, parser_of("monitor", __doc__, PARAMETERS), defaults_of(PARAMETERS))

@@ -25,14 +25,14 @@ SELDOM = 0.01
 
 
 class Outputs:
-    """The publishers of a managed node.
+    """The publishers of a node.
 
     Who listens is not asked for every message: where they come fast, asking every publisher would cost as much as evaluating
     a state does. (ROS can tell of changes by itself, too, but an EventsExecutor then crashes when a publisher goes.)
 
     Parameters
     ----------
-    node : rclpy.lifecycle.LifecycleNode
+    node : rclpy.node.Node
 
     Attributes
     ----------
@@ -45,15 +45,10 @@ class Outputs:
     def __init__(self, node):
         self._node = node
         self._limits = {}  # of topics that have one
-        self._publishers = {}
-        try:
-            for topic, kind in TYPES.items():
-                self._publishers[topic] = connected(
-                    node.create_lifecycle_publisher, kind, f"~/{topic}", QoSProfile(depth=10)
-                )
-        except BaseException:
-            self.destroy()
-            raise
+        self._publishers = {
+            topic: connected(node.create_publisher, kind, f"~/{topic}", QoSProfile(depth=10))
+            for topic, kind in TYPES.items()
+        }
         self._look()
 
     def _look(self):
@@ -62,13 +57,6 @@ class Outputs:
         heard = {topic for topic, publisher in self._publishers.items() if publisher.get_subscription_count()}
         self._wanted = [topic for topic in ORDER if topic in heard]
         self.drawn, self.touched = "markers" in heard, "contact" in heard
-
-    def destroy(self):
-        """Take the publishers off the graph."""
-        for publisher in self._publishers.values():
-            self._node.destroy_lifecycle_publisher(publisher)
-        self._publishers = {}
-        self._look()
 
     def limit(self, topic, rate):
         """Publish a topic at no more than this rate [Hz]; 0 for every state."""
@@ -94,8 +82,6 @@ class Outputs:
         matrix : callable
             Makes one, of one of :data:`MATRICES`.
         """
-        if not self._publishers[ORDER[0]].is_activated:
-            return
         limits = self._limits
         due = [topic for topic in self._wanted if topic not in limits or limits[topic].due(stamp)]
         matrices = [topic for topic in due if topic in MATRICES]
@@ -107,7 +93,7 @@ class Outputs:
 
     def publish_beside(self, topic, stamp, make):
         """Publish a topic beside the others where somebody listens: what `make` makes of a state stamped `stamp` [ns]."""
-        if not self._publishers[topic].is_activated or not self._publishers[topic].get_subscription_count():
+        if not self._publishers[topic].get_subscription_count():
             return
         if topic not in self._limits or self._limits[topic].due(stamp):
             self._send(topic, make())

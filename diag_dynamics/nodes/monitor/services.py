@@ -12,8 +12,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model import Payload
 from diag_dynamics.nodes.support.guard import answered
-from diag_dynamics.nodes.support.managed import PATIENT
 from diag_dynamics.nodes.support.messages import doubles
+from diag_dynamics.nodes.support.publishing import SERVICE_QOS
 from diag_dynamics.nodes.support.requests import (
     requested_acceleration,
     requested_gravity,
@@ -39,7 +39,6 @@ class DynamicsServices:
         self._node = node
         self._current = current
         self._put_on = put_on
-        self._services = []
         for kind, name, answer in (
             (ForwardDynamics, "forward_dynamics", self._forward),
             (InverseDynamics, "inverse_dynamics", self._inverse),
@@ -47,13 +46,7 @@ class DynamicsServices:
             (SetPayload, "set_payload", self._set_payload),
         ):
             callback = answered(node, kind, self._with_current(answer), _by_fields)
-            self._services.append(node.create_service(kind, f"~/{name}", callback, qos_profile=PATIENT))
-
-    def destroy(self):
-        """Take the services off the graph."""
-        for service in self._services:
-            self._node.destroy_service(service)
-        self._services = []
+            node.create_service(kind, f"~/{name}", callback, qos_profile=SERVICE_QOS)
 
     def _with_current(self, answer):
         """`answer`, with the robot in force."""

@@ -3,8 +3,6 @@
 
 """The simulator, by ``python3 -m diag_dynamics.nodes.simulator``."""
 
-import sys
+from diag_dynamics.nodes.support.runner import main
 
-from diag_dynamics.nodes.simulator.simulator import main
-
-sys.exit(main())
+main("simulator")

@@ -1,24 +1,23 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the simulator says on /diagnostics of its robot, its pace and those who command it."""
+"""The simulator's entries on /diagnostics: the robot, its pace, and commands."""
 
 from collections import Counter
 
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted, steady
-from diag_dynamics.nodes.support.managed import INACTIVE
 from diag_dynamics.simulation.drives import TIMED_OUT
 
 
-def simulation_status(plant, phase, paused, failure):
-    """Status of the robot, in a phase of the node; `failure` is why it stands still, if anything is."""
+def simulation_status(plant, paused, failure):
+    """Return the status of the robot; `failure` is why the simulation has stopped, or empty."""
     simulation = plant.simulation
     values = {
-        "lifecycle": phase,
         "robot": simulation.model.name,
         "simulated time [s]": f"{plant.time:.3f}",
         "kinetic energy [J]": f"{simulation.kinetic_energy:.6g}",
         "energy residual [J]": f"{simulation.audit.residual:.3g}",
+        **{f"energy audit: {name} [J]": f"{value:.6g}" for name, value in simulation.audit._asdict().items()},
         "efforts cut to their limits": counted(simulation.saturated),
         "joints at a position limit": counted(simulation.at_limit),
         "joints beyond their velocity limit": counted(simulation.overspeed),
@@ -27,15 +26,13 @@ def simulation_status(plant, phase, paused, failure):
     }
     if failure:
         return Status("simulation", ERROR, f"stopped: {failure}", values)
-    if phase == INACTIVE or paused:
-        return Status("simulation", WARN, "paused" if paused else "inactive: time stands still", values)
-    return Status("simulation", OK, "running", values)
+    return Status("simulation", WARN, "paused", values) if paused else Status("simulation", OK, "running", values)
 
 
 def pace_status(pace, lockstep, waits, time_values, problems):
-    """Status of time, which is kept by a pace or by commands, and which may wait for one of them.
+    """Return the status of time, which a pace or, in lockstep, commands let go on.
 
-    `time_values` are those of who publishes it, `problems` what is wrong with them.
+    `time_values` and `problems` are those of its publishers.
     """
     kept = pace.kept()
     values = {
@@ -43,7 +40,7 @@ def pace_status(pace, lockstep, waits, time_values, problems):
         "late, mean [s]": f"{kept.mean:.6f}",
         "late, largest [s]": f"{kept.largest:.6f}",
         "overruns": pace.overruns,
-        "time let go [s]": f"{kept.let_go:.3f}",
+        "real-time lag dropped [s]": f"{kept.let_go:.3f}",
         "real-time factor": "lockstep" if lockstep else f"{pace.factor:g}",
         **time_values,
     }
@@ -57,29 +54,29 @@ def pace_status(pace, lockstep, waits, time_values, problems):
 
 
 class CommandsReport:
-    """Remembers what it has told of commands and wrenches, so that it warns of what is new."""
+    """Statuses of commands and wrenches, which warn of new rejections."""
 
     def __init__(self):
-        self._told = Counter()
+        self._reported = Counter()
 
     def status(self, drives, pushes):
-        """Status of commands and wrenches."""
+        """Return the status since the last one."""
         counts = drives.counts + pushes.counts
-        recent = counts - self._told
-        self._told = counts
+        recent = counts - self._reported
+        self._reported = counts
         values = {
             "drives": drives.phase,
             "brakes": "closed" if drives.braked else "open",
             **dict(sorted(counts.items())),
         }
-        refused = []
+        rejected = []
         for what, part in (("command", drives), ("wrench", pushes)):
             if part.last_rejection:
                 values[f"last rejected {what}"] = part.last_rejection
             if any(key in part.counts and "rejected" in key for key in recent):
-                refused.append(steady(part.last_rejection))
-        if refused:
-            return Status("commands", WARN, f"refused: {'; '.join(refused)}", values)
+                rejected.append(steady(part.last_rejection))
+        if rejected:
+            return Status("commands", WARN, f"refused: {'; '.join(rejected)}", values)
         if drives.phase == TIMED_OUT:
             return Status("commands", WARN, f"no command for {drives.timeout:g} s", values)
         return Status("commands", OK, drives.phase, values)

@@ -5,14 +5,19 @@
 
 import time
 
-from rclpy.clock import JumpThreshold
+from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 
 from diag_dynamics.nodes.support.diagnostics import counted
-from diag_dynamics.nodes.support.graph import publishing
+from diag_dynamics.nodes.support.graph import node_names
 
 CLOCK = "/clock"
-"""The topic of simulated time, which may be another one by remapping."""
+"""The topic of simulated time."""
+
+
+def steady_clock():
+    """Return the clock of timers that go on where simulated time stands still."""
+    return Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class NodeTime:
@@ -24,7 +29,7 @@ class NodeTime:
     """
 
     def __init__(self, node):
-        self._clock, self._jumped = node.get_clock(), []
+        self._clock, self._callbacks = node.get_clock(), []
         self._simulated = self._clock.ros_time_is_active
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._handle = self._clock.create_jump_callback(backward, post_callback=self._take_jump)
@@ -44,34 +49,23 @@ class NodeTime:
 
     def on_jump(self, callback):
         """Call `callback()` when ROS time jumps back, or changes between system and simulated time."""
-        self._jumped.append(callback)
+        self._callbacks.append(callback)
 
     def _take_jump(self, _):
         self._simulated = self._clock.ros_time_is_active
-        for callback in self._jumped:
+        for callback in self._callbacks:
             callback()
 
 
 def clock_notes(node, publishes=False):
-    """What diagnostics say of simulated time, where a node takes it from there or publishes it itself.
+    """Return diagnostic values about simulated time, and a list of problems.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    publishes : bool
-        Whether the node publishes it.
-
-    Returns
-    -------
-    values : dict
-        Its publishers; empty for a node that has nothing to do with it.
-    problems : list of str
-        What is wrong with them.
+    Both are empty for a node that neither uses simulated time nor `publishes` it.
     """
     if not publishes and not node.get_clock().ros_time_is_active:
         return {}, []
     topic = node.resolve_topic_name(CLOCK)
-    names, problems = sorted(publishing(node, topic)), []
+    names, problems = sorted(node_names(node.get_publishers_info_by_topic(topic))), []
     if len(names) > 1:
         problems.append(f"several publish {topic}, and time jumps between them: {counted(names)}")
     if not publishes and not node.get_clock().now().nanoseconds:
@@ -79,23 +73,19 @@ def clock_notes(node, publishes=False):
     return {f"publishers of {topic}": counted(names)}, problems
 
 
-def tell_of_time(node, received, foreign):
-    """Say on the console, once, what is probably a recording that is played without time.
+def warn_of_time(node, received, foreign):
+    """Warn once of stamps of another time, as those of a recording that is played without a clock.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    received : int
-        Number of joint states that have come.
-    foreign : list
-        Inputs whose stamps are of another time, and the node's clock less these [s].
+    `received` counts joint states; `foreign` lists inputs with such stamps, and the node's clock less these [s].
     """
+    log = node.get_logger()
     if received and not node.get_clock().now().nanoseconds:
-        said = f"Joint states come, but no time on {node.resolve_topic_name(CLOCK)} (use_sim_time): "
-        node.get_logger().warning(f"{said}a recording is played with --clock.", once=True)
+        topic = node.resolve_topic_name(CLOCK)
+        log.warning(f"use_sim_time is set, but nothing publishes {topic}. Play bags with --clock.", once=True)
     for what, offset in foreign[:1]:
-        node.get_logger().warning(
-            f"Stamps of {what} are {abs(offset):.3f} s {'behind' if offset > 0.0 else 'ahead of'} this node's clock. A "
-            "recording is played with --clock, and its listeners have use_sim_time; clocks of hosts are synchronized.",
+        side = "behind" if offset > 0.0 else "ahead of"
+        log.warning(
+            f"Stamps of {what} are {abs(offset):.3f} s {side} this node's clock. Play bags with --clock and set "
+            "use_sim_time, or synchronize the clocks of the hosts.",
             once=True,
         )

@@ -1,70 +1,165 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a node by a table: declared with type, default, description and range, and judged when they are set."""
+"""Parameters of a node by a table: declared with type, description and range, and checked when they are set."""
+
+from importlib import import_module
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.parameter import Parameter
+from rclpy.task import Future
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
-from diag_dynamics.nodes.support.managed import UNCONFIGURED
-from diag_dynamics.nodes.support.overrides import convert
+from diag_dynamics.nodes.support.names import NODES, nearest
 from diag_dynamics.parameters.spec import wrong
+from diag_dynamics.text import plain
+
+COMPENSATES = "robot_compensates_gravity"
+"""The controller's one parameter without default, which is in no table."""
+
+NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
+"""Parameters that rclpy declares."""
 
 
-def declare(node, specs):
-    """Declare all parameters of a table and return their values by name."""
-    convert(node, {name: spec.default for name, spec in specs.items()})
-    values = {}
-    for name, spec in specs.items():
-        descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
-        constraints = ["one of " + ", ".join(map(str, spec.choices))] if spec.choices else []
-        constraints += ["changes only while the node is unconfigured"] if spec.while_unconfigured else []
-        descriptor.additional_constraints = "; ".join(constraints)
-        if spec.minimum is not None:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=spec.minimum, to_value=spec.maximum)]
-        values[name] = node.declare_parameter(name, spec.default, descriptor).value
-        reason = wrong(name, values[name], specs)
-        if reason:
-            raise InputError(reason + ".")
-    return values
-
-
-def judge(node, specs, values, take):
-    """Judge parameters of a table whenever somebody sets them.
-
-    Each value is held against its Spec, and what only an unconfigured node may take over is refused later on.
+class TableNode:
+    """Base of nodes whose parameters are in a table, beside Node or LifecycleNode.
 
     Parameters
     ----------
-    node : ManagedNode
+    name : str
     specs : dict
         :class:`Spec` by name.
-    values : callable
-        Returns the values in force, by name.
-    take : callable
-        Called with those that are set, by name, be they in the table or not, and with those that are; takes these over, or
-        raises and changes nothing.
+    time : type
+        :class:`NodeTime`, or a subclass whose time a test sets.
+
+    Attributes
+    ----------
+    values : dict
+        Values in force, by name.
+    overrides : dict
+        What the node was started with, by name; names that are in no table among them.
+    time : NodeTime
+    finished : Future
+        Its exception ends the node, see :func:`~diag_dynamics.nodes.support.runner.run`.
     """
 
-    def try_to_take(parameters):
-        given = {parameter.name: parameter.value for parameter in parameters}
-        changed = {name: value for name, value in given.items() if name in specs and value is not None}
-        in_force = values()
+    def __init__(self, name, specs, time=NodeTime, **options):
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
+        self.time = time(self)
+        self.finished, self.overrides = Future(), {}
+        for parameter in self.get_parameters_by_prefix("").values():
+            if parameter.name not in NOT_OVERRIDES:
+                self.overrides[parameter.name] = parameter.value
+                self.undeclare_parameter(parameter.name)  # until it is declared with its type
+        self.values = {name: _declare(self, name, spec, specs) for name, spec in specs.items()}
+        defaults = {name: spec.default for name, spec in specs.items()}
+        if hasattr(self, "add_pre_set_parameters_callback"):  # not in Humble
+            self.add_pre_set_parameters_callback(lambda given: [_converted(one, defaults) for one in given])
+
+    def declare_parameters(self, namespace, parameters, ignore_override=False):
+        """Declare parameters as rclpy does, also overrides that are empty lists: these have no type."""
+        for _, *value_and_descriptor in parameters:
+            if value_and_descriptor[:1] == [None]:
+                value_and_descriptor[1].dynamic_typing = True
+        return super().declare_parameters(namespace, parameters, ignore_override)
+
+
+def _declare(node, name, spec, specs):
+    """Declare one parameter and return its value."""
+    value = spec.default
+    if name in node.overrides:
+        value = convert(name, node.overrides[name], spec.default)
+        kind = Parameter.Type.from_parameter_value(spec.default)
+        if Parameter.Type.from_parameter_value(value) != kind:
+            raise InvalidParameterTypeException(Parameter(name, value=value), kind.name)
+    if reason := wrong(name, value, specs):
+        raise InputError(f"{reason}.")
+    descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
+    constraints = ["one of " + ", ".join(map(str, spec.choices))] if spec.choices else []
+    constraints += ["changes only while the node is unconfigured"] if spec.while_unconfigured else []
+    descriptor.additional_constraints = "; ".join(constraints)
+    if spec.minimum is not None:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=spec.minimum, to_value=spec.maximum)]
+    return node.declare_parameter(name, value, descriptor, ignore_override=True).value
+
+
+def convert(name, value, default):
+    """Return the value of a parameter with the type of its default, where that is clear; else the value as it is.
+
+    An integer converts to a float. A list without entries has no type. `ros2 param set` sends a list of integers and floats
+    as a text.
+    """
+    if isinstance(default, float) and type(value) is int:
+        return float(value)
+    if not isinstance(default, list):
+        return value
+    of_numbers = isinstance(default[0], float)
+    if of_numbers and isinstance(value, str):
+        entries = value.strip().removeprefix("[").removesuffix("]").split(",")
+        try:
+            return [float(entry) for entry in entries]
+        except ValueError:
+            return value
+    if value is None or (not isinstance(value, str) and hasattr(value, "__len__") and not len(value)):
+        if of_numbers:
+            raise InputError(f"parameter '{name}' is []; expected {len(default)} numbers.")
+        return [""]
+    if of_numbers and hasattr(value, "__len__") and all(type(entry) is int for entry in value):
+        return [float(entry) for entry in value]
+    return value
+
+
+def _converted(parameter, defaults):
+    """Return a parameter that somebody sets with the type of its default; wrong ones are left to rclpy."""
+    if parameter.name not in defaults or parameter.type_ == Parameter.Type.NOT_SET:
+        return parameter
+    value, fault = attempt(convert, parameter.name, parameter.value, defaults[parameter.name])
+    return parameter if fault else Parameter(parameter.name, value=value)
+
+
+def judge(node, specs, take):
+    """Check parameters of a table whenever somebody sets them.
+
+    Parameters
+    ----------
+    node : TableNode
+        One with a lifecycle has `is_unconfigured`.
+    specs : dict
+        :class:`Spec` by name.
+    take : callable
+        Called with the new values by name; takes all of them over, or raises and changes nothing.
+    """
+
+    def check_and_take(parameters):
+        changed = {one.name: one.value for one in parameters if one.name in specs and one.value is not None}
         for name, value in changed.items():
             if reason := wrong(name, value, specs):
                 raise InputError(f"{reason}.")
-            if specs[name].while_unconfigured and node.phase != UNCONFIGURED and value != in_force[name]:
+            if specs[name].while_unconfigured and not node.is_unconfigured and value != node.values[name]:
                 raise InputError(f"parameter '{name}' is read-only while the node is configured: clean it up first.")
-        take(given, changed)
+        take(changed)
 
     def callback(parameters):
-        _, fault = attempt(try_to_take, parameters)
+        _, fault = attempt(check_and_take, parameters)
         if fault is None:
             return SetParametersResult(successful=True)
         if fault.is_internal:
-            node.get_logger().error(f"Parameters refused: {fault.text}")
-            return SetParametersResult(successful=False, reason=f"internal error: {fault.text}")
-        return SetParametersResult(successful=False, reason=fault.text)
+            node.get_logger().error(f"Parameters refused: {fault.reason}")
+        return SetParametersResult(successful=False, reason=fault.reason)
 
+    _warn_unknown(node)
     node.add_on_set_parameters_callback(callback)
+
+
+def _warn_unknown(node):
+    """Warn of overrides whose names resemble those of parameters; those of other nodes may share a file with them."""
+    own = [parameter.name for parameter in node.get_parameters_by_prefix("").values()]
+    unknown = [name for name in node.overrides if name not in own and not name.startswith("qos_overrides.")]
+    tables = [import_module(f"diag_dynamics.parameters.{table}") for table in NODES] if unknown else []
+    others = {COMPENSATES, *(name for table in tables for name in table.PARAMETERS)}
+    for name in unknown:
+        if name not in others and (meant := nearest(name, own)):
+            node.get_logger().warning(plain(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?"))

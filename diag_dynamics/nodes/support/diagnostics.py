@@ -5,11 +5,13 @@
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
+from diag_dynamics.compiled.progress import tell_by
 from diag_dynamics.text import plain
 
 OK, WARN, ERROR, STALE = (
@@ -21,15 +23,15 @@ OK, WARN, ERROR, STALE = (
 
 PERIOD = 1.0
 
-FEW = 8
+MAX_NAMES = 8
 """Names that a value lists at most."""
 
-LONG = 1000
+MAX_LENGTH = 1000
 """Characters that a message or a value has at most."""
 
 
 class Status(NamedTuple):
-    """One entry: its name after the node's, its level, what is to be said, and values by key."""
+    """One entry: its name after the node's, level, message, and values by key."""
 
     name: str
     level: bytes
@@ -38,12 +40,12 @@ class Status(NamedTuple):
 
 
 def counted(names):
-    """How many there are, and the names of few."""
-    return f"{len(names)}: {', '.join(names)}" if 0 < len(names) <= FEW else str(len(names))
+    """Return how many names there are, and all of them if they are few."""
+    return f"{len(names)}: {', '.join(names)}" if 0 < len(names) <= MAX_NAMES else str(len(names))
 
 
-def shortened(text, most=LONG):
-    """The text, or its beginning, safe to show: what arrives may be long and hold anything, what is said of it may not."""
+def shortened(text, most=MAX_LENGTH):
+    """Return a text, or its beginning, with control characters escaped: others may have written parts of it."""
     return plain(text) if len(text) <= most else f"{plain(text[:most])}… ({len(text)} characters)"
 
 
@@ -51,15 +53,15 @@ _MEASURED = re.compile(r"'[^']*'|= [^\s,;]+|(?<![\w/.^])[-+]?(?:\d+\.?\d*|\.\d+)
 
 
 def steady(text):
-    """A text without its numbers, but for those of parameters (``name = number``) and of names: it stays while a fault does.
+    """Return a text without measured numbers, so that a message stays the same while a fault lasts.
 
-    The message of a status says what is wrong, and who watches it is told once; how wrong it is now is for its values.
+    Numbers of parameters (``name = number``) and within names stay.
     """
     return _MEASURED.sub(lambda found: found[0] if found[0][0] in "'=" else "…", text)
 
 
 class Diagnostics:
-    """Publishes what `report` says, once a second of wall time even where simulated time stands still.
+    """Publishes statuses once a second of steady time: simulated time may stand still.
 
     Parameters
     ----------
@@ -67,29 +69,31 @@ class Diagnostics:
     report : callable
         Returns a list of :class:`Status`.
     robot : callable
-        Returns the model in force, whose name is that of the hardware; None while there is none.
+        Returns the model in force, whose name is that of the hardware, or None.
     """
 
     def __init__(self, node, report, robot):
-        self._node = node
+        self._node, self._report, self._robot = node, report, robot
         self._name = node.get_fully_qualified_name().lstrip("/")
-        self._report, self._robot = report, robot
         self._compiled = ""
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._timer = node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        tell_by(self._report_compiling)
 
     def _tick(self):
-        # Once told of, the entry stays: an aggregator takes one that comes no more for stale, and its group for an error.
+        # The entry stays after the first compilation: an aggregator takes one that disappears for stale.
         idle = [Status("compiling", OK, "nothing is compiled", {"last": self._compiled})] if self._compiled else []
         self.publish([*self._report(), *idle])
 
-    def tell_compiling(self, text):
-        """Publish at once that something is compiled; may be called by another thread, while the node serves nothing."""
+    def _report_compiling(self, text):
+        """Log and publish at once what is compiled; the compiler calls it in a thread."""
         self._compiled = text
-        self.publish([Status("compiling", OK, "compiling", {"what": text})])
+        with suppress(Exception):  # the node may be gone
+            self._node.get_logger().info(text)
+            self.publish([Status("compiling", OK, "compiling", {"what": text})])
 
     def publish(self, statuses):
-        """Publish some statuses at once."""
+        """Publish statuses at once."""
         array = DiagnosticArray()
         model = self._robot()
         hardware = shortened(model.name) if model else ""

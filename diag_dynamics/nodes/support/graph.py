@@ -1,33 +1,23 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who publishes on a topic, and whether anything of it can arrive; where messages of a type are."""
+"""Publishers of a topic, and whether their QoS matches; topics of a type."""
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
+NOT_YET_KNOWN = "a node not known yet"
+"""Name of a node whose publisher was discovered before the node itself."""
+
 
 def publishers(node, subscription, kind):
-    """Publishers of a subscription's topic.
+    """Return names of the nodes that publish a subscription's topic, and a list of problems.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    subscription : rclpy.subscription.Subscription
-    kind : str
-        Type of its messages, as ``sensor_msgs/msg/JointState``.
-
-    Returns
-    -------
-    names : list of str
-        Their nodes, each as often as it publishes there.
-    problems : list of str
-        Why nothing can arrive from some of them.
+    `kind` is the type of its messages, as ``sensor_msgs/msg/JointState``.
     """
-    names, problems = [], []
-    topic = subscription.topic_name
-    for info in node.get_publishers_info_by_topic(topic):
-        name = _name(info)
-        names.append(name)
+    topic, problems = subscription.topic_name, []
+    infos = node.get_publishers_info_by_topic(topic)
+    names = node_names(infos)
+    for name, info in zip(names, infos, strict=True):
         if info.topic_type != kind:
             problems.append(f"{name} publishes {info.topic_type} on {topic}, expected {kind}")
             continue
@@ -37,23 +27,18 @@ def publishers(node, subscription, kind):
     return names, problems
 
 
-def publishing(node, topic):
-    """Nodes that publish on a topic, each as often as it does."""
-    return [_name(info) for info in node.get_publishers_info_by_topic(topic)]
-
-
-NOT_YET_KNOWN = "a node not known yet"
-"""Name of a node whose publisher has been heard of before the node itself."""
-
-
-def _name(info):
-    if info.node_name == "_NODE_NAME_UNKNOWN_":  # rcl's
-        return NOT_YET_KNOWN
-    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+def node_names(infos):
+    """Return the full names of the nodes that endpoints of a topic belong to."""
+    return [
+        NOT_YET_KNOWN
+        if info.node_name == "_NODE_NAME_UNKNOWN_"
+        else f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        for info in infos
+    ]
 
 
 def topics_of(node, kind):
-    """Topics on which somebody publishes messages of a type, as ``sensor_msgs/msg/JointState``, in the order of names."""
+    """Return the topics on which messages of a type are published, in the order of names."""
     return [
         topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds and node.count_publishers(topic)
     ]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What has arrived, done in such a way that nothing that goes wrong ends the node."""
+"""Callbacks whose failures end no node: they are counted, logged or answered."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from diag_dynamics.nodes.support.diagnostics import shortened
 
 
 class Fault(NamedTuple):
-    """What kept something from being done."""
+    """The exception that an action has raised."""
 
     error: Exception
 
     @property
     def is_internal(self):
-        """Whether it is a mistake of this package: what is wrong with an input has an exception of its own."""
+        """Whether it is a mistake of this package; faults of inputs have exceptions of their own."""
         return not isinstance(self.error, (DiagDynamicsError, RejectedError))
 
     @property
@@ -26,25 +26,17 @@ class Fault(NamedTuple):
 
     @property
     def text(self):
-        """What is wrong, in full."""
+        """The whole message."""
         return repr(self.error) if self.is_internal else str(self.error)
 
     @property
     def reason(self):
-        """What is wrong, as it is told to people: an internal error is called that."""
+        """The message for people, short and without control characters."""
         return shortened(f"internal error: {self.text}" if self.is_internal else self.text)
 
 
 def attempt(action, *arguments):
-    """Do something for somebody else: a message, a request, a parameter or a transition.
-
-    Returns
-    -------
-    outcome : object
-        What the action returns; None if it fails.
-    fault : Fault or None
-        Why it has failed: whatever it raises is told of and ends nothing.
-    """
+    """Call `action`; return its result and None, or None and its :class:`Fault`."""
     try:
         return action(*arguments), None
     except Exception as error:
@@ -52,7 +44,7 @@ def attempt(action, *arguments):
 
 
 def answered(node, kind, answer, named=str, keep=()):
-    """Callback of a service by which every failure is a response.
+    """Return the callback of a service by which every failure is a response.
 
     Parameters
     ----------
@@ -60,11 +52,11 @@ def answered(node, kind, answer, named=str, keep=()):
     kind : type
         Of the service; its response has `success` and `message`.
     answer : callable
-        Called with request and response; returns the message of success, or None for none.
+        Called with request and response; returns the message of success, or None.
     named : callable
-        Takes what is wrong to what is said of it, in the request's own words.
+        Puts a message into the request's own words.
     keep : sequence of str
-        Fields that a response has although its answer fails; of the others what was filled in before is dropped.
+        Fields that the response of a failure keeps.
     """
 
     def callback(request, response):
@@ -72,18 +64,11 @@ def answered(node, kind, answer, named=str, keep=()):
         if fault is None:
             response.success, response.message = True, message or ""
             return response
-        return _refusal(node, kind, response, fault, named, keep)
+        reason = named(fault.text)
+        if fault.is_internal:
+            node.get_logger().error(f"{kind.__name__}: {fault.reason}", throttle_duration_sec=5.0)
+            reason = f"Internal error: {fault.text}"
+        kept = {field: getattr(response, field) for field in keep}
+        return kind.Response(success=False, message=shortened(reason), **kept)
 
     return callback
-
-
-def _refusal(node, kind, response, fault, named, keep):
-    """Return a response that names a fault; see :func:`answered`."""
-    reason = named(fault.text)
-    if fault.is_internal:
-        node.get_logger().error(f"{kind.__name__}: {fault.text}", throttle_duration_sec=5.0)
-        reason = f"Internal error: {fault.text}"
-    refusal = kind.Response(success=False, message=shortened(reason))
-    for field in keep:
-        setattr(refusal, field, getattr(response, field))
-    return refusal

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which robot a node works with: the parameters that say so, and the model they make of a description."""
+"""The model of a description, by the parameters of a node, and the compilation of what nodes call."""
 
 from functools import cache
 
@@ -12,8 +12,9 @@ from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.options import warnings_told
 from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.text import plain
 
-MOST_TOLD = 20
+MAX_WARNINGS = 20
 """Warnings of a robot that are logged one by one."""
 
 COMPILED = (
@@ -33,21 +34,21 @@ COMPILED = (
 )
 """Methods of DiagonalDynamics that nodes call."""
 
-ANY = (
+SMALL = (
     '<robot name="any"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
     'ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
 )
-"""A robot to compile for: compiled code is no robot's own, but the matrices of a large one take their time."""
+"""A robot to compile for: the matrices of a large one take time, and compiled code is the same for all."""
 
 
 @cache
 def compile_dynamics():
     """Compile what nodes call, or load it from the cache."""
-    DiagonalDynamics(load_urdf(ANY)).compile(*COMPILED)
+    DiagonalDynamics(load_urdf(SMALL)).compile(*COMPILED)
 
 
 def text_of(description):
-    """URDF text of a description, see :func:`load_robot`.
+    """Return the URDF text of a description; see :func:`load_robot`.
 
     Raises
     ------
@@ -67,15 +68,15 @@ def _refuse_mjcf(description):
 
 
 def load_robot(node, description, values):
-    """Model of a description, with its warnings in the node's log.
+    """Return the model of a description, and log its warnings.
 
     Parameters
     ----------
     node : rclpy.node.Node
     description : str or bytes
-        URDF; or the path of one, or of a xacro file, which its arguments may follow.
+        URDF; or the path of a URDF or xacro file, with arguments of xacro behind it.
     values : dict
-        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, of a node that has it.
+        Values of :data:`~parameters.shared.PARAMETERS`, and `friction_velocity` of a node that has it.
 
     Raises
     ------
@@ -84,11 +85,11 @@ def load_robot(node, description, values):
     """
     _refuse_mjcf(description)
     node.get_logger().info("Loading a robot.")
-    told = []
-    with warnings_told(told.append):
+    warnings = []
+    with warnings_told(warnings.append):
         model = model_of(description, values)
-    for text in told[:MOST_TOLD]:
-        node.get_logger().warning(text)
-    if len(told) > MOST_TOLD:
-        node.get_logger().warning(f"{len(told) - MOST_TOLD} more such warnings.")
+    for text in warnings[:MAX_WARNINGS]:
+        node.get_logger().warning(plain(text))
+    if len(warnings) > MAX_WARNINGS:
+        node.get_logger().warning(f"{len(warnings) - MAX_WARNINGS} more such warnings.")
     return model

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers and subscriptions whose QoS parameters may override; and how often something is published."""
+"""Publishers, subscriptions and services with their QoS, and rate limits."""
 
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 
 from diag_dynamics.exceptions import InputError
@@ -10,16 +11,24 @@ from diag_dynamics.exceptions import InputError
 OVERRIDABLE = QoSOverridingOptions(
     (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 )
-"""Lets the parameters qos_overrides.<topic>.<publisher|subscription>.<policy> have a say."""
+"""Policies that parameters qos_overrides.<topic>.<publisher|subscription>.<policy> override."""
+
+SERVICE_QOS = QoSProfile(depth=1000)
+"""Requests that wait; rclpy's default keeps ten and drops others without an answer."""
+
+
+def latched():
+    """Return the QoS of robot_description: who subscribes late receives the last message."""
+    return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def connected(create, kind, topic, *arguments, **options):
-    """Publisher or subscription that `create` makes, whose QoS parameters may override.
+    """Return the publisher or subscription that `create` makes, with overridable QoS.
 
     Raises
     ------
     InputError
-        They make no sense.
+        The overrides make no sense.
     """
     try:
         return create(kind, topic, *arguments, qos_overriding_options=OVERRIDABLE, **options)
@@ -28,18 +37,17 @@ def connected(create, kind, topic, *arguments, **options):
 
 
 class RateLimit:
-    """Lets through what comes no sooner than a period after what it let through before, by the stamps."""
+    """Lets a message through no sooner than a period after the one before, by their stamps."""
 
     def __init__(self, rate):
         self._period = 1e9 / rate if rate else 0.0
         self._last = self._next = None
 
     def due(self, stamp):
-        """Whether a message stamped `stamp` [ns] goes out, and note that it does."""
+        """Return whether a message stamped `stamp` [ns] goes out, and note that it does."""
         if not self._period:
             return True
-        # A hair early is on time, lest a source of exactly this rate with jittering stamps lose every second message.
-        # A stamp before the last one means that time has started anew.
+        # Jitter of the stamps must not drop every second message. A stamp before the last one restarts time.
         if self._last is not None and self._last <= stamp < self._next - 0.05 * self._period:
             return False
         on_time = self._last is not None and abs(stamp - self._next) < self._period

@@ -1,25 +1,24 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How every node of this package starts, spins and ends."""
+"""Start, spin and end nodes. Signals are handled before anything large is imported."""
 
+import argparse
 import faulthandler
 import gc
+import os
+import signal
 import sys
-from contextlib import contextmanager, suppress
+from importlib import import_module
 
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.nodes.support.descriptions import working
-from diag_dynamics.nodes.support.plain_options import as_ros_arguments
-from diag_dynamics.nodes.support.start import deafen, leave, listen, stop
 from diag_dynamics.text import plain
 
 try:  # Jazzy and later: a third of the CPU time per message
@@ -27,123 +26,133 @@ try:  # Jazzy and later: a third of the CPU time per message
 except ImportError:
     Executor = SingleThreadedExecutor
 
-ARGUMENTS_MAKE_NO_SENSE = (RCLError, UnknownROSArgsError)
-"""What rclpy raises of arguments, remappings and files of parameters that it cannot read; it has no public name for them."""
+NODE_CLASSES = {
+    "monitor": ("monitor.monitor", "MonitorNode"),
+    "simulator": ("simulator.simulator", "SimulatorNode"),
+    "controller": ("controller.controller", "ControllerNode"),
+    "view": ("view.view", "ViewNode"),
+}
+"""Module in diag_dynamics.nodes and class of each node that runs by ROS arguments alone."""
+
+PERIOD = 0.2
+"""Longest time [s] until an idle executor notices a signal."""
+
+SHUTDOWN_TIMEOUT = 10.0
+"""Time [s] in which nodes have to leave the graph; after it the process ends and prints its stacks."""
 
 
-LEAVING = 15.0
-"""Time [s] in which a node has to leave the graph: the middleware may wait for itself for ever, and no signal is heard any
-more. Less than :data:`start.KINDLY`."""
+class Stop:
+    """SIGINT and SIGTERM end the spinning between two callbacks.
 
+    rclpy's own handlers would shut down the context, by which a controller sends its last command.
 
-def run(make_node, args=None):
-    """Create a node, spin it until shutdown or a signal, and leave without a trace. Returns the exit status.
-
-    SIGINT and SIGTERM end the spinning between two callbacks; rclpy's own handlers would break off the one that is
-    running, or take the context away from it. A node that ends by itself has a future `finished`; one that loads much
-    after it was made calls `settled`.
+    Attributes
+    ----------
+    requested : bool
+        Whether a signal has arrived; callbacks that wait look at it.
+    future : Future
+        Done when it has.
     """
+
+    requested = False
+
+    def __init__(self):
+        self.future = Future()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self)
+
+    def __call__(self, *_):
+        """End the spinning; the handler of both signals."""
+        Stop.requested = True
+        if not self.future.done():
+            self.future.set_result(None)
+
+
+def run(make_nodes, args=None):
+    """Make nodes, spin them in one executor until a signal, and return the exit status.
+
+    Parameters
+    ----------
+    make_nodes : callable
+        Returns a node, or a list of nodes, and imports what they need. A node that ends by itself has a future `finished`,
+        whose exception ends the process with status 1.
+    args : list of str, optional
+        Command line with the name of the program; by default that of the process.
+    """
+    stop, nodes, status = Stop(), [], 0
     try:
-        return _run(make_node, args)
+        _init(args)
+        made = make_nodes()
+        nodes += made if isinstance(made, list) else [made]
+        gc.freeze()  # what was imported stays
+        spin(nodes, stop)
+        for node in nodes:
+            if hasattr(node, "finished") and node.finished.done():
+                node.finished.result()  # or its exception
+    except ExternalShutdownException:
+        pass
+    except (DiagDynamicsError, NameValidationException, ParameterException) as error:
+        print(plain(f"{type(error).__name__}: {error}"), file=sys.stderr)
+        status = 1
     finally:
-        with _deadline():
-            let_go()
+        faulthandler.dump_traceback_later(SHUTDOWN_TIMEOUT, exit=True)
+        while nodes:
+            nodes.pop().destroy_node()
+        rclpy.try_shutdown()
+        gc.unfreeze()
+        gc.collect()  # a lifecycle node refers to itself: its participant would stay on the graph
+        faulthandler.cancel_dump_traceback_later()
+    return status
 
 
-def _run(make_node, args):
-    listen()
-    node = None
+def _init(args):
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        if stop.asked:
-            return 0
-        node = make_node()
-        node.settled = settle
-        settle()
-        done = getattr(node, "finished", None) or Future()
-        stop.callback = lambda: done.done() or done.set_result(None)
-        if not stop.asked:
-            spin(node, done)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (DiagDynamicsError, ParameterException, *ARGUMENTS_MAKE_NO_SENSE) as error:
-        # What it was started with makes no sense: one line says so.
-        print(plain(f"{type(error).__name__}: {error}"), file=sys.stderr)
-        return 1
-    finally:
-        deafen()
-        with _deadline():
-            if node is not None:
-                node.destroy_node()
-            rclpy.try_shutdown()
-        if working():  # a thread that is torn off while it computes may take the process down with another status
-            leave(0)
-    return 0
+    except RuntimeError as error:  # of arguments that rcl cannot parse
+        raise InputError(str(error)) from error
 
 
-@contextmanager
-def _deadline():
-    """While the middleware is let go of: :data:`LEAVING`, after which the process ends, and says where its threads stood.
-
-    The thread that sees to it needs no lock of Python's, which a publisher that waits for the middleware has.
-    """
-    faulthandler.dump_traceback_later(LEAVING, exit=True, file=2)
-    try:
-        yield
-    finally:
-        faulthandler.cancel_dump_traceback_later()
-
-
-def settle():
-    """Keep the garbage collector from looking again at what has been loaded, which stays.
-
-    Looking through the libraries of a node takes it some 100 ms, in which no message is taken in.
-    """
-    gc.collect()
-    gc.freeze()
-    gc.enable()
-
-
-def let_go():
-    """Have a node that is over leave the graph now, while all is there that this takes.
-
-    rclpy's lifecycle nodes refer to themselves, and what has settled no collector looks at: the node's participant would
-    live on, threads and all, until the process exits and the middleware is torn down from below it.
-    """
-    gc.unfreeze()
-    gc.collect()
-
-
-def spin(node, until):
-    """Serve the node's callbacks until the future `until` is done or the context is shut down."""
+def spin(nodes, stop):
+    """Serve the callbacks of nodes until `stop` is called, a node has finished, or the context is shut down."""
     executor = Executor()
-    executor.add_node(node)
+    for node in nodes:
+        executor.add_node(node)
+        if hasattr(node, "finished"):
+            node.finished.add_done_callback(lambda _: stop())
     try:
-        # EventsExecutor.spin() serves no timers in some releases; waiting for a future does. Its time-out is for a context
-        # that was shut down: it holds only where nothing is left to do, so a busy node is ended by the future alone.
-        while rclpy.ok() and not until.done():
-            executor.spin_until_future_complete(until, timeout_sec=0.2)
+        # The time-out holds while nothing is to be done; a busy executor runs Python, which calls the signal handler.
+        while rclpy.ok() and not stop.future.done():
+            executor.spin_until_future_complete(stop.future, timeout_sec=PERIOD)
     finally:
-        with _deadline():
+        for node in nodes:
             executor.remove_node(node)
-            executor.shutdown()
+        executor.shutdown()
 
 
-def main_of(make_node, parser, defaults):
-    """Return the main function of an executable.
+def main(executable, args=None):
+    """Run one of :data:`NODE_CLASSES` by ROS arguments, and leave the process with its exit status."""
+    args = args or sys.argv
+    module, name = NODE_CLASSES[executable]
 
-    `parser` parses its arguments but for those of ROS; `defaults` are those of its parameters, which are options, too.
-    """
+    def make_node():
+        parse_arguments(executable, args)
+        return getattr(import_module(f"diag_dynamics.nodes.{module}"), name)()
 
-    def main(args=None):
-        program, *given = args or sys.argv
-        try:
-            arguments = [program, *as_ros_arguments(given, defaults)]
-        except InputError as error:
-            print(plain(f"{parser.prog}: {error}"), file=sys.stderr)
-            return 2
-        with suppress(*ARGUMENTS_MAKE_NO_SENSE):  # run says so
-            parser.parse_args(remove_ros_args(arguments)[1:])
-        return run(make_node, arguments)
+    leave(run(make_node, args))
 
-    return main
+
+def parse_arguments(executable, args):
+    """Print the help, or refuse arguments that are not of ROS."""
+    argparse.ArgumentParser(
+        prog=executable,
+        usage=f"{executable} [--ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO --log-level LEVEL ...]",
+        epilog=f"Parameters and their defaults: docs/parameters.md and config/{executable}.yaml. "
+        "Topics and services: docs/interfaces.md.",
+    ).parse_args(remove_ros_args(args)[1:])
+
+
+def leave(status):
+    """End the process at once: a thread that compiles a robot would crash an interpreter that is taken apart."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)

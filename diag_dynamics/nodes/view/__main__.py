@@ -3,8 +3,6 @@
 
 """The view, by ``python3 -m diag_dynamics.nodes.view``."""
 
-import sys
+from diag_dynamics.nodes.support.runner import main
 
-from diag_dynamics.nodes.view.view import main
-
-sys.exit(main())
+main("view")

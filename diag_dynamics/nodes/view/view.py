@@ -4,17 +4,15 @@
 """The view node: a page in the browser that shows the robots of monitors, live. It commands nothing."""
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.declaring import declare, judge
+from diag_dynamics.nodes.support.clocks import steady_clock
+from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.diagnostics import OK, WARN, Diagnostics, Status, counted
 from diag_dynamics.nodes.support.graph import topics_of
 from diag_dynamics.nodes.support.guard import attempt
-from diag_dynamics.nodes.support.managed import ManagedNode
 from diag_dynamics.nodes.support.names import NODES
-from diag_dynamics.nodes.support.runner import main_of
-from diag_dynamics.nodes.support.usage import defaults_of, parser_of
 from diag_dynamics.nodes.view.robot_subscription import RobotSubscription, folders_of
 from diag_dynamics.page.server import PageServer
 from diag_dynamics.parameters.view import PARAMETERS
@@ -35,66 +33,35 @@ MOST_ROBOTS = 32
 """Robots that are watched at a time."""
 
 
-class ViewNode(ManagedNode):
-    """See the module; parameters are in :data:`~parameters.view.PARAMETERS`.
+class ViewNode(TableNode, Node):
+    """See the module; parameters are in :data:`~parameters.view.PARAMETERS`."""
 
-    A managed node. Configured, it serves its page; active, it watches robots.
-    """
-
-    def __init__(self, **kwargs):
-        super().__init__(NODES["view"], **kwargs)
-        self._values = declare(self, PARAMETERS)
-        self._server = self._timer = self._listened = None
-        self._robots, self._folders = {}, []
-        judge(self, PARAMETERS, lambda: self._values, self._take_values)
+    def __init__(self, **options):
+        super().__init__(NODES["view"], PARAMETERS, **options)
+        values = self.values
+        if not 1 <= values["tabs"] <= MOST_TABS:
+            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MOST_TABS}.")
+        self._robots, self._folders = {}, folders_of(values["mesh_folders"])
+        self._server = PageServer(self._streams, values["host"], values["port"], values["rate"], values["tabs"])
+        self._server.start()
+        self.get_logger().info(f"Page: {self.address}")
         self._diagnostics = Diagnostics(self, self._report, lambda: None)
-        self.begin(self._values["autostart"])
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
+        self.create_timer(LOOK, self._look, clock=steady_clock())
+        self._look()
+        judge(self, PARAMETERS, self.values.update)
 
     @property
     def address(self):
-        """Where the page is; empty while the node is not configured."""
-        return self._server.address if self._server else ""
-
-    # --- Lifecycle ---
-
-    def set_up(self):
-        """Serve the page."""
-        values = self._values
-        if not 1 <= values["tabs"] <= MOST_TABS:
-            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MOST_TABS}.")
-        self._folders = folders_of(values["mesh_folders"])
-        self._server = PageServer(self._streams, values["host"], values["port"], values["rate"], values["tabs"])
-        self._server.start()
-        self.settled()
-        self.get_logger().info(f"Page: {self.address}")
-
-    def listen(self):
-        """Watch the robots that there are, and look for others."""
-        self._listened = self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
-        self._timer = self.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._look()
-
-    def stop_listening(self):
-        """Watch nobody."""
-        if self._timer:
-            self.destroy_timer(self._timer)
-        if self._listened:
-            self.destroy_subscription(self._listened)
-        robots, self._robots = self._robots, {}
-        for robot in robots.values():
-            robot.destroy()
-        self._timer = self._listened = None
-
-    def tear_down(self):
-        """Serve no more."""
-        if self._server:
-            self._server.stop()
-        self._server = None
+        """Where the page is."""
+        return self._server.address
 
     def destroy_node(self):
         """End streams, and let go of the graph."""
-        attempt(self.stop_listening)
-        attempt(self.tear_down)
+        robots, self._robots = self._robots, {}
+        for robot in robots.values():
+            attempt(robot.destroy)
+        attempt(self._server.stop)
         return super().destroy_node()
 
     # --- Robots ---
@@ -116,7 +83,7 @@ class ViewNode(ManagedNode):
             self._robots.pop(monitor).destroy()
 
     def _is_wanted(self, monitor):
-        wanted = {name.rstrip("/") or "/" for name in self._values["robots"] if name}
+        wanted = {name.rstrip("/") or "/" for name in self.values["robots"] if name}
         wanted = {name if name.startswith("/") else f"/{name}" for name in wanted}
         return not wanted or bool(wanted & {monitor, monitor.rpartition("/")[0] or "/"})
 
@@ -136,15 +103,9 @@ class ViewNode(ManagedNode):
 
     # --- What it says ---
 
-    def _take_values(self, _, changed):
-        self._values |= changed
-
     def _report(self):
-        if self._server is None:
-            return [Status("page", WARN, self.failure or self.phase, {"lifecycle": self.phase})]
         faults = [robot.fault for robot in self._robots.values() if robot.fault]
         shown = {
-            "lifecycle": self.phase,
             "address": self.address,
             "tabs": self._server.streams,
             "monitors": counted(sorted(self._robots)),
@@ -152,7 +113,3 @@ class ViewNode(ManagedNode):
         if faults:
             return [Status("page", WARN, "; ".join(faults), shown)]
         return [Status("page", OK, f"served at {self.address}" if self._robots else "no monitor is found", shown)]
-
-
-main = main_of(ViewNode, parser_of("view", __doc__, PARAMETERS), defaults_of(PARAMETERS))
-"""The view: a page that shows robots."""

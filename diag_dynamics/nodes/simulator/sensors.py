@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the simulator publishes, as messages."""
+"""Measurements of the simulated sensors as messages."""
 
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
-from diag_dynamics.msg import EnergyAudit
 from diag_dynamics.nodes.support.messages import doubles
 
 WORLD = "world"
@@ -14,7 +13,7 @@ WORLD = "world"
 
 
 def joint_state_message(names, measured, stamp):
-    """Return JointState of what was measured of these joints."""
+    """Return a JointState of these joints."""
     message = JointState(name=names)
     message.header.stamp = stamp
     message.position, message.velocity = doubles(measured.position), doubles(measured.velocity)
@@ -23,7 +22,7 @@ def joint_state_message(names, measured, stamp):
 
 
 def odometry_message(root_link, measured, stamp):
-    """Return Odometry of what was measured of a floating base."""
+    """Return the Odometry of a floating base."""
     (x, y, z, *orientation), twist = measured.base
     message = Odometry(child_frame_id=root_link)
     message.header.stamp, message.header.frame_id = stamp, WORLD
@@ -32,12 +31,4 @@ def odometry_message(root_link, measured, stamp):
     o.x, o.y, o.z, o.w = map(float, orientation)
     moving.linear.x, moving.linear.y, moving.linear.z = map(float, twist[:3])
     moving.angular.x, moving.angular.y, moving.angular.z = map(float, twist[3:])
-    return message
-
-
-def audit_message(simulation, stamp):
-    """Return EnergyAudit of all that has happened until now."""
-    audit = simulation.audit
-    message = EnergyAudit(duration=simulation.time, residual=audit.residual, **audit._asdict())
-    message.header.stamp, message.header.frame_id = stamp, simulation.model.root_link
     return message

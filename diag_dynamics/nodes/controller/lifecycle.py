@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A managed node whose transitions may fail by an exception, and that no request for a transition ends."""
+
+from lifecycle_msgs.srv import ChangeState
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+
+from diag_dynamics.nodes.support.declaring import TableNode
+from diag_dynamics.nodes.support.diagnostics import shortened
+from diag_dynamics.nodes.support.guard import attempt
+
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
+
+
+class ManagedNode(TableNode, LifecycleNode):
+    """Subclasses have `configure` and `activate`, which may raise, and `deactivate` and `clean_up`, which undo them.
+
+    Attributes
+    ----------
+    phase : str
+        Unconfigured, inactive, active or finalized.
+    failure : str
+        Why the last transition failed; empty if it succeeded.
+    """
+
+    def __init__(self, name, specs, **options):
+        self.phase, self.failure = UNCONFIGURED, ""
+        super().__init__(name, specs, **options)
+        for service in self.services:
+            if service.srv_type is ChangeState:  # rclpy before 9 raises at a transition that the state has not
+                service.callback = self._guarded(service.callback)
+
+    @property
+    def is_unconfigured(self):
+        """Whether parameters may change that make the robot."""
+        return self.phase == UNCONFIGURED
+
+    def _guarded(self, answer):
+        def callback(request, response):
+            answered, fault = attempt(answer, request, response)
+            if fault is None:
+                return answered
+            self.get_logger().error(f"Transition refused in state {self.phase}: {fault.reason}")
+            response.success = False
+            return response
+
+        return callback
+
+    def _transition(self, step, undo, phase, what):
+        _, fault = attempt(step)
+        if fault is None:
+            self.phase, self.failure = phase, ""
+            return SUCCESS
+        self.failure = shortened(f"{what}: {fault.text}")
+        self.get_logger().error(self.failure)
+        undo()
+        return FAILURE
+
+    def on_configure(self, state):
+        """See rclpy."""
+        return self._transition(self.configure, self.clean_up, INACTIVE, "not configured")
+
+    def on_activate(self, state):
+        """See rclpy."""
+        return self._transition(self.activate, self.deactivate, ACTIVE, "not activated")
+
+    def on_deactivate(self, state):
+        """See rclpy."""
+        self.deactivate()
+        self.phase = INACTIVE
+        return SUCCESS
+
+    def on_cleanup(self, state):
+        """See rclpy."""
+        return self._leave(UNCONFIGURED)
+
+    def on_shutdown(self, state):
+        """See rclpy."""
+        return self._leave(FINALIZED)
+
+    def on_error(self, state):
+        """See rclpy; the node can be configured again."""
+        return self._leave(UNCONFIGURED)
+
+    def _leave(self, phase):
+        self.deactivate()
+        self.clean_up()
+        self.phase, self.failure = phase, ""
+        return SUCCESS

@@ -1,0 +1,363 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What all nodes share: parameters of a table, robots loaded in a thread, and texts of diagnostics."""
+
+import array
+import signal
+import threading
+
+import pytest
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException
+from rclpy.node import Node
+from rclpy.parameter import Parameter, get_parameter_value
+
+from diag_dynamics import DiagonalDynamics, load_urdf
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.monitor.described import MonitoredRobot
+from diag_dynamics.nodes.support import runner
+from diag_dynamics.nodes.support.declaring import TableNode, convert, judge
+from diag_dynamics.nodes.support.descriptions import RobotLoader
+from diag_dynamics.nodes.support.diagnostics import steady
+from diag_dynamics.nodes.support.loading import MAX_WARNINGS, compile_dynamics, load_robot
+from diag_dynamics.parameters.controller import PARAMETERS as OF_CONTROLLER
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.parameters.shared import PARAMETERS as SHARED
+from nodes import PANDA, robot
+from robots import description, joint, link
+
+# --- parameters
+
+
+class Tabled(TableNode, Node):
+    """A node with a table of parameters."""
+
+    is_unconfigured = False
+
+
+@pytest.fixture
+def made(no_discovery):
+    """Make nodes of a table with arguments, and destroy them at the end."""
+    context, nodes = rclpy.Context(), []
+    rclpy.init(context=context)
+
+    def make(*arguments, specs=PARAMETERS):
+        options = {"context": context, "cli_args": ["--ros-args", *arguments]} if arguments else {"context": context}
+        nodes.append(Tabled("own", specs, **options))
+        judge(nodes[-1], specs, nodes[-1].values.update)
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.mark.parametrize(
+    ("value", "default", "expected"),
+    [
+        (1, 0.0, 1.0),
+        (True, 0.0, True),
+        ("1", 0.0, "1"),
+        (2, 1, 2),
+        (array.array("q", [1, 2, 3]), [0.0] * 3, [1.0, 2.0, 3.0]),
+        ("[0, 0, -9.81]", [0.0] * 3, [0.0, 0.0, -9.81]),
+        ("down", [0.0] * 3, "down"),
+        (None, [""], [""]),
+        (array.array("d"), [""], [""]),
+        (["a=1"], [""], ["a=1"]),
+        ("a=1", [""], "a=1"),
+    ],
+)
+def test_types_of_values(value, default, expected):
+    """An integer is a number, an empty list has the type of the default; other types stay."""
+    found = convert("x", value, default)
+    assert found == expected and type(found) is type(expected)
+
+
+def test_values_on_the_command_line(made):
+    node = made("-p", "warn_energy:=1", "-p", "gravity:=[0, 0, -9]", "-p", "payloads:=[]")
+    assert node.values["warn_energy"] == 1.0 and node.get_parameter("warn_energy").value == 1.0
+    assert list(node.values["gravity"]) == [0.0, 0.0, -9.0] and node.values["payloads"] == [""]
+    with pytest.raises(InputError, match=r"parameter 'gravity' is \[\]; expected 3 numbers"):
+        made("-p", "gravity:=[]")
+    with pytest.raises(InputError, match="parameter 'foreign_time' is 'maybe', expected one of"):
+        made("-p", "foreign_time:=maybe")
+    with pytest.raises(InvalidParameterTypeException, match="warn_energy"):
+        made("-p", "warn_energy:=high")
+
+
+def test_values_set_while_running(made):
+    """As `ros2 param set` parses what is typed; a value of another type is refused, a read-only one stays."""
+    node = made()
+
+    def put(name, text):
+        message = Parameter(name).to_parameter_msg()
+        message.value = get_parameter_value(text)
+        return node.set_parameters([Parameter.from_parameter_msg(message)])[0]
+
+    for name, text, expected in (
+        ("payloads", "[tool0=1.0]", ["tool0=1.0"]),
+        ("payloads", "[]", [""]),
+        ("warn_energy", "3", 3.0),
+        ("gravity", "[0, 1, -9.81]", [0.0, 1.0, -9.81]),
+    ):
+        result = put(name, text)
+        assert result.successful, result.reason
+        value = node.get_parameter(name).value
+        assert (value if isinstance(value, float) else list(value)) == expected
+    for name, text, reason in (
+        ("warn_energy", "high", "Wrong parameter type"),
+        ("gravity", "down", "Wrong parameter type"),
+        ("gravity", "[]", "Wrong parameter type"),
+        ("gravity", "[1.0]", "parameter 'gravity' is [1.0], expected 3 numbers."),
+        ("foreign_time", "maybe", "expected one of warn, refuse"),
+        ("mimic", "free", "read-only"),
+    ):
+        assert reason in put(name, text).reason
+
+
+def test_parameters_while_unconfigured(made):
+    """Parameters of a node with a lifecycle change before it is configured."""
+    node = made(specs=OF_CONTROLLER)
+    change = [Parameter("max_state_age", value=0.05)]
+    result = node.set_parameters(change)[0]
+    assert not result.successful and "read-only while the node is configured: clean it up first" in result.reason
+    node.is_unconfigured = True
+    assert node.set_parameters(change)[0].successful and node.values["max_state_age"] == 0.05
+
+
+def test_unknown_names(made, tmp_path, capfd):
+    """The node warns of misspelt parameters; it ignores those of other nodes and unrelated names."""
+    file = tmp_path / "shared.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters:\n    joint_timeouts: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"
+        "    robot_compensates_gravity: true\n    use_sim_tme: true\n    qos_overrides: {/x: {publisher: {depth: 3}}}\n"
+        "own:\n  ros__parameters: {energy_limt: 1.0, max_rate: {statos: 1.0}, nothing: []}\n"
+    )
+    node = made("--params-file", str(file), specs=OF_CONTROLLER)
+    logged = [line.split(": ", 1)[1] for line in capfd.readouterr().err.splitlines()]
+    assert sorted(logged) == [
+        "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?",
+        "Unknown parameter 'max_rate.statos' ignored. Did you mean 'max_rate.status'?",
+        "Unknown parameter 'use_sim_tme' ignored. Did you mean 'use_sim_time'?",
+    ]
+    assert not node.has_parameter("update_rate")
+
+
+# --- robots
+
+
+class TimersByHand:
+    """A node whose timers the test runs."""
+
+    def __init__(self):
+        self.timers = []
+
+    def create_timer(self, period, callback, clock):
+        self.timers.append(callback)
+        return callback
+
+    def destroy_timer(self, timer):
+        self.timers.remove(timer)
+
+    def spin_until(self, condition):
+        while not condition():
+            for timer in list(self.timers):
+                timer()
+
+
+class Loading:
+    """Descriptions that are loaded when the test allows it."""
+
+    def __init__(self):
+        self.node, self.begun, self.allowed, self.taken = TimersByHand(), [], {}, []
+        self.loader = RobotLoader(self.node, self.load, lambda *taken: self.taken.append(taken))
+
+    def load(self, name, *context):
+        self.begun.append(name)
+        assert self.allowed.setdefault(name, threading.Event()).wait(10.0)
+        if name.startswith("bad"):
+            raise ValueError(name)
+        return name.upper()
+
+    def allow(self, *names):
+        for name in names:
+            self.allowed.setdefault(name, threading.Event()).set()
+
+    def begin(self, *names):
+        """Load one, whose thread waits, and request others."""
+        self.loader.load(names[0], 1)
+        self.node.spin_until(lambda: self.begun)
+        for name in names[1:]:
+            self.loader.load(name, 2)
+
+
+@pytest.fixture
+def loading():
+    loading = Loading()
+    yield loading
+    loading.allow(*loading.begun)
+
+
+def test_executor_takes_the_newest_robot(loading):
+    """The executor takes it over; older ones are dropped, or not even loaded."""
+    loading.begin("one", "two", "three")
+    assert loading.loader.loading == "three" and not loading.taken
+    loading.allow("one", "three")
+    loading.node.spin_until(lambda: loading.taken)
+    assert loading.taken == [("THREE", "three", 2)] and loading.begun == ["one", "three"]
+    assert loading.loader.loading is None and not loading.node.timers
+
+
+def test_dropped_description_is_not_taken(loading):
+    """Not even if the same one is loaded again."""
+    loading.begin("one")
+    loading.loader.drop()
+    assert loading.loader.loading is None and not loading.node.timers
+    loading.loader.load("one")
+    loading.allow("one")
+    loading.node.spin_until(lambda: loading.taken)
+    assert loading.begun == ["one", "one"] and len(loading.taken) == 1
+
+
+def test_error_is_handed_over(loading):
+    loading.begin("bad")
+    loading.allow("bad")
+    loading.node.spin_until(lambda: loading.taken)
+    [(error, *arguments)] = loading.taken
+    assert isinstance(error, ValueError) and arguments == ["bad", 1]
+
+
+def test_finish_waits_for_the_newest(loading, monkeypatch):
+    """A signal ends the waiting."""
+    loading.begin("one", "two")
+    monkeypatch.setattr(runner.Stop, "requested", True)
+    loading.loader.finish()
+    assert not loading.taken
+    monkeypatch.setattr(runner.Stop, "requested", False)
+    loading.allow("one", "two")
+    loading.loader.finish()
+    assert loading.taken == [("TWO", "two", 2)]
+
+
+class Log(list):
+    """A node's log."""
+
+    def get_logger(self):
+        return self
+
+    info = warning = list.append
+
+
+def test_many_warnings_are_summed_up():
+    odd = (1.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 1.0, 0.0, 5.0))
+    joints = (joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}") for k in range(29))
+    text = description("odd", *(link(f"l{k}", *odd) for k in range(30)), *joints)
+    log, values = Log(), {name: spec.default for name, spec in SHARED.items()}
+    assert load_robot(log, text, values).nv == 29
+    assert sum("triangle" in line for line in log) == MAX_WARNINGS
+    assert log[-1].startswith(f"{30 - MAX_WARNINGS} more such warnings")
+
+
+@pytest.mark.usefixtures("compiled")
+def test_kernels_are_compiled_with_a_small_robot(monkeypatch):
+    """The matrices of a large one would take time in which no callback is served."""
+    sizes = []
+    for name in ("factors", "mass_matrix"):
+        method = getattr(DiagonalDynamics, name)
+
+        def record(self, q, method=method):
+            sizes.append(self.model.nv)
+            return method(self, q)
+
+        monkeypatch.setattr(DiagonalDynamics, name, record)
+    compile_dynamics.cache_clear()
+    settings = Settings.of({name: spec.default for name, spec in PARAMETERS.items()})
+    model = load_urdf(robot(PANDA).path)
+    assert MonitoredRobot(b"", model, settings, 1).model is model
+    assert sizes and max(sizes) == 1
+
+
+# --- the process
+
+
+@pytest.fixture
+def handlers(monkeypatch):
+    """Return the signal handlers that are installed, and install none."""
+    installed = {}
+    monkeypatch.setattr(signal, "signal", installed.__setitem__)
+    monkeypatch.setattr(runner.Stop, "requested", False)
+    return installed
+
+
+class Short(Node):
+    """A node that ends by itself or by a signal, and is destroyed in any case."""
+
+    def __init__(self, name, act):
+        super().__init__(name, use_global_arguments=False)
+        self.finished, self.destroyed = rclpy.task.Future(), False
+        self.create_timer(0.001, lambda: act(self))
+
+    def destroy_node(self):
+        self.destroyed = True
+        super().destroy_node()
+
+
+@pytest.mark.parametrize("way", ["signal", "finished"])
+def test_nodes_end_together(no_discovery, handlers, way):
+    """One signal, or one node that has finished, ends all nodes of an executor with status 0."""
+    nodes = []
+
+    def act(node):
+        if way == "signal":
+            handlers[signal.SIGTERM](signal.SIGTERM, None)
+        elif not node.finished.done():
+            node.finished.set_result(None)
+
+    def make():
+        nodes.extend([Short("one", act), Short("two", lambda node: None)])
+        return nodes
+
+    assert runner.run(lambda: list(make()), ["program"]) == 0
+    assert all(node.destroyed for node in nodes) and set(handlers) == {signal.SIGINT, signal.SIGTERM}
+    assert not rclpy.ok()
+
+
+@pytest.mark.parametrize("where", ["constructor", "future", "arguments"])
+def test_faults_of_the_user_are_one_line(no_discovery, handlers, capfd, where):
+    """The exit status is 1, and control characters are escaped."""
+
+    def fail(*_):
+        raise InputError("parameter 'x' is \x1b[31m")
+
+    def finish(node):
+        if not node.finished.done():
+            node.finished.set_exception(InputError("parameter 'x' is \x1b[31m"))
+
+    make = fail if where == "constructor" else lambda: Short("one", finish)
+    wrong = ["--ros-args", "-p", "x:=[1, a]"] if where == "arguments" else []
+    assert runner.run(make, ["program", *wrong]) == 1
+    *_, printed = capfd.readouterr().err.splitlines()  # before that rcl logs what it cannot parse
+    assert printed.startswith("InputError: ") and printed.isprintable()
+
+
+# --- texts
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("position of joint 'joint 1' is 12.5, expected 3", "position of joint 'joint 1' is …, expected …"),
+        (
+            "a state 0.034 s old, expected at most max_age = 0.02 s",
+            "a state … s old, expected at most max_age = 0.02 s",
+        ),
+        ("target.pose.position is [nan, -1e-05, 2]", "target.pose.position is [nan, …, …]"),
+        ("stamp 1700000000.5 s behind /robot1/clock of panda_link0", "stamp … s behind /robot1/clock of panda_link0"),
+    ],
+)
+def test_messages_of_diagnostics_stay(text, expected):
+    """Measured numbers are left out of a message, those of parameters and within names are not."""
+    assert steady(text) == expected == steady(expected)
