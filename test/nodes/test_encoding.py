@@ -359,7 +359,7 @@ def test_observer_goes_on():
     ):
         robot.use(robot.model, Settings.of(robot.settings.values | change), 1)
         zeros = np.zeros(2)
-        robot.torque.take(RobotState(zeros, zeros, zeros, NOW + k * MS, NOW + k * MS, False))
+        robot.torque.accept_state(RobotState(zeros, zeros, zeros, NOW + k * MS, NOW + k * MS, False))
         assert robot.torque.seen.valid == valid, change
 
 

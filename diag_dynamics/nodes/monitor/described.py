@@ -16,13 +16,14 @@ from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.model import Payload
-from diag_dynamics.nodes.monitor.contact_watch import ContactWatch, prepared
-from diag_dynamics.nodes.monitor.energy_watch import EnergyWatch
+from diag_dynamics.nodes.monitor.contact import ContactWatch
+from diag_dynamics.nodes.monitor.energy import EnergyWatch
+from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
-from diag_dynamics.nodes.monitor.torque_watch import TorqueWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.loading import compile_dynamics
 from diag_dynamics.nodes.support.messages import BytesMaker, MessageMaker
+from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.parameters.shared import payloads_of
 
 POSES = 20
@@ -75,7 +76,7 @@ class MonitoredRobot:
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self.base)
         self.energy = EnergyWatch(model, settings.thresholds)
-        self.contact = ContactWatch(description)
+        self.contact = ContactWatch()
         self.settings = self.dynamics = self.revision = self.torque = self.state = None
         self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
@@ -101,7 +102,7 @@ class MonitoredRobot:
         if settings.observation and settings.observation.alarms:
             settings.observation.alarms.limits(model.dof_names)
         others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
-        touched = prepared(model, self.description, settings.contact) if others else None
+        touched = contact_points(model, self.description, settings.contact) if others else None
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
         before, self.settings = self.settings, settings

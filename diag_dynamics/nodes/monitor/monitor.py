@@ -14,10 +14,10 @@ from sensor_msgs.msg import JointState
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected
 from diag_dynamics.nodes.monitor.described import NO_PAYLOAD, MonitoredRobot, Refused, model_status
-from diag_dynamics.nodes.monitor.energy_watch import numerical_health
+from diag_dynamics.nodes.monitor.energy import numerical_health
+from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
 from diag_dynamics.nodes.monitor.services import DynamicsServices
-from diag_dynamics.nodes.monitor.traffic import OVERLOAD, Traffic, foreign_stamps
 from diag_dynamics.nodes.support.clocks import clock_notes, steady_clock, warn_of_time
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
@@ -47,7 +47,7 @@ class MonitorNode(TableNode, Node):
         self._settings = Settings.of(self.values)
         self._robot = self._refused = None  # in force; a description that is not
         self._revision = 0
-        self._traffic = Traffic(self.time.steady)
+        self._statistics = InputStatistics(self.time.steady)
         self._outputs = Outputs(self)
         for topic in TYPES:
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
@@ -83,13 +83,13 @@ class MonitorNode(TableNode, Node):
             self._inputs.append(subscribe_description(self, self._take_description))
 
     def _count_lost(self, info):
-        self._traffic.counts["lost in transport"] += info.total_count_change
+        self._statistics.counts["lost in transport"] += info.total_count_change
 
     def _take_clock_jump(self):
         """Simulated time restarts, or another clock is in force."""
         if self._robot:
             self._robot.forget()
-            self._traffic.counts["clock jumped back"] += 1
+            self._statistics.counts["clock jumped back"] += 1
 
     # --- The robot
 
@@ -121,7 +121,7 @@ class MonitorNode(TableNode, Node):
 
     def _put_in_force(self, robot):
         if self._robot:
-            self._traffic.keep(self._robot)
+            self._statistics.keep(self._robot)
         self._robot, self._refused = robot, None
         self._revision = robot.revision
         log, name = self.get_logger(), plain(robot.model.name)
@@ -160,7 +160,7 @@ class MonitorNode(TableNode, Node):
         return self.time.steady() - self._beat > OVERDUE
 
     def _take_joint_state(self, message):
-        counts, robot = self._traffic.counts, self._robot
+        counts, robot = self._statistics.counts, self._robot
         counts["received"] += 1
         if self._overloaded():
             counts[OVERLOAD] += 1
@@ -180,16 +180,16 @@ class MonitorNode(TableNode, Node):
         elif found.state is not None:
             if not found.state.stamp_is_receive_time:
                 newest = robot.assembler.newest if robot.base else found.state.newest  # without that of odometry
-                self._traffic.arrived(newest, now)
+                self._statistics.add_latency(newest, now)
             self._publish(robot, found.state, "published")
 
     def _take_odometry(self, message):
-        self._traffic.counts["odometry received"] += 1
+        self._statistics.counts["odometry received"] += 1
         robot = self._robot
         if robot is None or robot.base is None:
             return
         if self._overloaded():
-            self._traffic.counts[f"odometry {OVERLOAD}"] += 1
+            self._statistics.counts[f"odometry {OVERLOAD}"] += 1
         else:
             self._guarded("odometry rejected", self._serve_odometry, robot, message)
 
@@ -215,9 +215,9 @@ class MonitorNode(TableNode, Node):
             self._reject(what, fault.cause, fault.text)
 
     def _reject(self, what, cause, text):
-        self._traffic.rejected(what, cause, text)
-        self.get_logger().debug(f"{what}: {cause}: {self._traffic.last_rejection}")
-        self.get_logger().warning(f"Rejected: {self._traffic.last_rejection}", throttle_duration_sec=5.0)
+        self._statistics.count_rejected(what, cause, text)
+        self.get_logger().debug(f"{what}: {cause}: {self._statistics.last_rejection}")
+        self.get_logger().warning(f"Rejected: {self._statistics.last_rejection}", throttle_duration_sec=5.0)
 
     def _publish(self, robot, state, what):
         """Evaluate a state, publish it where there are subscribers, and watch it."""
@@ -227,20 +227,21 @@ class MonitorNode(TableNode, Node):
         stamp = state.newest
         if robot.torque:  # a collision is reported before anything else
             self._observe(robot, state)
-        if robot.contact.judges or outputs.touched:
+        if robot.contact.has_limits or outputs.touched:
             self._watch_contact(robot, state)
         outputs.publish(stamp, lambda topics: robot.encoder.messages(topics, s, state), robot.matrix)
-        self._traffic.published(what, stamp)
+        self._statistics.count_published(what, stamp)
         if outputs.drawn:
             outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
-        if robot.energy.take(stamp, s, *robot.powers(s)):  # an alarm does not wait for the next second
+        if robot.energy.accept_state(stamp, s, robot.powers(s)[1]):  # an alarm does not wait for the next second
             self._diagnostics.publish([robot.energy.report()])
 
     def _observe(self, robot, state):
         """Publish external torque, and a collision at once."""
         watch = robot.torque
-        alarm = watch.take(state)
-        self._log_collisions(watch)
+        alarm = watch.accept_state(state)
+        if watch.begins:
+            self.get_logger().warning(plain(f"Collision: {watch.cause}."))
         self._outputs.publish_beside(
             "external_torque",
             state.newest,
@@ -249,18 +250,13 @@ class MonitorNode(TableNode, Node):
         if alarm:
             self._diagnostics.publish([robot.torque_report()])
 
-    def _log_collisions(self, watch):
-        for line, begins in watch.log.pop():
-            if begins:
-                self.get_logger().warning(plain(line))
-            else:
-                self.get_logger().info(plain(line))
-
     def _watch_contact(self, robot, state):
         """Publish predicted contact, and at once that a limit is exceeded."""
         watch = robot.contact
-        alarm = watch.judges and watch.take(state)
-        self._outputs.publish_beside("contact", state.newest, lambda: robot.encoder.contact(watch.at(state), state))
+        alarm = watch.has_limits and watch.accept_state(state)
+        self._outputs.publish_beside(
+            "contact", state.newest, lambda: robot.encoder.contact(watch.compute(state), state)
+        )
         if alarm:
             self._diagnostics.publish([watch.report()])
 
@@ -309,8 +305,8 @@ class MonitorNode(TableNode, Node):
 
     def _report(self):
         robot = self._robot
-        warn_of_time(self, self._traffic.counts["received"], foreign_stamps(robot) if robot else [])
-        states = self._traffic.status(robot, self.time.now(), self._notes())
+        warn_of_time(self, self._statistics.counts["received"], unsynchronized(robot))
+        states = self._statistics.report(robot, self.time.now(), *self._notes())
         if robot is None:
             states = states._replace(level=WARN, message=f"no robot yet; {states.message}")
         statuses = [
@@ -321,9 +317,8 @@ class MonitorNode(TableNode, Node):
         if robot:
             statuses.append(robot.energy.report())
             if robot.torque:
-                self._log_collisions(robot.torque)
                 statuses.append(robot.torque_report())
-            if robot.contact.judges:
+            if robot.contact.has_limits:
                 statuses.append(robot.contact.report())
         return statuses
 
@@ -337,4 +332,4 @@ class MonitorNode(TableNode, Node):
             notes[f"publishers of {subscription.topic_name}"] = counted(names)
             problems += wrong
         values, wrong = clock_notes(self)
-        return notes | values | {None: problems + wrong}
+        return notes | values, problems + wrong

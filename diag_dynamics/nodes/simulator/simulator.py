@@ -31,7 +31,7 @@ from diag_dynamics.nodes.support.loading import load_robot, text_of
 from diag_dynamics.nodes.support.messages import MessageMaker, to_time
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
-from diag_dynamics.nodes.support.requests import requested_state
+from diag_dynamics.nodes.support.requests import read_state
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
 from diag_dynamics.simulation.lockstep import PATIENCE, Lockstep
@@ -317,8 +317,8 @@ class SimulatorNode(TableNode, Node):
         self._restart()
 
     def _set_state(self, request, _):
-        state = requested_state(self._plant.simulation.model, request, self._followers)
-        self._plant.put(state.position, state.velocity)
+        q, qd, *_ = read_state(self._plant.simulation.model, request, self._followers)
+        self._plant.put(q, qd)
         self._restart()
 
     def _restart(self):

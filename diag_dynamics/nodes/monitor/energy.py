@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Kinetic energy of the monitor's states: thresholds, power balance, and numerical health."""
+
+from collections import deque
+
+import numpy as np
+
+from diag_dynamics.model.single_joints import places, single_joints
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status
+from diag_dynamics.parameters.monitor import share_thresholds
+from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share
+
+MAX_INTERVAL = 0.5  # between two states that the power balance integrates over [s]
+MINUTE = 60_000_000_000  # [ns]
+MAX_ROUNDING = 1e-9  # relative error of exact laws
+
+
+class EnergyWatch:
+    """Compare energies of all states with thresholds, and the change of K with the power.
+
+    No balance is a fault, because contact and loads change it.
+    """
+
+    def __init__(self, model, thresholds):
+        self._reported = OK
+        self.configure(model, thresholds)
+        self._start_interval()
+
+    def configure(self, model, thresholds):
+        """Use a model and Thresholds; InputError if these name another joint."""
+        names = single_joints(model)
+        warn, error = map(np.array, share_thresholds(thresholds, names))
+        self._names, self._places = names, np.array(places(names, model.dof_names), dtype=int)
+        limits = [(ERROR, "error", thresholds.error, error), (WARN, "warn", thresholds.warn, warn)]
+        self._limits = [one for one in limits if one[2] or np.isfinite(one[3]).any()]
+        self._windows = deque(maxlen=round(1e-9 * MINUTE / WINDOW))
+        self.forget()
+
+    def forget(self):
+        """Begin the balance anew at the next state, as after a jump of time."""
+        self._last, self._window = None, np.zeros(3)
+
+    def _start_interval(self):
+        self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
+        self._time = self._residual = 0.0
+
+    def accept_state(self, stamp, s, friction=0.0):
+        """Return whether a state is worse than the last report; `friction` is ν·ε_fric [W]."""
+        self._count += 1
+        self._newest, self._energy, self._power = stamp, s.kinetic_energy, s.effort_power
+        self._largest = max(self._largest, self._energy)
+        for level, word, limit, limits in self._limits:
+            if limit and self._energy > limit:
+                self._raise(level, f"kinetic energy > {word}_energy = {limit:g} J")
+            for k in np.flatnonzero(s.energy_share[self._places] > limits)[:1]:
+                text = f"energy share of joint '{self._names[k]}' > {word}_energy_share"
+                self._raise(level, f"{text} = {limits[k]:g} J")
+        if self._power is None:
+            self.forget()
+        elif self._last is None or stamp != self._last[0]:  # of one stamp the first state
+            self._integrate(stamp, self._energy, self._power, friction)
+        return self._level > self._reported
+
+    def _raise(self, level, alarm):
+        if level > self._level:
+            self._level, self._alarm = level, alarm
+
+    def _integrate(self, stamp, energy, power, friction):
+        """Add ΔK less the integral of ν·(ε − ε_g) since the last state."""
+        last, self._last = self._last, (stamp, energy, power, friction)
+        time = 1e-9 * (stamp - last[0]) if last else 0.0
+        if not 0.0 < time <= MAX_INTERVAL:
+            self._window = np.zeros(3)
+            return
+        gained = energy - last[1]
+        residual = gained - 0.5 * time * (power + last[2])
+        self._time, self._residual = self._time + time, self._residual + residual
+        self._window += time, gained, residual + 0.5 * time * (friction + last[3])
+        if self._window[0] > (1.0 - 1e-6) * WINDOW:
+            self._windows.append((stamp, *self._window[1:] / self._window[0]))
+            self._window = np.zeros(3)
+
+    def _explained(self):
+        """Return the share of the last minute; None of few windows or of a robot at rest."""
+        recent = [powers for at, *powers in self._windows if 0 <= self._newest - at < MINUTE]
+        change, residual = np.array(recent).reshape(-1, 2).T
+        if len(recent) < MIN_WINDOWS or (change**2).mean() < MIN_POWER**2:
+            return None
+        return explained_share(residual.var(), change.var())
+
+    def report(self):
+        """Return the status since the last report; STALE without states."""
+        if not self._count:
+            return Status("energy", STALE, "no state since the last report")
+        values = {"largest kinetic energy [J]": f"{self._largest:.6g}"}
+        values["kinetic energy [J]"] = f"{self._energy:.6g}"
+        if self._power is not None:
+            values["power [W]"] = f"{self._power:.6g}"
+        if self._time:
+            values["power-balance residual [W]"] = f"{self._residual / self._time:.6g}"
+        if (share := self._explained()) is not None:
+            values["explained share of dK/dt (last minute)"] = f"{share:.4g}"
+        self._reported, message = self._level, self._alarm or "within thresholds"
+        self._start_interval()
+        return Status("energy", self._reported, message, values)
+
+
+def numerical_health(dynamics, state):
+    """Return the status of a RobotState: errors of exact laws, and the smallest D."""
+    if dynamics is None or state is None:
+        return Status("numerical health", STALE, "no state")
+    q, qd = state.position, state.velocity
+    s = dynamics.evaluate(q, qd)
+    size = np.linalg.norm(s.nu) * np.linalg.norm(s.coriolis)
+    work = abs(s.nu @ s.coriolis) / size if size > 0.0 else 0.0
+    K = 0.5 * qd @ dynamics.mass_matrix(q) @ qd
+    error = abs(s.kinetic_energy - K) / K if K > 0.0 else 0.0
+    values = {"|nu.C| / (|nu| |C|)": f"{work:.1e}", "|K - qd.M.qd / 2| / K": f"{error:.1e}"}
+    if dynamics.model.nv:
+        k = int(np.argmin(s.articulated_inertia))
+        values["smallest D [kg m^2, kg]"] = f"{s.articulated_inertia[k]:.6g}"
+        values["its joint"] = dynamics.model.dof_names[k]
+    if not (work <= MAX_ROUNDING and error <= MAX_ROUNDING):
+        return Status("numerical health", WARN, f"errors > {MAX_ROUNDING:g}", values)
+    return Status("numerical health", OK, "exact but for rounding", values)

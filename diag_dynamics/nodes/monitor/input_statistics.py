@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Counts of the monitor's messages by outcome, and their status."""
+
+from collections import Counter
+
+from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, shortened, steady
+
+OVERLOAD = "skipped: overload"
+PUBLISHED = ("published", "published from odometry")  # the second is no outcome of a joint state
+
+WARNINGS = {  # by counter; a text of the event follows
+    "mimic disagreement": "mimic joint is apart from its source joint: ",
+    "absurd effort": "implausible efforts ignored",
+    OVERLOAD: "messages dropped: CPU overload",
+    f"odometry {OVERLOAD}": "odometry dropped: CPU overload",
+    "positions jumped": "positions jumped, and stayed: ",
+    "interleaved sources": "interleaved sources: ",
+    "time jumped back": "time jumped back: all joints were reset",
+    "clock jumped back": "clock jumped back: all joints were reset",
+    "before odometry": "no odometry yet",
+}
+
+STAMPS = {True: "of this node's clock", False: "of another time", None: "unknown"}
+
+
+class InputStatistics:
+    """Count messages, each joint state under exactly one of the outcomes in docs/diagnostics.md."""
+
+    def __init__(self, steady):
+        self._steady = steady
+        self.counts, self._reported = Counter(), Counter()
+        self.last_rejection, self._last_stamp = "", None
+        self._start_interval()
+
+    def _start_interval(self):
+        self._start, self._latencies = self._steady(), []
+
+    def add_latency(self, stamp, now):
+        """Add the age of a stamp at its reception [ns]."""
+        self._latencies.append(1e-9 * (now - stamp))
+
+    def count_rejected(self, what, cause, text):
+        """Count a message as "rejected" or "odometry rejected"."""
+        self.counts[f"{what}: {cause}"] += 1
+        self.last_rejection = shortened(text)
+
+    def count_published(self, what, stamp):
+        """Count a state with a stamp [ns]."""
+        self.counts[what] += 1
+        self._last_stamp = stamp
+
+    def keep(self, robot):
+        """Keep the counts of a MonitoredRobot that is replaced."""
+        self.counts += _counts_of(robot)
+
+    def report(self, robot, now, values, problems):
+        """Return the status since the last report, with values and problems of the graph."""
+        counts = self.counts + (_counts_of(robot) if robot else Counter())
+        recent, self._reported = counts - self._reported, counts
+        elapsed = max(self._steady() - self._start, 1e-3)
+        values = values | {"input rate [Hz]": f"{recent['received'] / elapsed:.4g}"}
+        values["output rate [Hz]"] = f"{sum(recent[one] for one in PUBLISHED) / elapsed:.4g}"
+        if self._last_stamp is not None:
+            values["age of the last state [s]"] = f"{1e-9 * (now - self._last_stamp):.6f}"
+        if latencies := self._latencies:
+            values["latency of input, mean [s]"] = f"{sum(latencies) / len(latencies):.6f}"
+            values["latency of input, largest [s]"] = f"{max(latencies):.6f}"
+        self._start_interval()
+        problems = self._problems(robot, recent) + problems
+        for source, offset in unsynchronized(robot):
+            values[f"clock less stamps of {source} [s]"] = f"{offset:.3f}"
+            problems.append(f"stamps of {source} are of another clock: their age is unknown")
+        if robot:
+            values |= _joint_values(robot.assembler, now)
+        values |= dict(sorted(counts.items()))
+        if self.last_rejection:
+            values["last rejection"] = self.last_rejection
+        level, message = (WARN, "; ".join(problems)) if problems else _summary(robot, recent)
+        return Status("joint states", level, message, values)
+
+    def _problems(self, robot, recent):
+        problems, texts = [], robot.assembler.last_texts if robot else {}
+        if any(one.startswith(("rejected", "odometry rejected")) for one in recent):
+            problems.append(f"messages rejected: {steady(self.last_rejection)}")
+        for key, text in WARNINGS.items():
+            if recent[key]:
+                problems.append(text + steady(texts.get(key, "")))
+        if robot and recent["received"]:
+            missing, stuck = robot.assembler.missing, robot.assembler.frozen_text
+            problems += [stuck] if stuck else []
+            problems += [f"no data yet of joints: {', '.join(missing)}"] if missing else []
+        return problems
+
+
+def _summary(robot, recent):
+    if any(recent[one] for one in PUBLISHED):
+        return OK, "publishing"
+    if recent["awaiting velocity"]:
+        return WARN, "no velocity estimate yet"
+    if robot and recent["foreign"] and robot.assembler.last_foreign:
+        name = shortened(robot.assembler.last_foreign[0])
+        return STALE, f"no joint states of this robot: messages are of other joints, as '{name}'"
+    return STALE, "no joint states"
+
+
+def _counts_of(robot):
+    jumps = robot.base.jumps if robot.base else 0
+    own = {"time jumped back": jumps, "lost by gaps in stamps": robot.assembler.lost}
+    return robot.assembler.counts + Counter(own)
+
+
+def _joint_values(assembler, now):
+    if not assembler.in_step:
+        now = assembler.newest  # of the same clock
+    values = {
+        "stamps": STAMPS[assembler.in_step],
+        "missing joints": counted(assembler.missing),
+        "stale joints": counted(assembler.stale(now)),
+        "joints without effort": counted(assembler.without_effort),
+        "joints with estimated velocity": counted(assembler.estimated),
+        "effort undeclared (taken as N m, with gravity)": counted(assembler.efforts.undeclared),
+    }
+    return values | {f"last {one}": text for one, text in assembler.last_texts.items() if text}
+
+
+def unsynchronized(robot):
+    """Return inputs with stamps of another clock, and this node's clock less the last of them [s]."""
+    sources = {"joint_states": robot.assembler} if robot else {}
+    if robot and robot.base:
+        sources["odom"] = robot.base.stamps
+    return [(name, one.offset) for name, one in sources.items() if one.in_step is False]
