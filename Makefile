@@ -25,12 +25,12 @@ setup:  ## virtual environment, ROS 2 and the built package, all under build/
 setup-tests:  ## likewise, and what tests, lint and benchmarks need
 	@scripts/setup --tests
 
-demo: setup  ## a simulated robot and its kinetic energy, live; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
+demo: setup  ## a simulated robot in the terminal and in the browser; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
 	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
 	  $(if $(MIMIC),--mimic $(MIMIC)) $(ARGS)
 
-demo-control: setup  ## a push on an arm under control: seen, and its kinetic energy bounded; ARGS=--picture <file>
-	@$(in_env) scripts/demo_control $(ARGS)
+demo-control: setup  ## a push on an arm under control: detected, and its kinetic energy bounded; a picture
+	@$(in_env) python3 examples/demos/demo_control.py push_panda.png
 
 demo-identify: setup  ## a wrong model, identified and calibrated until alarms see pushes; a picture; ARGS=<options>
 	@$(in_env) python3 examples/demos/demo_identify.py --picture demo_identify.png $(ARGS)

@@ -31,9 +31,7 @@ NODES = {
     "controller": "a robot controlled by laws in (ν, ε)",
     "view": "a page in the browser that shows robots live",
     "top": "robots in this terminal: joints by energy or torque, with peaks",
-    "energy-view": "kinetic energy of a running monitor in this terminal",
-    "demo": "simulator, monitor and view of one robot",
-    "demo-control": "a push on an arm under control",
+    "demo": "simulator, monitor, page and top of one robot",
 }
 
 GRAPH = {

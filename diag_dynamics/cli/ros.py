@@ -18,10 +18,8 @@ TOOLS = {
 """Module in diag_dynamics.nodes.tools, and its function that declares the arguments of each."""
 
 OWN_MAIN = {
-    "demo": "demos.demo",
-    "demo_control": "demos.demo_control",
-    "energy_view": "demos.energy_view",
-    "top": "tools.top",
+    "demo": "demo",
+    "top": "top.top",
 }
 """Module in diag_dynamics.nodes of each executable that has options of its own."""
 

@@ -20,6 +20,7 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, styled
+from diag_dynamics.plot.parts import oscillates, parts_of
 from diag_dynamics.recordings import balance as power
 from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
@@ -27,7 +28,6 @@ from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.results import BatchEvaluation, Evaluation
 from diag_dynamics.text import duration, number
-from diag_dynamics.views.parts import oscillates, parts_of
 
 
 @styled

@@ -3,25 +3,19 @@
 
 """Names from files and messages: shown without any character that acts on a terminal, a log or a picture."""
 
-import io
 import math
 import pickle
 import unicodedata
 import warnings
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
 import diag_dynamics as dd
 from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.text import duration, number, plain
-from diag_dynamics.views.energy_history import EnergyHistory
-from diag_dynamics.views.push_history import Moment, PushHistory, Seen
-from diag_dynamics.views.terminal import energy_panel
 
 FORGED = "elbow\n[FATAL] [0.0] [safety_controller]: fire"
 FORGED_SHOWN = r"elbow\x0a[FATAL] [0.0] [safety_controller]: fire"
@@ -146,65 +140,3 @@ def test_numbers_are_those_of_the_page(value, expected):
 )
 def test_lengths_of_time_are_those_of_the_page(seconds, expected):
     assert duration(seconds) == expected
-
-
-# --- Views
-
-NAMES = [FORGED, "\x1b[31mred", "[red]wrist[/]", "[/nothing]", r"$\frac", "a\x9b2J", "\u202etip"]
-ROBOT = "arm[/bold]$\\frac\x1b[2J\n"
-
-
-def history(count=50, names=tuple(NAMES), latency=1e-3):
-    samples = EnergyHistory(list(names))
-    for k in range(count):
-        samples.add(0.02 * k, np.arange(1.0, len(names) + 1) + k, 123.4567, 3e-16, latency)
-    return samples
-
-
-def panel(samples, width=160, height=60, silent=0.0):
-    """Return the lines of the terminal view."""
-    console = Console(file=io.StringIO(), width=width, height=height, color_system=None, force_terminal=True)
-    console.print(energy_panel(ROBOT, samples, height, width, silent))
-    return console.file.getvalue().rstrip("\n").split("\n")
-
-
-@pytest.mark.parametrize("count", [0, 50], ids=["waiting", "showing"])
-def test_terminal_view(count):
-    """The view shows names without control characters, and as no markup."""
-    lines = panel(history() if count else EnergyHistory([]))
-    shown = "\n".join(lines)
-    assert all(line.isprintable() for line in lines)
-    assert r"arm[/bold]$\frac\x1b[2J\x0a" in shown
-    assert not count or all(plain(name)[:30] in shown for name in NAMES)
-
-
-@pytest.mark.parametrize("width", [40, 84, 160])
-@pytest.mark.parametrize("count", [2, 9, 32])
-def test_terminal_view_fits(width, count):
-    """No line wraps, so the last joint and the hint are visible."""
-    names, height = [f"robot_arm_number_{k}_joint" for k in range(count)], 24
-    lines = panel(history(names=names), width, height)
-    assert len(lines) <= height and max(map(len, lines)) == width - len("^C")
-    assert "Ctrl-C ends" in lines[-1]
-    assert "others" in lines[-3] if count > height - 9 else f"{count - 1}_joint" in lines[-3]
-    text = "\n".join(lines)
-    assert "123 W" in text and "3.0e-16" in text and " Hz" in text
-    assert width > 40 or " Hz 1.0 ms " in text
-    assert "no state for 3.00 s" in panel(history(names=names), width, height, silent=3.0)[-1]
-
-
-def test_summaries_and_pictures(tmp_path):
-    """An SVG with a control character would not be well-formed."""
-    samples = history()
-    assert any(r"\u202etip" in line for line in samples.summary())
-    assert all(line.isprintable() for line in samples.summary())
-    for count, words in enumerate(("No state", "A single state")):
-        assert history(count).summary()[0].startswith(words)
-    samples.picture(tmp_path / "energy.svg", ROBOT)
-    push = PushHistory(10.0, 1.0, 1.0, 0.5)
-    push.onset, push.end = 0.1, 0.2
-    push.moments = [Moment(0.02 * k, 0.1, False, 0.0) for k in range(20)]
-    push.seen = [Seen(0.02 * k, 0.1, False) for k in range(20)]
-    push.picture(tmp_path / "push.svg", ROBOT)
-    for name in ("energy.svg", "push.svg"):
-        ElementTree.parse(tmp_path / name)

@@ -11,7 +11,6 @@ import time
 
 import numpy as np
 import pytest
-from moving_robot import MovingRobot
 from PIL import Image
 
 import diag_dynamics as dd
@@ -27,6 +26,7 @@ from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
 from diag_dynamics.page.stream import Received, RobotStream
 from hostile import START, Driver
+from moving_robot import MovingRobot
 from recorded_arm import ARM, WATCHED, Recording
 from robots import description, joint, link
 

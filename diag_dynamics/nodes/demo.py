@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The demo: a simulated robot, its monitor, the page and `top` in one process, in a namespace of their own."""
+
+import argparse
+import math
+import os
+import socket
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+
+from rclpy.parameter import Parameter
+
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.model import load_urdf
+from diag_dynamics.model.robot_source import robot_source
+from diag_dynamics.nodes.monitor.monitor import MonitorNode
+from diag_dynamics.nodes.simulator.simulator import SimulatorNode
+from diag_dynamics.nodes.support.loading import COMPILED
+from diag_dynamics.nodes.support.runner import leave, run
+from diag_dynamics.nodes.top.top import Top, has_screen
+from diag_dynamics.nodes.view.view import ViewNode
+from diag_dynamics.parameters.view import PARAMETERS
+from diag_dynamics.simulation import Simulation
+
+NAMESPACE = f"/demo_{os.getpid()}"
+"""Separates the topics of the demo from those of a robot, or of another demo."""
+
+
+def find_port(port=PARAMETERS["port"].default):
+    """Return this port if it is free, else another one."""
+    for candidate in (port, 0):
+        with socket.socket() as probe, suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", candidate))
+            return probe.getsockname()[1]
+    raise InputError("No port of this machine is free for the page.")
+
+
+def compile_robot(source, options):
+    """Load a robot, and compile what its nodes call."""
+    model = load_urdf(source, **options)
+    if model.nv == 0:
+        raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
+    DiagonalDynamics(model).compile(*COMPILED)
+    Simulation(model).advance(steps=0)
+
+
+def parse(arguments):
+    """Return the options of the command."""
+    parser = argparse.ArgumentParser(prog="demo", description=__doc__)
+    parser.add_argument("--robot", default="panda", help="a URDF or xacro file, or a name of diag-dynamics robots")
+    parser.add_argument("xacro_args", nargs="*", metavar="NAME:=VALUE", help="arguments of a xacro file")
+    parser.add_argument("--massless", choices=("error", "lock"), default="error", help="joints that move no inertia")
+    parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints")
+    parser.add_argument("--rate", type=float, default=500.0, help="joint states per second (default: 500)")
+    parser.add_argument("--duration", type=float, help="time to run [s] (10 without a terminal)")
+    chosen = parser.parse_args(arguments)
+    if not 1.0 <= chosen.rate <= 10000.0:
+        parser.error(f"argument --rate: {chosen.rate} is not between 1 and 10000")
+    if chosen.duration is not None and not 0.0 < chosen.duration < math.inf:
+        parser.error(f"argument --duration: {chosen.duration} is not a number > 0")
+    return chosen
+
+
+def main(args=None):
+    """Run the demo; ``--help`` lists the options."""
+    chosen, lines = parse((args or sys.argv)[1:]), not has_screen()
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    print(f"a simulated robot, {chosen.robot}, its monitor and a page start", flush=True)
+    options = {"massless": chosen.massless, "mimic": chosen.mimic}
+    try:
+        source, port = robot_source(chosen.robot, chosen.xacro_args), find_port()
+        ThreadPoolExecutor(1).submit(compile_robot, source, options).result()  # Ctrl-C interrupts this thread
+    except DiagDynamicsError as error:
+        print(f"{type(error).__name__}: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        leave(130)
+    address = f"http://127.0.0.1:{port}/"
+    print(f"page, while the demo runs: {address}", flush=True)
+    duration = chosen.duration or (10.0 if lines else math.inf)
+    nodes = []
+
+    def make_nodes():
+        simulator = {"robot_description": source, "motion": "wave", "rate": chosen.rate, **options}
+        nodes.append(SimulatorNode(parameter_overrides=overrides(simulator)))
+        nodes.append(MonitorNode(parameter_overrides=overrides(options)))
+        nodes.append(ViewNode(parameter_overrides=overrides({"port": port, "robots": [NAMESPACE]})))
+        topics = [f"{NAMESPACE}/diag_dynamics/state"]
+        nodes.append(Top(topics, duration=duration, lines=lines, note=f"page: {address}"))
+        return nodes.copy()
+
+    logs = ["--log-level", "WARN"] if lines else ["--disable-stdout-logs"]
+    status = run(make_nodes, ["demo", "--ros-args", "-r", f"__ns:={NAMESPACE}", *logs])
+    if not status and lines and not nodes[-1].has_states:
+        print("No state of the robot arrived.", file=sys.stderr)
+        return 1
+    return status
+
+
+def overrides(values):
+    """Return parameters by their values."""
+    return [Parameter(name, value=value) for name, value in values.items()]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Writes docs/demo.svg: the frame of `top` after 18 seconds of `diag-dynamics demo`.
+
+python docs/figures/demo.py
+"""
+
+import io
+from pathlib import Path
+
+from diag_dynamics.nodes import demo
+from diag_dynamics.nodes.top import top
+
+WIDTH, HEIGHT = 100, 28
+
+
+class RecordedTop(top.Top):
+    """Writes its frame before it ends."""
+
+    def destroy_node(self):
+        """Write the frame."""
+        if self._live:
+            console = top.make_console(width=WIDTH, height=HEIGHT, record=True, file=io.StringIO())
+            console.print(self._view.draw(self._shown(), self.time.steady(), WIDTH, HEIGHT), end="")
+            console.save_svg(str(Path(__file__).parents[1] / "demo.svg"), title="diag-dynamics demo")
+        return super().destroy_node()
+
+
+if __name__ == "__main__":
+    demo.Top, demo.has_screen = RecordedTop, lambda: True
+    demo.main(["demo", "--duration", "18"])

@@ -1,0 +1,47 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The demo before its nodes start: robots and options that it rejects."""
+
+import socket
+
+import pytest
+
+from diag_dynamics.nodes import demo
+
+
+@pytest.mark.parametrize(
+    ("robot", "texts"),
+    [
+        ("nosuchrobot", ["'nosuchrobot'", "neither a file nor one of the", "All of them: "]),
+        ("pandaa", ["'pandaa'", "did you mean panda"]),
+        ("talos", ["talos_reduced", "talos_left_arm"]),
+        ("iris_simple", ["iris", "no moving joint"]),
+        ("romeo_laas_small", ["l_gripper_joint"]),
+        ("nowhere/panda.urdf", ["nowhere/panda.urdf"]),
+    ],
+)
+def test_robots_it_cannot_show(robot, texts, capsys, monkeypatch):
+    """Status 1 and the reason: similar names, ambiguous names, paths, robots without motion or inertia."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    assert demo.main(["demo", "--robot", robot]) == 1
+    output = capsys.readouterr()
+    assert [text for text in texts if text not in output.err] == []
+    assert output.out == f"a simulated robot, {robot}, its monitor and a page start\n"
+
+
+@pytest.mark.parametrize("arguments", ["--rate 0", "--duration 0", "--duration inf", "--mimic yes"])
+def test_wrong_arguments(arguments, capsys):
+    with pytest.raises(SystemExit) as ended:
+        demo.main(["demo", *arguments.split()])
+    assert ended.value.code == 2 and f"argument {arguments.split()[0]}" in capsys.readouterr().err
+
+
+def test_a_port_that_is_taken():
+    """The page gets another one."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert 0 < demo.find_port(port) != port
+    assert demo.find_port(port) == port
