@@ -23,6 +23,7 @@ from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.loading import compile_dynamics
 from diag_dynamics.nodes.support.messages import BytesMaker, MessageMaker
+from diag_dynamics.nodes.support.topics import MATRICES
 from diag_dynamics.parameters.contact_points import contact_points
 from diag_dynamics.parameters.shared import payloads_of
 
@@ -178,10 +179,12 @@ class MonitoredRobot:
             self._markers = MarkerMaker(self.dynamics, self.description, self.settings.values["markers.link"])
         return self._markers.message(s, self.state, self.torque)
 
-    def matrix(self, topic):
-        """One of topics.MATRICES at the last state."""
-        with_inverse = self.settings.values["publish_inverse_factor"]
-        return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
+    def message(self, topic, s):
+        """Return the message of a topic about the last state, of which `s` is the evaluation, or its bytes."""
+        if topic in MATRICES:
+            with_inverse = self.settings.values["publish_inverse_factor"]
+            return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
+        return self.encoder.evaluated(topic, s, self.state)
 
 
 def _values_by(options):

@@ -227,11 +227,11 @@ class MonitorNode(TableNode, Node):
         stamp = state.newest
         if robot.torque:  # a collision is reported before anything else
             self._observe(robot, state)
-        if robot.contact.has_limits or outputs.touched:
+        if robot.contact.has_limits or "contact" in outputs.heard:
             self._watch_contact(robot, state)
-        outputs.publish(stamp, lambda topics: robot.encoder.messages(topics, s, state), robot.matrix)
+        outputs.publish(stamp, lambda topic: robot.message(topic, s))
         self._statistics.count_published(what, stamp)
-        if outputs.drawn:
+        if "markers" in outputs.heard:
             outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
         if robot.energy.accept_state(stamp, s, robot.powers(s)[1]):  # an alarm does not wait for the next second
             self._diagnostics.publish([robot.energy.report()])

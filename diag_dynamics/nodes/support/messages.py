@@ -148,10 +148,6 @@ class MessageMaker:
                 setattr(message, field, value)
         return message
 
-    def messages(self, topics, s, state):
-        """Return the messages of topics about an Evaluation and the RobotState that it is of."""
-        return [self.evaluated(topic, s, state) for topic in topics]
-
     def evaluated(self, topic, s, state):
         """Return a message of :data:`EVALUATED` about an Evaluation and the RobotState that it is of."""
         kind, rows = EVALUATED[topic]
