@@ -75,9 +75,9 @@ from diag_dynamics.sweeps.each import (
 )
 from diag_dynamics.sweeps.evaluation import (
     evaluate,
+    friction_power,
     link_energies,
     link_energy,
-    powers,
 )
 from diag_dynamics.sweeps.factorization import (
     epsilon_from_tau,
@@ -181,6 +181,7 @@ __all__ = [
     "factors",
     "first_moment",
     "forward_dynamics",
+    "friction_power",
     "hold",
     "integrate",
     "inverse_dynamics",
@@ -201,7 +202,6 @@ __all__ = [
     "opened",
     "owns",
     "placement",
-    "powers",
     "qd_from_nu",
     "rates_with_added_inertia",
     "sweep_each",

@@ -341,16 +341,15 @@ def overlap(vector, matrix):
 
 
 @entry_kernel(MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
-def powers(state, damping, friction, effort_offset, friction_velocity):
-    """ν·ε_g and q̇·τ_fric [W] of a state that :func:`evaluate` has filled, τ_fric as in DiagonalDynamics.friction_torque."""
-    lifting, resisting = 0.0, 0.0
+def friction_power(state, damping, friction, effort_offset, friction_velocity):
+    """Return q̇·τ_fric [W] of a state that :func:`evaluate` has filled, τ_fric as in DiagonalDynamics.friction_torque."""
+    power = 0.0
     for k in range(len(damping)):
         rate = state[RATES, k]
         sign = float((rate > 0.0) - (rate < 0.0))
         turned = math.tanh(rate / friction_velocity) if friction_velocity > 0.0 else sign
-        lifting += state[NU, k] * state[GRAVITY, k]
-        resisting += rate * (damping[k] * rate + friction[k] * turned + effort_offset[k])
-    return lifting, resisting
+        power += rate * (damping[k] * rate + friction[k] * turned + effort_offset[k])
+    return power
 
 
 @kernel

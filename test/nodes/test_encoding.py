@@ -334,8 +334,8 @@ def monitored(**parameters):
     return MonitoredRobot(URDF, model_of(URDF, values), Settings.of(values), 1)
 
 
-def test_powers(tmp_path):
-    """Powers of gravity and friction at a state are those of the terms of the equations of motion."""
+def test_friction_power(tmp_path):
+    """It is that of the term of the equations of motion."""
     dd.Parameters(joints={"elbow": dd.JointParameters(effort_offset=0.7)}).save(tmp_path / "arm.yaml")
     for parameters in ({}, {"friction_velocity": 0.0}, {"gravity": [1.0, -9.81, 0.0]}):
         robot = monitored(parameters_file=str(tmp_path / "arm.yaml"), **parameters)
@@ -344,7 +344,7 @@ def test_powers(tmp_path):
         model = robot.model
         sign = np.tanh(qd / model.friction_velocity) if model.friction_velocity else np.sign(qd)
         friction = qd @ (0.3 * qd + 0.2 * sign + [0.0, 0.7])
-        np.testing.assert_allclose(robot.powers(s), [qd @ robot.dynamics.gravity_torque(q), friction], rtol=1e-12)
+        assert robot.friction_power(s) == pytest.approx(friction, rel=1e-12)
 
 
 def test_observer_goes_on():

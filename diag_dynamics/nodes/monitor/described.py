@@ -169,9 +169,9 @@ class MonitoredRobot:
         self.state = state
         return s, state
 
-    def powers(self, s):
-        """Return the powers of gravity and friction [W] at an Evaluation: ν·ε_g and q̇·τ_fric."""
-        return sweeps.powers(s.rows, *self._resistance)
+    def friction_power(self, s):
+        """Return the power q̇·τ_fric of friction [W] at an Evaluation."""
+        return sweeps.friction_power(s.rows, *self._resistance)
 
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""

@@ -233,7 +233,7 @@ class MonitorNode(TableNode, Node):
         self._statistics.count_published(what, stamp)
         if "markers" in outputs.heard:
             outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
-        if robot.energy.accept_state(stamp, s, robot.powers(s)[1]):  # an alarm does not wait for the next second
+        if robot.energy.accept_state(stamp, s, robot.friction_power(s)):  # an alarm does not wait for the next second
             self._diagnostics.publish([robot.energy.report()])
 
     def _observe(self, robot, state):
