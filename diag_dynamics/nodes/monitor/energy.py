@@ -14,6 +14,7 @@ from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, exp
 
 MAX_INTERVAL = 0.5  # between two states that the power balance integrates over [s]
 MINUTE = 60_000_000_000  # [ns]
+NOTHING = 0.0, 0.0, 0.0  # length of a window [s], change of K [J], and what no power explains of it [J]
 MAX_ROUNDING = 1e-9  # relative error of exact laws
 
 
@@ -40,7 +41,7 @@ class EnergyWatch:
 
     def forget(self):
         """Begin the balance anew at the next state, as after a jump of time."""
-        self._last, self._window = None, np.zeros(3)
+        self._last, self._window = None, NOTHING
 
     def _start_interval(self):
         self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
@@ -72,15 +73,18 @@ class EnergyWatch:
         last, self._last = self._last, (stamp, energy, power, friction)
         time = 1e-9 * (stamp - last[0]) if last else 0.0
         if not 0.0 < time <= MAX_INTERVAL:
-            self._window = np.zeros(3)
+            self._window = NOTHING
             return
         gained = energy - last[1]
         residual = gained - 0.5 * time * (power + last[2])
         self._time, self._residual = self._time + time, self._residual + residual
-        self._window += time, gained, residual + 0.5 * time * (friction + last[3])
-        if self._window[0] > (1.0 - 1e-6) * WINDOW:
-            self._windows.append((stamp, *self._window[1:] / self._window[0]))
-            self._window = np.zeros(3)
+        length, change, unexplained = self._window
+        length, change = length + time, change + gained
+        unexplained += residual + 0.5 * time * (friction + last[3])
+        self._window = length, change, unexplained
+        if length > (1.0 - 1e-6) * WINDOW:
+            self._windows.append((stamp, change / length, unexplained / length))
+            self._window = NOTHING
 
     def _explained(self):
         """Return the share of the last minute; None of few windows or of a robot at rest."""
