@@ -4,7 +4,6 @@
 """Faults of publishers, quality of service, requests and names: what fits is served, and the rest is named."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,12 +12,12 @@ from diag_dynamics.srv import Diagonalize, SetPayload
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Inertia, Vector3, Wrench
 from rcl_interfaces.srv import ListParameters
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from diag_dynamics.nodes.support.diagnostics import MAX_LENGTH, OK, WARN, Diagnostics, Status, shortened
+from diag_dynamics.nodes.support.diagnostics import MAX_LENGTH, WARN, shortened
 from nodes import LATCHED, MANY, MS, OUTPUTS, PANDA, UR5, Monitor, Truth, description, joint_state, robot
 
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -42,7 +41,6 @@ def overridden(peer):
         "joint_states.subscription.depth": 7,
         "diag_dynamics/state.publisher.reliability": "best_effort",
         "diag_dynamics/kinetic_energy.publisher.durability": "transient_local",
-        "diag_dynamics/coriolis.publisher.history": "keep_all",
     }
     parameters = {f"qos_overrides./strict/{name}": value for name, value in overrides.items()}
     with Monitor(peer, "/strict", robot_description=robot(PANDA).path, **parameters) as monitor:
@@ -58,11 +56,6 @@ def intruder(peer):
     node = peer.extra_node("intruder", "/", apart=True)
     yield node
     peer.drop_node(node)
-
-
-def joint_states(monitor):
-    """Return the next entry on joint states."""
-    return monitor.next_report().entries["joint states"]
 
 
 # --- publishers
@@ -94,10 +87,7 @@ def test_overrides_of_qos(overridden, panda):
         topic: node.get_publishers_info_by_topic(f"{overridden.name}/{topic}")[0].qos_profile for topic in OUTPUTS
     }
     assert profiles["state"].reliability == ReliabilityPolicy.BEST_EFFORT
-    assert profiles["kinetic_energy"].durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert profiles["coriolis"].history.short_key == "keep_all"
     assert profiles["total_joint_rates"].reliability == ReliabilityPolicy.RELIABLE
-    assert profiles["total_joint_rates"].durability == DurabilityPolicy.VOLATILE
     overridden.serves(panda)
     late = overridden.peer.topic(KineticEnergy, f"{overridden.name}/kinetic_energy", LATCHED)
     overridden.peer.graph.spin()
@@ -105,45 +95,29 @@ def test_overrides_of_qos(overridden, panda):
     node.destroy_subscription(late.subscription)
 
 
-def test_a_publisher_whose_qos_does_not_fit(overridden, intruder, panda):
-    """A warning names it; the one that fits is served."""
-    publisher = intruder.create_publisher(JointState, "/strict/joint_states", BEST_EFFORT)
-    overridden.serves(panda, 1)
-    entry = joint_states(overridden)
-    assert entry.level == WARN
-    for text in ("QoS of /intruder", "/strict/joint_states", "not compatible"):
-        assert text in entry.message
-    assert "/test" not in entry.message
-    overridden.forget()
-    publisher.publish(panda.message(overridden.now + 1, panda.samples[0]))
-    overridden.serves(panda, 2)
-    assert overridden.topics["state"].stamps == [overridden.now]
-    intruder.destroy_publisher(publisher)
-    overridden.serves(panda)
-    assert joint_states(overridden).message == "publishing"
+TYPE = ["/intruder publishes std_msgs/msg/String on", "expected sensor_msgs/msg/JointState"]
+USELESS = [  # monitor, type, topic, QoS, words of the warning
+    ("overridden", JointState, "/strict/joint_states", BEST_EFFORT, ["QoS of /intruder", "not compatible"]),
+    ("running", String, "/default/joint_states", QoSProfile(depth=1), TYPE),
+    ("running", String, "/default/robot_description", QoSProfile(depth=1), ["QoS of /intruder on"]),
+]
 
 
-@pytest.mark.parametrize(
-    ("kind", "topic", "words"),
-    [
-        (String, "joint_states", ["/intruder publishes std_msgs/msg/String on", "expected sensor_msgs/msg/JointState"]),
-        (String, "robot_description", ["QoS of /intruder on /default/robot_description"]),
-    ],
-    ids=["another type", "a description that is not latched"],
-)
-def test_a_publisher_that_cannot_be_used(monitor, intruder, panda, kind, topic, words):
-    """A warning names it; joint states and the latched description count."""
-    publisher = intruder.create_publisher(kind, f"/default/{topic}", QoSProfile(depth=1))
-    publisher.publish(description(robot(UR5).urdf))
+@pytest.mark.parametrize(("name", "kind", "topic", "qos", "words"), USELESS, ids=["QoS", "type", "not latched"])
+def test_a_publisher_that_cannot_be_used(request, intruder, panda, name, kind, topic, qos, words):
+    """A warning names it; the publisher that fits is served, and the latched description counts."""
+    monitor = request.getfixturevalue(name)
+    publisher = intruder.create_publisher(kind, topic, qos)
     monitor.serves(panda, 1)
-    entry = joint_states(monitor)
-    assert entry.level == WARN
-    for word in words:
-        assert word in entry.message
-    assert monitor.next_report().values["robot"] == "panda"
+    publisher.publish(description(robot(UR5).urdf) if kind is String else panda.message(monitor.now, panda.samples[0]))
+    monitor.serves(panda, 2)
+    report = monitor.next_report()
+    entry = report.entries["joint states"]
+    assert entry.level == WARN and all(word in entry.message for word in [topic, *words]), entry.message
+    assert "/test" not in entry.message and report.values["robot"] == "panda"
     intruder.destroy_publisher(publisher)
     monitor.serves(panda)
-    assert joint_states(monitor).level == OK
+    assert monitor.next_report().entries["joint states"].message == "publishing"
 
 
 def test_two_publishers_of_the_same_joints(monitor, intruder, panda):
@@ -312,27 +286,26 @@ def test_names_that_would_act(peer):
             peer.call(SetPayload, f"{at}/set_payload", SetPayload.Request(link=f"{ESCAPE}{FIRE}")).message,
             peer.set_parameter(at, "payloads", [f"{ESCAPE}=heavy"]).reason,
         ):
-            assert r"\x1b]0;owned\x07\x1b[31m" in message
-            assert message.isprintable()
+            assert r"\x1b]0;owned\x07\x1b[31m" in message and message.isprintable()
         descriptions.publish(description(URDF.replace('value="1"', 'value="-1"')))
         process.wait_for_text("robot_description refused")
         assert r"upper\x9b2J" in process.output
     assert all(text.isprintable() for text in texts_of(diagnostics.messages))
+    assert shortened("\x1b" * 1_000_000) == r"\x1b" * MAX_LENGTH + "… (1000000 characters)"
     check_log(process)
 
 
 def test_names_in_control(peer, tmp_path):
-    """Simulator and controller name what they refuse in one line of their log."""
+    """Simulator and controller name what they reject in one line of their log."""
     path = tmp_path / "hostile.urdf"
     path.write_text(URDF, encoding="utf-8")
     diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
     trajectory = peer.publisher(JointTrajectory, "/held/trajectory", MANY)
     command = peer.publisher(Float64MultiArray, "/held/effort_controller/commands", MANY)
-    parameters = {"robot_description": path, "autostart": True}
-    settings = parameters | {"robot_compensates_gravity": False, "check_time": 0.0}
-    arguments = ("-r", "__ns:=/held")
+    settings = {"robot_compensates_gravity": False, "check_time": 0.0, "autostart": True}
+    arguments = ("-r", "__ns:=/held", "-p", f"robot_description:={path}")
     with (
-        peer.start("simulator", *arguments, **parameters) as simulator,
+        peer.start("simulator", *arguments) as simulator,
         peer.start("controller", *arguments, **settings) as controller,
     ):
         peer.pass_time(1.0)
@@ -345,16 +318,3 @@ def test_names_in_control(peer, tmp_path):
     assert all(text.isprintable() for text in texts_of(diagnostics.messages))
     check_log(simulator)
     check_log(controller)
-
-
-def test_texts_are_short_and_plain(peer):
-    """A text is cut before it is escaped; entries are plain from their names to their values."""
-    assert shortened("\x1b" * 1_000_000) == r"\x1b" * MAX_LENGTH + "… (1000000 characters)"
-    topic, node = peer.topic(DiagnosticArray, "/diagnostics"), peer.extra_node("plain", "/plain")
-    diagnostics = Diagnostics(node, list, lambda: SimpleNamespace(name=f"e{FIRE}"))
-    diagnostics.publish([Status(f"a{FIRE}", OK, f"b{FIRE}", {f"c{FIRE}": f"d{FIRE}"})])
-    peer.graph.spin()
-    texts = [*texts_of(topic.messages)]
-    for letter in "abcde":
-        assert any(rf"{letter}\x0a[FATAL] [0.0] [safety_controller]: fire" in text for text in texts)
-    peer.drop_node(node)

