@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The page: what it consists of, who hears of what, and when what is drawn anew.
+// The page: its parts, their events, and when each part is drawn.
 
 import { Bar } from "./bar.js";
 import { Cards } from "./cards.js";
@@ -17,10 +17,9 @@ import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 import { View } from "./view.js";
 
-const PLOTS = 90; // [ms] between two drawings of what moves, and of the rest
-const NUMBERS = 120;
-const ROBOT = 33;
-const STRIP = 1000;
+const PERIODS = { plots: 90, numbers: 120, robot: 33, strip: 1000 }; // [ms] between two drawings
+const PARTS = Object.keys(PERIODS);
+const NO_ROWS = { length: 0, first: NaN, last: NaN, held: false, bytes: 0 };
 
 export class App {
   constructor(body, { report, errors }) {
@@ -28,11 +27,10 @@ export class App {
     this.health = new Health();
     this.layout = null;
     this.chosen = { link: null, dof: -1 };
-    this.due = { plots: 0, numbers: 0, robot: 0, strip: 0 };
-    this.wanted = { plots: true, numbers: true, robot: true, strip: true };
-    this.cost = { step: NaN };
-    this.theme = new Theme(() => this.restyle?.());
+    this.due = Object.fromEntries(PARTS.map((part) => [part, 0]));
+    this.dirty = new Set(PARTS);
     this.view = new View(() => this.rows, !report, (what) => this.#moved(what));
+    this.theme = new Theme(() => this.stage && this.#restyle());
     const shared = {
       theme: this.theme,
       view: this.view,
@@ -51,18 +49,12 @@ export class App {
     this.bar = new Bar(this);
     this.tableBox = el("div", { class: "tablebox" });
     this.left = el("div", { class: "left" }, this.stage.node, this.tableBox);
-    this.main = el("main", {}, this.left, this.cards.node);
-    this.foot = el("footer", {}, this.bar.transport, this.timeline.node);
-    body.append(this.bar.node, this.main, this.foot, this.keys.dialog);
+    const foot = el("footer", {}, this.bar.transport, this.timeline.node);
+    body.append(this.bar.node, el("main", {}, this.left, this.cards.node), foot, this.keys.dialog);
     toggle(body, "report", report);
-    this.restyle = () => {
-      this.stage.restyle();
-      this.cards.restyle();
-      this.#want("plots", "numbers", "robot", "strip");
-    };
     this.stage.restyle();
     readOnly(this, errors);
-    addEventListener("resize", () => this.#want("plots", "strip"));
+    addEventListener("resize", () => this.#mark("plots", "strip"));
   }
 
   begin(source) {
@@ -73,16 +65,16 @@ export class App {
       this.#draw(now);
     };
     requestAnimationFrame(loop);
-    setInterval(() => this.touch(), 500);
+    setInterval(() => this.update(), 500);
   }
 
   get rows() {
-    return this.source?.rows ?? NOTHING;
+    return this.source?.rows ?? NO_ROWS;
   }
 
-  // --- what the source tells ---
+  // --- events of the source ---
 
-  // same: the robot that was there before, of which more is known now.
+  // same: the robot of before with more data.
   laidOut(layout, same = false) {
     this.layout = layout;
     if (!same) this.chosen = { link: null, dof: -1 };
@@ -94,77 +86,79 @@ export class App {
     this.stage.setLayout(layout);
     this.cards.setLayout(layout);
     if (!this.report && !same) this.view.follow();
-    if (this.chosen.link !== null) this.details.show(this.chosen.link, this.chosen.dof);
-    toggle(this.left, "detailed", this.chosen.link !== null);
+    this.#show();
     document.title = `${layout.json.robot} · diag_dynamics`;
-    this.#want("plots", "numbers", "robot", "strip");
+    this.#mark(...PARTS);
   }
 
-  // The link of ellipsoid and arrow, as the source has it.
+  // The link of ellipsoid and arrow.
   marked(link) {
     this.stage.marked = link;
   }
 
   came() {
-    if (this.view.following) this.#want("plots", "numbers", "robot");
-    this.wanted.strip = true;
+    if (this.view.following) this.#mark("plots", "numbers", "robot");
+    this.#mark("strip");
   }
 
   diagnosed(list) {
-    this.health.told(list);
+    this.health.setDiagnostics(list);
     this.cards.diagnosed(list);
-    this.touch();
+    this.update();
   }
 
-  beat(json, drawn) {
-    this.cards.beat(json, drawn);
-    this.touch();
+  beat(json, shown) {
+    this.cards.beat(json, shown);
+    this.update();
   }
 
   listed(robots, robot) {
     this.bar.listed(robots, robot);
   }
 
-  // --- what people do ---
+  // --- events of the user ---
 
-  // link of null: nothing.
+  // link of null: none.
   select(link) {
-    const dof = link === null ? -1 : this.layout.dofOfLink(link);
-    this.#select(link, dof);
+    this.#select(link, link === null ? -1 : this.layout.dofOfLink(link));
   }
 
   selectDof(dof) {
-    if (dof === this.chosen.dof) return this.select(null);
-    return this.#select(this.layout.linkOfDof[dof] ?? this.layout.links[0], dof);
+    if (dof === this.chosen.dof) this.select(null);
+    else this.#select(this.layout.linkOfDof[dof], dof);
   }
 
   #select(link, dof) {
     this.chosen = { link, dof };
+    this.#show();
+    if (link !== null) this.source.follow?.(link);
+    this.#mark("plots", "numbers", "robot");
+  }
+
+  #show() {
+    const { link, dof } = this.chosen;
     this.details.show(link, dof);
     toggle(this.left, "detailed", link !== null);
-    if (link !== null) this.source.follow?.(link);
-    this.#want("plots", "numbers", "robot");
   }
 
   #actions() {
-    const { view } = this;
-    const colour = (k) => () => this.stage.colourBy(k);
+    const { report, view } = this;
     return [
-      [[" "], this.report ? "play, stop" : "pause, go on", () => this.toggle()],
-      [["ArrowLeft", "ArrowRight"], "a state back, forward (with shift: a second)", (event) => this.#stepBy(event)],
-      [["Home"], "to the beginning", () => view.go(this.rows.first)],
-      [["End", "l"], this.report ? "to the end" : "live", () => (this.report ? view.go(this.rows.last) : view.follow())],
+      [[" "], report ? "play, pause" : "pause, continue", () => this.toggle()],
+      [["ArrowLeft", "ArrowRight"], "previous, next state (with shift: a second)", (event) => this.#step(event)],
+      [["Home"], "beginning", () => view.go(this.rows.first)],
+      [["End", "l"], report ? "end" : "live", () => (report ? view.go(this.rows.last) : view.follow())],
       [["+", "-"], "shorter, longer window", (event) => view.zoom(view.length * (event.key === "+" ? 0.5 : 2))],
-      [["0"], this.report ? "the whole recording" : "a window of 30 s", () => (this.report ? view.whole() : view.zoom(30))],
-      [["1", "2", "3", "4"], "links by energy share, energy, torque, external torque", (event) => colour(Number(event.key) - 1)()],
+      [["0"], report ? "whole recording" : "window of 30 s", () => (report ? view.whole() : view.zoom(30))],
+      [["1", "2", "3", "4"], "links by energy share, energy, torque, external torque", ({ key }) => this.stage.colourBy(key - 1)],
       [["e"], "ellipsoid and velocity", () => this.stage.toggleMarks()],
-      [["f"], "whole robot in view", () => this.stage.frame()],
+      [["f"], "fit the robot", () => this.stage.frame()],
       [["j", "k"], "next, previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
       [["r"], "next robot", () => this.bar.nextRobot()],
       [["t"], "light, dark", () => this.theme.next()],
       [["c"], "numbers of the time window (CSV)", () => this.csv()],
-      [["Escape"], "nothing chosen", () => this.layout && this.select(null)],
-      [["?"], "this", () => this.keys.help()],
+      [["Escape"], "no selection", () => this.layout && this.select(null)],
+      [["?"], "this list", () => this.keys.help()],
     ];
   }
 
@@ -174,16 +168,16 @@ export class App {
     else this.view.pause();
   }
 
-  #stepBy(event) {
-    const forward = event.key === "ArrowRight" ? 1 : -1;
-    if (event.shiftKey) this.view.go(this.view.now() + forward);
-    else this.view.step(forward);
+  #step({ key, shiftKey }) {
+    const step = key === "ArrowRight" ? 1 : -1;
+    if (shiftKey) this.view.go(this.view.now() + step);
+    else this.view.step(step);
   }
 
-  #nextJoint(by) {
-    if (!this.layout) return;
-    const count = this.layout.dofs.length;
-    const dof = this.chosen.dof < 0 ? (by > 0 ? 0 : count - 1) : (this.chosen.dof + by + count) % count;
+  #nextJoint(step) {
+    const count = this.layout?.dofs.length;
+    if (!count) return;
+    const dof = this.chosen.dof < 0 && step < 0 ? count - 1 : (this.chosen.dof + step + count) % count;
     this.#select(this.layout.linkOfDof[dof], dof);
   }
 
@@ -196,20 +190,25 @@ export class App {
 
   // --- drawing ---
 
-  #want(...what) {
-    for (const one of what) this.wanted[one] = true;
+  #mark(...parts) {
+    for (const part of parts) this.dirty.add(part);
+  }
+
+  #restyle() {
+    this.stage.restyle();
+    this.cards.restyle();
+    this.#mark(...PARTS);
   }
 
   #moved(what) {
     this.rows.held = this.view.paused && !this.report;
-    if (what === "window") this.#want("plots", "strip");
-    if (what === "pointer") this.wanted.place = true;
-    else this.#want("numbers", "robot", "place");
-    if (what !== "pointer") this.wanted.now = true; // somebody waits for it
+    if (what === "window") this.#mark("plots", "strip");
+    if (what !== "pointer") this.#mark("numbers", "robot", "now"); // at once: the user waits for it
+    this.#mark("cursor");
   }
 
-  // What changes by itself as time goes by, as the age of a state.
-  touch() {
+  // Updates what changes with time alone, for example the age of a state.
+  update() {
     this.bar.draw();
     this.stage.judged(this.verdict());
   }
@@ -219,44 +218,39 @@ export class App {
   }
 
   flags() {
-    const at = this.layout?.at("flags");
-    const { rows } = this;
-    if (!rows.length || !Number.isFinite(at)) return 0;
-    const value = rows.data[rows.base(rows.nearest(this.view.now())) + at];
-    return Number.isFinite(value) ? value : 0;
+    const { rows, layout } = this;
+    if (!rows.length || !layout) return 0;
+    return rows.data[rows.base(rows.nearest(this.view.now())) + layout.at("flags")] || 0;
   }
 
   #draw(now) {
-    const { due, wanted, rows } = this;
-    if (!this.layout || !rows.length) {
-      this.stage.render();
-      return;
+    const { due, dirty, rows } = this;
+    if (this.layout && rows.length) {
+      const isDue = (part) => {
+        if (!dirty.has(part) || (now < due[part] && !dirty.has("now"))) return false;
+        dirty.delete(part);
+        due[part] = now + PERIODS[part];
+        return true;
+      };
+      const i = rows.nearest(this.view.now());
+      if (isDue("plots")) this.cards.draw();
+      else if (dirty.has("cursor")) this.cards.place();
+      if (isDue("numbers")) this.#drawNumbers(i);
+      if (isDue("strip")) this.timeline.draw();
+      else this.timeline.place();
+      if (isDue("robot")) this.stage.draw(rows, i);
+      for (const part of ["now", "cursor"]) dirty.delete(part);
     }
-    const begun = performance.now();
-    const turn = (what, every) => {
-      if (!wanted[what] || (now < due[what] && !wanted.now)) return false;
-      wanted[what] = false;
-      due[what] = now + every;
-      return true;
-    };
-    const i = rows.nearest(this.view.now());
-    if (turn("plots", PLOTS)) this.cards.draw();
-    else if (wanted.place) this.cards.place();
-    if (turn("numbers", NUMBERS)) {
-      this.table.draw(rows, i);
-      this.details.draw(rows, i);
-      this.cards.contact?.draw(rows.data, rows.base(i));
-      this.stage.touched(this.cards.contact?.worst ?? null);
-      this.touch();
-    }
-    if (turn("strip", STRIP)) this.timeline.draw();
-    else this.timeline.place();
-    const posed = turn("robot", ROBOT);
-    if (posed) this.stage.draw(rows, i);
-    if (wanted.now) this.cost.step = performance.now() - begun;
-    wanted.place = wanted.now = false;
     this.stage.render();
   }
-}
 
-const NOTHING = { length: 0, first: NaN, last: NaN, held: false, bytes: 0 };
+  #drawNumbers(i) {
+    const { rows } = this;
+    const { contact } = this.cards;
+    this.table.draw(rows, i);
+    this.details.draw(rows, i);
+    contact?.draw(rows.data, rows.base(i));
+    this.stage.touched(contact?.worst ?? null);
+    this.update();
+  }
+}

@@ -1,48 +1,26 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The right of the page: cards of plots, of diagnostics, and of what a report tells; one cursor common to all.
+// The right half of the page: cards of contact, plots, diagnostics and a report; all plots share one cursor.
 
-import { el, resized, say, scrolling } from "./dom.js";
+import { el, say } from "./dom.js";
 import { ContactCard } from "./contact.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
 
-const NARROW = 18; // [rem] of a card
-const LOW = 12;
 const LEVELS = ["good", "warn", "bad", "bad"];
 
 export class Cards {
   constructor(shared) {
     this.shared = shared;
     this.plots = [];
-    this.pointer = null; // the time below the pointer: a function, or null
-    this.said = el("div", {}, el("p", { class: "none", text: "no diagnostics received yet" }));
-    this.list = scrolling(el("div", { class: "diagnostics" }, this.said));
+    this.pointer = null; // function of the time below the pointer, or null
+    this.list = el("div", { class: "diagnostics" }, el("p", { class: "none", text: "no diagnostics received yet" }));
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
-    this.told = []; // cards of a report
-    this.node = el("div", { class: "cards" }, ...(shared.view.live ? [this.words] : [])); // before there is a robot: why there is none
-    resized(this.node, () => this.#arrange());
-  }
-
-  // As many columns as leave few places empty, and cards about twice as wide as high.
-  #arrange() {
-    const wide = this.contact ? 1 : 0; // it takes two places where there are two columns
-    const places = (columns) => this.node.childElementCount + (columns > 1 ? wide : 0);
-    const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-    const [width, height] = [this.node.clientWidth, this.node.clientHeight];
-    let [best, columns] = [Infinity, 1];
-    for (let c = 1; c === 1 || width / c >= NARROW * rem; c++) {
-      const count = places(c);
-      const lines = Math.ceil(count / c);
-      const high = Math.max(LOW * rem, height / lines);
-      const score = Math.abs(Math.log(width / c / high / 2)) + (0.5 * (lines * c - count)) / c + (lines * LOW * rem > height + 1 ? 0.2 : 0);
-      if (score < best) [best, columns] = [score, c];
-    }
-    this.node.style.setProperty("--columns", columns);
-    this.node.style.setProperty("--two", Math.min(2, columns));
+    this.chapters = []; // cards of a report
+    this.node = el("div", { class: "cards" }, ...(shared.view.live ? [this.words] : [])); // with the reason why there is no robot yet
   }
 
   setLayout(layout) {
@@ -51,9 +29,8 @@ export class Cards {
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
     this.contact = layout.size("contact_worst") ? new ContactCard(layout, (link) => this.shared.selectLink(link)) : null;
     const contact = this.contact ? [this.contact.node] : [];
-    const [first, ...others] = this.told; // what happened, before all else
-    this.node.replaceChildren(...(first ? [first] : []), ...contact, ...others, ...this.plots.map((plot) => plot.node), ...(this.told.length ? [] : [this.words]));
-    this.#arrange();
+    const [first, ...others] = this.chapters;
+    this.node.replaceChildren(...(first ? [first] : []), ...contact, ...others, ...this.plots.map((plot) => plot.node), ...(this.chapters.length ? [] : [this.words]));
   }
 
   draw() {
@@ -71,7 +48,7 @@ export class Cards {
     for (const plot of this.plots) plot.restyle();
   }
 
-  // Has a plot listen to the pointer: hovering moves the cursor of all, dragging chooses a time, a click goes to it.
+  // Adds the pointer to a plot: hovering moves the common cursor, dragging chooses a window, a click a moment.
   point(plot) {
     const { view } = this.shared;
     const { over } = plot.plot;
@@ -135,10 +112,9 @@ export class Cards {
     const text = JSON.stringify(list);
     if (text === this.text) return;
     this.text = text;
-    this.said.replaceChildren(...rows);
+    this.list.replaceChildren(...rows);
   }
 
-  // Brings what the nodes say into sight.
   showDiagnostics() {
     this.words.scrollIntoView({ block: "nearest", behavior: "smooth" });
   }
@@ -149,9 +125,9 @@ export class Cards {
     else this.open.delete(name);
   }
 
-  // about: the server's heartbeat; drawn: frames that have come in a second.
-  beat({ age, rate, hz }, drawn) {
-    const parts = [`${number(rate)} states/s received`, `${number(drawn)} of ${number(hz)} frames/s shown`];
+  // shown: frames received per second.
+  beat({ age, rate, hz }, shown) {
+    const parts = [`${number(rate)} states/s received`, `${number(shown)} of ${number(hz)} frames/s shown`];
     parts.push(`last state ${age === null || age === undefined ? UNKNOWN : span(age)} old`);
     say(this.pulse, parts.join(" · "));
   }

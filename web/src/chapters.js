@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// What a report tells in words and numbers: cards before the plots.
+// Cards of a report's results, before the plots.
 
-import { breakable, el, scrolling } from "./dom.js";
+import { breakable, el } from "./dom.js";
 import { number, percent, quantity, span, UNKNOWN } from "./format.js";
 
 // act: go(t) shows a moment, see(start, end) a contact and its largest |r|; both in seconds after the first state.
@@ -11,7 +11,8 @@ export function chapters(told, act) {
   return [overall(told, act), contacts(told, act), ...(told.summary.contact ? [touches(told, act)] : []), quality(told), parameters(told)];
 }
 
-const card = (id, title, ...children) => el("section", { class: "card words", id }, el("header", {}, el("h2", { text: title })), scrolling(el("div", { class: "text" }, el("div", {}, ...children))));
+const card = (id, title, ...children) =>
+  el("section", { class: "card words", id }, el("header", {}, el("h2", { text: title })), el("div", { class: "text" }, ...children));
 const line = (label, ...value) => el("div", {}, el("dt", {}, ...(typeof label === "string" ? breakable(label) : [label])), el("dd", {}, ...value));
 const at = (t, act) => el("button", { class: "link", text: `${t.toFixed(3)} s`, onclick: () => act.go(t) });
 
@@ -67,7 +68,7 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
   return card("contacts", known ? count : "Contacts: nothing known", ...texts.map((text) => el("p", {}, ...breakable(text))), el("dl", {}, ...rows));
 }
 
-// What a touch would have cost, where limits were given: how long they were exceeded, and the worst moments.
+// Contact limits: how long they were exceeded, and the worst moments.
 function touches({ summary, begin, layout }, act) {
   const { half } = layout.contact;
   const { contact } = summary;

@@ -3,7 +3,7 @@
 
 // The card of predicted contact: a row for each point, smallest margin first. Advisory.
 
-import { breakable, el, say, scrolling, toggle } from "./dom.js";
+import { breakable, el, say, toggle } from "./dom.js";
 import { number, shortNames } from "./format.js";
 
 const SORT_PERIOD = 1000; // [ms]: rows keep their places so that one can be read and clicked
@@ -29,7 +29,7 @@ export class ContactCard {
       { class: "card words", id: "contact", title: "Rigid bodies; no safety function: see docs/contact.md" },
       el("header", {}, el("h2", { text: "Predicted contact (advisory)" })),
       this.summary,
-      scrolling(el("div", { class: "text" }, table)),
+      el("div", { class: "text" }, table),
     );
     const short = shortNames(points.map(({ name }) => name));
     this.rows = points.map(({ name, link }, k) => {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Elements. Text is always text: names come from robots, and nothing of them is ever read as HTML.
+// Elements. Text is never read as HTML: names come from robots.
 
 export function el(tag, attributes = {}, ...children) {
   const node = document.createElement(tag);
@@ -15,7 +15,7 @@ export function el(tag, attributes = {}, ...children) {
   return node;
 }
 
-// Changes the text only where it differs: the browser lays out anew whatever is written.
+// Sets the text if it differs: the browser lays out what is written.
 export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
@@ -30,25 +30,12 @@ export function download(name, blob) {
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
-// A name that may be broken after each of its parts.
+// A name that may be broken after each part.
 export function breakable(name) {
   return name.split(/(?<=[_/.-])/).flatMap((part) => [part, el("wbr")]);
 }
 
-// A box that scrolls has the class "more" while there is something below what is seen of it: scroll bars may be hidden.
-// How high what is in it would be, its style can have as --content.
-export function scrolling(box) {
-  const look = () => {
-    toggle(box, "more", box.scrollHeight - box.clientHeight - box.scrollTop > 2);
-    box.style.setProperty("--content", `${[...box.children].reduce((sum, child) => sum + child.offsetHeight, 0)}px`);
-  };
-  box.addEventListener("scroll", look, { passive: true });
-  resized(box, look);
-  for (const child of box.children) resized(child, look);
-  return box;
-}
-
-// Calls when a box has another size; not at once, for what is laid out anew then may change it again.
+// Calls when a box has another size, in the next frame: a new layout may change it again.
 export function resized(node, act) {
   const observer = new ResizeObserver(() => requestAnimationFrame(act));
   observer.observe(node);

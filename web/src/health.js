@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Whether what is shown can be believed, in a word and a colour.
+// Whether the shown state is valid, in a word and a colour.
 
 import { FLAGS } from "./layout.js";
 import { span } from "./format.js";
@@ -19,8 +19,7 @@ export class Health {
     this.worst = null; // of the diagnostics: {level, text}; null while all are well
   }
 
-  // Takes the diagnostics: what is worst of them stands where it is seen at once.
-  told(list) {
+  setDiagnostics(list) {
     const worst = list.reduce((most, one) => (one.level > (most?.level ?? 0) ? one : most), null);
     const text = worst && [worst.name.replace(/^[^:]*: /, ""), worst.message].filter(Boolean).join(": "); // without its node
     this.worst = worst && { level: worst.level > 1 ? "bad" : "warn", text };
@@ -28,8 +27,8 @@ export class Health {
 
   get silence() {
     const since = (performance.now() - this.arrived) / 1000;
-    const told = this.heart && performance.now() - this.heart.at < 3000 ? this.heart.age : null;
-    return Number.isFinite(told) && told !== null ? Math.max(told, Math.min(since, told + 1.5)) : since;
+    const age = this.heart && performance.now() - this.heart.at < 3000 ? this.heart.age : null;
+    return Number.isFinite(age) ? Math.max(age, Math.min(since, age + 1.5)) : since;
   }
 
   // flags: of the newest frame, or of the one shown while paused.
@@ -41,7 +40,7 @@ export class Health {
   }
 
   #judged(flags, { paused = false, report = false, rate = NaN } = {}) {
-    if (report) return { level: "told", word: "Recording", says: "", notes: this.notes(flags) };
+    if (report) return { level: "recording", word: "Recording", says: "", notes: this.notes(flags) };
     if (this.connection === "lost") {
       return { level: "bad", word: "Disconnected", says: `retrying (${this.why})`, notes: [], dim: true };
     }

@@ -20,6 +20,7 @@ export class Live {
     this.layout = null;
     this.robots = [];
     this.frames = 0;
+    this.counted = { frames: 0, now: 0 };
     const { health } = app;
     this.stream = new Stream({
       layout: (json) => this.#layout(json),
@@ -28,7 +29,7 @@ export class Live {
       heartbeat: (json) => this.#beat(json),
       lost: (why, status) => {
         Object.assign(health, { connection: "lost", why, heart: null });
-        app.touch();
+        app.update();
         if (status === 404) this.#list();
       },
     });
@@ -84,12 +85,15 @@ export class Live {
   }
 
   #beat(json) {
-    const { app, last } = this;
+    const { app, counted } = this;
     const now = performance.now();
     Object.assign(app.health, { connection: "open", heart: { ...json, at: now } });
     app.marked((this.link = json.link));
-    app.beat(json, last ? (1000 * (this.frames - last.frames)) / (now - last.now) : NaN);
-    this.last = { frames: this.frames, now };
+    if (now - counted.now > 900) {
+      this.shown = (1000 * (this.frames - counted.frames)) / (now - counted.now);
+      this.counted = { frames: this.frames, now };
+    }
+    app.beat(json, this.shown);
   }
 
   #frame(t, values) {

@@ -1,19 +1,19 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// One plot over time: a card with a title, a legend whose numbers are those at the cursor, and lines by uPlot.
+// A plot over time by uPlot: a card with a title and a legend, whose numbers are those at the cursor.
 
 import uPlot from "uplot";
 import { decadeLabel, linearRange, logRange } from "./axes.js";
 import { faded } from "./colours.js";
-import { el, resized, say, scrolling, toggle } from "./dom.js";
+import { el, resized, say, toggle } from "./dom.js";
 import { number, powerOfTen, tick } from "./format.js";
 import { chosenLines, othersLine, thresholdsOf } from "./quantities.js";
 import { envelope, largest, stacked } from "./sampling.js";
 
-const MOST = 9; // lines
-const RECHOSEN = 2000; // [ms] after which the lines that are shown may change
-const TINY = 1e-20; // what a logarithmic axis has for nothing
+const MAX_LINES = 9;
+const CHOICE_PERIOD = 2000; // [ms] between two choices of lines
+const TINY = 1e-20; // smallest value on a logarithmic axis
 
 export class Plot {
   // shared: theme, view (see view.js), rows(), select(dof), selected()
@@ -29,7 +29,7 @@ export class Plot {
       "section",
       { class: "card", id: `plot-${spec.id}`, title: spec.help },
       el("header", {}, el("h2", { text: spec.title }), el("span", { class: "unit", text: spec.unit })),
-      scrolling(el("div", { class: "legendbox" }, this.legend)),
+      el("div", { class: "legendbox" }, this.legend),
       this.box,
     );
     this.observers = [
@@ -53,7 +53,6 @@ export class Plot {
     this.draw();
   }
 
-  // Draws the lines of the window anew.
   draw() {
     const rows = this.shared.rows();
     if (!this.seen || !rows?.length || this.box.clientWidth < 20) return;
@@ -73,12 +72,12 @@ export class Plot {
     this.plot.setData(sample, true);
     if (view.following !== this.following) {
       this.following = view.following;
-      this.plot.redraw(false, true); // the last of the times is "now", or is not
+      this.plot.redraw(false, true); // the last label is "now" while live
     }
     this.place();
   }
 
-  // Puts the cursor to where it belongs, and the numbers at it into the legend.
+  // Places the cursor, and writes the numbers at it into the legend.
   place() {
     const rows = this.shared.rows();
     if (!this.plot || !this.seen || !rows.length) return;
@@ -92,7 +91,7 @@ export class Plot {
     });
   }
 
-  // By the scale that is drawn: uPlot takes a new one somewhat later than it is told of it.
+  // By the scale as drawn: uPlot applies a new one later.
   #line() {
     const x = this.plot.valToPos(this.shared.view.shown() - this.base, "x");
     const inside = x >= -1 && x <= this.plot.over.clientWidth + 1;
@@ -103,13 +102,13 @@ export class Plot {
   #choose(rows, i0, i1) {
     const now = performance.now();
     const selected = this.shared.selected();
-    const due = now - this.chosenAt > RECHOSEN && !this.shared.view.pointing;
+    const due = now - this.chosenAt > CHOICE_PERIOD && !this.shared.view.pointing;
     if (this.lines && !due && selected === this.chosenFor) return;
     this.chosenAt = now;
     this.chosenFor = selected;
     const { spec } = this;
-    const sizes = spec.lines.length > MOST ? largest(rows, i0, i1, spec.lines.map((line) => line.get)) : [];
-    const { shown, others } = chosenLines(spec, sizes, MOST, selected);
+    const sizes = spec.lines.length > MAX_LINES ? largest(rows, i0, i1, spec.lines.map((line) => line.get)) : [];
+    const { shown, others } = chosenLines(spec, sizes, MAX_LINES, selected);
     const key = `${shown.join()}|${selected}`;
     if (this.lines && key === this.key) return;
     this.key = key;
@@ -165,12 +164,12 @@ export class Plot {
         series: { ...this.#series(line, faint), dash: [3, 4], width: 1, stroke: faded(line.colour, faint ? 0.15 : 0.7) },
       });
     }
+    const thresholds = this.lines.flatMap(thresholdsOf);
     this.getters = draws.map((draw) => draw.get);
     const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const font = `${Math.round(0.72 * size)}px ${getComputedStyle(document.body).fontFamily}`;
     const { colours } = theme;
     const axis = { stroke: colours.dim, font, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, gap: 4 };
-    const thresholds = this.lines.flatMap(thresholdsOf);
     const extra = this.lines.some((line) => line.scale === "rate");
     const options = {
       ...this.#size(),
@@ -194,7 +193,7 @@ export class Plot {
         {
           ...axis,
           size: Math.round(3.4 * size),
-          // A low plot has closer numbers: with zero alone nobody knows its scale.
+          // A low plot has closer numbers: zero alone is no scale.
           space: (u, k, low, high, room) => Math.min(2.1 * size, Math.max(size, room / 5)),
           ...(spec.log ? { filter: (u, splits) => splits, grid: { ...axis.grid, filter: (u, splits) => splits.map((x) => (powerOfTen(x) ? x : null)) } } : {}),
           values: spec.log ? (u, splits) => splits.map(labelOf(u)) : (u, splits) => splits.map((x) => tick(x, splits[1] - splits[0] || 1)),
@@ -202,7 +201,7 @@ export class Plot {
         ...(extra ? [{ ...axis, scale: "rate", side: 1, size: Math.round(2.6 * size), grid: { show: false }, space: 2.1 * size }] : []),
       ],
       series: [{}, ...draws.map((draw) => draw.series)],
-      hooks: { drawClear: [(u) => this.#zero(u)], draw: [(u) => this.#thresholds(u), () => this.plot && this.#line()] },
+      hooks: { draw: [(u) => this.#thresholds(u), () => this.plot && this.#line()] },
     };
     this.plot = new uPlot(options, [[], ...draws.map(() => [])], this.box);
     this.plot.over.append(this.cursor);
@@ -222,37 +221,19 @@ export class Plot {
     };
   }
 
-  #zero(u) {
-    if (this.spec.log || this.spec.stacked) return;
-    const y = u.valToPos(0, "y", true);
-    const { ctx, bbox } = u;
-    ctx.save();
-    ctx.strokeStyle = this.shared.theme.colours.line;
-    ctx.lineWidth = 1.5 * devicePixelRatio;
-    ctx.beginPath();
-    ctx.moveTo(bbox.left, y);
-    ctx.lineTo(bbox.left + bbox.width, y);
-    ctx.stroke();
-    ctx.restore();
-  }
-
   #thresholds(u) {
     const { ctx, bbox } = u;
     ctx.save();
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
     ctx.lineWidth = devicePixelRatio;
     ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
     for (const line of this.lines) {
-      for (const value of thresholdsOf(line)) {
-        const y = u.valToPos(value, "y", true);
-        ctx.strokeStyle = faded(line.colour, 0.55);
-        ctx.beginPath();
+      ctx.strokeStyle = faded(line.colour, 0.55);
+      ctx.beginPath();
+      for (const y of thresholdsOf(line).map((value) => u.valToPos(value, "y", true))) {
         ctx.moveTo(bbox.left, y);
         ctx.lineTo(bbox.left + bbox.width, y);
-        ctx.stroke();
       }
+      ctx.stroke();
     }
     ctx.restore();
   }

@@ -201,13 +201,6 @@ export function chosenLines(plot, sizes, most, selected) {
   return { shown, others: all.filter((k) => !shown.includes(k)) };
 }
 
-// The joints of which something is largest, in the robot's order; the selected one is among them (-1: none).
-export function largestJoints(sizes, count, selected) {
-  const shown = [...sizes.keys()].sort((a, b) => sizes[b] - sizes[a]).slice(0, count);
-  if (selected >= 0 && !shown.includes(selected)) shown[count - 1] = selected;
-  return shown.sort((a, b) => a - b);
-}
-
 export function othersLine(plot, others) {
   const getters = others.map((k) => plot.lines[k].get);
   return {

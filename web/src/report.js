@@ -32,7 +32,7 @@ export class Report {
     const layout = new Layout({ ...told.layout, report: true });
     const rows = await rowsOf(layout, told.tracks);
     this.rows = rows;
-    app.cards.told = chapters(told, {
+    app.cards.chapters = chapters(told, {
       go: (t) => app.view.go(t),
       see: (start, end) => {
         const t = timeOfLargest(rows, start - ROUNDING, end + ROUNDING, field(layout, "norm"));
@@ -46,7 +46,7 @@ export class Report {
     app.view.whole();
     const at = told.summary.kinetic_energy.at;
     if (at !== null) app.view.go(at - told.begin);
-    app.touch();
+    app.update();
   }
 
   mesh(sha) {
@@ -59,7 +59,7 @@ export class Report {
   play() {
     const { view } = this.app;
     this.playing = !this.playing;
-    this.app.touch();
+    this.app.update();
     if (!this.playing) return;
     if (view.now() >= this.rows.last - 1e-3) view.go(this.rows.first);
     let before = performance.now();
@@ -70,7 +70,7 @@ export class Report {
       view.go(t);
       if (t >= this.rows.last) {
         this.playing = false;
-        this.app.touch();
+        this.app.update();
       } else requestAnimationFrame(on);
     };
     requestAnimationFrame(on);

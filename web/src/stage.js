@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The left of the page: the robot, what its colours mean, and what is told of the marked link.
+// The robot, the legend of its colours, and numbers of the chosen link.
 
 import { largestOf } from "./bars.js";
 import { COLOURINGS, K, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";

@@ -12,8 +12,10 @@ export class Stream {
     this.handlers = handlers;
   }
 
-  // An empty link is the end effector.
+  // An empty link is the end effector. The stream of another link goes on until the new one begins.
   open(robot, link, hz) {
+    if (robot !== this.robot) this.#close();
+    this.robot = robot;
     this.url = new URL(`stream?${new URLSearchParams({ robot, link, hz })}`, location.href);
     this.url.protocol = this.url.protocol.replace("http", "ws");
     this.attempts = 0;
@@ -21,14 +23,26 @@ export class Stream {
   }
 
   #connect() {
-    clearTimeout(this.timer);
-    const socket = new WebSocket(this.url);
+    this.next?.close();
+    const socket = (this.next = new WebSocket(this.url));
     socket.binaryType = "arraybuffer";
-    socket.onmessage = ({ data }) => socket === this.socket && this.#receive(data);
-    socket.onclose = ({ code, reason }) => socket === this.socket && this.#lose(reason || "the connection ended", code - 4000);
-    this.socket?.close();
-    this.socket = socket;
+    socket.onmessage = ({ data }) => {
+      if (socket === this.next) {
+        this.socket?.close();
+        [this.socket, this.next] = [socket, null];
+      }
+      if (socket === this.socket) this.#receive(data);
+    };
+    socket.onclose = ({ code, reason }) => {
+      if (socket === (this.next ?? this.socket)) this.#lose(reason || "the connection ended", code - 4000);
+    };
     this.#watch();
+  }
+
+  #close() {
+    this.next?.close();
+    this.socket?.close();
+    this.next = this.socket = null;
   }
 
   #watch() {
@@ -37,8 +51,7 @@ export class Stream {
   }
 
   #lose(reason, status) {
-    this.socket.close();
-    this.socket = null;
+    this.#close();
     this.handlers.lost(reason, status);
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.#connect(), Math.min(LONGEST, SHORTEST * 2 ** this.attempts++));

@@ -8,10 +8,10 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { gunzipSync } from "node:zlib";
-import { barLength, columnsOf as tableColumns, largestOf, together } from "../src/bars.js";
+import { barLength, columnsOf as tableColumns, largestOf } from "../src/bars.js";
 import { csv } from "../src/csv.js";
 import { FLAGS, Layout, shortFields } from "../src/layout.js";
-import { chosenLines, COLOURINGS, largestJoints, othersLine, plotsOf, roundUp } from "../src/quantities.js";
+import { chosenLines, COLOURINGS, othersLine, plotsOf, roundUp } from "../src/quantities.js";
 import { exchange, K, massAlong, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
 import { rowsOf } from "../src/tracks.js";
@@ -125,18 +125,6 @@ test("bars of external torque: of a joint's threshold, or of that of a norm; noi
   assert.equal(COLOURINGS.external.unit(judged), "% of threshold");
 });
 
-test("several joints together: a sum of energies, and of torques the one nearest to its limit", () => {
-  const columns = Object.fromEntries(tableColumns(layout).map((column) => [column.id, column]));
-  const all = [0, 1, 2, 3];
-  assert.deepEqual(together(columns.share, [1, 2, NaN, 4], all), { value: 7, dof: null });
-  assert.deepEqual(together(columns.exchange, [1, -2, Infinity, 4], [0, 1, 2]), { value: -1, dof: null });
-  assert.deepEqual(together(columns.torque, [0.4, -0.9, NaN, 0.8], all), { value: -0.9, dof: 1 });
-  const external = { ...columns.external, thresholds: [10, 1, null, 100] };
-  assert.deepEqual(together(external, [5, 0.9, 80, -70], all), { value: 0.9, dof: 1 });
-  assert.deepEqual(together(external, [5, 0.9, 80, -70], [2]), { value: 80, dof: 2 });
-  assert.ok(Number.isNaN(together(external, [NaN, NaN], [0, 1]).value));
-});
-
 test("colours of energies tell 32 joints apart, and one infinite value spoils no scale", () => {
   const { share: colouring } = COLOURINGS;
   const places = [30, 3, 0.3].map((percent) => placeOf(colouring, percent, roundUp(30)));
@@ -167,8 +155,6 @@ test("of many lines the largest and the selected one, and the others' sum", () =
   assert.deepEqual(chosenLines(plot, sizes, 3, 2), { shown: [0, 2], others: [1, 3, 4] });
   const { get, name } = othersLine(plot, [1, 2, 4]);
   assert.deepEqual([get(), name], [4, "3 others"]);
-  assert.deepEqual(largestJoints(new Float64Array([1, 9, 5, 7]), 2, -1), [1, 3]);
-  assert.deepEqual(largestJoints([1, 9, 5, 7], 2, 0), [0, 1]);
   assert.deepEqual([0, NaN, 1, 1.0001, 1.1, 3, 7, 0.03, 2e300].map(roundUp), [1, 1, 1, 1, 2, 5, 10, 0.05, 2e300]);
 });
 

@@ -36,7 +36,7 @@ test("live, paused, stale, and a recording", () => {
   assert.deepEqual(seen(health, 0, { rate: NaN }), ["good", "Live", ""]);
   assert.deepEqual(seen(health, 0, { paused: true }), ["paused", "Paused", ""]);
   assert.equal(seen(health, FLAGS.late)[1], "Stale");
-  assert.deepEqual(seen(new Health(), FLAGS.estimated, { report: true }), ["told", "Recording", "", "velocities estimated"]);
+  assert.deepEqual(seen(new Health(), FLAGS.estimated, { report: true }), ["recording", "Recording", "", "velocities estimated"]);
   health.arrived -= 5000;
   assert.deepEqual(seen(health), ["bad", "Stale", "the last state is 5.00 s old"]);
 });
@@ -52,11 +52,11 @@ test("notes of a state", () => {
 test("the worst status colours the verdict, without the name of its node", () => {
   const health = healthy();
   const gap = status(1, "/arm/diag_dynamics: rates", "a gap");
-  health.told([status(0, "a", ""), gap, status(2, "diag_dynamics: model", "refused"), status(2, "b", "later")]);
+  health.setDiagnostics([status(0, "a", ""), gap, status(2, "diag_dynamics: model", "refused"), status(2, "b", "later")]);
   assert.deepEqual(health.worst, { level: "bad", text: "model: refused" });
   assert.equal(seen(health)[0], "bad");
-  health.told([status(1, "rates", "")]);
+  health.setDiagnostics([status(1, "rates", "")]);
   assert.deepEqual([health.worst, seen(health)[0]], [{ level: "warn", text: "rates" }, "warn"]);
-  health.told([status(0, "rates", "well")]);
+  health.setDiagnostics([status(0, "rates", "well")]);
   assert.deepEqual([health.worst, seen(health)[0]], [null, "good"]);
 });

@@ -71,16 +71,23 @@ test("attempts become rarer while nothing answers; silence is a loss", () => {
   assert.equal(sockets.length, 9);
 });
 
-test("another link replaces the connection; the end of the old one is no loss", () => {
+test("the stream of another link goes on until the new one begins; its end is no loss", () => {
   const [stream, events] = opened();
+  const beat = { data: '{"heartbeat": {}}' };
+  sockets[0].onmessage(beat);
   stream.open("/arm", "elbow", 50);
   const [old, next] = sockets;
-  assert.ok(old.closed);
+  old.onmessage(beat);
+  assert.deepEqual([old.closed, events.length], [false, 2]);
+  next.onmessage(beat);
+  assert.deepEqual([old.closed, events.length], [true, 3]);
   old.onclose({ code: 1005, reason: "" });
-  old.onmessage({ data: '{"heartbeat": {}}' });
-  assert.deepEqual(events, []);
-  next.onmessage({ data: '{"heartbeat": {}}' });
-  assert.equal(events.length, 1);
+  old.onmessage(beat);
+  assert.equal(events.length, 3);
+  stream.open("/other", "", 50);
+  assert.ok(next.closed);
+  next.onmessage(beat);
+  assert.equal(events.length, 3);
 });
 
 test("five minutes are stored; the same robot keeps them, another one begins anew", () => {
