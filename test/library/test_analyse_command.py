@@ -329,18 +329,15 @@ def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
 
 
 def test_what_makes_the_exit_status_1(table, analyse):
-    """Rejected messages, losses, and efforts without a balance; losses are listed before how columns were read."""
+    """Rejected messages, losses, and efforts without a balance."""
     text = table.read_text().splitlines()
     time, _, rest = text[-1].split(",", 2)
     table.write_text("\n".join([*text[:-1], f"{time},1e9,{rest}"]))
     status, _, said = analyse(table)
     assert status == 1 and "the exit status is 1: 1 message was rejected" in said
-    line = text[50].replace(",", ",nan,", 1).rsplit(",", 1)[0]
-    table.write_text("\n".join([*text[:50], line, *text[51:60], "1,2", *text[60:]]))
+    table.write_text("\n".join([*text[:60], "1,2", *text[60:]]))
     status, out, said = analyse(table)
     assert status == 1 and "part of it could not be read" in said
-    told = out.split("Worth knowing")[1].split("How it was read")
-    assert "rejected: no position" in told[0] and "unread" in told[0] and "time: t." in told[1]
     columns = np.loadtxt(text[1:], delimiter=",")
     columns[:, 0] *= 1e3
     np.savetxt(table, columns, delimiter=",", header=text[0], comments="")
