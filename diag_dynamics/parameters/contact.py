@@ -1,46 +1,41 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of contact, shared by monitor and controller: what is looked at, and limits."""
+"""Parameters of contact, shared by monitor and controller, and the contact points that they select."""
 
 from typing import NamedTuple
 
+from diag_dynamics.contact.geometry import link_geometry
 from diag_dynamics.contact.limits import ContactLimits
 from diag_dynamics.contact.point import ContactPoint
+from diag_dynamics.contact.points import ContactPoints
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.spec import Spec
 
 PARAMETERS = {
     "contact.limits_file": Spec(
-        "",
-        "YAML file of body regions, what they bear, and which of them each link may meet, as you enter them; see "
-        "config/contact_limits.example.yaml. Empty: no limits.",
+        "", "Limits of body regions, see config/contact_limits.example.yaml; empty: no limits."
     ),
     "contact.geometry": Spec(
         "primitives",
-        "Points of links at which contact is looked at: of the URDF's boxes, cylinders, spheres and capsules (primitives), "
-        "also of its meshes, whose files are opened (meshes), or the origins of links and of the joints they carry "
-        "(frames), which links without such shapes have in any case.",
+        "Contact points on primitive shapes, also on meshes, or at origins.",
         choices=("primitives", "meshes", "frames"),
     ),
-    "contact.links": Spec([""], "Links that are looked at; by default all that move."),
-    "contact.points": Spec(
-        [""],
-        "Points that are looked at besides, each as name=link x y z, in the link's axes [m]; and those of limits_file.",
-    ),
+    "contact.links": Spec([""], "Links with contact points; by default all that move."),
+    "contact.points": Spec([""], "Additional contact points, each as name=link x y z in the link's axes [m]."),
     "contact.worst_by": Spec(
-        "limit",
-        "Which point of a link is its worst: that of the largest transferable energy, of the largest force, or that whose "
-        "speed is the largest part of the allowed one (limit), without limits that of the largest energy.",
-        choices=("limit", "energy", "force"),
+        "limit", "Criterion for the reported point of each link.", choices=("limit", "energy", "force")
     ),
 }
-"""Of both nodes."""
+"""Specs by name."""
+
+ENERGY_LIMIT = "contact.energy_limit"
+"""The controller's limit of transferable energy, and the name of its region."""
 
 
-class Wanted(NamedTuple):
-    """What contact is looked at, from the parameters of that name."""
+class ContactOptions(NamedTuple):
+    """Values of the parameters."""
 
     limits: ContactLimits | None
     geometry: str
@@ -49,33 +44,20 @@ class Wanted(NamedTuple):
     worst_by: str
 
     @classmethod
-    def of(cls, values):
-        """What the values ask for.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, or an entry is wrong.
-        """
+    def from_values(cls, values):
+        """Return the options of parameters by name; raise InputError if a file or an entry is wrong."""
         file = values["contact.limits_file"]
         try:
             limits = ContactLimits.load(file) if file else None
         except InputError as error:
             raise InputError(f"parameter 'contact.limits_file': {error}") from None
-        return cls(
-            limits,
-            values["contact.geometry"],
-            tuple(link for link in values["contact.links"] if link),
-            tuple(
-                _point(name, text)
-                for name, text in assignments("contact.points", values["contact.points"], str).items()
-            ),
-            values["contact.worst_by"],
-        )
+        entries = assignments("contact.points", values["contact.points"], str)
+        links = tuple(link for link in values["contact.links"] if link)
+        points = tuple(_parse_point(name, text) for name, text in entries.items())
+        return cls(limits, values["contact.geometry"], links, points, values["contact.worst_by"])
 
 
-def _point(name, text):
-    """A point that an entry of contact.points asks for."""
+def _parse_point(name, text):
     link, *numbers = text.split() or [""]
     try:
         place = tuple(float(number) for number in numbers)
@@ -84,3 +66,44 @@ def _point(name, text):
     if len(place) != 3:
         raise InputError(f"parameter 'contact.points' has {name}={text}, expected name=link x y z [m].")
     return ContactPoint(name, link, place)
+
+
+def contact_points(model, description, options):
+    """Return the ContactPoints of a robot, and the reasons why shapes of links do not count, by link.
+
+    Parameters
+    ----------
+    model : RobotModel
+    description : str or bytes
+        Its URDF, or the path of one.
+    options : ContactOptions
+
+    Raises
+    ------
+    InputError
+        The robot lacks a link, none of the links moves, or meshes cannot be read without trimesh.
+    """
+    if unknown := [link for link in options.links if link not in model.link_names]:
+        raise InputError(f"parameter 'contact.links' names '{unknown[0]}', which is no link of robot '{model.name}'.")
+    if options.links and all(model.placement_in_body(link)[0] == 0 for link in options.links):
+        raise InputError(f"parameter 'contact.links' names no link that moves: '{options.links[0]}' does not.")
+    found = link_geometry(model, description, options.geometry)
+    points = [point for point in found.points if not options.links or point.link in options.links]
+    points += [*options.points, *(options.limits.contact_points() if options.limits else ())]
+    return ContactPoints(model, points, options.limits, options.worst_by), found.left_out
+
+
+def bounded_points(model, description, values):
+    """Return the ContactPoints with limits of a controller's parameters by name; None without any limit."""
+    options, energy = ContactOptions.from_values(values), values[ENERGY_LIMIT]
+    if energy:
+        limits = (options.limits or ContactLimits()).with_energy(energy, ENERGY_LIMIT)
+        options = options._replace(limits=limits)
+    if options.limits is None:
+        return None
+    points, _ = contact_points(model, description, options)
+    if not points.limited.any():
+        raise InputError(
+            "parameter 'contact.limits_file' limits no point of this robot: no region of its links has a limit."
+        )
+    return points

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The model that parameters make of a description."""
+"""Models of the robots of nodes and recordings, by their parameters."""
 
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
@@ -14,62 +14,50 @@ from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 
 def model_of(description, values):
-    """Model of a description, whose every joint ``joint_states`` has a place for.
+    """Return the model of a description; ``joint_states`` has a place for every joint.
 
     Parameters
     ----------
     description : str or bytes
-        URDF; or the path of a URDF, a xacro file, which its arguments may follow, or an MJCF. An MJCF says itself whether its
-        base floats. Its gravity counts where the parameter has its default; its armature where no parameter has another.
+        URDF; or the path of a URDF, a xacro file with its arguments, or an MJCF. An MJCF determines whether the base floats;
+        its gravity counts where the parameter has its default, its armature where no parameter has another.
     values : dict
-        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, of a node that has it.
+        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, if the node has it.
 
     Raises
     ------
     DiagDynamicsError
-        As :func:`load_urdf` and :func:`load_mjcf`; and for a robot with a joint whose state no ROS topic brings.
+        As :func:`load_urdf` and :func:`load_mjcf`; or the state of a joint is on no ROS topic.
     """
     described = read_source(description)
+    own, gravity = described.options, values["gravity"]
     payloads = payloads_of(values["payloads"])
     if payloads:
         links = {link.name for link in read_urdf(described.text, values["max_joints"])[0].links}
         payloads = {link: payload for link, payload in payloads.items() if link in links}
-    velocity = values.get("friction_velocity", FRICTION_VELOCITY)
-    own = described.options
     if values["floating_base"] and not own.get("floating_base", True):
         raise InputError(
             "parameter 'floating_base' is true; expected false, because the MJCF has no free body, or several. "
             "Give the base a <freejoint/>."
         )
-    gravity = values["gravity"]
-    if list(gravity) == PARAMETERS["gravity"].default:
-        gravity = own.get("gravity", gravity)
+    velocity = values.get("friction_velocity", FRICTION_VELOCITY)
     model = loaded(
         described,
         floating_base=own.get("floating_base", values["floating_base"]),
-        gravity=gravity,
-        mimic=values["mimic"],
-        massless=values["massless"],
+        gravity=own.get("gravity", gravity) if list(gravity) == PARAMETERS["gravity"].default else gravity,
         locked_joints=assignments("locked_joints", values["locked_joints"]),
         armature=assignments("armature", values["armature"]),
         payloads=payloads,
-        max_joints=values["max_joints"],
-        max_coupled=values["max_coupled"],
         friction_velocity=None if velocity == FRICTION_VELOCITY else velocity,
         parameters=values["parameters_file"] or None,
+        **{name: values[name] for name in ("mimic", "massless", "max_joints", "max_coupled")},
     )
     require_single_joints(model)
     return model
 
 
 def require_as_made(values):
-    """Refuse parameters that shape a robot, where a model of it is given, which they would not reach.
-
-    Parameters
-    ----------
-    values : dict
-        Values of :data:`~parameters.shared.PARAMETERS`, and `friction_velocity`.
-    """
+    """Refuse parameters that shape a robot, because a RobotModel is given already."""
     defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {"friction_velocity": FRICTION_VELOCITY}
     for name, default in defaults.items():
         if name != "floating_base" and values[name] != default:
@@ -80,7 +68,7 @@ def require_as_made(values):
 
 
 def require_single_joints(model):
-    """Refuse a robot with a joint whose state no ROS topic brings."""
+    """Refuse a robot with a joint whose state is on no ROS topic."""
     if len(model.joint_names) != len(single_joints(model)) + model.floating_base:
         single = set(single_joints(model))
         several = next(name for name in model.joint_names[model.floating_base :] if name not in single)

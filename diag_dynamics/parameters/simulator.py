@@ -1,107 +1,59 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the simulator, all in one table."""
+"""Parameters of the simulator."""
 
-from diag_dynamics.parameters.shared import PARAMETERS as SHARED_PARAMETERS
-from diag_dynamics.parameters.spec import Spec
-
-
-def _once(default, description, **options):
-    return Spec(default, description, read_only=True, **options)
-
-
-PARAMETERS = {
-    "robot_description": _once(
-        "", "URDF, or the path of one or of a xacro file, with NAME:=VALUE behind it; required."
-    ),
-    **SHARED_PARAMETERS,
-    "floating_base": SHARED_PARAMETERS["floating_base"]._replace(
-        description="Whether the root link moves freely; its state goes out on the topic odom."
-    ),
-    "inertia_error": _once(
-        0.0,
-        "Part by which the robot's inertias are off from its URDF, as a real one's are: masses by up to this part, centres "
-        "by up to this part of the radius of gyration, lengths by up to half of it; drawn by chance. Friction and rotors "
-        "that the URDF lacks are in parameters_file.",
-        minimum=0.0,
-        maximum=0.9,
-    ),
-    "inertia_error_seed": _once(0, "Seed of inertia_error, no less than 0: the same one makes the same robot."),
-    "rate": _once(500.0, "joint_states per second of simulated time [Hz].", minimum=1.0, maximum=10000.0),
-    "step": _once(
-        0.001,
-        "Integration step [s]. The time between two joint_states is divided into equal steps no longer than this.",
-        minimum=1e-6,
-        maximum=0.1,
-    ),
-    "order": _once(
-        4,
-        "Order of the integration: 4, or 1 at a tenth of the cost, which a floating base does not take.",
-        choices=(4, 1),
-    ),
-    "motion": _once(
-        "free",
-        "free: as commands and wrenches move it; wave: each joint is driven along a sine wave about the middle of its range, "
-        "and commands are not listened to.",
-        choices=("free", "wave"),
-    ),
-    "limits": _once(
-        "hard",
-        "Position limits of the URDF: stops without rebound (hard), springs with dampers (compliant), or none.",
-        choices=("hard", "compliant", "none"),
-    ),
-    "limit_stiffness": _once(1e4, "Stiffness of compliant limits [N m/rad, N/m].", minimum=1e-6, maximum=1e12),
-    "limit_damping": _once(100.0, "Damping of compliant limits [N m s/rad, N s/m].", minimum=0.0),
-    "command_joints": _once([""], "Joints in the order of a command's entries; by default all, in the robot's order."),
-    "command_timeout": _once(
-        0.0, "How long a command holds in simulated time [s]; 0: until the next one.", minimum=0.0
-    ),
-    "without_command": _once(
-        "zero",
-        "What drives do before the first command and after one has timed out: no effort (zero), or hold the joints by "
-        "brakes of twice the effort limit (brake).",
-        choices=("zero", "brake"),
-    ),
-    "compensates_gravity": _once(
-        False,
-        "Whether drives add what carries the robot's own weight, payloads included, as some vendors' do: to every command, "
-        "and with without_command zero where there is none, too.",
-    ),
-    "wrench_axes": _once(
-        "link",
-        "Axes of external wrenches: those of their link, or of the world.",
-        choices=("link", "world"),
-    ),
-    "wrench_timeout": _once(
-        0.1, "How long a wrench holds in simulated time [s]; 0: until the next one on its link.", minimum=0.0
-    ),
-    "sensor_noise": _once(
-        [0.0, 0.0, 0.0],
-        "Standard deviation of white noise on position [rad, m], velocity [rad/s, m/s] and effort [N m, N].",
-    ),
-    "sensor_resolution": _once(
-        [0.0, 0.0, 0.0], "Steps of position [rad, m], velocity [rad/s, m/s] and effort [N m, N]; 0: none."
-    ),
-    "sensor_delay": _once(0.0, "From a state to its publication, in simulated time [s].", minimum=0.0, maximum=10.0),
-    "sensor_dropped": _once(0.0, "Probability that a message of joint_states is lost.", minimum=0.0, maximum=1.0),
-    "seed": _once(
-        0, "Seed of noise and losses, no less than 0: the same one, and the same joint states, give the same messages."
-    ),
-    "real_time_factor": _once(
-        1.0,
-        "Seconds of simulated time for each of the clock; 0: as fast as can be. But for 1 publish_clock is wanted.",
-        minimum=0.0,
-        maximum=1000.0,
-    ),
-    "publish_clock": _once(False, "Whether simulated time goes out on /clock, for nodes with use_sim_time."),
-    "lockstep": _once(
-        False,
-        "Whether time goes on only by commands: each takes the simulation from one joint state to the next. Implies "
-        "publish_clock.",
-    ),
-}
-"""Specs of all parameters, by name."""
+from diag_dynamics.parameters.shared import PARAMETERS as SHARED
+from diag_dynamics.parameters.shared import ROBOT
+from diag_dynamics.parameters.spec import Spec, fixed
 
 DYNAMIC = ("gravity", "payloads")
 """Parameters that may change while the robot moves."""
+
+SENSORS = "position [rad, m], velocity [rad/s, m/s] and effort [N m, N]"
+
+_FIXED = {
+    "robot_description": Spec("", f"{ROBOT}; required."),
+    **{name: spec for name, spec in SHARED.items() if name not in DYNAMIC},
+    "floating_base": Spec(False, "Whether the root link moves freely; its state is published on odom."),
+    "inertia_error": Spec(0.0, "Maximum relative random error of the simulated inertias.", 0.0, 0.9),
+    "inertia_error_seed": Spec(0, "Seed of inertia_error, at least 0."),
+    "rate": Spec(500.0, "joint_states per second of simulated time [Hz].", 1.0, 10000.0),
+    "step": Spec(0.001, "Maximum integration step [s].", 1e-6, 0.1),
+    "order": Spec(4, "Order of integration: 4, or 1 at a tenth of the cost, for fixed bases only.", choices=(4, 1)),
+    "motion": Spec(
+        "free", "By commands and wrenches (free), or along sine waves about mid-range (wave).", choices=("free", "wave")
+    ),
+    "limits": Spec(
+        "hard",
+        "Position limits: stops without rebound (hard), springs with dampers (compliant), or none.",
+        choices=("hard", "compliant", "none"),
+    ),
+    "limit_stiffness": Spec(1e4, "Stiffness of compliant limits [N m/rad, N/m].", 1e-6, 1e12),
+    "limit_damping": Spec(100.0, "Damping of compliant limits [N m s/rad, N s/m].", 0.0),
+    "command_joints": Spec([""], "Joints in the order of a command's entries; by default all, in the robot's order."),
+    "command_timeout": Spec(0.0, "Time for which a command holds, simulated [s]; 0: until the next one.", 0.0),
+    "without_command": Spec(
+        "zero",
+        "Without a command: zero effort (zero), or brakes of twice the effort limit (brake).",
+        choices=("zero", "brake"),
+    ),
+    "compensates_gravity": Spec(False, "Whether the simulated drives compensate gravity, payloads included."),
+    "wrench_axes": Spec(
+        "link", "Axes of external wrenches: of their link, or of the world.", choices=("link", "world")
+    ),
+    "wrench_timeout": Spec(0.1, "Time for which a wrench holds, simulated [s]; 0: until the next one.", 0.0),
+    "sensor_noise": Spec([0.0, 0.0, 0.0], f"Standard deviation of white noise on {SENSORS}."),
+    "sensor_resolution": Spec([0.0, 0.0, 0.0], f"Steps of {SENSORS}; 0: none."),
+    "sensor_delay": Spec(0.0, "Delay from a state to its publication, simulated [s].", 0.0, 10.0),
+    "sensor_dropped": Spec(0.0, "Probability that a message of joint_states is lost.", 0.0, 1.0),
+    "seed": Spec(0, "Seed of noise and losses, at least 0."),
+    "real_time_factor": Spec(
+        1.0, "Real-time factor; 0: as fast as possible. Values other than 1 require publish_clock.", 0.0, 1000.0
+    ),
+    "publish_clock": Spec(False, "Whether simulated time is published on /clock, for nodes with use_sim_time."),
+    "lockstep": Spec(False, "Whether each command advances time to the next joint state. Implies publish_clock."),
+}
+
+PARAMETERS = fixed(_FIXED) | {name: SHARED[name] for name in DYNAMIC}
+"""Specs by name."""

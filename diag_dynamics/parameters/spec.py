@@ -10,19 +10,25 @@ from diag_dynamics.entries import LARGEST
 
 
 class Spec(NamedTuple):
-    """One parameter: its description says the unit.
-
-    `minimum` and `maximum` bound a float; of a list of floats each one lies within ±`maximum`.
-    """
+    """One parameter: default, description with unit, range of a float or of ±`maximum` for a list, and when it may change."""
 
     default: Any
     description: str
-    read_only: bool = False
     minimum: float | None = None
     maximum: float = LARGEST
     choices: tuple = ()
+    read_only: bool = False
     while_unconfigured: bool = False
-    """Whether a managed node takes another value only before it is configured."""
+
+
+def fixed(specs):
+    """Return specs of parameters that a node reads when it starts."""
+    return {name: spec._replace(read_only=True) for name, spec in specs.items()}
+
+
+def while_unconfigured(specs):
+    """Return specs of parameters that a managed node reads when it is configured."""
+    return {name: spec._replace(read_only=False, while_unconfigured=True) for name, spec in specs.items()}
 
 
 def wrong(name, value, specs):
@@ -30,13 +36,14 @@ def wrong(name, value, specs):
     spec = specs.get(name)
     if spec is None:
         return None
+    is_list = isinstance(spec.default, list) and isinstance(spec.default[0], float)
+    numbers, expected = value if is_list else [value], None
     if spec.choices and value not in spec.choices:
-        return f"parameter '{name}' is {value!r}, expected one of {', '.join(map(str, spec.choices))}"
-    numbers = value if isinstance(spec.default, list) and isinstance(spec.default[0], float) else [value]
-    if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
-        return f"parameter '{name}' is {value!r}, expected finite numbers"
-    if numbers is value and len(numbers) != len(spec.default):
-        return f"parameter '{name}' is {list(value)!r}, expected {len(spec.default)} numbers"
-    if numbers is value and any(abs(number) > spec.maximum for number in numbers):
-        return f"parameter '{name}' is {list(value)!r}, expected numbers within ±{spec.maximum:g}"
-    return None
+        expected = f"one of {', '.join(map(str, spec.choices))}"
+    elif any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+        expected = "finite numbers"
+    elif is_list and len(numbers) != len(spec.default):
+        expected = f"{len(spec.default)} numbers"
+    elif is_list and any(abs(number) > spec.maximum for number in numbers):
+        expected = f"numbers within ±{spec.maximum:g}"
+    return expected and f"parameter '{name}' is {list(value) if is_list else value!r}, expected {expected}"

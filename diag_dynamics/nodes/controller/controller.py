@@ -36,7 +36,7 @@ from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
-from diag_dynamics.parameters.contact_points import bounded_points
+from diag_dynamics.parameters.contact import bounded_points
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
 from diag_dynamics.parameters.spec import Spec
 from diag_dynamics.text import plain

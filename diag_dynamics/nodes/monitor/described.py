@@ -24,7 +24,7 @@ from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, cou
 from diag_dynamics.nodes.support.loading import compile_dynamics
 from diag_dynamics.nodes.support.messages import BytesMaker, MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES
-from diag_dynamics.parameters.contact_points import contact_points
+from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.shared import payloads_of
 
 POSES = 20
