@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Inertia, Vector3, Wrench
 from rcl_interfaces.srv import ListParameters
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -140,6 +141,18 @@ def test_two_publishers_of_the_same_joints(monitor, intruder, panda):
         assert report.values["publishers of /default/joint_states"] == "2: /test, /intruder"
         assert report.level == WARN
     assert report.values["publishers of /default/robot_description"] == "1: /test"
+
+
+def test_two_publishers_of_the_clock(peer, intruder):
+    """Time would jump between theirs: diagnostics name both."""
+    clocks = [(node, node.create_publisher(Clock, "/clock", 10)) for node in (peer.node, intruder)]
+    with Monitor(peer, "/timed", robot_description=robot(PANDA).path, use_sim_time=True) as monitor:
+        peer.pass_time(2.0)
+        report = monitor.reports[-1]
+        assert report.values["publishers of /clock"] == "2: /intruder, /test"
+        assert report.entries["joint states"].message.startswith("several publish /clock")
+    for node, clock in clocks:
+        node.destroy_publisher(clock)
 
 
 # --- requests
