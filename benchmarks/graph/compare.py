@@ -15,7 +15,7 @@ from graph.sweep import Search, search
 
 RATE = 1000.0  # Hz
 WARM_UP = 1.0  # s
-FLOOR, MONITOR = "floor", "monitor"
+FLOOR, BYTES, MONITOR = "floor", "bytes", "monitor"
 QUEUE = 200
 """Joint states that may wait while the highest rate is looked for: else how long the machine stalls decides, not the node."""
 
@@ -65,7 +65,7 @@ def measure(plan):
         A process ended, or the floor's messages are not of the monitor's size.
     """
     private_domain()
-    subjects = [Subject(node, topics) for topics in SETS.values() for node in (FLOOR, MONITOR)]
+    subjects = [Subject(node, topics) for topics in SETS.values() for node in (FLOOR, BYTES, MONITOR)]
     under = [Subject(node, SETS["all"], executor=name) for name in plan.executors for node in (FLOOR, MONITOR)]
     found = Found(defaultdict(list), defaultdict(list), defaultdict(list), defaultdict(dict))
     for k in range(plan.rounds):
@@ -76,7 +76,7 @@ def measure(plan):
                 same_sizes(found.sizes)
                 session.burst(RATE, plan.warm_up)
                 found.steady[subject].append(session.burst(RATE, plan.seconds))
-            if k < plan.searches:
+            if k < plan.searches and subject.node != BYTES:
                 with Session(subject._replace(queue=QUEUE)) as session:
                     found.searched[subject] += search(session, plan.search)
     for k in range(plan.executor_rounds):

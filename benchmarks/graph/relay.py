@@ -11,6 +11,7 @@ left for the garbage collector.
 import contextlib
 import gc
 import json
+import struct
 import sys
 from array import array
 
@@ -38,25 +39,30 @@ class Output:
         names = [name for name, of in kind.get_fields_and_field_types().items() if of == "sequence<double>"]
         self.numbers = [(name, bytes(getattr(self.message, name))) for name in names if getattr(self.message, name)]
 
+    def is_due(self, stamp):
+        """Return whether a message stamped `stamp` [ns] goes out."""
+        if self.period and stamp < self.next:
+            return False
+        self.next = max(self.next + self.period, stamp)
+        return True
+
 
 class Relay(Node):
     """Goes by the monitor's name, so that its topics do, too."""
 
-    def __init__(self, queue, outputs):
+    def __init__(self, queue, outputs, raw=False):
         super().__init__("diag_dynamics")
         self.outputs = [Output(self, *output) for output in outputs]
         best_effort = QoSProfile(depth=queue, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self.create_subscription(JointState, "joint_states", self.take, best_effort)
+        self.create_subscription(JointState, "joint_states", self.take, best_effort, raw=raw)
 
     def take(self, state):
         """Pass one state on."""
         stamp = state.header.stamp
         now = 1_000_000_000 * stamp.sec + stamp.nanosec
         for output in self.outputs:
-            if output.period:
-                if now < output.next:
-                    continue
-                output.next = max(output.next + output.period, now)
+            if not output.is_due(now):
+                continue
             message = output.message
             message.header.stamp = stamp
             for name, numbers in output.numbers:
@@ -64,10 +70,27 @@ class Relay(Node):
             output.publish(message)
 
 
-def main(executor, queue, outputs):
+class BytesRelay(Relay):
+    """Receives and publishes bytes, of which it copies the stamp alone: less no node in rclpy can do."""
+
+    def __init__(self, queue, outputs):
+        super().__init__(queue, outputs, raw=True)
+        for output, (*_, cdr) in zip(self.outputs, outputs, strict=True):
+            output.message = bytearray.fromhex(cdr)
+
+    def take(self, raw):
+        """Pass the stamp of one state on."""
+        sec, nanosec = struct.unpack_from("<iI", raw, 4)
+        for output in self.outputs:
+            if output.is_due(1_000_000_000 * sec + nanosec):
+                output.message[4:12] = raw[4:12]
+                output.publish(bytes(output.message))
+
+
+def main(executor, queue, outputs, kind="Relay"):
     """Relay until a signal."""
     rclpy.init()
-    relay = Relay(int(queue), json.loads(outputs))
+    relay = globals()[kind](int(queue), json.loads(outputs))
     executor = EXECUTORS[executor]()
     executor.add_node(relay)
     gc.collect()

@@ -27,10 +27,14 @@ BUSY = 0.95
 """Part of a core beyond which a process had nothing left, and of all cores beyond which the machine had not."""
 
 
+RELAYS = {"floor": "Relay", "bytes": "BytesRelay"}
+"""Classes of graph.relay by the names of nodes."""
+
+
 class Subject(NamedTuple):
     """What is measured: a node, and who listens to what."""
 
-    node: str  # "floor" or "monitor"
+    node: str  # "floor", "bytes" or "monitor"
     topics: tuple[str, ...]
     robot: str = "xarm7"
     executor: str = "EventsExecutor"
@@ -38,9 +42,9 @@ class Subject(NamedTuple):
 
     def process(self):
         """The node, started."""
-        if self.node == "floor":
+        if self.node in RELAYS:
             wanted = [output for output in prebuilt.outputs(self.robot) if output.topic in self.topics]
-            return Process("graph.relay", self.executor, str(self.queue), json.dumps(wanted))
+            return Process("graph.relay", self.executor, str(self.queue), json.dumps(wanted), RELAYS[self.node])
         parameters = {
             "robot_description": find_urdf(self.robot),
             "qos_overrides./joint_states.subscription.depth": self.queue,
