@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import QoSProfile
 
 from nodes import MS, PANDA, START, Monitor, Truth, assert_close, joint_state, robot
@@ -90,25 +88,6 @@ def test_many_clients_at_once(monitor, panda):
     assert received
     for stamp in received[:: max(1, len(received) // 20)]:
         Truth(panda, *panda.samples[(sent.index(stamp) + 1) % 3][:3]).check_state(states.at(stamp))
-
-
-def test_many_transitions_at_once(peer, panda):
-    """Two hundred requests wait while the first of them loads a robot: all are answered, late ones with success = false."""
-    with Monitor(peer, "/often", autostart=False, robot_description=panda.path) as monitor:
-        queue = QoSProfile(depth=1000)  # a client drops answers that do not fit into its own queue
-        client = peer.node.create_client(ChangeState, f"{monitor.name}/change_state", qos_profile=queue)
-        peer.wait_until(client.service_is_ready, "the service")
-        peer.become_known(monitor.name)
-
-        def answers(labels):
-            futures = [client.call_async(ChangeState.Request(transition=Transition(label=label))) for label in labels]
-            peer.wait_until(lambda: all(future.done() for future in futures), f"{len(futures)} answers", 2 * START)
-            return [future.result().success for future in futures]
-
-        assert all(answers(["configure", *["activate", "deactivate"] * 99, "cleanup"]))
-        assert peer.phase(monitor.name) == "unconfigured"
-        assert answers(["configure"] * 200) == [True] + [False] * 199
-        peer.node.destroy_client(client)
 
 
 def test_many_subscribers(monitor, panda):

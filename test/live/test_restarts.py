@@ -54,19 +54,18 @@ def test_namespaces(peer):
 
 
 SEVERAL = """
-import gc, queue, sys, threading
+import queue, sys, threading
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
-from diag_dynamics.nodes.support.runner import Executor
-from diag_dynamics.nodes.support.start import listen, stop
+from diag_dynamics.nodes.support.runner import Executor, Stop
 
-listen()
+stop = Stop()
 rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
 executor, nodes, orders = Executor(), {}, queue.SimpleQueue()
 threading.Thread(target=lambda: [orders.put(line.split()) for line in sys.stdin], daemon=True).start()
-while not stop.asked:
+while not stop.future.done():
     executor.spin_until_future_complete(Future(), timeout_sec=0.1)
     while not orders.empty():
         order, namespace = orders.get()
@@ -76,9 +75,7 @@ while not stop.asked:
         else:
             executor.remove_node(nodes[namespace])
             nodes.pop(namespace).destroy_node()
-            # The executor lets go of it when it spins, and then an rclpy lifecycle node still refers to itself.
-            executor.spin_until_future_complete(Future(), timeout_sec=0.1)
-            gc.collect()
+            executor.spin_until_future_complete(Future(), timeout_sec=0.1)  # it lets go of the node when it spins
         print("done:", order, namespace, flush=True)
 for node in nodes.values():
     executor.remove_node(node)

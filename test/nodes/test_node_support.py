@@ -276,7 +276,7 @@ def test_kernels_are_compiled_with_a_small_robot(monkeypatch):
     compile_dynamics.cache_clear()
     settings = Settings.of({name: spec.default for name, spec in PARAMETERS.items()})
     model = load_urdf(robot(PANDA).path)
-    assert MonitoredRobot(b"", model, settings, 1).model is model
+    assert MonitoredRobot(robot(PANDA).urdf.encode(), model, settings, 1).model is model
     assert sizes and max(sizes) == 1
 
 

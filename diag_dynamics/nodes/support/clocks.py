@@ -21,12 +21,7 @@ def steady_clock():
 
 
 class NodeTime:
-    """The times that a node reads: ROS time for stamps, steady time for periods and timeouts.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    """
+    """The times that a node reads: ROS time for stamps, steady time for periods and timeouts."""
 
     def __init__(self, node):
         self._clock, self._callbacks = node.get_clock(), []
@@ -58,10 +53,7 @@ class NodeTime:
 
 
 def clock_notes(node, publishes=False):
-    """Return diagnostic values about simulated time, and a list of problems.
-
-    Both are empty for a node that neither uses simulated time nor `publishes` it.
-    """
+    """Return diagnostic values and problems of simulated time; none if a node neither uses nor `publishes` it."""
     if not publishes and not node.get_clock().ros_time_is_active:
         return {}, []
     topic = node.resolve_topic_name(CLOCK)
@@ -74,10 +66,7 @@ def clock_notes(node, publishes=False):
 
 
 def warn_of_time(node, received, foreign):
-    """Warn once of stamps of another time, as those of a recording that is played without a clock.
-
-    `received` counts joint states; `foreign` lists inputs with such stamps, and the node's clock less these [s].
-    """
+    """Warn once of joint states without simulated time, and of `foreign` inputs: name, and clock less stamp [s]."""
     log = node.get_logger()
     if received and not node.get_clock().now().nanoseconds:
         topic = node.resolve_topic_name(CLOCK)

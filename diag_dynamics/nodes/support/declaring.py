@@ -25,25 +25,10 @@ NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
 
 
 class TableNode:
-    """Base of nodes whose parameters are in a table, beside Node or LifecycleNode.
+    """Base of nodes whose parameters are in a table `specs`, beside Node or LifecycleNode.
 
-    Parameters
-    ----------
-    name : str
-    specs : dict
-        :class:`Spec` by name.
-    time : type
-        :class:`NodeTime`, or a subclass whose time a test sets.
-
-    Attributes
-    ----------
-    values : dict
-        Values in force, by name.
-    overrides : dict
-        What the node was started with, by name; names that are in no table among them.
-    time : NodeTime
-    finished : Future
-        Its exception ends the node, see :func:`~diag_dynamics.nodes.support.runner.run`.
+    `values` are those in force by name, `overrides` those that the node was started with, whatever their names. `time` is
+    what the node reads its times from. An exception of the future `finished` ends the node, see :func:`runner.run`.
     """
 
     def __init__(self, name, specs, time=NodeTime, **options):
@@ -89,8 +74,7 @@ def _declare(node, name, spec, specs):
 def convert(name, value, default):
     """Return the value of a parameter with the type of its default, where that is clear; else the value as it is.
 
-    An integer converts to a float. A list without entries has no type. `ros2 param set` sends a list of integers and floats
-    as a text.
+    An empty list has no type, and `ros2 param set` sends a list of integers and floats as a text.
     """
     if isinstance(default, float) and type(value) is int:
         return float(value)
@@ -121,16 +105,9 @@ def _converted(parameter, defaults):
 
 
 def judge(node, specs, take):
-    """Check parameters of a table whenever somebody sets them.
+    """Check parameters of a table whenever somebody sets them, and warn of overrides with unknown names.
 
-    Parameters
-    ----------
-    node : TableNode
-        One with a lifecycle has `is_unconfigured`.
-    specs : dict
-        :class:`Spec` by name.
-    take : callable
-        Called with the new values by name; takes all of them over, or raises and changes nothing.
+    `take` is called with the new values by name; it takes all of them over, or raises and changes nothing.
     """
 
     def check_and_take(parameters):

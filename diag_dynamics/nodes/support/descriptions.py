@@ -24,18 +24,8 @@ THREAD = "description"
 class RobotLoader:
     """Makes something of descriptions in a thread, one after the other; only the newest counts.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    make : callable
-        Called in the thread with the arguments of :meth:`load`; it must not change the node.
-    take : callable
-        Called by the executor with the result of `make`, or its exception, and the arguments of :meth:`load`.
-
-    Attributes
-    ----------
-    loading : str, bytes or None
-        The description that is loaded.
+    The thread calls `make` with the arguments of :meth:`load`; it must not change the node. The executor calls `take` with
+    the result, or the exception, and the same arguments. `loading` is the description that is loaded, or None.
     """
 
     def __init__(self, node, make, take):

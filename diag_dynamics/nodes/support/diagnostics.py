@@ -14,12 +14,7 @@ from rclpy.clock import Clock, ClockType
 from diag_dynamics.compiled.progress import tell_by
 from diag_dynamics.text import plain
 
-OK, WARN, ERROR, STALE = (
-    DiagnosticStatus.OK,
-    DiagnosticStatus.WARN,
-    DiagnosticStatus.ERROR,
-    DiagnosticStatus.STALE,
-)
+OK, WARN, ERROR, STALE = (getattr(DiagnosticStatus, level) for level in ("OK", "WARN", "ERROR", "STALE"))
 
 PERIOD = 1.0
 
@@ -61,15 +56,9 @@ def steady(text):
 
 
 class Diagnostics:
-    """Publishes statuses once a second of steady time: simulated time may stand still.
+    """Publishes what `report` returns, a list of :class:`Status`, once a second of steady time.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    report : callable
-        Returns a list of :class:`Status`.
-    robot : callable
-        Returns the model in force, whose name is that of the hardware, or None.
+    `robot` returns the model in force, whose name is that of the hardware, or None.
     """
 
     def __init__(self, node, report, robot):

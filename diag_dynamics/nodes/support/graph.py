@@ -10,10 +10,7 @@ NOT_YET_KNOWN = "a node not known yet"
 
 
 def publishers(node, subscription, kind):
-    """Return names of the nodes that publish a subscription's topic, and a list of problems.
-
-    `kind` is the type of its messages, as ``sensor_msgs/msg/JointState``.
-    """
+    """Return names of the nodes that publish a subscription's topic, and problems; `kind` is a package/msg/Type."""
     topic, problems = subscription.topic_name, []
     infos = node.get_publishers_info_by_topic(topic)
     names = node_names(infos)

@@ -44,19 +44,10 @@ def attempt(action, *arguments):
 
 
 def answered(node, kind, answer, named=str, keep=()):
-    """Return the callback of a service by which every failure is a response.
+    """Return the callback of a service of a `kind` whose response has `success` and `message`: failures are responses.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    kind : type
-        Of the service; its response has `success` and `message`.
-    answer : callable
-        Called with request and response; returns the message of success, or None.
-    named : callable
-        Puts a message into the request's own words.
-    keep : sequence of str
-        Fields that the response of a failure keeps.
+    `answer` takes request and response, and returns the message of success or None. `named` puts a message into the
+    request's own words. The response of a failure keeps the fields `keep`.
     """
 
     def callback(request, response):

@@ -18,19 +18,8 @@ MAX_WARNINGS = 20
 """Warnings of a robot that are logged one by one."""
 
 COMPILED = (
-    "evaluate",
-    "factors",
-    "forward_dynamics",
-    "inverse_dynamics",
-    "mass_matrix",
-    "bias",
-    "gravity_torque",
-    "contact",
-    "nu_from_qd",
-    "qd_from_nu",
-    "placement",
-    "link_velocity",
-    "wrench_factor",
+    *("evaluate", "factors", "forward_dynamics", "inverse_dynamics", "mass_matrix", "bias", "gravity_torque"),
+    *("contact", "nu_from_qd", "qd_from_nu", "placement", "link_velocity", "wrench_factor"),
 )
 """Methods of DiagonalDynamics that nodes call."""
 
@@ -48,13 +37,7 @@ def compile_dynamics():
 
 
 def text_of(description):
-    """Return the URDF text of a description; see :func:`load_robot`.
-
-    Raises
-    ------
-    DiagDynamicsError
-        The description cannot be read, or is an MJCF.
-    """
+    """Return the URDF text of a description; see :func:`load_robot`."""
     _refuse_mjcf(description)
     return read_source(description).text
 
@@ -68,20 +51,9 @@ def _refuse_mjcf(description):
 
 
 def load_robot(node, description, values):
-    """Return the model of a description, and log its warnings.
+    """Return the model of a description by parameters of a node, and log its warnings; raise as :func:`model_of`.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    description : str or bytes
-        URDF; or the path of a URDF or xacro file, with arguments of xacro behind it.
-    values : dict
-        Values of :data:`~parameters.shared.PARAMETERS`, and `friction_velocity` of a node that has it.
-
-    Raises
-    ------
-    DiagDynamicsError
-        As :func:`model_of`.
+    A description is a URDF, or the path of a URDF or xacro file with arguments of xacro behind it.
     """
     _refuse_mjcf(description)
     node.get_logger().info("Loading a robot.")

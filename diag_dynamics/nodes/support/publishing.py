@@ -23,13 +23,7 @@ def latched():
 
 
 def connected(create, kind, topic, *arguments, **options):
-    """Return the publisher or subscription that `create` makes, with overridable QoS.
-
-    Raises
-    ------
-    InputError
-        The overrides make no sense.
-    """
+    """Return the publisher or subscription that `create` makes with overridable QoS, or raise InputError."""
     try:
         return create(kind, topic, *arguments, qos_overriding_options=OVERRIDABLE, **options)
     except Exception as error:  # rclpy names neither the topic nor the parameter

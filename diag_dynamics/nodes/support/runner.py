@@ -45,16 +45,10 @@ class Stop:
     """SIGINT and SIGTERM end the spinning between two callbacks.
 
     rclpy's own handlers would shut down the context, by which a controller sends its last command.
-
-    Attributes
-    ----------
-    requested : bool
-        Whether a signal has arrived; callbacks that wait look at it.
-    future : Future
-        Done when it has.
     """
 
     requested = False
+    """Whether a signal has arrived; callbacks that wait look at it."""
 
     def __init__(self):
         self.future = Future()
@@ -69,15 +63,10 @@ class Stop:
 
 
 def run(make_nodes, args=None):
-    """Make nodes, spin them in one executor until a signal, and return the exit status.
+    """Spin the node, or the list of nodes, that `make_nodes` imports and makes; return the exit status.
 
-    Parameters
-    ----------
-    make_nodes : callable
-        Returns a node, or a list of nodes, and imports what they need. A node that ends by itself has a future `finished`,
-        whose exception ends the process with status 1.
-    args : list of str, optional
-        Command line with the name of the program; by default that of the process.
+    A signal ends them, or the future `finished` of a node, whose exception is status 1. `args` is a command line with the
+    name of the program, by default that of the process.
     """
     stop, nodes, status = Stop(), [], 0
     try:
@@ -95,14 +84,21 @@ def run(make_nodes, args=None):
         print(plain(f"{type(error).__name__}: {error}"), file=sys.stderr)
         status = 1
     finally:
-        faulthandler.dump_traceback_later(SHUTDOWN_TIMEOUT, exit=True)
-        while nodes:
-            nodes.pop().destroy_node()
-        rclpy.try_shutdown()
-        gc.unfreeze()
-        gc.collect()  # a lifecycle node refers to itself: its participant would stay on the graph
-        faulthandler.cancel_dump_traceback_later()
+        _shut_down(nodes)
     return status
+
+
+def _shut_down(nodes):
+    """Take nodes off the graph, within a time: the middleware may wait for itself."""
+    faulthandler.dump_traceback_later(SHUTDOWN_TIMEOUT, exit=True)
+    cyclic = any(hasattr(node, "trigger_shutdown") for node in nodes)
+    while nodes:
+        nodes.pop().destroy_node()
+    rclpy.try_shutdown()
+    if cyclic:  # a lifecycle node refers to itself, and keeps its participant on the graph
+        gc.unfreeze()
+        gc.collect()
+    faulthandler.cancel_dump_traceback_later()
 
 
 def _init(args):
