@@ -72,9 +72,6 @@ class RobotLoader:
             gc.freeze()
 
 
-Descriptions = RobotLoader  # of the view
-
-
 class _Loading(threading.Thread):
     """One call of `make`; a daemon, so that the process may end meanwhile."""
 

@@ -19,7 +19,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.options import warnings_told
 from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque
-from diag_dynamics.nodes.support.descriptions import Descriptions
+from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.names import NODES
@@ -73,7 +73,7 @@ class RobotSubscription:
             String, self._topic, self._receive_description, latched
         )
         self._client = node.create_client(GetParameters, f"{monitor}/get_parameters")
-        self._loader = Descriptions(node, self._load_robot, self._take_robot)
+        self._loader = RobotLoader(node, self._load_robot, self._take_robot)
         self._description = self._values = self._loaded = (
             None  # of the topic; of the monitor; both of the model in force
         )
