@@ -20,7 +20,6 @@ import robots
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN
 from diag_dynamics.parameters.monitor import PARAMETERS
 from floating import SOLO, FloatingMonitor
-from joint_state_messages import joint_state as encoded
 from nodes import (
     LATCHED,
     MS,
@@ -31,7 +30,6 @@ from nodes import (
     Monitor,
     S,
     Truth,
-    assert_close,
     description,
     joint_state,
     nanoseconds,
@@ -89,40 +87,11 @@ def test_at_rest(monitor, panda):
     assert not any(coriolis.coriolis_unnormalized)
 
 
-def test_arm_and_gripper_apart(monitor, panda):
-    """Two publishers: every message brings a state of the newest values, also one older than the other's last."""
-    before, at_arm = monitor.now, monitor.tick(100 * MS)
-    published = monitor.feed(panda.message(at_arm, panda.samples[1], ARM))
-    mixed(panda, ARM, 1, 0).check(published, at_arm)
-    assert nanoseconds(published["state"].oldest_stamp) == before
-
-    monitor.forget()
-    at_gripper = at_arm - 30 * MS
-    monitor.publish(panda.message(at_gripper, panda.samples[1], [FINGER]))
-    state = monitor.topics["state"].at(at_arm)  # the newest stamp stands
-    assert nanoseconds(state.oldest_stamp) == at_gripper
-    Truth(panda, *panda.samples[1][:3]).check({"state": state}, at_arm)
-
-
-def test_age_limits(monitor, panda):
-    """`joint_timeouts` holds for single joints, `joint_timeout` for the others; 0 is no limit."""
-    before = monitor.now
-    with monitor.having(joint_timeouts=[f"{FINGER}=2.0"]):
-        for _ in range(4):
-            stamp = monitor.tick(450 * MS)
-            published = monitor.feed(panda.message(stamp, panda.samples[1], ARM), ["state"])
-            mixed(panda, ARM, 1, 0).check(published, stamp)
-            assert nanoseconds(published["state"].oldest_stamp) == before
-    with monitor.having(joint_timeout=0.0):
-        state = monitor.feed(panda.message(monitor.tick(3600 * S), panda.samples[0], ARM))["state"]
-    assert nanoseconds(state.oldest_stamp) == before
-
-
-@pytest.mark.parametrize("missing", ["empty", "NaN", "one NaN", "effort_available"])
+@pytest.mark.parametrize("missing", ["empty", "one NaN", "effort_available"])
 def test_without_effort(monitor, panda, missing):
     """What needs efforts is flagged and empty; all else is there."""
     q, qd, tau, _ = panda.samples[2]
-    effort = {"empty": [], "NaN": [math.nan] * len(tau), "one NaN": [*tau[:-1], math.nan]}.get(missing, tau)
+    effort = {"empty": [], "one NaN": [*tau[:-1], math.nan]}.get(missing, tau)
     available = [f"{JOINT}=false"] if missing == "effort_available" else ["*=true"]
     with monitor.having(effort_available=available):
         stamp = monitor.tick()
@@ -184,14 +153,6 @@ def test_estimated_velocity(monitor, panda, absent):
     monitor.serves(panda)
 
 
-def test_big_endian(monitor, panda):
-    """A state from a machine of the other byte order is served as any other."""
-    stamp = monitor.tick()
-    monitor.publish(encoded(panda.names, *panda.samples[2][:3], stamp, order=">"))
-    published = {topic: seen.at(stamp) for topic, seen in monitor.topics.items()}
-    Truth(panda, *panda.samples[2][:3]).check(published, stamp)
-
-
 # --- time
 
 
@@ -203,34 +164,6 @@ def test_without_stamp(monitor, panda):
     Truth(panda, *panda.samples[1][:3]).check(published, now)
     assert published["state"].stamp_is_receive_time
     assert nanoseconds(published["state"].oldest_stamp) == now
-
-
-def test_the_last_stamp(monitor, panda):
-    """Stamps count seconds in 32 bits; the last one is of January 2038."""
-    before, monitor.now = monitor.now, (2**31 - 2) * S + 999 * MS
-    monitor.serves(panda)
-    monitor.now = before
-    monitor.reload()
-
-
-def test_recording_in_a_loop(monitor, panda):
-    """Where it starts over one message is lost, all joints are forgotten, and no value of before is part of a state."""
-    before = monitor.next_report()
-    start = monitor.tick()
-    for _ in range(2):
-        monitor.now = start - 500 * S
-        monitor.publish(panda.message(monitor.now, panda.samples[2]))
-        monitor.publish(panda.message(monitor.tick(MS), panda.samples[1], ARM))
-        stamp = monitor.tick(100 * MS)
-        published = monitor.feed(panda.message(stamp, panda.samples[1], [FINGER]))
-        Truth(panda, *panda.samples[1][:3]).check(published, stamp)
-        assert nanoseconds(published["state"].oldest_stamp) == stamp - 100 * MS
-        assert monitor.topics["state"].stamps == [stamp]
-        monitor.now = start
-        monitor.serves(panda)
-        monitor.forget()
-    expected = {"published": 4, "time jumped back": 2, "incomplete": 2, "rejected: stamp from the past": 2}
-    assert monitor.next_report().since(before) == expected | {"received": 8}
 
 
 def test_recording_without_simulated_time(peer, panda):
