@@ -30,6 +30,7 @@ from nodes import (
     Monitor,
     S,
     Truth,
+    assert_close,
     description,
     joint_state,
     nanoseconds,
