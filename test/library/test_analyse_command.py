@@ -389,6 +389,8 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
     summary = json.loads(analyse(bag, "--parameters", file, "--json", "-")[1])
     known = {"gain": 10.0, "threshold": 0.5, "judged": [], "missing": [], "observed": COUNT - 1, "says": ""}
     assert summary["observer"] == known and summary["collisions"]
+    threshold = ("--set", "external_torque.threshold=0.5", "--gain", 10)
+    assert json.loads(analyse(bag, *threshold, "--json", "-")[1])["observer"] == known
     config = Path(__file__).parents[2] / "config" / "monitor.yaml"
     assert analyse(bag, "--parameters", config, "--quiet")[0] == UNJUDGED
     dd.Parameters(joints={"panda_joint1": dd.JointParameters(armature=0.8)}).save(arm)

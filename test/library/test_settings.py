@@ -88,6 +88,7 @@ BY_JOINT = "joint_timeouts", "effort_available", "effort_scale", "effort_include
         (["effort_available", "effort_includes_gravity"], (["elbow=1"], ["elbow=no"]), "name=true or name=false"),
         (["joint_timeouts", "armature", "alarm.joints"], (["elbow=1", " elbow =1"],), "two entries for 'elbow'"),
         (["effort_scale"], (["elbow=0"],), "expected another number"),
+        (["contact.points"], (["tip=elbow 1 2"], ["tip=elbow 1 2 x"]), "expected name=link x y z"),
         (BY_JOINT[:1] + BY_JOINT[2:3], (["knee=2"],), "names 'knee'"),
         (BY_JOINT[1:2] + BY_JOINT[3:], (["knee=true"],), "names 'knee'"),
         (
@@ -136,6 +137,17 @@ def test_thresholds(warn, error, warn_share, error_share, expected):
     with pytest.raises(InputError) as refusal:
         Settings.of(DEFAULTS | values)
     assert all(text in str(refusal.value) for text in (expected, "2 J", "1 J"))
+
+
+def test_threshold_of_the_end_of_a_collision():
+    """Half of the threshold by default; that of alarm.norm times alarm.release with alarms."""
+    gain = {"external_torque.gain": 25.0}
+    own, alarms = ({"external_torque.threshold": 4.0}, {"alarm.norm": 4.0, "alarm.release": 0.75})
+    observations = [Settings.of(DEFAULTS | gain | values).observation for values in (own, alarms)]
+    assert [(one.threshold, one.release) for one in observations] == [(4.0, 2.0), (4.0, 3.0)]
+    for values, text in ((own | alarms, "expected one of both"), (alarms | {"external_torque.gain": 0.0}, "is 0")):
+        with pytest.raises(InputError, match=text):
+            Settings.of(DEFAULTS | gain | values)
 
 
 def test_share_thresholds():
