@@ -311,6 +311,18 @@ def test_lines(peer, make_robot, capsys):
     node.destroy_node()
 
 
+def test_a_pipe_that_nobody_reads(peer, monkeypatch):
+    """It ends the node, as in `top | head -1`."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "w") as pipe:
+        monkeypatch.setattr(top.sys, "stdout", pipe)
+        node = peer.graph.add(top.Top, lines=True)
+        peer.pass_time(1.5)
+    assert node.finished.done()
+    node.destroy_node()
+
+
 @pytest.mark.parametrize(
     "arguments", ["--rate 0", "--rate nan", "--duration -1", "--state /no-topic", "--state relative"]
 )

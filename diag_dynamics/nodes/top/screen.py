@@ -26,23 +26,26 @@ WIDE, MAX_SILENCE, NEAR = 60, 1.0, 0.7
 """Columns of a wide terminal; time without a state that is an error [s]; fraction of a limit that is near."""
 
 
-class Chart:
-    """Magnitudes over time from zero to a scale, as blocks of one or several lines."""
+class Charts:
+    """Magnitudes over time as blocks, from zero to a scale; one chart of `height` lines for each column of values."""
 
-    def __init__(self, values, scale, style="", height=1):
-        self.values, self.scale, self.style, self.height = values, scale or 1.0, style, height
+    def __init__(self, values, scales, styles, height=1):
+        self.values, self.scales, self.styles, self.height = values, scales, styles, height
 
     def __rich_measure__(self, console, options):
         return Measurement(1, options.max_width)
 
     def __rich_console__(self, console, options):
         begins = np.linspace(0, len(self.values), options.max_width, endpoint=False).astype(int)
-        values, most = np.fmax.reduceat(self.values, begins), 8 * self.height
-        levels = np.nan_to_num(np.clip(np.ceil(most * values / self.scale), 1, most)).astype(int)
-        characters = LETTERS if options.ascii_only else BLOCKS
-        for row in reversed(range(self.height)):
-            line = "".join(characters[level] for level in np.clip(levels - 8 * row, 0, 8))
-            yield Text(line, self.style, no_wrap=True)
+        most, scales = 8 * self.height, np.where(self.scales, self.scales, 1.0)
+        levels = np.ceil(most * np.fmax.reduceat(self.values, begins) / scales)
+        levels = np.nan_to_num(np.clip(levels, 1, most)).astype(int)
+        characters = np.array(list(LETTERS if options.ascii_only else BLOCKS))
+        yield _lines(
+            Text("".join(characters[np.clip(column - 8 * row, 0, 8)]), style)
+            for column, style in zip(levels.T, self.styles, strict=True)
+            for row in reversed(range(self.height))
+        )
 
 
 class View:
@@ -137,30 +140,30 @@ class View:
         grid.add_column(justify="right", style="dim", no_wrap=True, width=12)
         grid.add_column(ratio=1)
         labels = "\n".join([number(scale), label, *[""] * (height - 3), "0"])
-        grid.add_row(labels, Chart(values, scale, _style(most, 1.0 if limited else math.inf), height))
+        style = _style(most, 1.0 if limited else math.inf)
+        grid.add_row(labels, Charts(values[:, None], [scale], [style], height))
         return grid
 
     def _table(self, robot, rows, wide):
-        q, quantity = self.quantity, QUANTITIES[self.quantity]
-        last, limits, order = robot.last[q], robot.limits[q], self._order(robot)
-        values = self._recent(robot.values[:, q])
-        limited = bool(np.isfinite(limits).any())
+        q, quantity, order = self.quantity, QUANTITIES[self.quantity], self._order(robot)
         self.scroll = min(self.scroll, max(0, len(order) - rows))
         shown = order[self.scroll : self.scroll + rows]
-        scale = robot.external_scale() if q == EXTERNAL else 0.0
-        scale = np.nanmax(values[:, shown], initial=scale)
-        headings = [f"{quantity.symbol} {quantity.unit}", *["peak"] * wide, *[f"of {quantity.limit}"[:9]] * limited]
+        last, limits, values = robot.last[q, shown], robot.limits[q, shown], self._recent(robot.values[:, q, shown])
+        fractions = np.abs(last) / limits
+        styles = [_style(*pair) for pair in zip(fractions, limits, strict=True)]
+        names = [_name(robot.names[k], 30 if wide else 12) for k in shown]
+        columns = {f"joint, {SORTS[self.sort]}" if wide else "joint": names}
+        columns[f"{quantity.symbol} {quantity.unit}"] = map(Text, map(number, last), styles)
+        if wide:
+            columns["peak"] = map(Text, map(number, robot.peak[q, shown]))
+        if np.isfinite(robot.limits[q]).any():
+            texts = [f"{100 * fraction:.0f} %" if fraction > 0.0 else "" for fraction in fractions]
+            columns[f"of {quantity.limit}"[:9]] = map(Text, texts, styles)
         hidden = f", {len(shown)} of {len(order)} joints" if len(shown) < len(order) else ""
-        window = f"{quantity.name}, {WINDOWS[self.window]} s{hidden}"
-        table = _make_table(f"joint, {SORTS[self.sort]}" if wide else "joint", headings, window)
-        for k in shown:
-            fraction = abs(last[k]) / limits[k]
-            style = _style(fraction, limits[k])
-            cells = [Text(number(last[k]), f"bold {style}"), *[number(robot.peak[q, k])] * wide]
-            cells += [Text(f"{100 * fraction:.0f} %" if limits[k] < math.inf else "", style)] * limited
-            chart = Chart(values[:, k], limits[k] if limits[k] < math.inf else scale, style)
-            table.add_row(_name(robot.names[k], 30 if wide else 12), *cells, chart)
-        return table
+        scale = robot.external_scale() if q == EXTERNAL else 0.0
+        scales = np.where(np.isfinite(limits), limits, np.nanmax(values, initial=scale))
+        charts = Charts(values, scales, styles)
+        return _make_table(columns, f"{quantity.name}, {WINDOWS[self.window]} s{hidden}", charts)
 
     def _order(self, robot):
         size, limits = np.abs(robot.last[self.quantity]), robot.limits[self.quantity]
@@ -169,29 +172,36 @@ class View:
         return np.argsort(-np.nan_to_num(key), kind="stable")
 
     def _overview(self, robots, now):
-        table = _make_table("robot", ["K J", "peak", "Hz"], f"kinetic energy, {WINDOWS[self.window]} s")
-        for robot in robots:
-            if not robot.names:
-                table.add_row(_name(robot.title, 30), "", "", "0")
-                continue
-            energies = self._recent(robot.energies)
-            style = "bold red" if robot.alarm or robot.silence(now) > MAX_SILENCE else "cyan"
-            numbers = number(robot.energy), number(robot.energy_peak), str(robot.rate(now))
-            chart = Chart(energies, np.nanmax(energies, initial=0.0), style)
-            table.add_row(_name(robot.title, 30), *(Text(text, style) for text in numbers), chart)
-        return table
+        robots = [robot for robot in robots if robot.names]
+        styles = ["bold red" if robot.alarm or robot.silence(now) > MAX_SILENCE else "cyan" for robot in robots]
+        columns = {
+            "robot": [_name(robot.title, 30) for robot in robots],
+            "K J": [Text(number(robot.energy)) for robot in robots],
+            "peak": [Text(number(robot.energy_peak)) for robot in robots],
+            "Hz": [Text(str(robot.rate(now))) for robot in robots],
+        }
+        values = np.array([self._recent(robot.energies) for robot in robots]).T
+        charts = Charts(values, np.nanmax(values, axis=0), styles) if robots else ""
+        return _make_table(columns, f"kinetic energy, {WINDOWS[self.window]} s", charts)
 
 
 def _line(*parts):
     return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
 
 
-def _make_table(first, headings, last):
+def _lines(texts):
+    lines = Text("\n", no_wrap=True).join(texts)
+    lines.no_wrap = True
+    return lines
+
+
+def _make_table(columns, heading, charts):
+    """Return a table of one row: rich takes its time for each cell."""
     table = Table(box=None, padding=(0, 1, 0, 0), expand=True, header_style="dim underline")
-    table.add_column(first, no_wrap=True)
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True, min_width=7)
-    table.add_column(last, ratio=1, no_wrap=True)
+    for k, name in enumerate(columns):
+        table.add_column(name, justify="right" if k else "left", no_wrap=True, min_width=7)
+    table.add_column(heading, ratio=1, no_wrap=True)
+    table.add_row(*(_lines(cells) for cells in columns.values()), charts)
     return table
 
 

@@ -76,14 +76,14 @@ class Top(Node):
         self._topics, self._robots, self._paused = topics, {}, None
         self._view, self._live = View(note), None
         self._end = self.time.steady() + duration
-        if not lines:
-            self._live = Live(console=make_console(), screen=True, auto_refresh=False)
-            self._keyboard = Keyboard()
-            self._live.start()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._find_robots()
         self.create_timer(1.0, self._find_robots, clock=steady)
         self.create_timer(1.0 if lines else 1.0 / rate, self._print if lines else self._draw, clock=steady)
+        if not lines:
+            self._live = Live(console=make_console(), screen=True, auto_refresh=False)
+            self._live.start()
+            self._keyboard = Keyboard()
 
     @property
     def has_states(self):
@@ -134,10 +134,14 @@ class Top(Node):
         self._finish_if(view.quit or now > self._end)
 
     def _print(self):
-        now = self.time.steady()
-        for robot in self._shown():
-            print(plain(line_of(robot, now)), flush=True)
-        self._finish_if(now > self._end)
+        now, closed = self.time.steady(), False
+        try:
+            for robot in self._shown():
+                print(plain(line_of(robot, now)), flush=True)
+        except BrokenPipeError:
+            closed = True
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at its end
+        self._finish_if(closed or now > self._end)
 
     def _finish_if(self, condition):
         if condition and not self.finished.done():
@@ -153,7 +157,8 @@ class Top(Node):
 
 
 def make_console(**options):
-    """Return a console that interprets nothing of the text."""
+    """Return a console that interprets nothing of the text, and replaces what its terminal cannot show."""
+    sys.stdout.reconfigure(errors="replace")
     return Console(markup=False, emoji=False, highlight=False, **options)
 
 
