@@ -114,6 +114,10 @@ SOURCES = {
         _at(EACH, _near, then=GOOD),
         _at([time + 5 * MS for time in EACH], _pose, GOOD, GOOD, then=ELSEWHERE),
     ),
+    "zeros while small motions go on and half a second beyond": (
+        _at(EACH[:100], _near, then=GOOD),
+        _at([time + 5 * MS for time in EACH], _pose, GOOD, GOOD, *[ELSEWHERE] * 147, then=GOOD),
+    ),
     "small motions at the stamps of zeros": (
         _at(EACH, _near, then=GOOD),
         _at(EACH, _pose, {"also": INTERLEAVED}, {"also": INTERLEAVED}, then=ELSEWHERE),
