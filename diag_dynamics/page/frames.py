@@ -101,14 +101,14 @@ class FrameMaker:
                 **self._powers(states),
                 "gravity_torque": self._rows("tau_from_epsilon", states.q, states.gravity),
                 "link_energy": energies,
-                "torque_norm": np.linalg.norm(np.atleast_2d(states.external_torque), axis=1),
+                "torque_norm": np.sqrt(np.square(states.external_torque).sum(axis=-1)),
                 "coriolis_work": _coriolis_work(states.nu, states.coriolis),
                 "flags": _flags(states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12),
             }
-            for field in layout.fields:
-                value = computed.get(field.name)
-                value = np.asarray(np.nan if value is None else value)
-                x[:, layout.place(field.name)] = value[:, None] if value.ndim == 1 else value
+            x[:] = np.nan
+            for name, value in computed.items():
+                if value is not None and value is not np.nan and name in layout.places:
+                    x[:, layout.places[name]] = value[:, None] if np.ndim(value) == 1 else value
         return frames
 
     def chosen(self, q, nu, link):
@@ -134,14 +134,16 @@ class FrameMaker:
         nu, friction = states.nu, np.zeros(len(states.t))
         if self._dynamics.model.has_friction:
             friction = -_dot(states.qd, self._rows("friction_torque", states.qd))
-        t, K = (np.append(before, x) for before, x in zip(self._before, (states.t, states.K), strict=True))
-        self._before = t[-1], K[-1]
-        step, change = np.diff(t), np.diff(K)
+        changes = np.empty((2, len(states.t)))
+        for change, before, x in zip(changes, self._before, (states.t, states.K), strict=True):
+            change[0], change[1:] = x[0] - before, x[1:] - x[:-1]
+        self._before = states.t[-1], states.K[-1]
+        step, change = changes
         return {
             "p_effort": np.nan if states.epsilon is None else _dot(nu, states.epsilon),
             "p_gravity": -_dot(nu, states.gravity),
             "p_friction": friction,
-            "p_external": _dot(nu, np.broadcast_to(states.residual, np.shape(nu))),
+            "p_external": np.nan if np.ndim(states.residual) == 0 else _dot(nu, states.residual),
             "dK": np.where((step > 0.0) & (step <= GAP), change / step, np.nan),
         }
 
@@ -155,17 +157,16 @@ class FrameMaker:
 
 
 def _flags(states, same_model):
-    effort = np.nan if states.effort is None else states.effort
     is_set = {
         "velocity_estimated": states.velocity_estimated,
-        "effort_missing": np.isnan(np.atleast_2d(effort)).any(axis=1),
+        "effort_missing": states.effort is None or np.isnan(states.effort).any(axis=1),
         "no_external_torque": np.isnan(states.norm),
         "collision": states.collision,
-        "late": np.asarray(states.latency) > MAX_DELAY,
+        "late": np.greater(states.latency, MAX_DELAY),
         "receive_time": states.receive_time,
         "other_model": ~same_model,
     }
-    return sum(CAUSES[name] * np.asarray(flag, dtype=int) for name, flag in is_set.items())
+    return sum(CAUSES[name] * flag for name, flag in is_set.items())
 
 
 def _coriolis_work(nu, coriolis):

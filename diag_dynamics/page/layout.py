@@ -70,6 +70,8 @@ class Layout:
     Attributes
     ----------
     fields : tuple of Field
+    places : dict of str to slice
+        Place of each field in a frame.
     size, common : int
         Numbers of a frame, and those before the fields of a chosen link.
     dtype : numpy.dtype
@@ -83,13 +85,9 @@ class Layout:
         rows = [(name, counts[of] * each, of, unit) for of, each, unit, names in FIELDS for name in names.split()]
         self.fields = tuple(Field(*row) for row in rows)
         ends = [0, *np.cumsum([field.size for field in self.fields]).tolist()]
-        self._places = {field.name: slice(*ends[k : k + 2]) for k, field in enumerate(self.fields)}
-        self.size, self.common = ends[-1], self._places[CHOSEN[0]].start
+        self.places = {field.name: slice(*ends[k : k + 2]) for k, field in enumerate(self.fields)}
+        self.size, self.common = ends[-1], self.places[CHOSEN[0]].start
         self.dtype = np.dtype([("t", "<f8"), ("numbers", "<f4", (self.size,))])
-
-    def place(self, name):
-        """Return the place of a field in a frame."""
-        return self._places[name]
 
     def to_json(self, scene=None, thresholds=None, frames_only=0):
         """Return all that a page needs before the first frame, as JSON.

@@ -82,10 +82,10 @@ def _pack_track(layout: Layout, t: Array, numbers: Any, names: Any, *precision: 
     numbers = np.array(numbers, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         for name in LOGARITHMIC:
-            numbers[:, layout.place(name)] = np.log10(numbers[:, layout.place(name)])
+            numbers[:, layout.places[name]] = np.log10(numbers[:, layout.places[name]])
     blocks, parts = [pack_times(t)], []
     for every, fields in names.items():
-        columns = np.concatenate([np.arange(layout.size)[layout.place(name)] for name in fields])
+        columns = np.concatenate([np.arange(layout.size)[layout.places[name]] for name in fields])
         packed = pack(numbers[::every, columns], *(precision if every == 1 else ()))
         parts.append({"fields": fields, "every": every, "columns": packed.columns})
         blocks.append(packed.data)

@@ -183,11 +183,11 @@ class PageServer:
                 beat, about = now + 1.0, {"link": new.link, "hz": 1.0 / period, "streams": self.streams}
                 news["heartbeat"] = json.dumps(robot.about() | about)
                 await ws.send_str("{" + ", ".join(f'"{name}": {text}' for name, text in news.items()) + "}")
-            if new.number == number or not new.frame:
-                await asyncio.sleep(0.25 * period)
-                continue
-            await ws.send_bytes(new.frame)
-            number, due = new.number, max(due + period, now)
+            if new.frame and new.number != number:
+                await ws.send_bytes(new.frame)
+                number, due = new.number, max(due + period, now)
+            else:
+                due = now + 0.25 * period  # from then on in step with the states
             await asyncio.sleep(due - time.monotonic())
 
 

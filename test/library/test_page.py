@@ -92,7 +92,7 @@ def some(model, count=1, seed=3):
 
 
 def value(frame, layout, name):
-    return frame["numbers"][..., layout.place(name)]
+    return frame["numbers"][..., layout.places[name]]
 
 
 @pytest.fixture(scope="module")

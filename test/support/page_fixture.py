@@ -123,8 +123,8 @@ def _tracks(dyn):
     blocks, tracks = [], []
     for make, t in ((overview, np.arange(6.0)), (full_rate, 2.5 + 0.01 * np.arange(21))):
         numbers = np.tile(row, (len(t), 1))
-        numbers[:, maker.layout.place("K")] = 10.0 * t[:, None]
-        numbers[:, maker.layout.place("link_energy")] = t[:, None]
+        numbers[:, maker.layout.places["K"]] = 10.0 * t[:, None]
+        numbers[:, maker.layout.places["link_energy"]] = t[:, None]
         track = make(maker.layout, t, numbers)
         tracks.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
         blocks += track.blocks

@@ -100,7 +100,7 @@ class ReportOutput:
             evaluated = evaluated.with_contact(self._dynamics.contact_batch(evaluated.q, evaluated.qd, self._points))
         numbers, layout = np.array(self._maker.frames(evaluated)["numbers"]), self._maker.layout
         for name, power in zip(POWERS, mean_powers(states).T, strict=True):
-            numbers[:, layout.place(name).start] = power
+            numbers[:, layout.places[name].start] = power
         link = end_effector_link(self._reading.model)
         for k in range(0, len(numbers), every):
             numbers[k, layout.common :] = self._maker.chosen(evaluated.q[k], evaluated.nu[k], link)
