@@ -12,7 +12,7 @@ from pathlib import Path
 from diag_dynamics.nodes import demo
 from diag_dynamics.nodes.top import top
 
-WIDTH, HEIGHT = 100, 28
+WIDTH, HEIGHT = 100, 26
 
 
 class RecordedTop(top.Top):

@@ -19,7 +19,7 @@ WINDOWS = 5, 10, 30, 60
 """Times that charts show [s]."""
 
 SORTS = "base to tip", "by value", "by peak", "by limit"
-KEYS = "q quit  1-6 quantity  s sort  r reset  space pause  +- time  ↑↓ scroll  tab o all"
+KEYS = "q quit  1-6 values  s sort  r reset  space pause  +- time  ↑↓ scroll  tab o all"
 BLOCKS, LETTERS = " ▁▂▃▄▅▆▇█", " .:-=+*#@"
 
 WIDE, MAX_SILENCE, NEAR = 60, 1.0, 0.7
@@ -115,7 +115,7 @@ class View:
         if robot.alarm:
             lines.append(_line((f"ALARM {plain(robot.alarm)}", "bold red")))
         rows = height - len(lines) - 1
-        tall = min(max(rows - len(robot.names), rows // 4), rows // 2, 20)
+        tall = min(max(rows - len(robot.names), rows // 4), 20)
         if tall >= 3:
             lines.append(self._chart(robot, tall))
             rows -= tall
@@ -158,8 +158,8 @@ class View:
             columns["peak"] = map(Text, map(number, robot.peak[q, shown]))
         if np.isfinite(robot.limits[q]).any():
             texts = [f"{100 * fraction:.0f} %" if fraction > 0.0 else "" for fraction in fractions]
-            columns[f"of {quantity.limit}"[:9]] = map(Text, texts, styles)
-        hidden = f", {len(shown)} of {len(order)} joints" if len(shown) < len(order) else ""
+            columns["of limit" if wide else "%"] = map(Text, texts, styles)
+        hidden = f", {len(shown)} of {len(order)}" if len(shown) < len(order) else ""
         scale = robot.external_scale() if q == EXTERNAL else 0.0
         scales = np.where(np.isfinite(limits), limits, np.nanmax(values, initial=scale))
         charts = Charts(values, scales, styles)
