@@ -19,9 +19,6 @@ ARGUMENT = re.compile(r"([A-Za-z_][\w.-]*):=(.*)", re.S)
 
 _WITH_ARGUMENTS = re.compile(r"(?P<path>.*?)\s+(?P<arguments>[A-Za-z_][\w.-]*:=.*)", re.S)
 
-ASSIGNMENT = re.compile(r"[A-Za-z_][\w.-]*=.*", re.S)
-"""What is easily written instead of it."""
-
 LARGEST = 1e9
 """Largest number that a parameter takes, but for those that say otherwise."""
 
@@ -123,8 +120,7 @@ def arguments_of(words):
     for word in words:
         match = ARGUMENT.fullmatch(word)
         if match is None:
-            hint = f" Write {word.replace('=', ':=', 1)}." if ASSIGNMENT.fullmatch(word) else ""
-            raise InputError(f"The xacro argument is {word!r}; expected NAME:=VALUE.{hint}")
+            raise InputError(f"The xacro argument is {word!r}; expected NAME:=VALUE.")
         name, value = match.groups()
         if values.get(name, value) != value:
             raise InputError(f"The xacro argument '{name}' is {values[name]!r} and {value!r}; expected one value.")

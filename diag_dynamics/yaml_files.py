@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -54,16 +53,3 @@ def parsed_yaml(text: str, what: str) -> Any:
 def yaml_text(content: Any) -> str:
     """YAML of plain dicts, lists, texts and numbers, in their order; every number is read back with the same bits."""
     return require("yaml", "writing YAML").safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
-
-
-def as_yaml(value: Any) -> str:
-    """Return the value of a parameter as text of a parameter file."""
-    if isinstance(value, list):
-        return "[" + ", ".join(f'"{entry}"' if isinstance(entry, str) else as_yaml(entry) for entry in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and "e" in repr(value) and "." not in repr(value):
-        return repr(value).replace("e", ".0e")  # YAML 1.1 takes 1e-06 for text
-    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_]\w*", value):
-        return f'"{value}"'
-    return str(value)

@@ -22,7 +22,6 @@ from diag_dynamics.entries import LARGEST  # noqa: E402
 from diag_dynamics.nodes.support.names import NODES  # noqa: E402
 from diag_dynamics.nodes.support.topics import TOPICS  # noqa: E402
 from diag_dynamics.parameters.controller import COMPENSATES, WHY_REQUIRED  # noqa: E402
-from diag_dynamics.yaml_files import as_yaml  # noqa: E402
 
 COMMAND = "make docs-tables"
 
@@ -40,6 +39,19 @@ CHANGES = {
 def parameters_of(node):
     """Specs of a node's parameters, by name."""
     return import_module(f"diag_dynamics.parameters.{node}").PARAMETERS
+
+
+def as_yaml(value):
+    """Value of a parameter as text of a parameter file."""
+    if isinstance(value, list):
+        return "[" + ", ".join(f'"{entry}"' if isinstance(entry, str) else as_yaml(entry) for entry in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and "e" in repr(value) and "." not in repr(value):
+        return repr(value).replace("e", ".0e")  # YAML 1.1 takes 1e-06 for text
+    if isinstance(value, str) and not re.fullmatch(r"[A-Za-z_]\w*", value):
+        return f'"{value}"'
+    return str(value)
 
 
 # --- Markdown ---

@@ -37,4 +37,5 @@ def run(chosen):
         print(text, end="")
     else:
         Path(chosen.output).expanduser().write_text(text, encoding="utf-8")
+        common.report_written(chosen.output)
     return common.DONE

@@ -25,7 +25,7 @@ import diag_dynamics as dd
 from bags import urdf_of
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli import compile as compiling
-from diag_dynamics.cli.main import COMMANDS, LIBRARY, main
+from diag_dynamics.cli.main import COMMANDS, LIBRARY, NODES, main
 from diag_dynamics.inspection import CHECKS, SEVERITIES
 
 ROOT = Path(__file__).parents[2]
@@ -113,6 +113,7 @@ def test_help_lists_every_command(run):
         status, out, _ = run([name, "--help"])
         assert status == 0 and f"usage: diag-dynamics {name}" in out
         assert ("exit status: 0" in out) == (name in ("analyse", "calibrate", "identify", "inspect"))
+    assert all((ROOT / "scripts" / name).is_file() for name in NODES)
     assert re.fullmatch(r"diag_dynamics \d+\.\d+\.\d+\n", run("--version")[1])
 
 
