@@ -3,14 +3,10 @@
 
 """Compressed numbers and meshes of a report: differences of 16 bits, byte planes, gzip."""
 
-from __future__ import annotations
-
 import gzip
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-
-from diag_dynamics.arrays import Array
 
 LEVELS = 65_000
 """Maximum number of different values of a column."""
@@ -23,14 +19,13 @@ CELLS = 96, 64, 44, 30, 20, 14
 
 
 class Packed(NamedTuple):
-    """Columns as bytes."""
+    """Columns as bytes; of each the value of 1, and the step. 0 is unknown."""
 
-    columns: list[list[float]]
-    """Value of 1 and step of each column; 0 is unknown."""
+    columns: list
     data: bytes
 
 
-def pack(numbers: Any, levels: int = LEVELS, of_noise: float = 0.0) -> Packed:
+def pack(numbers, levels=LEVELS, of_noise=0.0):
     """Pack a matrix, shape (T, k), column by column. Numbers that are not finite are unknown.
 
     A column is rounded to `levels` values between its minimum and maximum, or to steps of the fraction `of_noise` of the
@@ -47,7 +42,7 @@ def pack(numbers: Any, levels: int = LEVELS, of_noise: float = 0.0) -> Packed:
     return Packed(columns, _compress(b"".join(planes)))
 
 
-def _scale(known: Array, levels: int, of_noise: float) -> tuple[float, float]:
+def _scale(known, levels, of_noise):
     """Return the smallest number and the step from one value to the next."""
     if not len(known):
         return 0.0, 1.0
@@ -58,12 +53,12 @@ def _scale(known: Array, levels: int, of_noise: float) -> tuple[float, float]:
     return low, max((high - low) / levels, of_noise * noise, np.finfo(float).tiny)
 
 
-def pack_times(t: Array) -> bytes:
+def pack_times(t):
     """Pack times [s] that do not decrease, to the microsecond."""
     return _compress(_difference_planes(np.maximum.accumulate(np.rint(np.asarray(t) * 1e6)).astype("<u8")))
 
 
-def _difference_planes(whole: Any) -> bytes:
+def _difference_planes(whole):
     """Return first differences of unsigned integers, with the sign in the lowest bit: lowest bytes, then the next ones."""
     bits = 8 * whole.itemsize - 1
     differences = np.diff(whole, prepend=np.zeros(1, whole.dtype))  # they wrap around
@@ -71,14 +66,11 @@ def _difference_planes(whole: Any) -> bytes:
     return zigzag.view(np.uint8).reshape(-1, whole.itemsize).T.tobytes()
 
 
-def _compress(data: bytes) -> bytes:
+def _compress(data):
     return gzip.compress(data, 6, mtime=0)
 
 
-# --- Meshes ---
-
-
-def pack_mesh(data: bytes, cells: int | None = None) -> bytes:
+def pack_mesh(data, cells=None):
     """Pack a mesh of :class:`~diag_dynamics.page.meshes.MeshLibrary`; with fewer vertices where `cells` are given."""
     vertices, triangles = map(int, np.frombuffer(data, "<u4", 2))
     points = np.frombuffer(data, "<f4", 3 * vertices, 8).reshape(-1, 3)
@@ -93,7 +85,7 @@ def pack_mesh(data: bytes, cells: int | None = None) -> bytes:
     return _compress(sizes.tobytes() + scale.tobytes() + planes)
 
 
-def pack_meshes(meshes: dict[str, bytes], most: int) -> dict[str, bytes]:
+def pack_meshes(meshes, most):
     """Pack meshes, by hash, into at most so many bytes: the largest ones lose vertices, or are left out in the end."""
     packed = {sha: pack_mesh(data) for sha, data in meshes.items()}
     for cells in (*CELLS, None):
@@ -107,7 +99,7 @@ def pack_meshes(meshes: dict[str, bytes], most: int) -> dict[str, bytes]:
     return packed
 
 
-def _thin_out(points: Array, faces: Any, places: Array) -> tuple[Array, Any]:
+def _thin_out(points, faces, places):
     """Replace vertices of one cell by their mean, and drop faces that have two of them."""
     _, cell = np.unique(np.floor(places).astype(np.int64), axis=0, return_inverse=True)
     cell = cell.ravel()

@@ -3,19 +3,15 @@
 
 """The report of a recording: the page, and all that it shows, in one HTML file that needs no server and no network."""
 
-from __future__ import annotations
-
 import base64
 import json
-from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.page.layout import CHOSEN, Layout
+from diag_dynamics.page.layout import CHOSEN
 from diag_dynamics.page.packing import LEVELS, pack, pack_times
 
 STATIC = Path(__file__).parent / "static"
@@ -49,35 +45,27 @@ FULL_RATE_LEVELS, OF_NOISE = 16_000, 1.0 / 3.0
 class Track(NamedTuple):
     """Some states of a recording in the order of time: their description for the page, and their packed numbers."""
 
-    about: dict[str, Any]
-    blocks: list[bytes]
+    about: dict
+    blocks: list
 
     @property
-    def size(self) -> int:
+    def size(self):
         """Bytes of the blocks."""
         return sum(map(len, self.blocks))
 
 
-def overview(layout: Layout, t: Array, numbers: Any) -> Track:
-    """Return the Track of states that stand for the whole recording.
-
-    Parameters
-    ----------
-    layout : Layout
-    t : ndarray, shape (T,)
-        Times after the beginning of the recording [s].
-    numbers : ndarray, shape (T, layout.size)
-    """
+def overview(layout, t, numbers):
+    """Return the Track of states that stand for the whole recording: times after its beginning [s], and a row each."""
     return _pack_track(layout, t, numbers, {1: [field.name for field in layout.fields]}, LEVELS)
 
 
-def full_rate(layout: Layout, t: Array, numbers: Any) -> Track:
-    """Return the Track of all states of some seconds; parameters as of :func:`overview`."""
+def full_rate(layout, t, numbers):
+    """Return the Track of all states of some seconds, as :func:`overview`."""
     names = {1: [field.name for field in layout.fields if field.name not in SLOW], EVERY: list(SLOW)}
     return _pack_track(layout, t, numbers, names, FULL_RATE_LEVELS, OF_NOISE)
 
 
-def _pack_track(layout: Layout, t: Array, numbers: Any, names: Any, *precision: Any) -> Track:
+def _pack_track(layout, t, numbers, names, *precision):
     """Pack the fields of each entry of `names` of every so many states."""
     numbers = np.array(numbers, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -92,32 +80,20 @@ def _pack_track(layout: Layout, t: Array, numbers: Any, names: Any, *precision: 
     return Track({"rows": len(t), "logarithmic": LOGARITHMIC, "parts": parts}, blocks)
 
 
-def page_of(static: Path = STATIC) -> list[str]:
-    """Script, style and licences of the page.
-
-    Raises
-    ------
-    InputError
-        The page has not been built.
-    """
+def page_of(static=STATIC):
+    """Return script, style and licences of the page; raise an InputError if it has not been built."""
     try:
         return [(static / name).read_text(encoding="utf-8") for name in ("page.js", "page.css", "licences.txt")]
     except OSError as error:
         raise InputError(f"The page is not there: {error}. In a checkout, `make page` builds it.") from error
 
 
-def as_text(size: int) -> int:
+def as_text(size):
     """Return the characters that so many bytes take."""
     return 4 * -(-size // 3)
 
 
-def write_report(
-    path: str | Path,
-    content: Mapping[str, Any],
-    tracks: Iterable[Track],
-    meshes: Mapping[str, bytes],
-    static: Path = STATIC,
-) -> None:
+def write_report(path, content, tracks, meshes, static=STATIC):
     """Write a report.
 
     Parameters
@@ -131,15 +107,9 @@ def write_report(
         Of the scene, packed, by their hashes.
     static : Path
         Folder of the page.
-
-    Raises
-    ------
-    InputError
-        The page has not been built.
     """
     script, style, licences = page_of(static)
-    blocks: list[bytes] = []
-    about = []
+    blocks, about = [], []
     for track in tracks:
         about.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
         blocks += track.blocks

@@ -23,7 +23,7 @@ export class Layout {
     this.dofs = json.dofs;
     this.short = shortNames(json.dofs);
     this.links = json.links;
-    this.scene = json.scene ?? { links: json.links.map((name) => ({ name, visuals: [] })), bounds: null };
+    this.scene = json.scene ?? { links: json.links.map((name) => ({ name, visuals: [] })) };
     this.limits = json.limits ?? {};
     this.thresholds = json.thresholds ?? {};
     this.fields = new Map();

@@ -20,10 +20,12 @@ export class Robot extends Group {
     this.byName = new Map();
     this.meshes = new Map();
     this.missing = 0;
-    this.bone = THICK * sizeOf(layout.scene);
     this.pending = 0;
+    const placements = layout.tree.placements(layout.scene.rest ?? [], 0) ?? [];
+    const box = new Box3().setFromPoints(placements.map((placement) => new Vector3(...placement.slice(12, 15))));
+    this.bone = THICK * Math.max(0.05, 0.5 * box.getSize(new Vector3()).length());
     for (const link of layout.scene.links) this.add(this.#link(link, load, changed));
-    this.updateMatrixWorld();
+    this.place(placements);
   }
 
   #link(link, load, changed) {
@@ -91,9 +93,12 @@ export class Robot extends Group {
     return true;
   }
 
+  // The box around all shapes; around origins of links, too, while meshes are loaded.
   get bounds() {
     this.updateMatrixWorld(true);
-    return new Box3().setFromObject(this);
+    const box = new Box3().setFromObject(this);
+    for (const link of this.children) if (link.children.length || this.pending) box.expandByPoint(new Vector3().setFromMatrixPosition(link.matrixWorld));
+    return box;
   }
 
   dispose() {
@@ -105,11 +110,6 @@ export class Robot extends Group {
 }
 
 const UP = new Vector3(0, 1, 0); // of three's cylinders
-
-// Half the diagonal of the box around a robot [m].
-function sizeOf({ bounds }) {
-  return bounds ? Math.max(0.05, 0.5 * Math.hypot(...bounds[1].map((x, k) => x - bounds[0][k]))) : 0.5;
-}
 
 function put(group, geometry, matrix) {
   const mesh = new Mesh(geometry, group.userData.material);

@@ -17,7 +17,7 @@ const MAX_PAUSE = 200; // [ms]
 const FROM = new Vector3(1, -1.25, 0.55).normalize(); // the camera, as seen from the robot
 const FRACTION = 0.9; // of the picture that the robot takes
 const HEAD = 4; // [rem] above it, for words
-const CELLS = 96; // of the floor, along a side
+const MAX_CELLS = 120; // of the floor, along a side
 const GROWTH_PERIOD = 500; // [ms] between two checks whether the robot has left the picture
 
 export class Scene3D {
@@ -45,10 +45,10 @@ export class Scene3D {
     fill.position.set(-2, 1.5, 0.5);
     this.sun = sun;
     this.lights = new Group().add(sun, sun.target, fill); // in units of the robot's size, about its centre
-    this.grid = new GridHelper(CELLS, CELLS);
+    this.grid = new GridHelper(2, 2);
     this.grid.material.vertexColors = false;
     this.grid.rotation.x = Math.PI / 2;
-    this.ground = new Mesh(new PlaneGeometry(CELLS, CELLS), new ShadowMaterial({ opacity: 0.2, fog: true }));
+    this.ground = new Mesh(new PlaneGeometry(MAX_CELLS, MAX_CELLS), new ShadowMaterial({ opacity: 0.2, fog: true }));
     this.ground.receiveShadow = true;
     this.marks = new Marks();
     // The worst point of contact: a ball with a rim, seen through the robot.
@@ -118,10 +118,8 @@ export class Scene3D {
 
   // Camera and floor by the box around the robot; the floor at its lowest point.
   frame(camera = true) {
-    const given = this.layout?.scene.bounds;
-    let bounds = this.posed && !this.robot.pending ? this.robot.bounds : new Box3();
-    if (bounds.isEmpty() && given) bounds = new Box3(...given.map((corner) => new Vector3(...corner)));
-    if (bounds.isEmpty()) bounds.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
+    const bounds = this.robot?.bounds ?? new Box3();
+    if (bounds.isEmpty() || bounds.min.equals(bounds.max)) bounds.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
     this.#fit(bounds, camera);
   }
 
@@ -159,6 +157,9 @@ export class Scene3D {
     const { size, centre, reached, sun } = this;
     const decade = 10 ** Math.floor(Math.log10(size));
     const cell = decade * (size / decade >= 4 ? 1 : 0.5);
+    this.grid.geometry.dispose();
+    const cells = 2 * Math.ceil((6 * size) / cell); // lines that begin far behind the camera are not drawn
+    this.grid.geometry = new GridHelper(cells, cells).geometry;
     for (const [part, depth] of [[this.grid, 1e-3], [this.ground, 2e-3]]) {
       part.scale.setScalar(cell);
       part.position.set(Math.round(centre.x / cell) * cell, Math.round(centre.y / cell) * cell, reached.min.z - depth * size);

@@ -26,29 +26,18 @@ from diag_dynamics.text import plain
 COLD, HOT = np.array([0.55, 0.60, 0.66]), np.array([0.84, 0.37, 0.0])
 """Tints of a link without energy and of one that has all of it; the color-blind can tell them apart."""
 
-MIN_ENERGY = 1e-3
-"""Energy [J] added to K where shares are compared with it: a robot at rest is cold."""
+LIFETIME, HORIZON = 2, 0.5
+"""Time after which a viewer deletes markers, and after which a link would be at the end of its arrow [s]."""
 
-LIFETIME = 2
-"""Time after which a viewer deletes a marker that is not published again [s]."""
+MIN_ENERGY, MIN_RESIDUAL = 1e-3, 0.1
+"""Energy added to K where shares are compared with it [J], and |r| of a joint in a contact, as a fraction of the largest."""
 
-MIN_RESIDUAL = 0.1
-"""Minimum |r| of a joint that takes part in a contact, as a fraction of the largest one."""
-
-HORIZON = 0.5
-"""Time after which the origin would be at the end of the arrow [s]."""
-
-MAX_HALF_AXIS = 0.2
-"""Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach."""
-
-MIN_REACH = 0.05
-"""Minimum reach of a robot [m]: all links may be at one place."""
+MAX_HALF_AXIS, MIN_REACH = 0.2, 0.05
+"""Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach, and minimum reach [m]."""
 
 
 class MarkerMaker:
-    """Makes the MarkerArray of states of one robot; its message is the same object each time.
-
-    Everything is in the frame of the root link: a viewer with this fixed frame needs no tf.
+    """Makes the MarkerArray of states of one robot, in the frame of its root link; always the same message object.
 
     Parameters
     ----------
@@ -72,7 +61,7 @@ class MarkerMaker:
         model, q, bodies = dynamics.model, dynamics.model.neutral, dynamics.model.bodies
         self.link = link or end_effector_link(model)
         self.reach = max(MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values()))
-        largest = float(np.linalg.eigvalsh(self._mobility(q)).max(initial=0.0))
+        largest = float(self._mobility(q)[0].max(initial=0.0))
         self.scale = MAX_HALF_AXIS * self.reach / np.sqrt(largest) if largest > 0.0 else 0.0
         self._names, self._link_of_dof = [plain(name) for name in model.dof_names], links_of_dofs(model)
         self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
@@ -115,8 +104,8 @@ class MarkerMaker:
         return {name: from_world @ X for name, X in placed.items()}
 
     def _mobility(self, q):
-        """Return the linear part of JM⁻¹Jᵀ in the link's axes [1/kg]."""
-        return self._dynamics.operational_inverse_inertia(q, self.link)[:3, :3]
+        """Return eigenvalues [1/kg] and axes of the linear part of JM⁻¹Jᵀ in the link's axes."""
+        return np.linalg.eigh(self._dynamics.operational_inverse_inertia(q, self.link)[:3, :3])
 
     def _tint(self, fractions):
         """Tint each link by the fraction of K of the joint that moves it."""
@@ -133,7 +122,7 @@ class MarkerMaker:
     def _move(self, X, state):
         """Place ellipsoid and arrow at a link's placement; return the line about its velocity."""
         q, R, origin, ellipsoid = state.position, X[:3, :3], X[:3, 3], X.copy()
-        values, axes = np.linalg.eigh(self._mobility(q))
+        values, axes = self._mobility(q)
         half_axes = np.maximum(self.scale * np.sqrt(np.maximum(values, 0.0)), 5e-4 * self.reach)  # never flat
         ellipsoid[:3, :3] = R @ axes * half_axes
         placement, diameters = _sphere(ellipsoid)
@@ -208,15 +197,11 @@ def _resource(file, folder):
 
 
 def _marker(namespace, kind, size, color=(0.0, 0.0, 0.0, 1.0)):
-    return Marker(
-        ns=namespace,
-        type=kind,
-        action=Marker.ADD,
-        pose=Pose(orientation=Quaternion(w=1.0)),
-        scale=_vector(size),
-        color=ColorRGBA(**dict(zip("rgba", color, strict=True))),
-        lifetime=Duration(sec=LIFETIME),
-    )
+    marker = Marker(ns=namespace, type=kind, action=Marker.ADD, lifetime=Duration(sec=LIFETIME))
+    marker.pose.orientation = Quaternion(w=1.0)
+    marker.scale = _vector(size)
+    marker.color = ColorRGBA(**dict(zip("rgba", color, strict=True)))
+    return marker
 
 
 def _point(x):

@@ -128,8 +128,7 @@ class ReportOutput:
             scene = scene_of(self._reading.model, described, library)
         except UrdfError:
             return None, {}
-        hashes = {visual["mesh"] for link in scene["links"] for visual in link["visuals"]} - {None}
-        return scene, pack_meshes({sha: library.data(sha) for sha in sorted(hashes)}, MAX_MESHES)
+        return scene, pack_meshes(library.meshes, MAX_MESHES)
 
     def _contact_points(self):
         """Return ContactPoints, None if there are none, and the number of links without a shape."""
