@@ -26,8 +26,7 @@ from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.effort_controller import joints_of_controller
 from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, ManagedNode
-from diag_dynamics.nodes.controller.record import Record, problems_of_limits, values_of_loop
-from diag_dynamics.nodes.controller.status import status_message
+from diag_dynamics.nodes.controller.record import Record, problems_of_limits, status_message, values_of_loop
 from diag_dynamics.nodes.support.clocks import clock_notes, steady_clock
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
@@ -41,7 +40,7 @@ from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQ
 from diag_dynamics.parameters.spec import Spec
 from diag_dynamics.text import plain
 
-COMMANDS = "effort_controller/commands"
+COMMANDS, SCALE = "effort_controller/commands", "contact_scale"
 
 WATCHES = 4
 """How often in the largest age of a state the node looks whether it has got too old."""
@@ -131,9 +130,9 @@ class ControllerNode(ManagedNode):
                 lambda message: loop.take_trajectory(*received.trajectory(message, names), self.time.now()),
             ),
             (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
+            (Float64, SCALE, lambda message: loop.take_scale(message.data, self.time.now())),
         ):
-            self._subscribe(kind, topic, self._target_taker(topic, take), QoSProfile(depth=1))
-        self._subscribe(Float64, "contact_scale", self._take_scale, QoSProfile(depth=1))
+            self._subscribe(kind, topic, partial(self._take_target, topic, take), QoSProfile(depth=1))
         # Simulated time where the node uses it; else a clock that nobody sets, as it might stand still for hours.
         clock = self.get_clock() if self.get_clock().ros_time_is_active else steady_clock()
         self._watch = self.create_timer(self.values["max_state_age"] / WATCHES, self._look, clock=clock)
@@ -297,7 +296,7 @@ class ControllerNode(ManagedNode):
         self._send(sent.effort)
         if sent.lost:
             self._record.refuse("targets given up", sent.lost)
-            self.get_logger().warning(sent.lost, throttle_duration_sec=1.0)
+            self.get_logger().warning(plain(sent.lost), throttle_duration_sec=1.0)
         self._record.command(now, sent, self._loop, self.values["max_state_age"])
         if self._status.get_subscription_count() and self._status_limit.due(now):
             self._status.publish(status_message(self._loop, sent))
@@ -307,32 +306,22 @@ class ControllerNode(ManagedNode):
 
     # --- Targets and modes
 
-    def _target_taker(self, topic, take):
-        def callback(message):
-            if self.phase != ACTIVE:
-                return
-            _, fault = attempt(self._take_target, topic, take, message)
-            if fault is None:
-                self._record.counts[f"{topic} taken"] += 1
-                self.get_logger().debug(f"{topic} taken")
-                return
-            self._record.refuse(f"{topic} refused", fault.reason)
-            self.get_logger().debug(f"{topic} refused: {fault.reason}")
-            self.get_logger().warning(f"Refused on {topic}: {fault.reason}", throttle_duration_sec=1.0)
-
-        return callback
-
     def _take_target(self, topic, take, message):
-        self._loop.require(topic)  # before a long message is read
-        take(message)
-
-    def _take_scale(self, message):
         if self.phase != ACTIVE:
             return
-        _, fault = attempt(self._loop.take_scale, message.data, self.time.now())
-        if fault:
-            self._record.refuse("contact_scale refused", fault.reason)
-            self.get_logger().warning(f"Refused on contact_scale: {fault.reason}", throttle_duration_sec=1.0)
+        _, fault = attempt(self._check_and_take, topic, take, message)
+        if fault is None:
+            self._record.counts[f"{topic} taken"] += 1
+            self.get_logger().debug(f"{topic} taken")
+            return
+        self._record.refuse(f"{topic} refused", fault.reason)
+        self.get_logger().debug(f"{topic} refused: {fault.reason}")
+        self.get_logger().warning(f"Refused on {topic}: {fault.reason}", throttle_duration_sec=1.0)
+
+    def _check_and_take(self, topic, take, message):
+        if topic != SCALE:
+            self._loop.require(topic)  # before a long message is read
+        take(message)
 
     def _switch(self, mode, *_):
         if self.phase != ACTIVE:

@@ -59,30 +59,24 @@ class ManagedNode(TableNode, LifecycleNode):
         undo()
         return FAILURE
 
-    def on_configure(self, state):
-        """See rclpy."""
+    def on_configure(self, state):  # noqa: D102
         return self._transition(self.configure, self.clean_up, INACTIVE, "not configured")
 
-    def on_activate(self, state):
-        """See rclpy."""
+    def on_activate(self, state):  # noqa: D102
         return self._transition(self.activate, self.deactivate, ACTIVE, "not activated")
 
-    def on_deactivate(self, state):
-        """See rclpy."""
+    def on_deactivate(self, state):  # noqa: D102
         self.deactivate()
         self.phase = INACTIVE
         return SUCCESS
 
-    def on_cleanup(self, state):
-        """See rclpy."""
+    def on_cleanup(self, state):  # noqa: D102
         return self._leave(UNCONFIGURED)
 
-    def on_shutdown(self, state):
-        """See rclpy."""
+    def on_shutdown(self, state):  # noqa: D102
         return self._leave(FINALIZED)
 
-    def on_error(self, state):
-        """See rclpy; the node can be configured again."""
+    def on_error(self, state):  # noqa: D102
         return self._leave(UNCONFIGURED)
 
     def _leave(self, phase):

@@ -1,25 +1,19 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Targets as they arrive in messages: their form is checked, and joints are put into the robot's order."""
+"""Targets of messages: checked, and with joints in the robot's order. What is wrong raises InputError."""
 
 import numpy as np
 
 from diag_dynamics.control.trajectory import Waypoints
 from diag_dynamics.exceptions import InputError
 
-MOST_POINTS = 2000
+MAX_POINTS = 2000
 """Points that one trajectory may have."""
 
 
 def pose(message, model):
-    """Link, position [m] in its axes and quaternion x y z w of a PoseStamped.
-
-    Raises
-    ------
-    InputError
-        No such link, or a position that is not finite.
-    """
+    """Return link, position [m] in its axes and quaternion x y z w of a PoseStamped."""
     link, p, o = message.header.frame_id, message.pose.position, message.pose.orientation
     if link not in model.link_names:
         raise InputError(
@@ -32,13 +26,7 @@ def pose(message, model):
 
 
 def set_point(message, names):
-    """Positions of all joints [rad, m], in the order of `names`, of a JointState, in any order.
-
-    Raises
-    ------
-    InputError
-        A joint is missing, unknown or listed twice, or its position is missing or not finite; or it is to move there.
-    """
+    """Return the positions of all joints [rad, m] of a JointState, in the order of `names`; the robot rests there."""
     order = _order("set_point.name", message.name, names)
     if len(message.position) != len(names):
         raise InputError(f"set_point.position has {len(message.position)} entries, expected {len(names)}.")
@@ -52,25 +40,15 @@ def set_point(message, names):
 
 
 def trajectory(message, names):
-    """Waypoints of a JointTrajectory, in the order of `names`, and when it starts [ns]; 0: with the first state.
-
-    Raises
-    ------
-    InputError
-        A joint is missing, unknown or listed twice; there are no points, or too many; a point has no positions, another
-        length, or efforts; or the stamp is no time.
-    """
-    order, points, stamp = (
-        _order("trajectory.joint_names", message.joint_names, names),
-        message.points,
-        message.header.stamp,
-    )
+    """Return the waypoints of a JointTrajectory in the order of `names`, and its start [ns]; 0: with the first state."""
+    order = _order("trajectory.joint_names", message.joint_names, names)
+    points, stamp = message.points, message.header.stamp
     if not points:
         raise InputError(
-            "trajectory.points is empty: there is nothing to follow. To rest where the robot is, choose the mode anew."
+            "trajectory.points is empty; expected a point. To rest where the robot is, choose the mode anew."
         )
-    if len(points) > MOST_POINTS:
-        raise InputError(f"trajectory.points has {len(points)} entries, expected at most {MOST_POINTS}.")
+    if len(points) > MAX_POINTS:
+        raise InputError(f"trajectory.points has {len(points)} entries, expected at most {MAX_POINTS}.")
     if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
         raise InputError("trajectory.header.stamp is no time.")
     times = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points])
@@ -89,7 +67,7 @@ def trajectory(message, names):
 
 
 def _order(what, listed, names):
-    """Where each of the robot's joints is listed."""
+    """Return where each of the robot's joints is listed."""
     for k, name in enumerate(listed):
         if name not in names:
             raise InputError(f"{what} has '{name}', which is no joint to control: {', '.join(names)}.")
@@ -102,10 +80,7 @@ def _order(what, listed, names):
 
 
 def _field(points, name, order):
-    """What the points say in one field, shape (points, nv), zero where they say nothing, and which of them say it.
-
-    All points at once: a long trajectory must not hold up the loop.
-    """
+    """Return one field of all points, shape (points, nv), zero where it is empty, and which points have it."""
     values, width = [getattr(point, name) for point in points], len(order)
     lengths = np.array([len(one) for one in values])
     given = lengths > 0

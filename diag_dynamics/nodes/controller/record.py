@@ -1,29 +1,26 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the controller says on /diagnostics of the law in force, of its commands and of what it is told."""
+"""The controller's reports: its status message, and law, commands and inputs on /diagnostics."""
 
 from collections import Counter
 
+from diag_dynamics.control import PoseError
 from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
+from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted, shortened, steady
+from diag_dynamics.nodes.support.messages import doubles, to_time
 
 ROUNDING = 1.0 + 1e-6
-"""How many times its bound an energy has to be to be above it."""
+"""Factor on its bound above which an energy exceeds it."""
 
 _OF_COMMANDS = ("commands", "commands limited", "stalls")
 
 
 class Record:
-    """What has happened, in all and since the last report.
-
-    Attributes
-    ----------
-    counts : Counter
-        In all, by what has happened.
-    """
+    """What has happened, in all (`counts`) and since the last report."""
 
     def __init__(self):
         self.counts, self._told = Counter(), Counter()
@@ -33,16 +30,16 @@ class Record:
         self.begin()
 
     def begin(self):
-        """Have the next command be the first one."""
+        """Take the next command for the first one."""
         self._last_sent, self._acted = None, False
 
     def refuse(self, key, reason):
-        """Something was refused, or given up."""
+        """Count a rejection, or a target that was aborted."""
         self.counts[key] += 1
         self._last_refusal = reason
 
     def command(self, now, sent, loop, max_gap):
-        """Something was sent at a time [ns]; a gap beyond `max_gap` [s] is a stall."""
+        """Count a command sent at a time [ns]; a gap beyond `max_gap` [s] is a stall."""
         supervisor = loop.supervisor
         if self._acted and supervisor.phase != IN_FORCE:
             self.counts["holds"] += 1
@@ -62,13 +59,13 @@ class Record:
             self._above = max(self._above, (bound.seen.energy - bound.seen.limit, bound.seen.link))
 
     def take_recent(self):
-        """Return what has been counted since this was asked last."""
+        """Return the counts since the last call."""
         recent = self.counts - self._told
         self._told = self.counts.copy()
         return recent
 
     def law_status(self, recent, loop, values):
-        """Status of an active controller; `values` are what else there is to say."""
+        """Return the status of an active controller."""
         supervisor, mode = loop.supervisor, f"mode {loop.mode}"
         if supervisor.phase == IN_FORCE:
             if recent["holds"]:
@@ -86,14 +83,14 @@ class Record:
         return Status("control", WARN, f"holding gravity: {reason}", values)
 
     def problems_of_contact(self):
-        """That energy of a contact was above its bound since the last report: a push put it in, or efforts were limited."""
+        """Yield whether the energy of a contact was above its bound since the last report."""
         above, link = self._above
         self._above = 0.0, ""
         if above > 0.0:
             yield f"contact energy above its bound at '{link}': pushed, lowered, or held back by effort limits"
 
     def command_status(self, recent, problems, values):
-        """Status of commands; `problems` are those of who listens and of what limits them."""
+        """Return the status of commands; `problems` are those of receivers and limits."""
         values = {key: self.counts[key] for key in _OF_COMMANDS} | {
             "largest gap [s]": f"{self._largest_gap:.6f}",
             "smallest scale for effort limits": f"{self._smallest_scale:.3f}",
@@ -102,25 +99,22 @@ class Record:
         if recent["stalls"]:
             problems = ["gaps between commands beyond max_state_age", *problems]
         self._largest_gap, self._smallest_scale = 0.0, 1.0
-        if problems:
-            return Status("commands", WARN, "; ".join(problems), values)
-        return Status("commands", OK, "limited" if recent["commands limited"] else "within limits", values)
+        good = "limited" if recent["commands limited"] else "within limits"
+        return Status("commands", WARN if problems else OK, "; ".join(problems) or good, values)
 
     def input_status(self, recent, values, problems):
-        """Status of states, targets and time; `problems` are those of the latter."""
+        """Return the status of states, targets and time; `problems` are those of time."""
         values = {key: n for key, n in sorted(self.counts.items()) if key not in _OF_COMMANDS} | values
         refused = sum(n for key, n in recent.items() if "rejected" in key or "refused" in key or "given up" in key)
         if self._last_refusal:
             values["last refusal"] = self._last_refusal
         if refused:
             problems = [f"refused: {steady(self._last_refusal)}", *problems]
-        if problems:
-            return Status("inputs", WARN, "; ".join(problems), values)
-        return Status("inputs", OK, "nothing refused", values)
+        return Status("inputs", WARN if problems else OK, "; ".join(problems) or "nothing refused", values)
 
 
 def problems_of_limits(efforts):
-    """What limits leave too little of."""
+    """Yield what effort limits leave too little for."""
     if heavy := efforts.heavy:
         yield f"gravity takes more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
     if slow := efforts.slow:
@@ -128,24 +122,46 @@ def problems_of_limits(efforts):
 
 
 def values_of_loop(loop):
-    """What there is to say of a loop, whatever it does."""
+    """Return the diagnostic values of a loop."""
     bound = loop.efforts.contact_limiter
-    return {
+    values = {
         "robot": loop.dynamics.model.name,
         "mode": loop.mode,
         "joints without effort limit": counted(loop.efforts.unlimited),
         "kinetic energy [J]": f"{loop.energy:.6g}",
         "contacts bounded at": f"{bound.points.count} points, scale {bound.scale:g}" if bound else "nowhere",
-        **_contact_values(bound),
     }
+    if bound and bound.seen:
+        values["contact energy [J]"] = f"{bound.seen.energy:.6g}"
+        values["its bound [J]"] = f"{bound.seen.limit:.6g}"
+        values["worst contact at"] = bound.seen.link or "nothing moves"
+    return values
 
 
-def _contact_values(bound):
-    """What a contact limiter has seen last."""
-    if not (bound and bound.seen):
-        return {}
-    return {
-        "contact energy [J]": f"{bound.seen.energy:.6g}",
-        "its bound [J]": f"{bound.seen.limit:.6g}",
-        "worst contact at": bound.seen.link or "nothing moves",
-    }
+def status_message(loop, sent):
+    """Return the ControllerStatus of a command of a loop."""
+    command = sent.command
+    model, limiter = loop.dynamics.model, loop.efforts.energy_limiter
+    message = ControllerStatus(mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason))
+    message.header.stamp, message.header.frame_id = to_time(sent.stamp), model.root_link
+    message.dof_names, message.state_age = list(model.dof_names), sent.age
+    message.effort_command, message.saturated_dofs = doubles(sent.effort), list(sent.saturated)
+    message.energy, message.energy_limited = loop.energy, sent.energy_limited
+    message.energy_limit_valid = limiter is not None
+    message.energy_limit = limiter.limit if limiter else 0.0
+    message.contact_limited = sent.contact_limited
+    if (bound := loop.efforts.contact_limiter) and bound.seen and command is not None:
+        message.contact_valid, message.contact_link = True, bound.seen.link
+        message.contact_energy, message.contact_energy_limit = bound.seen.energy, bound.seen.limit
+    if command is None:
+        return message
+    message.lyapunov, message.lyapunov_rate_predicted = command.lyapunov, command.lyapunov_rate
+    message.lyapunov_valid = sent.lyapunov_rate is not None
+    message.lyapunov_rate_measured = sent.lyapunov_rate or 0.0
+    if isinstance(command.error, PoseError):
+        message.pose_error_valid = True
+        for field, vector in zip((message.position_error, message.orientation_error), command.error, strict=True):
+            field.x, field.y, field.z = map(float, vector)
+    elif command.error is not None:
+        message.tracking_error, message.tracking_error_valid = doubles(command.error), True
+    return message

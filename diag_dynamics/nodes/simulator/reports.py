@@ -30,10 +30,7 @@ def simulation_status(plant, paused, failure):
 
 
 def pace_status(pace, lockstep, waits, time_values, problems):
-    """Return the status of time, which a pace or, in lockstep, commands let go on.
-
-    `time_values` and `problems` are those of its publishers.
-    """
+    """Return the status of time; `time_values` and `problems` are those of its publishers."""
     kept = pace.kept()
     values = {
         "ticks": kept.ticks,
@@ -48,9 +45,7 @@ def pace_status(pace, lockstep, waits, time_values, problems):
         problems = [*problems, "in lockstep: waiting for a command"]
     elif kept.overruns:
         problems = [*problems, "ticks overran since the last report"]
-    if problems:
-        return Status("pace", WARN, "; ".join(problems), values)
-    return Status("pace", OK, "kept", values)
+    return Status("pace", WARN if problems else OK, "; ".join(problems) or "kept", values)
 
 
 class CommandsReport:
@@ -75,8 +70,6 @@ class CommandsReport:
                 values[f"last rejected {what}"] = part.last_rejection
             if any(key in part.counts and "rejected" in key for key in recent):
                 rejected.append(steady(part.last_rejection))
-        if rejected:
-            return Status("commands", WARN, f"refused: {'; '.join(rejected)}", values)
-        if drives.phase == TIMED_OUT:
-            return Status("commands", WARN, f"no command for {drives.timeout:g} s", values)
-        return Status("commands", OK, drives.phase, values)
+        problems = [f"refused: {'; '.join(rejected)}"] if rejected else []
+        problems += [f"no command for {drives.timeout:g} s"] if drives.phase == TIMED_OUT else []
+        return Status("commands", WARN if problems else OK, "; ".join(problems) or drives.phase, values)

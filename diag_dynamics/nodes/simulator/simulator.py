@@ -48,8 +48,6 @@ MAX_STEPS = 10_000
 UNPACED = 1e-4
 """Period of ticks where simulated time runs as fast as possible [s]: others are served between two of them."""
 
-NO_PAYLOAD = Payload(0.0)
-
 
 class SimulatorNode(TableNode, Node):
     """See the module; parameters are in :data:`~parameters.simulator.PARAMETERS`."""
@@ -60,18 +58,13 @@ class SimulatorNode(TableNode, Node):
         if not values["robot_description"]:
             raise InputError("parameter 'robot_description' is empty; expected a URDF or the path of one.")
         self._keeps_time = values["publish_clock"] or values["lockstep"]
-        self._plant = self._pace = self._lockstep = None
+        self._plant, self._lockstep = None, Lockstep()
         self._paused, self._timeless, self._failure = False, False, ""
         self._revision, self._latest = 1, 0  # of the model; stamp [ns]
         self._commands_report = CommandsReport()
         if self._keeps_time and self.get_clock().ros_time_is_active:
             self.set_parameters([Parameter("use_sim_time", value=False)])  # a launch sets it for all of its nodes
             self.get_logger().info("This node publishes simulated time: its use_sim_time is false from now on.")
-        if values["real_time_factor"] != 1.0 and not self._keeps_time:
-            self.get_logger().warning(
-                f"real_time_factor is {values['real_time_factor']:g}, so stamps differ from the clock: nodes that compare "
-                "them need publish_clock here and use_sim_time there."
-            )
         judge(self, PARAMETERS, self._take_parameters)
         self.add_on_set_parameters_callback(self._refuse_sim_time)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._plant and self._plant.simulation.model)
@@ -86,10 +79,7 @@ class SimulatorNode(TableNode, Node):
         model = load_robot(self, text, values)
         if off := values["inertia_error"]:
             self.get_logger().info(f"Inertias differ from the description by up to {off:.0%} (inertia_error).")
-            try:
-                model = model.perturbed(off, values["inertia_error_seed"])
-            except DiagDynamicsError as error:
-                raise InputError(f"parameters inertia_error and inertia_error_seed: {error}") from error
+            model = model.perturbed(off, values["inertia_error_seed"])
         plant = Plant(model, values)
         plant.simulation.dynamics.compile("evaluate", "gravity_torque", "nu_from_qd")
         plant.simulation.evaluate(plant.simulation.effort)
@@ -102,17 +92,14 @@ class SimulatorNode(TableNode, Node):
             return
         text, self._plant = made
         values, model = self.values, self._plant.simulation.model
-        if lockstep := values["lockstep"]:
-            self._lockstep = Lockstep()
-            self._lockstep.begin(self.time.steady())
+        self._lockstep.begin(self.time.steady())
         self._start = self.time.now()
         self._pace = Pace(values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size)
         self._use(model)
-        self._publish_to(text)
-        self._subscribe()
-        self._offer()
+        self._connect(text)
+        self._offer_services()
         self._go_on()
-        if lockstep:
+        if values["lockstep"]:
             self.create_timer(PATIENCE / 2, self._repeat, clock=steady_clock())
             self._measure_and_publish()
         elif self._pace.factor:
@@ -128,24 +115,22 @@ class SimulatorNode(TableNode, Node):
         self._maker = MessageMaker(model, self._revision)
         self._followers = Followers(single_joints(model), model.mimics)
 
-    def _publish_to(self, text):
-        self._publish(String, "robot_description", latched()).publish(String(data=text))
-        self._joint_states = self._publish(JointState, "joint_states")
-        self._odometry = self._publish(Odometry, "odom") if self._plant.simulation.model.floating_base else None
-        self._truth = self._publish(DiagonalizedState, "~/ground_truth")
-        self._clock_out = self._publish(Clock, CLOCK) if self._keeps_time else None
+    def _connect(self, text):
+        """Make publishers and subscriptions."""
 
-    def _publish(self, kind, topic, qos=None):
-        return connected(self.create_publisher, kind, topic, qos or QoSProfile(depth=10))
+        def publish(kind, topic, qos=None):
+            return connected(self.create_publisher, kind, topic, qos or QoSProfile(depth=10))
 
-    def _subscribe(self):
-        subscribe, qos = self.create_subscription, QoSProfile(depth=10)
-        connected(subscribe, WrenchStamped, WRENCHES, self._take_wrench, qos)
-        self._commands = self.resolve_topic_name(COMMANDS)
-        if self.values["motion"] != "wave":
-            connected(subscribe, Float64MultiArray, COMMANDS, self._take_command, QoSProfile(depth=10))
+        publish(String, "robot_description", latched()).publish(String(data=text))
+        self._joint_states = publish(JointState, "joint_states")
+        self._odometry = publish(Odometry, "odom") if self._plant.simulation.model.floating_base else None
+        self._truth = publish(DiagonalizedState, "~/ground_truth")
+        self._clock_out = publish(Clock, CLOCK) if self._keeps_time else None
+        inputs = [(WrenchStamped, WRENCHES, self._take_wrench), (Float64MultiArray, COMMANDS, self._take_command)]
+        for kind, topic, take in inputs[: 1 if self.values["motion"] == "wave" else 2]:
+            connected(self.create_subscription, kind, topic, take, QoSProfile(depth=10))
 
-    def _offer(self):
+    def _offer_services(self):
         for kind, name, answer, keep in (
             (SetBool, "pause", self._pause, ()),
             (Step, "step", self._step, ("stamp",)),
@@ -179,8 +164,7 @@ class SimulatorNode(TableNode, Node):
         self._timeless = not self._now()  # nothing on /clock yet
         self._pace.resume(self._now(), self._plant.time)
         self._restart_stamps()
-        if self._lockstep:
-            self._lockstep.resume(self.time.steady())
+        self._lockstep.resume(self.time.steady())
 
     def _tick(self):
         """Advance the simulation to now and publish its state."""
@@ -213,7 +197,7 @@ class SimulatorNode(TableNode, Node):
         """In lockstep, publish time and the last joint state again where an answer may never come."""
         now = self.time.steady()
         receivers = self.get_subscriptions_info_by_topic(self._joint_states.topic_name)
-        senders = self.get_publishers_info_by_topic(self._commands)
+        senders = self.get_publishers_info_by_topic(self.resolve_topic_name(COMMANDS))
         self._lockstep.meet({bytes(end.endpoint_gid) for end in (*receivers, *senders)}, now)
         if self._moving and self._lockstep.repeat(now):
             self._publish_time()
@@ -221,7 +205,7 @@ class SimulatorNode(TableNode, Node):
 
     def _answer(self):
         """In lockstep, go on if the last joint state has been answered."""
-        if self._lockstep and self._moving and self._lockstep.answered(self.time.steady()):
+        if self.values["lockstep"] and self._moving and self._lockstep.answered(self.time.steady()):
             self._advance(self._steps_of_a_period)
 
     @property
@@ -234,12 +218,10 @@ class SimulatorNode(TableNode, Node):
         try:
             self._plant.drives.command(message.data, self._plant.time)
         except RejectedError as error:
-            if self._lockstep:
-                self._lockstep.refuse()
+            self._lockstep.refuse()
             self._log_rejected(COMMANDS, error)
             return
-        if self._lockstep:
-            self._lockstep.command(self.time.steady())
+        self._lockstep.command(self.time.steady())
         self._answer()
 
     def _take_wrench(self, message):
@@ -271,8 +253,7 @@ class SimulatorNode(TableNode, Node):
             stamp = to_time(measured.stamp)
             if measured.base is not None:
                 self._odometry.publish(odometry_message(plant.simulation.model.root_link, measured, stamp))
-            if self._lockstep:
-                self._lockstep.publish()
+            self._lockstep.publish()
             self._last = joint_state_message(plant.names, measured, stamp)
             self._joint_states.publish(self._last)
         if self._truth.get_subscription_count():
@@ -297,9 +278,9 @@ class SimulatorNode(TableNode, Node):
 
     def _step(self, request, response):
         response.stamp = to_time(self._stamp)
+        self._require_running()
         if not self._paused:
             raise InputError("the simulation is not paused: call pause first.")
-        self._require_running()
         if not 1 <= request.steps <= MAX_STEPS:
             raise InputError(f"steps is {request.steps}, expected 1 to {MAX_STEPS}.")
         self._restart_stamps()
@@ -345,7 +326,7 @@ class SimulatorNode(TableNode, Node):
         if self._plant and set(changed) & set(DYNAMIC):
             model, wanted = self._plant.simulation.model, payloads_of(values["payloads"])
             for link in {**model.payloads, **wanted}:
-                model = model.with_payload(link, *wanted.get(link, NO_PAYLOAD))
+                model = model.with_payload(link, *wanted.get(link, Payload(0.0)))
             self._plant.simulation.change_model(model.with_gravity(values["gravity"]))
             self._revision += 1
             self._use(self._plant.simulation.model)
@@ -356,9 +337,10 @@ class SimulatorNode(TableNode, Node):
     def _report(self):
         if self._plant is None:
             return [Status("simulation", WARN, "loading the robot")]
-        waits = self._lockstep and self._moving and self._lockstep.waits(self.time.steady())
+        lockstep = self.values["lockstep"]
+        waits = lockstep and self._moving and self._lockstep.waits(self.time.steady())
         return [
             simulation_status(self._plant, self._paused, self._failure),
-            pace_status(self._pace, self._lockstep, waits, *clock_notes(self, self._keeps_time)),
+            pace_status(self._pace, lockstep, waits, *clock_notes(self, self._keeps_time)),
             self._commands_report.status(self._plant.drives, self._plant.pushes),
         ]
