@@ -7,7 +7,7 @@ import argparse
 import sys
 from importlib import import_module, util
 
-from diag_dynamics.cli.common import terminable
+from diag_dynamics.cli.common import INTERRUPTED, terminable
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.text import plain
 
@@ -64,6 +64,8 @@ def run_tool(name, arguments):
     try:
         with terminable():
             chosen.run(chosen)
+    except KeyboardInterrupt as error:
+        return getattr(error, "status", INTERRUPTED)
     except DiagDynamicsError as error:
         print(plain(f"diag-dynamics {name}: {error}"), file=sys.stderr)
         return 1

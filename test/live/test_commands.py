@@ -156,8 +156,8 @@ def test_top_in_a_terminal(peer, tmp_path):
         return shown
 
     with Terminal(tmp_path, 80, 24) as view:
-        until(lambda shown: "K 2.00 J" in shown and "elbow" in shown and "⣿" in shown, "a state")
+        until(lambda shown: "2.00 J" in shown and "elbow" in shown, "a state")
         view.resize(40, 20)
-        until(lambda shown: "? q" in shown and max(map(len, shown.splitlines())) <= 40, "forty columns")
+        until(lambda shown: "elbow" in shown and max(map(len, shown.splitlines())) <= 40, "forty columns")
         view.type("q")
         assert "elbow" not in until(lambda shown: "status 0" in shown, "the end")
