@@ -167,7 +167,7 @@ class PageServer:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, MAX_UNSENT)
         layout = diagnostics = number = 0
         beat = due = ready = time.monotonic()
-        while not end.done():
+        while not end.done() and not transport.is_closing():
             period, now = max(1.0 / hz, self.streams / MAX_FRAMES), time.monotonic()
             if transport.get_write_buffer_size() or not select.select([], [connection], [], 0.0)[1]:
                 if now - ready > READ_TIMEOUT:
