@@ -29,8 +29,8 @@ demo: setup  ## a simulated robot in the terminal and in the browser; ROBOT=<nam
 	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
 	  $(if $(MIMIC),--mimic $(MIMIC)) $(ARGS)
 
-demo-control: setup  ## a push on an arm under control: detected, and its kinetic energy bounded; a picture
-	@$(in_env) python3 examples/demos/demo_control.py push_panda.png
+demo-control: setup  ## a push on an arm under control: detected, and its kinetic energy bounded; a picture; ARGS=<its file>
+	@$(in_env) python3 examples/demos/demo_control.py $(or $(ARGS),push_panda.png)
 
 demo-identify: setup  ## a wrong model, identified and calibrated until alarms see pushes; a picture; ARGS=<options>
 	@$(in_env) python3 examples/demos/demo_identify.py --picture demo_identify.png $(ARGS)

@@ -181,7 +181,7 @@ class View:
             "Hz": [Text(str(robot.rate(now))) for robot in robots],
         }
         values = np.array([self._recent(robot.energies) for robot in robots]).T
-        charts = Charts(values, np.nanmax(values, axis=0), styles) if robots else ""
+        charts = Charts(values, np.nanmax(values, axis=0, initial=0.0), styles) if robots else ""
         return _make_table(columns, f"kinetic energy, {WINDOWS[self.window]} s", charts)
 
 
