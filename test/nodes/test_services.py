@@ -46,6 +46,18 @@ def panda():
     return robot(PANDA)
 
 
+def state_of(panda, sample=0, names=None, more=(), **fields):
+    """Return a state with other names, with more of them, or with other fields."""
+    state = panda.message(0, panda.samples[sample], names)
+    for name in more:
+        state.name.append(name)
+        for values in (state.position, state.velocity, state.effort):
+            values.append(0.0)
+    for field, values in fields.items():
+        setattr(state, field, values)
+    return state
+
+
 def ask(monitor, service, state, gravity=None, **fields):
     """Call a service; gravity overrides the model's."""
     request = SERVICES[service].Request(state=state, override_gravity=gravity is not None, **fields)
@@ -81,7 +93,7 @@ def test_dynamics(monitor, panda, sample, gravity):
     """q̈ of aba and τ of rnea, of shuffled names with a fixed joint among them; each service undoes the other."""
     q, qd, tau, qdd = panda.samples[sample]
     truth = Truth(panda, q, qd, tau, gravity)
-    state = also(panda.message(0, panda.samples[sample]), "panda_joint8")
+    state = state_of(panda, sample, more=["panda_joint8"])
     check_acceleration(truth, answer(monitor, panda, "forward_dynamics", state, gravity))
 
     state = panda.message(0, (q, qd, np.zeros(len(q)), qdd))
@@ -171,49 +183,21 @@ def test_friction_is_opt_in(monitor, panda):
 # --- bad requests
 
 
-def without(state, name):
-    """Remove a joint."""
-    at = state.name.index(name)
-    for values in (state.name, state.position, state.velocity, state.effort):
-        del values[at]
-    return state
-
-
-def also(state, name):
-    """Add a joint."""
-    state.name.append(name)
-    for values in (state.position, state.velocity, state.effort):
-        values.append(0.0)
-    return state
-
-
-def change(state, **fields):
-    """Replace fields."""
-    for field, values in fields.items():
-        setattr(state, field, values)
-    return state
-
-
-def spoil(state, field, name, value):
-    """Replace one value."""
-    getattr(state, field)[state.name.index(name)] = value
-    return state
-
-
+NAMES = robot(PANDA).names
 BAD_STATES = {
-    "no joint at all": (lambda s: joint_state(), "panda_joint1"),
-    "joint missing": (lambda s: without(s, "panda_joint4"), "panda_joint4"),
-    "joint unknown": (lambda s: also(s, "elbow"), "'elbow' is not a joint"),
-    "joint twice": (lambda s: also(s, "panda_joint2"), "'panda_joint2' is listed twice"),
-    "fixed joint twice": (lambda s: also(also(s, "panda_joint8"), "panda_joint8"), "panda_joint8"),
-    "position missing": (lambda s: change(s, position=[]), "state.position is empty"),
-    "position too short": (lambda s: change(s, position=s.position[:-1]), "state.position has 7 entries for 8"),
-    "velocity too long": (lambda s: change(s, velocity=[*s.velocity, 0.0]), "state.velocity"),
-    "effort too short": (lambda s: change(s, effort=[1.0]), "state.effort"),
-    "position NaN": (lambda s: spoil(s, "position", "panda_joint3", math.nan), "position of joint 'panda_joint3'"),
-    "velocity infinite": (lambda s: spoil(s, "velocity", "panda_joint7", math.inf), "velocity of joint 'panda_joint7'"),
-    "effort NaN": (lambda s: spoil(s, "effort", "panda_finger_joint1", math.nan), "joint 'panda_finger_joint1'"),
-    "too large": (lambda s: change(s, velocity=[1e200] * 8), "are too large: a result overflows"),
+    "no joint at all": ({"names": ()}, "panda_joint1"),
+    "joint missing": ({"names": NAMES[:3] + NAMES[4:]}, "panda_joint4"),
+    "joint unknown": ({"more": ["elbow"]}, "'elbow' is not a joint"),
+    "joint twice": ({"more": ["panda_joint2"]}, "'panda_joint2' is listed twice"),
+    "fixed joint twice": ({"more": ["panda_joint8", "panda_joint8"]}, "panda_joint8"),
+    "position missing": ({"position": []}, "state.position is empty"),
+    "position too short": ({"position": [0.0] * 7}, "state.position has 7 entries for 8"),
+    "velocity too long": ({"velocity": [0.0] * 9}, "state.velocity"),
+    "effort too short": ({"effort": [1.0]}, "state.effort"),
+    "position NaN": ({"position": [math.nan] * 8}, "position of joint 'panda_joint1'"),
+    "velocity infinite": ({"velocity": [math.inf] * 8}, "velocity of joint 'panda_joint1'"),
+    "effort NaN": ({"names": NAMES, "effort": [0.0] * 7 + [math.nan]}, "joint 'panda_finger_joint1'"),
+    "too large": ({"velocity": [1e200] * 8}, "are too large: a result overflows"),
 }
 
 
@@ -240,9 +224,9 @@ def answers_afterwards(monitor, panda):
 @pytest.mark.parametrize("case", BAD_STATES)
 def test_bad_state(monitor, panda, case):
     """The joint or the field is named, by every service."""
-    change_state, named = BAD_STATES[case]
+    fields, named = BAD_STATES[case]
     for service in SERVICES:
-        assert_refused(ask(monitor, service, change_state(panda.message(0, panda.samples[0]))), named)
+        assert_refused(ask(monitor, service, state_of(panda, **fields)), named)
 
 
 @pytest.mark.usefixtures("answers_afterwards")
