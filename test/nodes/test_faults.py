@@ -315,6 +315,17 @@ def test_description_refused_by_topic(by_topic, panda, text, reason):
     assert (report.level, report.message) == (OK, "publishing")
 
 
+def test_counters_outlive_a_robot(by_topic, panda):
+    """What the rules of joint states have counted for a robot still counts with another one."""
+    by_topic.publish(joint_state(["wheel"], [0.0], [0.0], [0.0], by_topic.tick()))
+    before = by_topic.next_report()
+    by_topic.describe(f"{panda.urdf} ")
+    by_topic.serves(panda)
+    report = by_topic.next_report()
+    assert report.count("foreign") == before.count("foreign") > 0
+    assert report.count("received") == report.outcomes() > before.count("received")
+
+
 @pytest.mark.parametrize(("text", "reason"), [DESCRIPTIONS[0], ("/nowhere/robot.urdf", "/nowhere/robot.urdf")])
 def test_description_refused_by_parameter(monitor, panda, text, reason):
     """Diagnostics say why, and not a joint is forgotten."""

@@ -130,6 +130,18 @@ def test_time(monitor, standing):
     np.testing.assert_allclose(second.external_torque, through(1) * standing.push, rtol=1e-6)
 
 
+def test_a_jump_of_positions(monitor, standing, panda):
+    """Nothing is integrated over it: the state that is believed is the first one."""
+    q, qd, tau = standing(0)
+    elsewhere = q + 0.5 * (np.array(panda.names) == "panda_joint4"), qd, tau
+    with monitor.having(absurd__jump=0.1, external_torque__max_gap=100.0):
+        feed(monitor, [standing(0)] * 5)
+        restart(monitor)
+        assert feed(monitor, [standing(0)])[0].valid
+        *rejected, first, second = feed(monitor, [elsewhere] * 4)
+    assert rejected == [None, None] and nothing(first) and second.valid
+
+
 # --- efforts
 
 
