@@ -19,10 +19,7 @@ MAX_ROUNDING = 1e-9  # relative error of exact laws
 
 
 class EnergyWatch:
-    """Compare energies of all states with thresholds, and the change of K with the power.
-
-    No balance is a fault, because contact and loads change it.
-    """
+    """Compare energies of all states with thresholds, and the change of K with the power."""
 
     def __init__(self, model, thresholds):
         self._reported = OK

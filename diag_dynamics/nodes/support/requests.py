@@ -13,10 +13,7 @@ MAX_WRENCHES = 1000  # more would keep the node from other work
 
 
 def read_state(model, request, followers):
-    """Return q, q̇, τ and the places of joints in a request; τ is None if it is empty.
-
-    Mimic joints must agree with their source joints, on which their efforts act; NaN is ignored.
-    """
+    """Return q, q̇, τ and the places of joints in a request; τ is None if it is empty."""
     state, joints = request.state, _find_joints(model, request.state.name)
     if joints and not len(state.position):
         raise InputError(f"state.position is empty, expected {len(joints)} entries.")
