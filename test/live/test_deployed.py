@@ -182,4 +182,3 @@ def test_names_of_the_policy(peer, three):
         check(peer, "diag_dynamics")
         check(peer, "diag_dynamics_simulator", [(("topic", "subscribe"), "/clock")])
     check(peer, "diag_dynamics_view")
-    check(peer, "diag_dynamics_view_reading")

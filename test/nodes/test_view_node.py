@@ -79,15 +79,20 @@ def test_numbers_are_those_of_the_messages(monitor, view, panda):
             assert frame.flags <= {"no_external_torque", "late"}
 
 
-def test_external_torque(peer, monitor, view, panda):
-    """The residual of a state's own time is in its frame."""
+def test_external_torque(peer, monitor, view, panda, monkeypatch):
+    """The residual of a state's own time is in its frame; that of another time is not."""
     with stream_of(view) as stream:
         for _ in range(50):
             monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
             peer.pass_time(0.01)
         frame = frame_of(stream, monitor.now)
+        monkeypatch.setattr("diag_dynamics.nodes.view.robot_subscription.MAX_DIFFERENCE", -1.0)
+        monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
+        peer.pass_time(0.01)
+        other = frame_of(stream, monitor.now)
     assert "no_external_torque" not in frame.flags
     assert frame["norm"] > 0.0 and np.isfinite(frame["external_torque"]).all()
+    assert "no_external_torque" in other.flags and np.isnan(other["norm"])
 
 
 def test_thresholds_diagnostics_and_heartbeat(peer, monitor, view, panda, monkeypatch):

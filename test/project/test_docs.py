@@ -107,9 +107,7 @@ OF_EVERY_NODE |= {"~/get_parameter_types", "~/set_parameters_atomically"}
 def test_access_policy_allows_the_interfaces(node):
     """It allows no other ones; test_deployed.py compares the policy with the nodes."""
     policy = ET.parse(ROOT / "config" / "sros2_policy.xml").getroot()
-    profiles = [
-        profile for profile in policy.iter("profile") if profile.get("node").removesuffix("_reading") == NODES[node]
-    ]
+    profiles = [profile for profile in policy.iter("profile") if profile.get("node") == NODES[node]]
     paths = {IN: "topics[@subscribe]/topic", OUT: "topics[@publish]/topic", SERVICE: "services[@reply]/service"}
     common = OF_EVERY_NODE | ({"~/transition_event", *dict(LIFECYCLE)} if node == "controller" else set())
     for kind, path in paths.items():
