@@ -10,6 +10,7 @@ import select
 import socket
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from aiohttp import web
@@ -144,6 +145,8 @@ class PageServer:
     async def _get_stream(self, request):
         ws = web.WebSocketResponse()
         await ws.prepare(request)
+        if request.transport is None:  # the reader has left
+            return ws
         try:
             robot, hz = self._robot(request), float(request.query.get("hz", self._rate))
             if self.streams >= self._max_streams:
@@ -154,7 +157,8 @@ class PageServer:
             return ws
         self.streams += 1
         try:
-            await self._send(ws, request, robot, min(self._rate, max(0.1, hz)))
+            with suppress(OSError):  # the reader has left
+                await self._send(ws, request, robot, min(self._rate, max(0.1, hz)))
         finally:
             self.streams -= 1
         return ws

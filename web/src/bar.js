@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The head of the page: robot, state, window, and what one can do; and the buttons beside the strip of time.
+// The head of the page: robot, state, window and tools; and the buttons beside the strip of time.
 
 import { el, say } from "./dom.js";
 import { clock, shortened } from "./format.js";
@@ -49,7 +49,7 @@ export class Bar {
     this.#arrange(narrow.matches);
   }
 
-  // On a phone the head has no room for what is not said there.
+  // A phone has no room for the tools in the head.
   #arrange(narrow) {
     if (narrow) this.transport.append(this.tools);
     else this.look.before(this.tools);
@@ -91,9 +91,9 @@ export class Bar {
     say(this.name, app.layout?.json.robot ?? "");
     const playing = app.report ? app.source?.playing : !view.paused;
     say(this.go, playing ? "❚❚" : "▶");
-    this.go.title = playing ? "pause (space)" : "go on (space)";
-    say(this.time, app.rows.length ? view.told(view.shown()) : clock(NaN));
-    this.live.style.visibility = view.paused ? "visible" : "hidden"; // it keeps its place: the strip beside it must not move
+    this.go.title = playing ? "pause (space)" : "continue (space)";
+    say(this.time, app.rows.length ? view.label(view.shown()) : clock(NaN));
+    this.live.style.visibility = view.paused ? "visible" : "hidden"; // the strip beside it must not move
     const named = WINDOWS.includes(view.length);
     if (!named) say(this.other, `${view.length.toPrecision(3)} s`);
     this.other.hidden = named;

@@ -94,7 +94,7 @@ export class Theme {
   }
 }
 
-// What a page may not store, as one from a file, it forgets.
+// A page from a file may have no storage.
 export function stored(key) {
   try {
     return localStorage.getItem(key);

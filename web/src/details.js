@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// All quantities of the joint or link that was chosen.
+// All quantities of the chosen joint or link.
 
 import { el, say } from "./dom.js";
 import { metres, number, percent } from "./format.js";

@@ -44,7 +44,7 @@ export function readOnly(app, errors) {
       return { by: app.stage.colouring, links: Object.fromEntries(app.stage.colours) };
     },
     get marks() {
-      return app.stage.told ? { ...app.stage.told } : null;
+      return app.stage.shown ? { ...app.stage.shown } : null;
     },
     // Where the worst point of contact is drawn; null where it is not.
     get contact() {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Numbers and times as people read them.
+// Numbers and times as text.
 
 export const UNKNOWN = "–";
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// What keys do, and the page that says so.
+// Keyboard shortcuts and their help.
 
 import { el } from "./dom.js";
 

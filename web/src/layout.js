@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// What a frame consists of: the time as a double, then fields of floats, in the order that the layout says.
+// Layout of a frame: a double for the time, then float fields in this order.
 
 import { shortNames } from "./format.js";
 import { Tree } from "./tree.js";
@@ -48,7 +48,7 @@ export class Layout {
     return this.fields.has(name) && this.fields.get(name).size > 0;
   }
 
-  // Where an entry of a field lies in a frame; of one that is not there, nowhere: reading there gives undefined.
+  // Place of an entry of a field in a frame; NaN if there is none: reading there gives undefined.
   at(name, k = 0) {
     const field = this.fields.get(name);
     return field && k < field.size ? field.offset + k : NaN;
@@ -65,7 +65,7 @@ export class Layout {
 
 }
 
-// Names of all numbers of a frame, as quantity.joint or quantity.link, and where they lie.
+// Name (quantity.joint or quantity.link) and place of each number of a frame.
 export function shortFields(layout) {
   const { dofs, links, contact } = layout.json;
   const entries = { dofs, links, coordinates: layout.json.coordinates, points: contact?.points.map(({ name }) => name) };

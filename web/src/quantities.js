@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// What is shown of a state: the plots' lines, the columns of the table of joints, and what links are coloured by.
-// A getter takes the store's floats and where a row begins in them.
+// Quantities of a state: lines of plots, columns of the table of joints, colours of links.
+// A getter takes the store's floats and the begin of a row.
 
 import { jointColour, OTHERS } from "./colours.js";
 
@@ -17,13 +17,13 @@ export function share(layout, k) {
   return (d, b) => 0.5 * d[b + at] * d[b + at];
 }
 
-// ν_kC_k: the power that a total joint rate gives to others by the Coriolis term; over all joints they sum to zero.
+// ν_kC_k: power that a joint gives to others by the Coriolis term; the sum over joints is zero.
 export function exchange(layout, k) {
   const [nu, c] = [layout.at("nu", k), layout.at("coriolis", k)];
   return (d, b) => d[b + nu] * d[b + c];
 }
 
-// A torque in parts of the joint's limit; NaN where the URDF has none.
+// A torque as a fraction of the joint's limit; NaN without one.
 export function ofLimit(layout, name, k) {
   const at = layout.at(name, k);
   const limit = layout.limits.effort?.[k];
@@ -189,7 +189,7 @@ export function plotsOf(layout) {
   return plots.filter((plot) => plot.id !== "work" || layout.has("coriolis_work"));
 }
 
-// The lines that a plot has room for: those that were largest, and how many others there are.
+// The largest lines that fit into a plot, and the others.
 export function chosenLines(plot, sizes, most, selected) {
   const all = plot.lines.map((line, k) => k);
   if (all.length <= most) return { shown: all, others: [] };
@@ -254,7 +254,7 @@ export const COLOURINGS = {
   },
 };
 
-// Where on the ramp the colour of a value is, 0 to 1; and the value of a place on it.
+// Place of a value on the colour ramp, 0 to 1, and the value of a place.
 export function placeOf({ root }, value, end) {
   return root ? Math.sqrt(value / end) : value / end;
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// States in order of time: a bounded store from which the oldest go first, each a row of floats as its frame has them.
+// States in order of time: a bounded store of frames, which drops the oldest first.
 
 const BEGINNING = 256; // rows
 
@@ -9,7 +9,7 @@ export class Rows {
   constructor(width, capacity) {
     this.width = width;
     this.capacity = Math.max(2, capacity);
-    this.held = false; // while somebody looks at what is stored, nothing of it is dropped: the newest are
+    this.held = false; // while paused, the newest states are dropped instead
     this.clear();
   }
 
@@ -21,7 +21,7 @@ export class Rows {
     this.length = 0;
   }
 
-  // Whether the state was taken in. Going back in time begins anew.
+  // Returns whether the state was stored. A time before the last one starts a new history.
   push(t, values) {
     if (this.length && t <= this.last) {
       if (t === this.last) return false;
@@ -37,7 +37,7 @@ export class Rows {
     this.times[row] = t;
     const base = row * this.width;
     this.data.set(values, base);
-    // One infinite value would be the end of every scale.
+    // One infinite value would spoil every scale.
     for (let k = base; k < base + this.width; k++) if (!Number.isFinite(this.data[k])) this.data[k] = NaN;
     this.length++;
     return true;

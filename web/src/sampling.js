@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Lines of at most so many points, none of whose peaks is missing.
+// Downsampling of lines that keeps every peak.
 
-const GAP = 8; // times the usual distance, from which no line goes over
+const GAP = 8; // times the median step, above which a line is interrupted
 
 // Points of several quantities over the same times: each bucket has the smallest and the largest of every quantity.
 export function envelope(rows, i0, i1, points, getters) {
@@ -58,7 +58,7 @@ function bucketed(rows, i0, i1, points, getters) {
   return [x, ...ys];
 }
 
-// Where rows begin in the data: all plots of one drawing ask for the same ones.
+// Begin of rows in the data, cached: all plots of one drawing use the same rows.
 let known = { rows: null };
 
 function basesOf(rows, i0, i1) {
@@ -71,7 +71,7 @@ function basesOf(rows, i0, i1) {
   return known.bases;
 }
 
-// Rows of which in each bucket a quantity is smallest and largest: for quantities that have to be of one state.
+// Rows with the minimum and the maximum of a quantity in each bucket: for several quantities of one state.
 export function tellingRows(rows, i0, i1, points, getter) {
   const chosen = [];
   if (i1 - i0 <= 2 * points) {

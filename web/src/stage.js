@@ -55,14 +55,14 @@ export class Stage {
       canvas.style.cursor = link ? "pointer" : "";
       this.hint.hidden = link === null;
       if (link) {
-        say(this.hint, `${link}  ${this.#told(link)}`);
+        say(this.hint, `${link}  ${this.#value(link)}`);
         this.hint.style.transform = `translate(${Math.min(event.offsetX + 14, this.node.clientWidth - this.hint.offsetWidth - 6)}px, ${Math.max(4, event.offsetY - 30)}px)`;
       }
     });
     canvas.addEventListener("pointerleave", () => (this.hint.hidden = true));
   }
 
-  #told(link) {
+  #value(link) {
     const value = this.values?.get(link);
     return Number.isFinite(value) ? `${number(value)} ${COLOURINGS[this.colouring].unit(this.layout)}` : "";
   }
@@ -135,8 +135,8 @@ export class Stage {
     this.ends[this.colouring] = seen;
     const end = colouring.end(this.layout) ?? roundUp(Math.max(seen, 1e-6));
     this.end = end;
-    const told = (place) => number(valueAt(colouring, place, end));
-    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? told(place) : `${told(1)} ${colouring.unit(this.layout)}`));
+    const label = (place) => number(valueAt(colouring, place, end));
+    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${label(1)} ${colouring.unit(this.layout)}`));
     for (const [name, value] of this.values) {
       const rgb = ramp(placeOf(colouring, value, end));
       this.colours.set(name, hex(rgb));
@@ -151,7 +151,7 @@ export class Stage {
     if (!known) {
       this.scene?.mark(null, null);
       say(this.marksNote, "");
-      this.told = null;
+      this.shown = null;
       return;
     }
     const [xx, xy, xz, yy, yz, zz] = data.subarray(base + a, base + a + 6);
@@ -161,7 +161,7 @@ export class Stage {
     const mass = massAlong(root, velocity);
     // With 1 J of kinetic energy a link can be as fast as √(2λ) along an axis.
     this.scene?.mark(this.marked, root.map((row) => row.map((x) => Math.SQRT2 * x)), Number.isFinite(speed) ? velocity : [0, 0, 0]);
-    this.told = { link: this.marked, speed, mass };
+    this.shown = { link: this.marked, speed, mass };
     const along = Number.isFinite(mass) ? `, ${quantity(mass, "kg")} along it` : "";
     say(this.marksNote, `${this.marked}: ${quantity(speed, "m/s")}${along}`);
     this.marksNote.title = "Ellipsoid of J M⁻¹ Jᵀ: velocities that 1 J allows; arrow: the link's velocity; effective mass along it";

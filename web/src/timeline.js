@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The strip below: all that is stored, as K over time, with contacts, the window, and the moment; to be scrubbed.
+// The strip below: K over the whole history, with contacts, window and moment; dragging moves the moment.
 
 import { faded } from "./colours.js";
 import { el, resized } from "./dom.js";
@@ -56,7 +56,7 @@ export class Timeline {
     let from = 0;
     for (let k = 0; k <= x.length; k++) {
       if (k < x.length && energy[k] !== null) continue;
-      ctx.beginPath(); // of what lies between two gaps
+      ctx.beginPath(); // between two gaps
       for (let n = from; n < k; n++) ctx.lineTo(across(x[n]), height - ((height - 5) * energy[n]) / most);
       if (k > from) {
         ctx.lineTo(across(x[k - 1]), height);
@@ -82,6 +82,6 @@ export class Timeline {
     this.frame.style.left = `${across(t0)}px`;
     this.frame.style.width = `${Math.max(2, across(t1) - across(t0))}px`;
     this.handle.style.transform = `translateX(${across(this.shared.view.now())}px)`;
-    this.node.setAttribute("aria-valuetext", this.shared.view.told(this.shared.view.now()));
+    this.node.setAttribute("aria-valuetext", this.shared.view.label(this.shared.view.now()));
   }
 }

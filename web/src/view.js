@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// Which time is seen: the window of all plots, and the one moment at which numbers and robot are shown.
+// The time window of all plots, and the moment at which numbers and robot are shown.
 
 import { clock, decimalsOf } from "./format.js";
 
 const SHORTEST = 0.02; // [s] of a window
 
 export class View {
-  // rows: () => Rows; live: whether time goes on by itself; changed(what): "window" or "moment"
+  // rows: () => Rows; live: whether the window follows the newest state; changed(what): "window", "moment" or "pointer"
   constructor(rows, live, changed) {
     this.rows = rows;
     this.live = live;
@@ -58,7 +58,7 @@ export class View {
     this.changed("window");
   }
 
-  // Shows a moment; the window moves along where that is outside of it.
+  // Shows a moment; the window moves if the moment is outside.
   go(t) {
     if (!this.rows().length) return;
     this.pause();
@@ -70,7 +70,7 @@ export class View {
     } else this.changed("moment");
   }
 
-  // Goes on by a number of states.
+  // Steps by a number of states.
   step(count) {
     const rows = this.rows();
     if (!rows.length) return;
@@ -79,7 +79,7 @@ export class View {
     this.go(rows.time(Math.min(rows.length - 1, Math.max(0, i))));
   }
 
-  // Makes the window as long as that, about a time.
+  // Sets the length of the window, about a time.
   zoom(length, about = null) {
     const rows = this.rows();
     const longest = this.live ? 3600 : Math.max(SHORTEST, rows.last - rows.first);
@@ -121,7 +121,7 @@ export class View {
     return Math.min(rows.last, Math.max(end, Math.min(rows.last, rows.first + this.length)));
   }
 
-  // Axes: a report counts from its beginning, what is live backwards from now.
+  // Origin of the axes: the beginning of a report, now for a live page.
   base() {
     return this.live ? this.window()[1] : this.rows().first;
   }
@@ -138,8 +138,7 @@ export class View {
     return splits.map((x) => (Math.abs(x) < 1e-9 ? (this.live && this.following ? "now" : "0 s") : `${x.toFixed(decimals).replace("-", "−")} s`));
   }
 
-  // A moment in words.
-  told(t) {
+  label(t) {
     const rows = this.rows();
     if (!rows.length || !Number.isFinite(t)) return "–";
     return this.live ? clock(t) : `${(t - rows.first).toFixed(3)} s`;

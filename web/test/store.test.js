@@ -111,10 +111,10 @@ test("a report: the whole, a part, and nothing before there is anything", () => 
   const view = new View(() => source, false, () => {});
   view.go(3);
   view.step(1);
-  assert.equal(view.told(3), "–");
+  assert.equal(view.label(3), "–");
   source = rows;
   view.whole();
-  assert.deepEqual([view.window(), view.now(), view.told(5)], [[0, 10], 0, "5.000 s"]);
+  assert.deepEqual([view.window(), view.now(), view.label(5)], [[0, 10], 0, "5.000 s"]);
   view.see(4, 6);
   assert.deepEqual(view.window(), [4, 6]);
   view.see(9, 30);
