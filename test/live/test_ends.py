@@ -56,11 +56,13 @@ def test_signal_while_it_imports(ros_domain, after, tmp_path):
 
 @pytest.mark.parametrize("labels", [(), ("configure",), ("configure", "activate"), ("configure", "shutdown")], ids=str)
 def test_signal_in_every_state_of_the_controller(peer, labels):
-    with node_process("controller", **OPTIONS["controller"]) as process:
+    namespace = "/" + "_".join(("at", *labels))
+    name = f"{namespace}/diag_dynamics_controller"
+    with node_process("controller", "-r", f"__ns:={namespace}", **OPTIONS["controller"]) as process:
         process.wait_for_text("Waiting to be configured")
         for label in labels:
-            assert peer.transition("/diag_dynamics_controller", label)
-        assert not peer.transition("/diag_dynamics_controller", "cleanup" if labels != ("configure",) else "configure")
+            assert peer.transition(name, label)
+        assert not peer.transition(name, "cleanup" if labels != ("configure",) else "configure")
         process.stop(signal.SIGTERM)
 
 
@@ -134,8 +136,9 @@ def make():
     def end():
         print(of_participant(), int(gc.get_freeze_count() > 10_000), flush=True)
         os.kill(os.getpid(), signal.SIGTERM)
+    node = getattr(import_module(f"diag_dynamics.nodes.{module}"), name)()
     threading.Timer(2.0, end).start()
-    return getattr(import_module(f"diag_dynamics.nodes.{module}"), name)()
+    return node
 
 status = run(make)
 print(of_participant(), 0)

@@ -10,6 +10,7 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from diag_dynamics.compiled.progress import tell_by
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
@@ -50,6 +51,11 @@ class TableNode:
             if value_and_descriptor[:1] == [None]:
                 value_and_descriptor[1].dynamic_typing = True
         return super().declare_parameters(namespace, parameters, ignore_override)
+
+    def destroy_node(self):
+        """See rclpy; the compiler reports to stderr from now on."""
+        tell_by(None)
+        super().destroy_node()
 
 
 def _declare(node, name, spec, specs):

@@ -71,13 +71,10 @@ def run(make_nodes, args=None):
     stop, nodes, status = Stop(), [], 0
     try:
         _init(args)
-        made = make_nodes()
-        nodes += made if isinstance(made, list) else [made]
+        nodes = _as_list(make_nodes())
         gc.freeze()  # what was imported stays
         spin(nodes, stop)
-        for node in nodes:
-            if hasattr(node, "finished") and node.finished.done():
-                node.finished.result()  # or its exception
+        _raise_faults(nodes)
     except ExternalShutdownException:
         pass
     except (DiagDynamicsError, NameValidationException, ParameterException) as error:
@@ -88,10 +85,21 @@ def run(make_nodes, args=None):
     return status
 
 
+def _as_list(nodes):
+    return nodes if isinstance(nodes, list) else [nodes]
+
+
+def _raise_faults(nodes):
+    """Raise the exception of a node that has finished by one."""
+    for node in nodes:
+        if hasattr(node, "finished") and node.finished.done():
+            node.finished.result()
+
+
 def _shut_down(nodes):
     """Take nodes off the graph, within a time: the middleware may wait for itself."""
     faulthandler.dump_traceback_later(SHUTDOWN_TIMEOUT, exit=True)
-    cyclic = any(hasattr(node, "trigger_shutdown") for node in nodes)
+    cyclic = any(hasattr(node, "trigger_shutdown") for node in nodes)  # no variable may refer to a node from here on
     while nodes:
         nodes.pop().destroy_node()
     rclpy.try_shutdown()
