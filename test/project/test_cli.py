@@ -319,7 +319,7 @@ def test_identify(run, tmp_path):
     assert (tmp_path / "page.png").read_bytes().startswith(b"\x89PNG")
     dynamics = etree.parse(tmp_path / "new.urdf").xpath("//joint[@name='elbow_joint']/dynamics")[0]
     assert float(dynamics.get("friction")) == found.joints["elbow_joint"].friction
-    known = "--urdf ur5_robot --parameters {tmp}/arm.yaml --what rotors -o {tmp}/after.yaml --json -"
+    known = "--urdf ur5_robot --parameters {tmp}/arm.yaml --what friction -o {tmp}/after.yaml --json -"
     status, out, _ = run(f"identify monday.csv {known}")
     quality = json.loads(out)
     assert (status, quality["taken"], quality["shared"]) == (1, [], [])
@@ -339,7 +339,7 @@ def test_plots_of_two_runs(columns, run, tmp_path, monkeypatch):
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: figures.append(figure))
     names, numbers = columns
     write(tmp_path / "twice.csv", names, np.vstack([numbers, numbers]))
-    assert run("identify {tmp}/twice.csv --urdf ur5_robot --plots {tmp}/x.png --quiet")[0] == 0
+    assert run("identify {tmp}/twice.csv --urdf ur5_robot --what friction --plots {tmp}/x.png --quiet")[0] == 0
     whole = 2.0 * (numbers[-1, 0] - numbers[0, 0])
     for axes in figures[0].axes[:6]:
         (held_out,) = axes.patches
