@@ -10,7 +10,7 @@ import {
 import { NEUTRAL } from "./colours.js";
 import { geometryOf } from "./mesh.js";
 
-const THICK = 0.018; // radius of a bone, in parts of the robot's size
+const THICK = 0.024; // radius of a bone, in parts of the robot's size
 
 export class Robot extends Group {
   // load: sha => Promise of an ArrayBuffer; changed: called whenever a mesh has come
