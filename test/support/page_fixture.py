@@ -83,11 +83,14 @@ def _kinematics():
     held, gripper = random_tree(12, 6), random_tree(13, 4).replace("</robot>", "")
     locked = {dd.load_urdf(held).joint_names[2]: 0.3}
     leader = dd.load_urdf(f"{gripper}</robot>").joint_names[1]
-    jaw = mimicking(joint("jaw", "prismatic", "link_3", "jaw", axis=(0.6, 0.0, 0.8), rpy=(1, 2, 3)), leader, -0.5, 0.2)
+    jaws = ""
+    for kind in ("revolute", "prismatic"):
+        jaw = joint(kind, kind, "link_3", f"{kind}_jaw", axis=(0.6, 0.0, 0.8), rpy=(1, 2, 3))
+        jaws += mimicking(jaw, leader, -0.5, 0.2) + link(f"{kind}_jaw", *BOX.values())
     robots = [
         dd.load_urdf(random_tree(11, 5, kinds=("revolute", "prismatic", "planar", "floating"))),
         dd.load_urdf(held, floating_base=True, locked_joints=locked),
-        dd.load_urdf(f"{gripper}{link('jaw', *BOX.values())}{jaw}</robot>"),
+        dd.load_urdf(f"{gripper}{jaws}</robot>"),
     ]
     found, rng = [], np.random.default_rng(4)
     for model in robots:
@@ -115,7 +118,8 @@ def _tetrahedron():
 def _tracks(dyn):
     """Return an overview, a state per second, and 0.2 s at 100 Hz.
 
-    K is 10 t, and each link's energy t. All other numbers are those of one state.
+    K is 10 t, the energy of each link t, and coriolis_work, whose logarithm is packed, 1 + t. All other numbers are those of
+    one state.
     """
     maker = FrameMaker(dyn, POINTS)
     state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **CONTACT)
@@ -125,6 +129,7 @@ def _tracks(dyn):
         numbers = np.tile(row, (len(t), 1))
         numbers[:, maker.layout.places["K"]] = 10.0 * t[:, None]
         numbers[:, maker.layout.places["link_energy"]] = t[:, None]
+        numbers[:, maker.layout.places["coriolis_work"]] = 1.0 + t[:, None]
         track = make(maker.layout, t, numbers)
         tracks.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
         blocks += track.blocks

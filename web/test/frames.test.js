@@ -198,6 +198,7 @@ test("a report's states: the overview, and all of those around a contact, in ord
   times.forEach((t, i) => {
     const row = rows.data.subarray(rows.base(i), rows.base(i + 1) || undefined);
     near(field(row, "K"), 10 * t, 1e-3, `K at ${t}`);
+    near(field(row, "coriolis_work"), 1 + t, 1e-3, `work at ${t}`); // by its logarithm
     near(field(row, "link_energy"), [t, t, t], 1e-3, `energy at ${t}`); // kept of every 20th state
     for (const name of ["q", "nu", "D", "contact_speed", "contact_position"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
   });
