@@ -223,7 +223,7 @@ def test_the_effective_mass_of_a_link_that_was_clicked(live, panda):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("key", "by"), [("1", "share"), ("2", "energy"), ("3", "torque"), ("4", "external")])
+@pytest.mark.parametrize(("key", "by"), [("1", "share"), ("3", "torque")])
 def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
     """The canvas has the hue of a link's number; web/test compares the numbers' colours."""
     live.page.keyboard.press(key)

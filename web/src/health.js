@@ -14,7 +14,6 @@ export class Health {
     this.heart = null; // last heartbeat
     this.arrived = -Infinity; // of the last frame, by performance.now()
     this.robots = null;
-    this.retry = 0;
     this.why = "";
     this.worst = null; // of the diagnostics: {level, text}; null while all are well
   }

@@ -17,20 +17,16 @@ from diag_dynamics.nodes.view.robot_subscription import RobotSubscription, folde
 from diag_dynamics.page.server import PageServer
 from diag_dynamics.parameters.view import PARAMETERS
 
-OTHERS = [name for node, name in NODES.items() if node != "view"]
+ROBOT_NODES = [name for node, name in NODES.items() if node != "view"]
 """Nodes of a robot whose diagnostics are shown."""
 
-LOOK = 1.0
-"""Time between two looks at who is on the graph [s]."""
+SEARCH_PERIOD = 1.0
+"""Time between two searches for monitors [s]."""
 
 KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 """Type of a monitor's states, and the end of their topic's name: a simulator's truth has another one."""
 
-MOST_TABS = 64
-"""Most tabs that may be allowed."""
-
-MOST_ROBOTS = 32
-"""Robots that are watched at a time."""
+MAX_TABS, MAX_ROBOTS = 64, 32
 
 
 class ViewNode(TableNode, Node):
@@ -39,25 +35,25 @@ class ViewNode(TableNode, Node):
     def __init__(self, **options):
         super().__init__(NODES["view"], PARAMETERS, **options)
         values = self.values
-        if not 1 <= values["tabs"] <= MOST_TABS:
-            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MOST_TABS}.")
+        if not 1 <= values["tabs"] <= MAX_TABS:
+            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MAX_TABS}.")
         self._robots, self._folders = {}, folders_of(values["mesh_folders"])
         self._server = PageServer(self._streams, values["host"], values["port"], values["rate"], values["tabs"])
         self._server.start()
         self.get_logger().info(f"Page: {self.address}")
         self._diagnostics = Diagnostics(self, self._report, lambda: None)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, 10)
-        self.create_timer(LOOK, self._look, clock=steady_clock())
-        self._look()
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._receive_diagnostics, 10)
+        self.create_timer(SEARCH_PERIOD, self._find_monitors, clock=steady_clock())
+        self._find_monitors()
         judge(self, PARAMETERS, self.values.update)
 
     @property
     def address(self):
-        """Where the page is."""
+        """URL of the page."""
         return self._server.address
 
     def destroy_node(self):
-        """End streams, and let go of the graph."""
+        """End the streams and unsubscribe."""
         robots, self._robots = self._robots, {}
         for robot in robots.values():
             attempt(robot.destroy)
@@ -69,12 +65,12 @@ class ViewNode(TableNode, Node):
     def _streams(self):
         return [robot.stream for _, robot in sorted(self._robots.copy().items())]
 
-    def _look(self):
-        """Find monitors. Those that have gone stay for a time: the page says how old their last state is."""
+    def _find_monitors(self):
+        """Find monitors. A robot whose monitor has gone stays for a time, with the age of its last state."""
         for topic in topics_of(self, KIND):
             monitor = topic.removesuffix(STATE)
-            if topic.endswith(STATE) and monitor not in self._robots and self._is_wanted(monitor):
-                self._watch(monitor)
+            if topic.endswith(STATE) and monitor not in self._robots and self._is_selected(monitor):
+                self._add_robot(monitor)
         for robot in self._robots.values():
             _, fault = attempt(robot.update)
             if fault:
@@ -82,26 +78,24 @@ class ViewNode(TableNode, Node):
         for monitor in [monitor for monitor, robot in self._robots.items() if robot.has_gone]:
             self._robots.pop(monitor).destroy()
 
-    def _is_wanted(self, monitor):
+    def _is_selected(self, monitor):
         wanted = {name.rstrip("/") or "/" for name in self.values["robots"] if name}
         wanted = {name if name.startswith("/") else f"/{name}" for name in wanted}
         return not wanted or bool(wanted & {monitor, monitor.rpartition("/")[0] or "/"})
 
-    def _watch(self, monitor):
-        if len(self._robots) >= MOST_ROBOTS:
-            self.get_logger().warning(f"There are more than {MOST_ROBOTS} robots: {monitor} is not shown.", once=True)
+    def _add_robot(self, monitor):
+        if len(self._robots) >= MAX_ROBOTS:
+            self.get_logger().warning(f"More than {MAX_ROBOTS} robots: {monitor} is not shown.", once=True)
             return
         self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
 
-    def _take_diagnostics(self, message):
+    def _receive_diagnostics(self, message):
         for robot in self._robots.values():
-            own = {f"{robot.namespace.rstrip('/')}/{name}".lstrip("/") for name in OTHERS}
+            own = {f"{robot.namespace.rstrip('/')}/{name}".lstrip("/") for name in ROBOT_NODES}
             own.add(robot.monitor.lstrip("/"))
             statuses = [status for status in message.status if status.name.partition(": ")[0] in own]
             if statuses:
                 robot.set_diagnostics(statuses)
-
-    # --- What it says ---
 
     def _report(self):
         faults = [robot.fault for robot in self._robots.values() if robot.fault]
