@@ -12,7 +12,7 @@ LEVELS = 65_000
 """Maximum number of different values of a column."""
 
 PER_DIFFERENCE = 1.4826 / np.sqrt(6.0)
-"""Standard deviation of white noise per median magnitude of its second differences, which smooth signals do not have."""
+"""Standard deviation of white noise per median magnitude of its second differences."""
 
 CELLS = 96, 64, 44, 30, 20, 14
 """Cells along the longest side of a mesh that is too large: vertices in one cell become one."""

@@ -94,20 +94,7 @@ def as_text(size):
 
 
 def write_report(path, content, tracks, meshes, static=STATIC):
-    """Write a report.
-
-    Parameters
-    ----------
-    path : str or Path
-    content : mapping
-        For JSON: ``layout``, ``summary``, and whatever else the page shows.
-    tracks : iterable of Track
-        The overview first.
-    meshes : mapping
-        Of the scene, packed, by their hashes.
-    static : Path
-        Folder of the page.
-    """
+    """Write a report: content for JSON (``layout``, ``summary``, …), the overview and other Tracks, packed meshes by hash."""
     script, style, licences = page_of(static)
     blocks, about = [], []
     for track in tracks:

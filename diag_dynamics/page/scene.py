@@ -30,17 +30,9 @@ MIN_SIZE = 0.02
 class LinkGeometry(NamedTuple):
     """The geometry of one link, in the link's axes.
 
-    Attributes
-    ----------
-    shapes : tuple of Shape
-        Visual shapes; of a link with mass and without these, its collision shapes.
-    mass : float
-        Payload included [kg].
-    ellipsoid : ndarray, shape (4, 4), or None
-        Maps the unit sphere to the ellipsoid that stands for a link without shapes: in the proportions of the solid one with
-        the link's inertia, payload included, no larger than the link.
-    bones : tuple of ndarray
-        Origins of the joints that the link carries [m].
+    `shapes` are visual ones, or the collision shapes of a link with mass that has no others; `mass` [kg] is with payload;
+    `ellipsoid` (4x4, or None) maps the unit sphere to what stands for a link without shapes: the solid ellipsoid of its
+    inertia, scaled into the link; `bones` are the origins of the joints that it carries [m].
     """
 
     name: str
@@ -51,15 +43,9 @@ class LinkGeometry(NamedTuple):
 
 
 def links_of(model, source, missing=None):
-    """Return the LinkGeometry of each link, in the order of ``model.link_names``.
+    """Return the LinkGeometry of each link of a RobotModel in its order, by its URDF, xacro or MJCF.
 
-    Parameters
-    ----------
-    model : RobotModel
-    source : str, bytes, os.PathLike or file
-        The URDF, xacro file or MJCF of the model, see :func:`~diag_dynamics.load_urdf`.
-    missing : dict, optional
-        Receives errors of shapes that are left out, by link.
+    The dict `missing` receives the errors of shapes that are left out, by link.
     """
     missing = {} if missing is None else missing
     robot = parse_urdf(read_source(source).text.encode(errors="replace"))
@@ -140,14 +126,8 @@ def scene_of(model, source, meshes=None):
 
     ``links``, in the order of ``model.link_names``: name, mass [kg], visuals, and what stands for a link without them:
     ellipsoid (4x4, row by row; or null) and bones (ends in the link's axes [m]). ``rest``: positions next to zero within
-    their limits. ``missing``: reasons why shapes are missing, by name.
-
-    Parameters
-    ----------
-    model, source
-        As of :func:`links_of`.
-    meshes : MeshLibrary
-        Loads and keeps its meshes; None: the scene has none, and is ready at once.
+    their limits. ``missing``: reasons why shapes are missing, by name. `model` and `source` are those of :func:`links_of`;
+    the MeshLibrary loads and keeps meshes. Without one the scene has none.
     """
     missing = {}
     geometry = links_of(model, source, missing)
