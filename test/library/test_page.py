@@ -401,13 +401,6 @@ def test_the_end_effector_link_of_robots(name, expected):
     assert Layout(model).to_json()["end_effector"] == expected
 
 
-def test_the_scene_of_a_file_with_many_comments(tmp_path):
-    """Reading takes a time that grows with the length of the file, and not with the power of its comments."""
-    path = tmp_path / "arm.urdf"
-    path.write_text("<!-- a note -->\n" * 200 + page_fixture.ARM)
-    assert len(scene_of(dd.load_urdf(path), path)["links"]) == 3
-
-
 def stands_in(link):
     """Return whether bones and ellipsoid are drawn."""
     return not link["visuals"] and link["ellipsoid"] is not None

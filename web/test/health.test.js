@@ -38,7 +38,9 @@ test("live, paused, stale, and a recording", () => {
   assert.equal(seen(health, FLAGS.late)[1], "Stale");
   assert.deepEqual(seen(new Health(), FLAGS.estimated, { report: true }), ["recording", "Recording", "", "velocities estimated"]);
   health.arrived -= 5000;
-  assert.deepEqual(seen(health), ["bad", "Stale", "the last state is 5.00 s old"]);
+  const stale = seen(health);
+  assert.deepEqual(stale.slice(0, 2), ["bad", "Stale"]);
+  assert.match(stale[2], /^the last state is 5\.\d\d s old$/); // as the test takes a while
 });
 
 test("notes of a state", () => {
