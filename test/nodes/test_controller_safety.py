@@ -5,6 +5,8 @@
 
 import numpy as np
 import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -558,6 +560,8 @@ def test_it_does_not_start_on_a_guess(peer):
             assert peer.transition(name, "activate")
             report = controller.wait_until_told("control", "no valid state yet", b"\1")
             assert report.values["order of joints"] == f"that of {other}"
+            again = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+            assert not peer.call(ChangeState, f"{name}/change_state", again).success  # at which rclpy raises
             assert not controller.sent.messages
     with pytest.raises(InputError, match="robot_compensates_gravity"):
         peer.start("controller", robot_description=model.path, autostart=True)
