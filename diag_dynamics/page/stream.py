@@ -62,7 +62,7 @@ class RobotStream:
         self.name, self._read, self._lock = name, read, threading.RLock()
         self._dynamics = self._scene = self._meshes = self._last = self._rate = None
         self._layout, self._diagnostics, self._number, self._frames = (0, ""), (0, "[]"), 0, {}
-        self._waiting, self._worst = "waiting for a robot", ""
+        self._waiting, self._worst, self._end_effector = "waiting for a robot", "", ""
         self._counted, self._since = 0, 0.0
 
     def set_robot(self, dynamics, scene=None, meshes=None):
@@ -73,7 +73,7 @@ class RobotStream:
         maker.chosen(q, zero, dynamics.model.root_link)
         with self._lock:
             self._dynamics, self._scene, self._meshes = dynamics, scene, meshes
-            self._waiting, self._last = "", None
+            self._waiting, self._last, self._end_effector = "", None, end_effector_link(dynamics.model)
             self._lay_out((), ())
 
     def set_waiting(self, reason):
@@ -117,10 +117,6 @@ class RobotStream:
                 **{"name": self.name, "robot": robot, "alive": alive},
                 **{"age": age, "rate": self._rate, "waiting": waiting},
             }
-
-    @property
-    def _end_effector(self):
-        return end_effector_link(self._dynamics.model) if self._dynamics else ""
 
     def _lay_out(self, limits, points):
         """Start a new layout."""
