@@ -90,10 +90,12 @@ def test_services_start_nodes(ros_domain, tmp_path):
     mounted = {"/robot/robot.urdf": robot_path(PANDA), "/robot/monitor.yaml": ROOT / "config" / "robots" / "xarm.yaml"}
 
     def start(service, *more):
-        command = [mounted.get(part, part) for part in compose[service]["command"]]
+        command = compose[service]["command"]
+        for place, path in mounted.items():
+            command = [part.replace(place, str(path)) for part in command]
         return Process(("bash", entrypoint, *command, *more), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)})
 
-    with start("robot"), start("monitor") as monitor, start("page", "--port", "0") as page:
+    with start("robot"), start("monitor") as monitor, start("page", "--ros-args", "-p", "port:=0") as page:
         page.wait_for_text("Page: http")
         monitor.wait_for_text("Ready: robot 'panda'")
         page.wait_for_text("Showing robot 'panda'")
