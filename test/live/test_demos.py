@@ -127,15 +127,6 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
     assert len(np.unique((image[::4, ::4, :3] * 255).astype(int).reshape(-1, 3), axis=0)) > 20
 
 
-def test_end_of_the_demo_of_control(tmp_path):
-    """Ctrl-C ends it with status 130, and nothing is claimed."""
-    with Process([sys.executable, CONTROL], cwd=tmp_path) as process:
-        process.wait_for_text("the controller holds the hand")
-        process.signal(signal.SIGINT)
-        assert process.wait() == 130
-        assert "K at most" not in process.output and "Traceback" not in process.output
-
-
 def test_demo_identify(tmp_path, capsys):
     """Of ten pushes nine are detected with the identified model; its files are usable."""
     plot, kept = tmp_path / "before_and_after.svg", tmp_path / "kept"
