@@ -42,8 +42,9 @@ class Robot:
     def publish(self, nu=(1.0, 2.0, 3.0), effort=(10.0, -45.0, 1.0), external=(1.0, 2.0, 0.5), count=10, **fields):
         """Publish states and external torques at 50 Hz; `fields` are those of the external torque."""
         nu = np.array(nu)
-        state = DiagonalizedState(dof_names=self.names, nu=nu, velocity=0.5 * nu, coriolis=0.1 * nu[::-1], power=-1.5)
-        state.effort, state.effort_valid, state.articulated_inertia = list(effort), True, np.ones(len(nu))
+        values = {"nu": nu, "velocity": 0.5 * nu, "coriolis": 0.1 * nu[::-1], "articulated_inertia": 1.0 + 0.0 * nu}
+        values = {field: value.tolist() for field, value in values.items()}
+        state = DiagonalizedState(dof_names=self.names, power=-1.5, effort_valid=True, effort=list(effort), **values)
         defaults = {"norm": 0.5, "threshold": math.inf, "torque_norm": 2.0, "torque_norm_threshold": 30.0}
         defaults |= {"torque_threshold": [20.0, 10.0, 5.0]}
         torque = ExternalTorque(dof_names=self.names, valid=True, external_torque=list(external), **(defaults | fields))

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, AlarmDetector, AlarmThresholds
+from diag_dynamics.collision.detector import RELEASE, AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
@@ -32,7 +32,7 @@ class TorqueWatch:
         gain, threshold, release, friction, max_gap, alarms = observation
         if alarms is None:
             ratio = release / threshold if threshold < math.inf else RELEASE
-            alarms = AlarmThresholds({}, math.inf, threshold, ratio, HOLD_OFF, math.inf)
+            alarms = AlarmThresholds({}, math.inf, threshold, ratio, 0.0, math.inf)
         self._observer = DisturbanceObserver(dynamics, gain, friction=friction, max_gap=max_gap)
         self._detector = AlarmDetector(dynamics.model.dof_names, alarms)
         self.forget()
@@ -60,6 +60,8 @@ class TorqueWatch:
             self._origin = state.newest  # a double resolves no nanoseconds since 1970
         time = 1e-9 * (state.newest - self._origin)
         seen = self._observer.update(time, state.position, state.velocity, state.effort)
+        if self.observation.alarms is None and not seen.valid and state.effort is not None:
+            self._detector.reset()  # as the observer has been
         torque = seen.external_torque if seen.valid else np.zeros(len(self._joints))
         r = seen.residual if seen.valid else torque
         judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
