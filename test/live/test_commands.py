@@ -5,6 +5,7 @@
 
 import contextlib
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -114,7 +115,8 @@ class Terminal(contextlib.AbstractContextManager):
         nothing = folder / "tmux.conf"
         nothing.touch()
         self._tmux = ["tmux", "-S", str(folder / "socket"), "-f", str(nothing)]
-        command = f"trap : INT; env TERM={term} {sys.executable} {TOP} {' '.join(arguments)}; echo status $?; exec cat"
+        run = shlex.join(["env", f"TERM={term}", sys.executable, str(TOP), *arguments])
+        command = f"trap : INT; {run}; echo status $?; exec cat"
         environment = os.environ | {"LANG": "C.UTF-8", "LC_ALL": "C.UTF-8", "SHELL": "/bin/sh"}
         self._run("new-session", "-d", "-x", str(width), "-y", str(height), command, env=environment)
 
