@@ -481,7 +481,7 @@ class _Layout(NamedTuple):
     """Messages with one list of names, and lengths of the fields."""
 
     names: tuple
-    text: str  # what is wrong with all of them
+    text: str  # error of such messages, if the layout itself has one
     entries: tuple  # of memory.Batch.create
     source: np.ndarray  # places of numbers in positions, velocities and efforts one after the other
     batch: memory.Batch  # of one such message

@@ -59,24 +59,30 @@ class ManagedNode(TableNode, LifecycleNode):
         undo()
         return FAILURE
 
-    def on_configure(self, state):  # noqa: D102
+    def on_configure(self, state):
+        """Configure the node; it stays unconfigured if that raises."""
         return self._transition(self.configure, self.clean_up, INACTIVE, "not configured")
 
-    def on_activate(self, state):  # noqa: D102
+    def on_activate(self, state):
+        """Activate the node; it stays inactive if that raises."""
         return self._transition(self.activate, self.deactivate, ACTIVE, "not activated")
 
-    def on_deactivate(self, state):  # noqa: D102
+    def on_deactivate(self, state):
+        """Deactivate the node."""
         self.deactivate()
         self.phase = INACTIVE
         return SUCCESS
 
-    def on_cleanup(self, state):  # noqa: D102
+    def on_cleanup(self, state):
+        """Return to unconfigured."""
         return self._leave(UNCONFIGURED)
 
-    def on_shutdown(self, state):  # noqa: D102
+    def on_shutdown(self, state):
+        """Release everything and finish."""
         return self._leave(FINALIZED)
 
-    def on_error(self, state):  # noqa: D102
+    def on_error(self, state):
+        """Return to unconfigured after an error."""
         return self._leave(UNCONFIGURED)
 
     def _leave(self, phase):

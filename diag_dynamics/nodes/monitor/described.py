@@ -180,7 +180,7 @@ class MonitoredRobot:
         return self._markers.message(s, self.state, self.torque)
 
     def message(self, topic, s):
-        """Return the message of a topic about the last state, of which `s` is the evaluation, or its bytes."""
+        """Return the message of a topic about the last state, or its bytes; `s` is the evaluation of that state."""
         if topic in MATRICES:
             with_inverse = self.settings.values["publish_inverse_factor"]
             return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)

@@ -207,7 +207,7 @@ class MonitorNode(TableNode, Node):
             self._publish(robot, found.state, "published from odometry")
 
     def _guarded(self, what, action, robot, message):
-        """Serve a message; whatever it is, it does not end the node."""
+        """Serve a message; an exception is counted and logged as a rejection."""
         _, fault = attempt(action, robot, message)
         if fault:
             if what == "rejected":
@@ -323,7 +323,7 @@ class MonitorNode(TableNode, Node):
         return statuses
 
     def _notes(self):
-        """Return who publishes the inputs, and under None what is wrong with that."""
+        """Return the publishers of the inputs, and under None their problems."""
         notes, problems = {}, []
         for subscription in self._inputs:
             kind = subscription.msg_type
