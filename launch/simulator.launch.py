@@ -8,36 +8,38 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-ARGUMENTS = {
-    "namespace": "",
-    "params_file": "",
-    "robot_description": "",
-    "motion": "",
-    "without_command": "",
-    "publish_clock": "",
-    "log_level": "info",
+PARAMETERS = {
+    "robot_description": str,
+    "motion": str,
+    "without_command": str,
+    "command_timeout": float,
+    "compensates_gravity": bool,
+    "publish_clock": bool,
 }
+"""Arguments that are parameters of the node; without a value that of params_file or of the node holds."""
 
 
 def start(context):
     """Return the node for the values of the arguments."""
     given = context.launch_configurations
-    files = [given["params_file"]] if given["params_file"] else []
-    common = {
-        "package": "diag_dynamics",
-        "namespace": given["namespace"],
-        "arguments": ["--ros-args", "--log-level", given["log_level"]],
-        "output": "both",
+    parameters = {
+        name: ParameterValue(given[name], value_type=kind) for name, kind in PARAMETERS.items() if given[name]
     }
-    parameters = {key: given[key] for key in ("motion", "without_command") if given[key]}
-    if given["robot_description"]:
-        parameters["robot_description"] = ParameterValue(given["robot_description"], value_type=str)
-    if given["publish_clock"]:
-        parameters["publish_clock"] = given["publish_clock"] == "true"
-    return [Node(executable="simulator", name="diag_dynamics_simulator", parameters=[*files, parameters], **common)]
+    return [
+        Node(
+            package="diag_dynamics",
+            executable="simulator",
+            name="diag_dynamics_simulator",
+            namespace=given["namespace"],
+            parameters=[*([given["params_file"]] if given["params_file"] else []), parameters],
+            arguments=["--ros-args", "--log-level", given["log_level"]],
+            output="both",
+        )
+    ]
 
 
 def generate_launch_description():
-    """Declare the arguments; without a value that of params_file or of the node holds."""
-    declared = [DeclareLaunchArgument(name, default_value=value) for name, value in ARGUMENTS.items()]
-    return LaunchDescription([*declared, OpaqueFunction(function=start)])
+    """Declare the arguments, and start the node."""
+    declared = [DeclareLaunchArgument(name, default_value="") for name in ("namespace", "params_file", *PARAMETERS)]
+    log_level = DeclareLaunchArgument("log_level", default_value="info")
+    return LaunchDescription([*declared, log_level, OpaqueFunction(function=start)])

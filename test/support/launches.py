@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch files run without the packages `launch` and `launch_ros`, which PyPI lacks: their actions keep their arguments."""
+"""Launch files run without the packages `launch` and `launch_ros`, which PyPI lacks: stand-ins for their actions."""
 
 import runpy
 import sys
@@ -21,17 +21,48 @@ def module(name, **attributes):
 
 
 def parameter_value(value, value_type):
-    """Stand for ParameterValue."""
-    assert isinstance(value, value_type)
-    return value
+    """Stand for ParameterValue, which reads numbers and flags as YAML."""
+    return {"true": True, "false": False}[value] if value_type is bool else value_type(value)
+
+
+def declare(name, default_value):
+    """Stand for DeclareLaunchArgument: an argument that is given, to this file or one that includes it, stays."""
+    return lambda context: context.launch_configurations.setdefault(name, default_value) and None
+
+
+def include(path, launch_arguments):
+    """Stand for IncludeLaunchDescription: its arguments hold for all actions after it, too."""
+
+    def run(context):
+        values = {
+            name: value if isinstance(value, str) else value(context.launch_configurations)
+            for name, value in launch_arguments
+        }
+        context.launch_configurations.update(values)
+        return perform(path, context)
+
+    return run
+
+
+def perform(path, context):
+    """Run the actions of a launch file in turn, and return the nodes that they start."""
+    actions = runpy.run_path(path)["generate_launch_description"]()
+    return [node for action in actions for node in action(context) or ()]
 
 
 STAND_INS = {
     "launch": module("launch", LaunchDescription=list),
     "launch.actions": module(
         "launch.actions",
-        DeclareLaunchArgument=lambda name, default_value: (name, default_value),
+        DeclareLaunchArgument=declare,
+        IncludeLaunchDescription=include,
         OpaqueFunction=lambda function: function,
+    ),
+    "launch.launch_description_sources": module(
+        "launch.launch_description_sources", PythonLaunchDescriptionSource=lambda path: path
+    ),
+    "launch.substitutions": module(
+        "launch.substitutions", LaunchConfiguration=lambda name: lambda configurations: configurations[name]
     ),
     "launch_ros": module("launch_ros"),
     "launch_ros.actions": module("launch_ros.actions", Node=SimpleNamespace),
@@ -41,10 +72,9 @@ STAND_INS = {
 
 def launched(name, **arguments):
     """Return the nodes that a launch file starts, by executable; `files` and `parameters` are apart."""
+    context = SimpleNamespace(launch_configurations=arguments.copy())
     with mock.patch.dict(sys.modules, STAND_INS):
-        *declared, start = runpy.run_path(str(FOLDER / f"{name}.launch.py"))["generate_launch_description"]()
-    assert set(arguments) <= {argument for argument, _ in declared}
-    nodes = start(SimpleNamespace(launch_configurations=dict(declared) | arguments))
+        nodes = perform(str(FOLDER / f"{name}.launch.py"), context)
     for node in nodes:
         node.files = [one for one in node.parameters if isinstance(one, str)]
         node.parameters = {key: value for one in node.parameters if isinstance(one, dict) for key, value in one.items()}
