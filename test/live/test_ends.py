@@ -124,19 +124,17 @@ def test_a_robot_that_is_none(ros_domain, node):
 PROGRAM = """
 import gc, os, signal, sys, threading
 from pathlib import Path
-from diag_dynamics.nodes.support.runner import NODE_CLASSES, run
-from importlib import import_module
+from diag_dynamics.nodes.support.runner import node_class, run
 
 def of_participant():
     names = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
     return sum(name.startswith(("dds.ev", "dds.udp")) for name in names)
 
 def make():
-    module, name = NODE_CLASSES[sys.argv[1]]
     def end():
         print(of_participant(), int(gc.get_freeze_count() > 10_000), flush=True)
         os.kill(os.getpid(), signal.SIGTERM)
-    node = getattr(import_module(f"diag_dynamics.nodes.{module}"), name)()
+    node = node_class(sys.argv[1])()
     threading.Timer(2.0, end).start()
     return node
 

@@ -5,7 +5,6 @@
 
 import contextlib
 from functools import cache
-from importlib import import_module
 from typing import NamedTuple
 
 from diag_dynamics.msg import (
@@ -33,6 +32,7 @@ from described import PANDA as PANDA
 from described import TALOS as TALOS
 from described import UR5 as UR5
 from described import S
+from diag_dynamics.nodes.support.runner import node_class
 from node_harness import Graph
 from truth import Truth as Truth
 from truth import assert_close as assert_close
@@ -56,14 +56,6 @@ OUTPUTS = {
 
 MAX_AGE = 60.0
 """How old states may be whose stamps are judged by the clock [s]: a busy machine is late by more than the default, 1 s."""
-
-NODE_CLASSES = {
-    "monitor": ("monitor.monitor", "MonitorNode"),
-    "simulator": ("simulator.simulator", "SimulatorNode"),
-    "controller": ("controller.controller", "ControllerNode"),
-    "view": ("view.view", "ViewNode"),
-}
-"""Module and class of each node of this package."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
@@ -155,9 +147,7 @@ class Peer(contextlib.AbstractContextManager):
         """Start a node of this package, such as "monitor"; `arguments` are ROS arguments."""
         for parameter, value in parameters.items():
             arguments += ("-p", f"{parameter}:={value}")
-        module, kind = NODE_CLASSES[name]
-        node = self.graph.add(getattr(import_module(f"diag_dynamics.nodes.{module}"), kind), *arguments)
-        return Running(self, node)
+        return Running(self, self.graph.add(node_class(name), *arguments))
 
     def extra_node(self, name, namespace, apart=False):
         """Make another node of the test's; `apart`: in a context of its own, see :meth:`Graph.add`."""

@@ -27,10 +27,11 @@ from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.effort_controller import joints_of_controller
 from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, ManagedNode
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, status_message, values_of_loop
-from diag_dynamics.nodes.support.clocks import clock_notes, steady_clock
+from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.names import NODES
@@ -66,7 +67,7 @@ class ControllerNode(ManagedNode):
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
-        judge(self, specs, self._take_parameters)
+        judge(self, specs, self.values.update)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._loop and self._loop.dynamics.model)
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
         self._starting = self.values["autostart"]  # activates itself as soon as there is a robot
@@ -76,9 +77,6 @@ class ControllerNode(ManagedNode):
         elif self.trigger_configure() != SUCCESS:
             self.destroy_node()
             raise InputError(self.failure)
-
-    def _take_parameters(self, changed):
-        self.values |= changed
 
     def destroy_node(self):
         """Leave the robot by a last command, and end."""

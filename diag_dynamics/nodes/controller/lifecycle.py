@@ -74,16 +74,14 @@ class ManagedNode(TableNode, LifecycleNode):
         return SUCCESS
 
     def on_cleanup(self, state):
-        """Return to unconfigured."""
+        """Return to unconfigured, also after an error."""
         return self._leave(UNCONFIGURED)
+
+    on_error = on_cleanup
 
     def on_shutdown(self, state):
         """Release everything and finish."""
         return self._leave(FINALIZED)
-
-    def on_error(self, state):
-        """Return to unconfigured after an error."""
-        return self._leave(UNCONFIGURED)
 
     def _leave(self, phase):
         self.deactivate()

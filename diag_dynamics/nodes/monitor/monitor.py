@@ -18,11 +18,11 @@ from diag_dynamics.nodes.monitor.energy import numerical_health
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
 from diag_dynamics.nodes.monitor.services import DynamicsServices
-from diag_dynamics.nodes.support.clocks import clock_notes, steady_clock, warn_of_time
+from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import WARN, Diagnostics, counted
-from diag_dynamics.nodes.support.graph import publishers
+from diag_dynamics.nodes.support.graph import clock_notes, publishers, warn_of_time
 from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.loading import load_robot
 from diag_dynamics.nodes.support.names import NODES

@@ -20,12 +20,18 @@ from diag_dynamics.model import Payload
 from diag_dynamics.model.followers import Followers
 from diag_dynamics.model.single_joints import single_joints
 from diag_dynamics.msg import DiagonalizedState
-from diag_dynamics.nodes.simulator.reports import CommandsReport, pace_status, simulation_status
-from diag_dynamics.nodes.simulator.sensors import joint_state_message, odometry_message
-from diag_dynamics.nodes.support.clocks import CLOCK, clock_notes, steady_clock
+from diag_dynamics.nodes.simulator.outputs import (
+    CommandsReport,
+    joint_state_message,
+    odometry_message,
+    pace_status,
+    simulation_status,
+)
+from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import WARN, Diagnostics, Status, shortened
+from diag_dynamics.nodes.support.graph import CLOCK, clock_notes
 from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.loading import load_robot, text_of
 from diag_dynamics.nodes.support.messages import MessageMaker, to_time

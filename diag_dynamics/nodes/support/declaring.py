@@ -3,6 +3,7 @@
 
 """Parameters of a node by a table: declared with type, description and range, and checked when they are set."""
 
+from contextlib import suppress
 from importlib import import_module
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
@@ -18,9 +19,6 @@ from diag_dynamics.nodes.support.names import NODES, nearest
 from diag_dynamics.parameters.spec import wrong
 from diag_dynamics.text import plain
 
-COMPENSATES = "robot_compensates_gravity"
-"""The controller's one parameter without default, which is in no table."""
-
 NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares."""
 
@@ -28,8 +26,8 @@ NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
 class TableNode:
     """Base of nodes whose parameters are in a table `specs`, beside Node or LifecycleNode.
 
-    `values` are those in force by name, `overrides` those that the node was started with, whatever their names. `time` is
-    what the node reads its times from. An exception of the future `finished` ends the node, see :func:`runner.run`.
+    `values` are those in force by name, `overrides` those that the node was started with, also unknown ones. `time` is the
+    :class:`NodeTime`. The future `finished` ends the node, see :func:`runner.run`.
     """
 
     def __init__(self, name, specs, time=NodeTime, **options):
@@ -78,7 +76,7 @@ def _declare(node, name, spec, specs):
 
 
 def convert(name, value, default):
-    """Return the value of a parameter with the type of its default, where that is clear; else the value as it is.
+    """Return the value of a parameter with the type of its default where that is clear, else the value as it is.
 
     An empty list has no type, and `ros2 param set` sends a list of integers and floats as a text.
     """
@@ -88,22 +86,19 @@ def convert(name, value, default):
         return value
     of_numbers = isinstance(default[0], float)
     if of_numbers and isinstance(value, str):
-        entries = value.strip().removeprefix("[").removesuffix("]").split(",")
-        try:
-            return [float(entry) for entry in entries]
-        except ValueError:
-            return value
-    if value is None or (not isinstance(value, str) and hasattr(value, "__len__") and not len(value)):
+        with suppress(ValueError):
+            return [float(entry) for entry in value.strip(" []").split(",")]
+    if isinstance(value, (str, bool, int, float)):
+        return value
+    if not value:
         if of_numbers:
             raise InputError(f"parameter '{name}' is []; expected {len(default)} numbers.")
         return [""]
-    if of_numbers and hasattr(value, "__len__") and all(type(entry) is int for entry in value):
-        return [float(entry) for entry in value]
-    return value
+    return [float(entry) if of_numbers and type(entry) is int else entry for entry in value]
 
 
 def _converted(parameter, defaults):
-    """Return a parameter that somebody sets with the type of its default; wrong ones are left to rclpy."""
+    """Return a new value of a parameter with the type of its default; rclpy rejects wrong ones."""
     if parameter.name not in defaults or parameter.type_ == Parameter.Type.NOT_SET:
         return parameter
     value, fault = attempt(convert, parameter.name, parameter.value, defaults[parameter.name])
@@ -111,9 +106,9 @@ def _converted(parameter, defaults):
 
 
 def judge(node, specs, take):
-    """Check parameters of a table whenever somebody sets them, and warn of overrides with unknown names.
+    """Check new values of the parameters of a table, and warn of overrides with unknown names.
 
-    `take` is called with the new values by name; it takes all of them over, or raises and changes nothing.
+    `take` is called with the new values by name; it applies all of them, or raises and changes nothing.
     """
 
     def check_and_take(parameters):
@@ -138,11 +133,11 @@ def judge(node, specs, take):
 
 
 def _warn_unknown(node):
-    """Warn of overrides whose names resemble those of parameters; those of other nodes may share a file with them."""
+    """Warn of overrides that resemble parameters of this node; those of other nodes may be in the same file."""
     own = [parameter.name for parameter in node.get_parameters_by_prefix("").values()]
     unknown = [name for name in node.overrides if name not in own and not name.startswith("qos_overrides.")]
     tables = [import_module(f"diag_dynamics.parameters.{table}") for table in NODES] if unknown else []
-    others = {COMPENSATES, *(name for table in tables for name in table.PARAMETERS)}
+    others = {name for table in tables for name in (*table.PARAMETERS, getattr(table, "COMPENSATES", ""))}
     for name in unknown:
         if name not in others and (meant := nearest(name, own)):
             node.get_logger().warning(plain(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?"))

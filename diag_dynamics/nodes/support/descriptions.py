@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots are loaded in a thread beside the executor, whether a parameter or a topic describes them."""
+"""Robots of a parameter or a topic, loaded in a thread beside the executor."""
 
 import codecs
 import gc
@@ -22,7 +22,7 @@ THREAD = "description"
 
 
 class RobotLoader:
-    """Makes something of descriptions in a thread, one after the other; only the newest counts.
+    """Loads descriptions in a thread, one after the other; only the newest counts.
 
     The thread calls `make` with the arguments of :meth:`load`; it must not change the node. The executor calls `take` with
     the result, or the exception, and the same arguments. `loading` is the description that is loaded, or None.
@@ -30,7 +30,7 @@ class RobotLoader:
 
     def __init__(self, node, make, take):
         self._node, self._make, self._take = node, make, take
-        self.loading = self._requested = self._thread = self._timer = None
+        self.loading = self._requested = self._thread = self._timer = self._made = None
 
     def load(self, description, *context):
         """Load this description instead of any other."""
@@ -40,7 +40,7 @@ class RobotLoader:
         self._begin()
 
     def drop(self):
-        """Take nothing over; the thread ends when it has made what it is at."""
+        """Discard what is being loaded; its thread ends by itself."""
         self.loading = self._requested = None
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
@@ -53,35 +53,27 @@ class RobotLoader:
             self._look()
 
     def _begin(self):
-        if self._thread is None:
-            self._thread = _Loading(self._make, self._requested)
+        if self._thread is None:  # a daemon, so that the process may end meanwhile
+            self._thread = threading.Thread(target=self._run, args=(self._requested,), name=THREAD, daemon=True)
             self._thread.start()
 
+    def _run(self, request):
+        made, fault = attempt(self._make, *request)
+        self._made = request, fault.error if fault else made
+
     def _look(self):
-        """Take over what the thread has made, or have it make what was requested meanwhile."""
-        thread = self._thread
-        if self._timer is None or (thread is not None and thread.is_alive()):
+        """Take over what the thread has made, or load what was requested meanwhile."""
+        if self._timer is None or self._thread.is_alive():
             return
         self._thread = None
-        if thread is None or thread.request is not self._requested:
+        request, made = self._made
+        if request is not self._requested:
             self._begin()
             return
         self.drop()
-        self._take(thread.made, *thread.request)
+        self._take(made, *request)
         if gc.get_freeze_count():  # the process runs nodes and nothing else
             gc.freeze()
-
-
-class _Loading(threading.Thread):
-    """One call of `make`; a daemon, so that the process may end meanwhile."""
-
-    def __init__(self, make, request):
-        super().__init__(name=THREAD, daemon=True)
-        self._make, self.request, self.made = make, request, None
-
-    def run(self):
-        made, fault = attempt(self._make, *self.request)
-        self.made = made if fault is None else fault.error
 
 
 def subscribe_description(node, take):

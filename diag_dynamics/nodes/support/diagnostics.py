@@ -9,9 +9,9 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 
 from diag_dynamics.compiled.progress import tell_by
+from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.text import plain
 
 OK, WARN, ERROR, STALE = (getattr(DiagnosticStatus, level) for level in ("OK", "WARN", "ERROR", "STALE"))
@@ -66,7 +66,7 @@ class Diagnostics:
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._compiled = ""
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PERIOD, self._tick, clock=steady_clock())
         tell_by(self._report_compiling)
 
     def _tick(self):

@@ -1,9 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of a topic, and whether their QoS matches; topics of a type."""
+"""Publishers of a topic and of simulated time, and whether their QoS matches; topics of a type."""
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+from diag_dynamics.nodes.support.diagnostics import counted
+
+CLOCK = "/clock"
+"""The topic of simulated time."""
 
 NOT_YET_KNOWN = "a node not known yet"
 """Name of a node whose publisher was discovered before the node itself."""
@@ -13,7 +18,7 @@ def publishers(node, subscription, kind):
     """Return names of the nodes that publish a subscription's topic, and problems; `kind` is a package/msg/Type."""
     topic, problems = subscription.topic_name, []
     infos = node.get_publishers_info_by_topic(topic)
-    names = node_names(infos)
+    names = _node_names(infos)
     for name, info in zip(names, infos, strict=True):
         if info.topic_type != kind:
             problems.append(f"{name} publishes {info.topic_type} on {topic}, expected {kind}")
@@ -24,7 +29,7 @@ def publishers(node, subscription, kind):
     return names, problems
 
 
-def node_names(infos):
+def _node_names(infos):
     """Return the full names of the nodes that endpoints of a topic belong to."""
     return [
         NOT_YET_KNOWN
@@ -39,3 +44,31 @@ def topics_of(node, kind):
     return [
         topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds and node.count_publishers(topic)
     ]
+
+
+def clock_notes(node, publishes=False):
+    """Return diagnostic values and problems of simulated time; none if a node neither uses nor `publishes` it."""
+    if not publishes and not node.get_clock().ros_time_is_active:
+        return {}, []
+    topic = node.resolve_topic_name(CLOCK)
+    names, problems = sorted(_node_names(node.get_publishers_info_by_topic(topic))), []
+    if len(names) > 1:
+        problems.append(f"several publish {topic}, and time jumps between them: {counted(names)}")
+    if not publishes and not node.get_clock().now().nanoseconds:
+        problems.append(f"use_sim_time, but nothing on {topic} yet")
+    return {f"publishers of {topic}": counted(names)}, problems
+
+
+def warn_of_time(node, received, foreign):
+    """Warn once of joint states without simulated time, and of `foreign` inputs: name, and clock less stamp [s]."""
+    log = node.get_logger()
+    if received and not node.get_clock().now().nanoseconds:
+        topic = node.resolve_topic_name(CLOCK)
+        log.warning(f"use_sim_time is set, but nothing publishes {topic}. Play bags with --clock.", once=True)
+    for what, offset in foreign[:1]:
+        side = "behind" if offset > 0.0 else "ahead of"
+        log.warning(
+            f"Stamps of {what} are {abs(offset):.3f} s {side} this node's clock. Play bags with --clock and set "
+            "use_sim_time, or synchronize the clocks of the hosts.",
+            once=True,
+        )

@@ -26,14 +26,6 @@ try:  # Jazzy and later: a third of the CPU time per message
 except ImportError:
     Executor = SingleThreadedExecutor
 
-NODE_CLASSES = {
-    "monitor": ("monitor.monitor", "MonitorNode"),
-    "simulator": ("simulator.simulator", "SimulatorNode"),
-    "controller": ("controller.controller", "ControllerNode"),
-    "view": ("view.view", "ViewNode"),
-}
-"""Module in diag_dynamics.nodes and class of each node that runs by ROS arguments alone."""
-
 PERIOD = 0.2
 """Longest time [s] until an idle executor notices a signal."""
 
@@ -71,10 +63,11 @@ def run(make_nodes, args=None):
     stop, nodes, status = Stop(), [], 0
     try:
         _init(args)
-        nodes = _as_list(make_nodes())
+        made = make_nodes()
+        nodes = made if isinstance(made, list) else [made]
+        del made  # or a lifecycle node stays on the graph
         gc.freeze()  # what was imported stays
         spin(nodes, stop)
-        _raise_faults(nodes)
     except ExternalShutdownException:
         pass
     except (DiagDynamicsError, NameValidationException, ParameterException) as error:
@@ -83,17 +76,6 @@ def run(make_nodes, args=None):
     finally:
         _shut_down(nodes)
     return status
-
-
-def _as_list(nodes):
-    return nodes if isinstance(nodes, list) else [nodes]
-
-
-def _raise_faults(nodes):
-    """Raise the exception of a node that has finished by one."""
-    for node in nodes:
-        if hasattr(node, "finished") and node.finished.done():
-            node.finished.result()
 
 
 def _shut_down(nodes):
@@ -117,12 +99,12 @@ def _init(args):
 
 
 def spin(nodes, stop):
-    """Serve the callbacks of nodes until `stop` is called, a node has finished, or the context is shut down."""
-    executor = Executor()
+    """Serve callbacks until `stop` is called, a node has finished, whose exception is raised, or the context is shut down."""
+    executor, futures = Executor(), [node.finished for node in nodes if hasattr(node, "finished")]
     for node in nodes:
         executor.add_node(node)
-        if hasattr(node, "finished"):
-            node.finished.add_done_callback(lambda _: stop())
+    for future in futures:
+        future.add_done_callback(lambda _: stop())
     try:
         # The time-out holds while nothing is to be done; a busy executor runs Python, which calls the signal handler.
         while rclpy.ok() and not stop.future.done():
@@ -131,18 +113,25 @@ def spin(nodes, stop):
         for node in nodes:
             executor.remove_node(node)
         executor.shutdown()
+    for future in futures:
+        if future.done():
+            future.result()
 
 
-def main(executable, args=None):
-    """Run one of :data:`NODE_CLASSES` by ROS arguments, and leave the process with its exit status."""
-    args = args or sys.argv
-    module, name = NODE_CLASSES[executable]
+def main(executable):
+    """Run a node by the ROS arguments of the process, and leave the process with its exit status."""
 
     def make_node():
-        parse_arguments(executable, args)
-        return getattr(import_module(f"diag_dynamics.nodes.{module}"), name)()
+        parse_arguments(executable, sys.argv)
+        return node_class(executable)()
 
-    leave(run(make_node, args))
+    leave(run(make_node, sys.argv))
+
+
+def node_class(executable):
+    """Return the class of a node of this package."""
+    module = import_module(f"diag_dynamics.nodes.{executable}.{executable}")
+    return getattr(module, f"{executable.capitalize()}Node")
 
 
 def parse_arguments(executable, args):
