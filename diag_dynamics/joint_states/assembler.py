@@ -3,6 +3,7 @@
 
 """Assembler of a robot's states from joint states, each of which may bring only some of the joints: one message or many."""
 
+import struct
 import sys
 from collections import Counter
 from itertools import islice
@@ -58,6 +59,9 @@ NAME_BYTES = 64
 
 NATIVE = "<" if sys.byteorder == "little" else ">"
 
+MESSAGE = struct.Struct("=4q")
+"""A memory.MESSAGE."""
+
 IN_STEP = {-1: None, 0: False, 1: True}
 
 
@@ -106,7 +110,7 @@ class StateAssembler:
         self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
         self._labels = labels or tuple(f"joint '{name}'" for name in self.names)
         self.counts, self.frozen, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
-        self._layouts, self._known, self.arrived = _Kept(), _Kept(), {}
+        self._layouts, self.arrived = _Kept(), {}
         count, beside = len(joints.names), len(self.followers.names)
         self._memory = memory.Memory.create(count, beside)
         self._shared, self._own = self._memory.shared[0], self._memory.joints
@@ -117,8 +121,9 @@ class StateAssembler:
             self._own[field] = np.nan
         self._memory.followers["effort"] = np.nan
         self._one = memory.Batch.create(1, (), self._memory)
-        self._numbers, self._states = self._one.outcome.view(np.int64), self._one.states[:, 0]
-        self._summary = self._numbers[: len(memory.SUMMARY)]
+        self._message = memoryview(self._one.messages.view(np.uint8))
+        self._summary = self._one.outcome.view(np.int64)[: len(memory.SUMMARY)]
+        self._states = tuple(self._one.states[:, 0])
         self._decoder = Decoder()
         self.configure(options)
 
@@ -275,24 +280,30 @@ class StateAssembler:
         except ValueError as error:
             self._judge_one(self._one, memory.UNREADABLE, now)
             return Rejected("malformed", f"joint_states: {error}")
-        layout, at = self._known.get(places) or self._remember(places)
-        np.frombuffer(message, np.uint8).take(at, out=layout.bytes, mode="clip")
+        layout = self._layouts.get(places) or self._layout_of(places)
+        if layout is None:
+            part = places.read(np.frombuffer(message, np.uint8)[None], np.zeros(1, int))
+            fields = part.position[0], part.velocity[0], part.effort[0]
+            return self.accept_values(part.names, int(part.sec[0]), int(part.nanosec[0]), fields, now)
+        layout.room[:] = message
         return self._accept(layout, *places.stamp.unpack_from(message, 4), now)
 
     def accept_values(self, names, sec, nanosec, fields, now):
         """Judge a joint state by its names, stamp, and positions, velocities and efforts."""
         layout = self._layout(names, *map(len, fields))
-        values = np.concatenate([np.asarray(field, dtype=float) for field in fields])
-        layout.numbers[:] = values[layout.source]
+        layout.batch.numbers[0] = np.concatenate([np.asarray(field, dtype=float) for field in fields])
         return self._accept(layout, sec, nanosec, now)
 
-    def _remember(self, places):
-        """Return the layout of bytes, and where the bytes of its numbers are in them."""
-        layout = self._layout(places.names, *places.counts)
-        at = places.numbers[layout.source]
-        known = layout, (at if places.order == NATIVE else at[:, ::-1]).ravel()
-        self._known.keep(places, known, places.length)
-        return known
+    def _layout_of(self, places):
+        """Return the layout of serialized messages, in whose room they are; None if their numbers cannot be used there."""
+        begins = [first + 4 if count else 0 for first, count in zip(places.first, places.counts, strict=True)]
+        if places.order != NATIVE or any(begin % 8 for begin in begins):
+            return None
+        numbers = np.zeros((1, (places.length + 11) // 8))  # the message begins at the fourth byte
+        layout = self._make_layout(places.names, places.counts, [begin // 8 for begin in begins], numbers)
+        layout = layout._replace(room=memoryview(numbers.view(np.uint8)[0])[4 : 4 + places.length])
+        self._layouts.keep(places, layout, places.length)
+        return layout
 
     def _accept(self, layout, sec, nanosec, now):
         """Judge the message in the arrays of its layout."""
@@ -306,9 +317,9 @@ class StateAssembler:
             return Rejected(codes.CAUSES[code], text)
         if code:
             return Accepted(None)
-        position, velocity, effort = self._states.copy()
-        effort = effort if with_effort else None
-        state = RobotState(position, velocity, effort, newest, oldest, received > 0, estimated > 0)
+        position, velocity, effort = self._states
+        effort = effort.copy() if with_effort else None
+        state = RobotState(position.copy(), velocity.copy(), effort, newest, oldest, received > 0, estimated > 0)
         return Accepted(self._with_base(state) if self._base else state)
 
     def accept_odometry(self, message, now):
@@ -325,8 +336,7 @@ class StateAssembler:
 
     def _judge_one(self, batch, layout, now, sec=0, nanosec=0):
         """Judge the message of a batch of one; return the SUMMARY of its outcome."""
-        self._numbers.fill(0)
-        batch.messages[0] = sec, nanosec, now, layout
+        MESSAGE.pack_into(self._message, 0, sec, nanosec, now, layout)
         if self._base:
             self._give_base()
         judge_messages(*self._memory, *batch)
@@ -371,14 +381,15 @@ class StateAssembler:
         Assembled
         """
         layouts = [self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS)) for part in parts]
-        batch = memory.Batch.create(len(now), [layout.entries for layout in layouts], self._memory)
+        widths = [sum(layout.lengths) for layout in layouts]
+        entries = [layout.entries for layout in layouts]
+        batch = memory.Batch.create(len(now), entries, self._memory, max(widths, default=0))
         messages = batch.messages
         messages["now"], messages["layout"] = now, memory.UNREADABLE
-        for k, (part, layout) in enumerate(zip(parts, layouts, strict=True)):
+        for k, (part, width) in enumerate(zip(parts, widths, strict=True)):
             messages["sec"][part.rows], messages["nanosec"][part.rows] = part.sec, part.nanosec
             messages["layout"][part.rows] = k
-            values = np.hstack([part.position, part.velocity, part.effort])
-            batch.numbers[part.rows, : len(layout.source)] = values[:, layout.source]
+            batch.numbers[part.rows, :width] = np.hstack([part.position, part.velocity, part.effort])
         self._give_base()
         judge_messages(*self._memory, *batch)
         base = self._base and (self._base.position, self._base.velocity)
@@ -391,11 +402,13 @@ class StateAssembler:
         """Return the layout of messages with one list of names, and lengths of the fields."""
         layout = self._layouts.get((names, lengths))
         if layout is None:
-            layout = self._make_layout(names, lengths)
+            begins, numbers = np.cumsum([0, *lengths[:2]]), np.zeros((1, sum(lengths)))
+            layout = self._make_layout(names, lengths, begins, numbers)
             self._layouts.keep((names, lengths), layout, sum(NAME_BYTES + len(name) for name in names))
         return layout
 
-    def _make_layout(self, names, lengths):
+    def _make_layout(self, names, lengths, begins, numbers):
+        """Return the layout of messages whose fields begin at these places of their numbers."""
         short = (name for name in names if len(name) <= MAX_NAME_LENGTH)
         self.arrived |= dict.fromkeys(islice(short, MAX_NAMES - len(self.arrived)))
         joints = [self._map_name(name) for name in names]
@@ -413,17 +426,14 @@ class StateAssembler:
             at = min(length, len(names) - 1)  # the first joint without a value, or without a name
             text = f"{FIELDS[wrong[0]]} has {length} entries for {len(names)} names (first at '{names[at]}')"
             code = codes.WRONG_LENGTH
-        source, place = self._gather(own, beside, lengths, bool(code))
-        entries = code, own[1], beside[1], place
+        entries = code, own[1], beside[1], self._pairs(own, beside, lengths, begins, bool(code))
         layouts = memory.Batch.create(0, [entries], self._memory).layouts
-        batch = self._one._replace(layouts=layouts, numbers=np.empty((1, len(source))))
-        numbers = batch.numbers[0]
-        return _Layout(names, text, entries, source, batch, numbers, numbers.view(np.uint8))
+        batch = self._one._replace(layouts=layouts, numbers=numbers)
+        return _Layout(names, text, lengths, entries, batch)
 
-    def _gather(self, own, beside, lengths, wrong):
-        """Return where values of all fields one after the other are in a message, and their places in the arrays."""
+    def _pairs(self, own, beside, lengths, begins, wrong):
+        """Return the place of each number in a message, and in the arrays."""
         count, more = len(self._own), len(self._memory.followers)
-        begins, source, place = np.cumsum([0, *lengths]), [np.zeros(0, int)], [np.zeros(0, int)]
         arrays = (
             (0, own, 0),
             (1, own, count),
@@ -431,11 +441,12 @@ class StateAssembler:
             (0, beside, 3 * count),
             (2, beside, 3 * count + more),
         )
-        for field, (there, here), begin in arrays:
-            if lengths[field] and not wrong:
-                source.append(begins[field] + there)
-                place.append(begin + here)
-        return np.concatenate(source), np.concatenate(place)
+        pairs = [
+            np.stack([begins[field] + there, first + here], axis=1)
+            for field, (there, here), first in arrays
+            if lengths[field] and not wrong
+        ]
+        return np.concatenate([np.zeros((0, 2), int), *pairs])
 
     def _count(self, outcome, layout, names):
         """Count what came of messages."""
@@ -482,11 +493,10 @@ class _Layout(NamedTuple):
 
     names: tuple
     text: str  # error of such messages, if the layout itself has one
+    lengths: tuple
     entries: tuple  # of memory.Batch.create
-    source: np.ndarray  # places of numbers in positions, velocities and efforts one after the other
     batch: memory.Batch  # of one such message
-    numbers: np.ndarray  # its numbers
-    bytes: np.ndarray  # the same memory
+    room: memoryview = memoryview(b"")  # the bytes of a serialized one, with its numbers at their places in the batch
 
 
 class _Kept(dict):

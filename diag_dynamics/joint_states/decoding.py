@@ -61,8 +61,6 @@ class Places:
     """These bytes."""
     parts: tuple
     """Slices between the numbers, padding included, and their bytes: a message that has them is alike for certain."""
-    numbers: np.ndarray
-    """Indices of the bytes of all positions, velocities and efforts, (their number, 8)."""
 
     def holds(self, raw):
         """Whether a message of this length has these names and lengths."""
@@ -70,6 +68,21 @@ class Places:
         if raw[b] == names and raw[c] == gap and raw[d] == last and raw[a] == start:
             return True
         return bool((np.frombuffer(raw, np.uint8)[self.fixed] == self.text).all())
+
+    def read(self, raw, rows):
+        """Return messages of this layout in columns: `raw` is (k, length), `rows` their places among all of a batch."""
+
+        def read_numbers(at, kind, count):
+            dtype = np.dtype(self.order + kind)
+            values = np.ascontiguousarray(raw[:, at : at + dtype.itemsize * count]).view(dtype)
+            return values.astype(dtype.newbyteorder("="), copy=False)
+
+        sec, nanosec = (read_numbers(at, kind, 1)[:, 0].astype(np.int64) for at, kind in ((4, "i4"), (8, "u4")))
+        fields = [
+            read_numbers(at, "f8", count) if count else np.zeros((len(rows), 0))
+            for at, count in zip(self.first, self.counts, strict=True)
+        ]
+        return JointStates(rows, self.names, sec, nanosec, *fields)
 
 
 class Decoder:
@@ -137,10 +150,10 @@ class Decoder:
                 return
             alike = (raw[:, places.fixed] == places.text).all(axis=1)
             if alike.all():
-                parts.append(_joint_states(raw, rows, places))
+                parts.append(places.read(raw, rows))
                 return
             if alike.any():
-                parts.append(_joint_states(raw[alike], rows[alike], places))
+                parts.append(places.read(raw[alike], rows[alike]))
                 raw, rows = raw[~alike], rows[~alike]
         while len(rows):
             try:
@@ -150,7 +163,7 @@ class Decoder:
                 raw, rows = raw[1:], rows[1:]
                 continue
             alike = (raw[:, places.fixed] == places.text).all(axis=1)
-            parts.append(_joint_states(raw[alike], rows[alike], places))
+            parts.append(places.read(raw[alike], rows[alike]))
             raw, rows = raw[~alike], rows[~alike]
 
 
@@ -205,7 +218,6 @@ def find_places(raw):
             raise ValueError("the message ends before its numbers do")
     ends = [at + 8 * count for at, count in zip(first, counts, strict=True)]
     parts = [slice(0, 4), *map(slice, (12, *ends[:-1]), first)]
-    numbers = np.concatenate([np.arange(*pair) for pair in zip(first, ends, strict=True)]).reshape(-1, 8)
     at_fixed = np.concatenate([np.arange(one.start, one.stop) for one in fixed])
     sign = "<" if raw[1] % 2 else ">"
     return Places(
@@ -218,21 +230,4 @@ def find_places(raw):
         fixed=at_fixed,
         text=np.frombuffer(raw, np.uint8)[at_fixed],
         parts=tuple((part, raw[part]) for part in parts),
-        numbers=numbers,
     )
-
-
-def _joint_states(raw, rows, places):
-    """Return messages of one layout in columns."""
-
-    def read_numbers(at, kind, count):
-        dtype = np.dtype(places.order + kind)
-        values = np.ascontiguousarray(raw[:, at : at + dtype.itemsize * count]).view(dtype)
-        return values.astype(dtype.newbyteorder("="), copy=False)
-
-    sec, nanosec = (read_numbers(at, kind, 1)[:, 0].astype(np.int64) for at, kind in ((4, "i4"), (8, "u4")))
-    fields = [
-        read_numbers(at, "f8", count) if count else np.zeros((len(rows), 0))
-        for at, count in zip(places.first, places.counts, strict=True)
-    ]
-    return JointStates(rows, places.names, sec, nanosec, *fields)

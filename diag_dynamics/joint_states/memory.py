@@ -65,7 +65,7 @@ FOLLOWER = _record(
 
 ERROR, JOINT_COUNT, FOLLOWER_COUNT, NUMBER_COUNT, HEAD = range(5)
 """First columns of a layout: 0, DUPLICATE_NAME or WRONG_LENGTH, and counts. Then come the indices of joints, those of
-followers, and the place of each number among the values of a message."""
+followers, and pairs for each number that is used: its place in `Batch.numbers`, and in the values of the scratch."""
 
 MESSAGE = _record(("i8", "sec nanosec now layout"))
 """An element for each message; `now` is the time of reception, `layout` a place, UNREADABLE or FORGET."""
@@ -125,21 +125,21 @@ class Batch(NamedTuple):
 
     layouts: np.ndarray  # a row for each list of names and lengths
     messages: np.ndarray
-    numbers: np.ndarray  # of each message, in the order of its layout
+    numbers: np.ndarray  # of each message
     outcome: np.ndarray
     states: np.ndarray  # positions, velocities and efforts, (3, k, n); they count where a state is complete
 
     @classmethod
-    def create(cls, count, layouts, memory):
-        """Return a batch of a number of messages."""
+    def create(cls, count, layouts, memory, width=0):
+        """Return a batch of a number of messages with `width` numbers each."""
         n, f = len(memory.joints), len(memory.followers)
-        rows = np.zeros((max(len(layouts), 1), HEAD + 4 * n + 3 * f), np.int64)
-        for row, (error, joints, followers, places) in zip(rows, layouts, strict=False):
-            row[:HEAD] = error, len(joints), len(followers), len(places)
-            for begin, entries in ((HEAD, joints), (HEAD + n, followers), (HEAD + n + f, places)):
+        rows = np.zeros((max(len(layouts), 1), HEAD + 7 * n + 5 * f), np.int64)
+        for row, (error, joints, followers, pairs) in zip(rows, layouts, strict=False):
+            row[:HEAD] = error, len(joints), len(followers), len(pairs)
+            for begin, entries in ((HEAD, joints), (HEAD + n, followers), (HEAD + n + f, pairs.ravel())):
                 row[begin : begin + len(entries)] = entries
         messages, outcome = np.zeros(count, MESSAGE), np.zeros(count, OUTCOME)
-        return cls(rows, messages, np.empty((count, 3 * n + 2 * f)), outcome, np.empty((3, count, n)))
+        return cls(rows, messages, np.zeros((count, width)), outcome, np.empty((3, count, n)))
 
 
 def _array(dtype, ndim):

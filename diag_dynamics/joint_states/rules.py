@@ -51,7 +51,7 @@ def judge_messages(shared, joints, followers, history, scratch, layouts, message
     batch = Batch(layouts, messages, numbers, outcome, states)
     for k in range(len(messages)):
         one = outcome[k]
-        one.contradicting = one.moved = -1
+        _clear(one)
         layout = messages[k].layout
         if layout == FORGET:
             _forget(memory)
@@ -67,6 +67,14 @@ def judge_messages(shared, joints, followers, history, scratch, layouts, message
             one.code = codes.FROZEN
         if one.code > 0:
             pause_gaps(memory)
+
+
+@kernel
+def _clear(one):
+    """Forget the message before, whose outcome may be in the same place."""
+    one.code = one.events = one.newest = one.oldest = one.with_effort = one.received = one.estimated = 0
+    one.frozen_kind = one.frozen_joint = one.frozen_more = one.joint = 0
+    one.contradicting = one.moved = -1
 
 
 @large_kernel
@@ -133,12 +141,12 @@ def _judge(memory, batch, k, layout):
 
 
 @kernel
-def _spread(numbers, places, count, row):
+def _spread(numbers, pairs, count, row):
     """Put the numbers of a message to their places; what it lacks is NaN."""
     for i in range(len(row)):
         row[i] = np.nan
     for i in range(count):
-        row[places[i]] = numbers[i]
+        row[pairs[2 * i + 1]] = numbers[pairs[2 * i]]
 
 
 @kernel

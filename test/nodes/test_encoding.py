@@ -376,8 +376,8 @@ def test_state_that_cannot_be_evaluated(velocity, effort):
             assert robot.state is None
             continue
         s, evaluated = robot.evaluate(state)
-        for topic in TOPICS:
-            same(robot.message(topic, s), robot.maker.evaluated(topic, s, evaluated))
+        for topic, raw in zip(TOPICS, robot.messages(TOPICS, s), strict=True):
+            same(raw, robot.maker.evaluated(topic, s, evaluated))
 
 
 # --- bytes that are read without rclpy

@@ -179,12 +179,14 @@ class MonitoredRobot:
             self._markers = MarkerMaker(self.dynamics, self.description, self.settings.values["markers.link"])
         return self._markers.message(s, self.state, self.torque)
 
-    def message(self, topic, s):
-        """Return the message of a topic about the last state, or its bytes; `s` is the evaluation of that state."""
-        if topic in MATRICES:
-            with_inverse = self.settings.values["publish_inverse_factor"]
-            return matrix(topic, self.encoder, self.dynamics, self.state, with_inverse)
-        return self.encoder.evaluated(topic, s, self.state)
+    def messages(self, topics, s):
+        """Return the messages of topics about the last state, or their bytes; `s` is the evaluation of that state."""
+        evaluated = tuple(topic for topic in topics if topic not in MATRICES)
+        made = self.encoder.evaluated_all(evaluated, s, self.state) if evaluated else []
+        with_inverse = self.settings.values["publish_inverse_factor"]
+        for topic in topics[len(evaluated) :]:  # they come last
+            made.append(matrix(topic, self.encoder, self.dynamics, self.state, with_inverse))
+        return made
 
 
 def _values_by(options):

@@ -229,7 +229,7 @@ class MonitorNode(TableNode, Node):
             self._observe(robot, state)
         if robot.contact.has_limits or "contact" in outputs.heard:
             self._watch_contact(robot, state)
-        outputs.publish(stamp, lambda topic: robot.message(topic, s))
+        outputs.publish(stamp, lambda topics: robot.messages(topics, s))
         self._statistics.count_published(what, stamp)
         if "markers" in outputs.heard:
             outputs.publish_beside("markers", stamp, lambda: robot.markers(s))

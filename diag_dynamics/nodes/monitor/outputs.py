@@ -51,7 +51,7 @@ class Outputs:
     def _count_subscribers(self):
         self._counted = self._steady()
         self.heard = {topic for topic, publisher in self._publishers.items() if publisher.get_subscription_count()}
-        self._about_state = [(topic, self._publishers[topic].publish) for topic in ORDER if topic in self.heard]
+        self._about_state = tuple(topic for topic in ORDER if topic in self.heard)
 
     def limit(self, topic, rate):
         """Publish a topic at no more than this rate [Hz]; 0 for every state."""
@@ -73,11 +73,13 @@ class Outputs:
         stamp : int
             Of the state [ns].
         make : callable
-            Returns the message of a topic, or its bytes.
+            Returns the messages of some topics, or their bytes.
         """
-        for topic, publish in self._about_state:
-            if self._due(topic, stamp):
-                publish(make(topic))
+        topics = self._about_state
+        if self._limits:
+            topics = tuple(topic for topic in topics if self._due(topic, stamp))
+        for topic, message in zip(topics, make(topics), strict=True):
+            self._publishers[topic].publish(message)
 
     def publish_beside(self, topic, stamp, make):
         """Publish another topic; `make` returns its message about a state stamped `stamp` [ns]."""

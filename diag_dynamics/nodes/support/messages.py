@@ -107,6 +107,9 @@ EVALUATED = {
 OF_EFFORT = (sweeps.EPSILON, sweeps.KAPPA, sweeps.EFFORT_POWER)
 """Rows that are empty without effort."""
 
+SECONDS = struct.Struct("<iI")
+"""A builtin_interfaces/Time."""
+
 FLAGS = "stamp_is_receive_time", "velocity_estimated"
 """Fields of most messages that a RobotState has, too."""
 
@@ -249,69 +252,112 @@ class BytesMaker(MessageMaker):
         layout = self._layouts.get((topic, shape))
         if layout is None:
             message = super().make(topic, kind, state, texts, values)
-            if topic in self.unlike or (layout := self._lay_out(topic, shape, message, values)) is None:
+            if (template := self._template(topic, message)) is None:
                 return message
-        return layout.write(state, values)
+            layout = self._keep((topic, shape), _Layout([(topic, template, values, {})]))
+        layout.write(state, lambda _: values)
+        return layout.parts[0].tobytes()
 
     def evaluated(self, topic, s, state):
         """Return the bytes of a message about an Evaluation and the RobotState that it is of."""
-        shape = s.epsilon is None, s.friction is None
-        layout, beside = self._layouts.get((topic, shape)), self._beside(topic, s, state)
-        if layout is None:
-            message = super().evaluated(topic, s, state)
-            rows = self._rows(EVALUATED[topic][1], not shape[0])
-            places = {field: (row * s.rows.shape[1], self._count(field, row)) for field, row in rows.items()}
-            values = beside | _flags(state)
-            if topic in self.unlike or (layout := self._lay_out(topic, shape, message, values, places)) is None:
-                return message
-        return layout.write(state, beside, s.rows)
+        return self.evaluated_all((topic,), s, state)[0]
 
-    def _lay_out(self, topic, shape, message, values, places=None):
-        """Return the layout of a message; None if rclpy makes other bytes."""
-        template = Template(message)
-        if not template.holds(serialize_message(message)):
+    def evaluated_all(self, topics, s, state):
+        """Return the bytes of several such messages."""
+        key = topics, s.epsilon is None, s.friction is None
+        layout = self._layouts.get(key)
+        if layout is None:
+            messages = [MessageMaker.evaluated(self, topic, s, state) for topic in topics]
+            templates = list(map(self._template, topics, messages))
+            if None in templates:
+                alone = len(topics) == 1
+                return messages if alone else [self.evaluated(topic, s, state) for topic in topics]
+            parts = zip(topics, templates, strict=True)
+            layout = self._keep(key, _Layout([self._part(topic, one, s, state) for topic, one in parts]))
+        layout.write(state, lambda topic: self._beside(topic, s, state), s.rows)
+        return [part.tobytes() for part in layout.parts]
+
+    def _template(self, topic, message):
+        """Return the template of a message; None if rclpy makes other bytes."""
+        template = None if topic in self.unlike else Template(message)
+        if template and not template.holds(serialize_message(message)):
             self.unlike.add(topic)
             return None
+        return template
+
+    def _part(self, topic, template, s, state):
+        """Return the part of a layout for a message about an Evaluation."""
+        rows = self._rows(EVALUATED[topic][1], s.epsilon is not None)
+        places = {field: (row * s.rows.shape[1], self._count(field, row)) for field, row in rows.items()}
+        return topic, template, self._beside(topic, s, state), places
+
+    def _keep(self, key, layout):
         if len(self._layouts) >= MAX_LAYOUTS:
             self._layouts.clear()
-        layout = self._layouts[topic, shape] = _Layout(template, values, places or {})
+        self._layouts[key] = layout
         return layout
 
 
 class _Layout:
-    """Bytes of a message, and where its numbers are in them."""
+    """Bytes of messages about one state, one after the other, and where their numbers are in them.
 
-    def __init__(self, template, values, places):
-        self._template, numbers = template, template.numbers
-        self._seconds = struct.Struct("<iI")
-        self._oldest = template.place("oldest_stamp.sec")
-        self._views = {
-            field: numbers[field].reshape(np.shape(value) or 1)
-            for field, value in values.items()
-            if value is not None and field in numbers
-        }
-        self._flags = [(field, self._views.pop(field)) for field in FLAGS if field in self._views]
-        places = {field: place for field, place in places.items() if field in numbers}
-        counts = [np.arange(count) for _, count in places.values()]
-        self._source, self._target = (
-            np.concatenate([np.zeros(0, int), *(begin + count for begin, count in zip(begins, counts, strict=True))])
-            for begins in (
-                [begin for begin, _ in places.values()],
-                [(template.place(field) - len(HEADER)) // 8 for field in places],
-            )
-        )
-        self._doubles = template.doubles
+    Parameters
+    ----------
+    messages : sequence of tuple
+        For each the topic, the Template, values by field, and the first place and the number of values of each field that is
+        read from the rows of an Evaluation.
 
-    def write(self, state, values, rows=None):
-        """Return the bytes of the message with these values, and those of rows of an Evaluation."""
-        data = self._template.data
-        self._seconds.pack_into(data, len(HEADER), *divmod(state.newest, SECOND))
-        if self._oldest >= 0:
-            self._seconds.pack_into(data, self._oldest, *divmod(state.oldest, SECOND))
-        for field, view in self._flags:
-            view[0] = getattr(state, field)
+    Attributes
+    ----------
+    parts : list of ndarray
+        The bytes of each message.
+    """
+
+    def __init__(self, messages):
+        size = sum(len(template.data) + 16 for _, template, _, _ in messages)
+        data, end = np.zeros(size // 8 + 1).view(np.uint8), len(HEADER)
+        self._data, self._doubles, self.parts = data, data.view("<f8"), []
+        self._stamps, self._oldest, self._flags, self._views = [], [], [], []
+        source, target = [np.zeros(0, int)], [np.zeros(0, int)]
+        for topic, template, values, places in messages:
+            begin, end = end, end + len(template.data)
+            data[begin:end] = template.data
+            self.parts.append(data[begin:end])
+            self._stamps.append(begin + len(HEADER))
+            self._oldest += [begin + place for place in [template.place("oldest_stamp.sec")] if place >= 0]
+            self._flags += [(begin + template.place(flag), flag) for flag in FLAGS if template.place(flag) >= 0]
+            known = {one for one, value in values.items() if value is not None and one not in FLAGS}
+            fields = [one for one in template.numbers if one in known]
+            self._views.append((topic, self._views_of(fields, template, begin, values)))
+            for field, (first, count) in places.items():
+                if field in template.numbers:
+                    source.append(first + np.arange(count))
+                    target.append((begin + template.place(field)) // 8 + np.arange(count))
+            end += (len(HEADER) - end) % 8  # numbers lie on multiples of eight
+        self._source, self._target = np.concatenate(source), np.concatenate(target)
+
+    def _views_of(self, fields, template, begin, values):
+        """Return a view of the bytes of each field, in the shape of its value."""
+        views = []
+        for field in fields:
+            kind, first = template.numbers[field].dtype, begin + template.place(field)
+            view = self._data[first : first + template.numbers[field].nbytes].view(kind)
+            views.append((field, view.reshape(np.shape(values[field]) or 1)))
+        return views
+
+    def write(self, state, beside, rows=None):
+        """Write a RobotState, the values that `beside` returns by topic, and those of the rows of an Evaluation."""
+        data, stamp = self._data, divmod(state.newest, SECOND)
+        for place in self._stamps:
+            SECONDS.pack_into(data, place, *stamp)
+        for place in self._oldest:
+            SECONDS.pack_into(data, place, *divmod(state.oldest, SECOND))
+        for place, flag in self._flags:
+            data[place] = getattr(state, flag)
         if rows is not None:
             self._doubles[self._target] = rows.take(self._source)
-        for field, view in self._views.items():
-            view[...] = values[field]
-        return data.tobytes()
+        for topic, views in self._views:
+            if views:
+                values = beside(topic)
+                for field, view in views:
+                    view[...] = values[field]
