@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics import sweeps
+from diag_dynamics.model.wrenches import wrenches_at
 from diag_dynamics.page.layout import CAUSES, Layout
 
 GAP = 0.5
@@ -21,7 +22,7 @@ UPPER = np.triu_indices(3)
 
 
 class States(NamedTuple):
-    """T states, a row each. Fields have the names of a frame; NaN or None is unknown."""
+    """T states, a row each. Fields have the names of a frame; NaN is unknown."""
 
     t: Any
     q: Any
@@ -54,7 +55,7 @@ class States(NamedTuple):
     def of(cls, t, q, qd, effort, s, **others):
         """Return states of an Evaluation or a BatchEvaluation at stamps, positions, rates and efforts (None: unknown)."""
         terms = q, qd, effort, s.nu, s.epsilon, s.coriolis, s.gravity, s.articulated_inertia
-        rows = (None if x is None else np.atleast_2d(x) for x in terms)
+        rows = (np.nan if x is None else np.atleast_2d(x) for x in terms)
         return cls(np.atleast_1d(t), *rows, np.atleast_1d(s.kinetic_energy), **others)
 
     def with_contact(self, contact):
@@ -86,29 +87,20 @@ class FrameMaker:
     """
 
     def __init__(self, dynamics, points=()):
-        self._dynamics, self.layout = dynamics, Layout(dynamics.model, points)
+        model = dynamics.model
+        self._dynamics, self._model, self.layout = dynamics, model, Layout(model, points)
         self._before = np.nan, np.nan  # time and K of the last state
+        self._workspace, self._wrenches = sweeps.Workspace(model.bodies, model.gravity), {}
 
     def frames(self, states):
         """Return the frames of states, shape (T,) of ``layout.dtype``; dK continues from the last call."""
-        layout, K = self.layout, np.asarray(states.K)
-        frames = np.empty(len(states.t), dtype=layout.dtype)
-        frames["t"], x = states.t, frames["numbers"]
-        energies = self._link_energies(states)
+        frames = np.empty(len(states.t), dtype=self.layout.dtype)
+        frames["t"], x, places = states.t, frames["numbers"], self.layout.places
+        x.fill(np.nan)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a page shows infinity as unknown
-            computed = {
-                **states._asdict(),
-                **self._powers(states),
-                "gravity_torque": self._rows("tau_from_epsilon", states.q, states.gravity),
-                "link_energy": energies,
-                "torque_norm": np.sqrt(np.square(states.external_torque).sum(axis=-1)),
-                "coriolis_work": _coriolis_work(states.nu, states.coriolis),
-                "flags": _flags(states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12),
-            }
-            x[:] = np.nan
-            for name, value in computed.items():
-                if value is not None and value is not np.nan and name in layout.places:
-                    x[:, layout.places[name]] = value[:, None] if np.ndim(value) == 1 else value
+            for name, value in (*zip(States._fields, states, strict=True), *self._computed(states).items()):
+                if value is not np.nan and name in places:
+                    x[:, places[name] if np.ndim(value) == 2 else places[name].start] = value
         return frames
 
     def chosen(self, q, nu, link):
@@ -118,10 +110,37 @@ class FrameMaker:
         maps the unit sphere to the ellipsoid of velocities that ½ J allows; the frame has its upper triangle, row by row.
         The velocity is Fᵀν [m/s].
         """
-        factor = self._dynamics.wrench_factor(q, link, frame="world")[:, :3]
-        values, axes = np.linalg.eigh(factor.T @ factor)
-        root = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-        return np.concatenate([root[UPPER], factor.T @ nu]).astype("<f4")
+        if link not in self._wrenches:
+            self._wrenches[link] = wrenches_at(self._model, link, np.eye(3, 6), np.zeros(3), "world")
+        factor, fields = np.empty((self._model.nv, 3)), np.full(9, np.nan, dtype="<f4")
+        if not sweeps.factor_of_wrenches(self._workspace.robot, q, self._wrenches[link], True, factor):
+            values, axes = np.linalg.eigh(factor.T @ factor)
+            fields[:6] = ((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)[UPPER]
+            fields[6:] = nu @ factor
+        return fields
+
+    def _computed(self, states):
+        """Return fields that are computed from those of the states."""
+        nu, K, energies = states.nu, states.K, self._link_energies(states)
+        terms = np.empty((6, *nu.shape))
+        given = states.epsilon, states.gravity, states.residual, nu, states.coriolis, states.external_torque
+        for term, value in zip(terms, given, strict=True):
+            term[:] = value
+        p_effort, p_gravity, p_external, nu_squared, p_coriolis = np.einsum("tk,ftk->ft", nu, terms[:5])
+        coriolis_squared, torque_squared = np.einsum("ftk,ftk->ft", terms[4:], terms[4:])
+        return {
+            "gravity_torque": self._rows("tau_from_epsilon", states.q, states.gravity),
+            "link_energy": energies,
+            "p_effort": p_effort,
+            "p_gravity": -p_gravity,
+            "p_friction": self._friction_power(states.qd),
+            "p_external": p_external,
+            "dK": self._energy_rate(states.t, K),
+            "torque_norm": np.sqrt(torque_squared),
+            # Zero but for rounding, NaN at rest. In doubles: floats would hide it.
+            "coriolis_work": np.abs(p_coriolis) / np.sqrt(nu_squared * coriolis_squared),
+            "flags": _flags(states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12),
+        }
 
     def _rows(self, name, *arrays):
         """Return the result of a method of the dynamics, by its batch where there are several states."""
@@ -129,29 +148,23 @@ class FrameMaker:
             return getattr(self._dynamics, name)(*(row[0] for row in arrays))[None]
         return getattr(self._dynamics, f"{name}_batch")(*arrays)
 
-    def _powers(self, states):
-        """Return the powers into K [W]."""
-        nu, friction = states.nu, np.zeros(len(states.t))
-        if self._dynamics.model.has_friction:
-            friction = -_dot(states.qd, self._rows("friction_torque", states.qd))
-        changes = np.empty((2, len(states.t)))
-        for change, before, x in zip(changes, self._before, (states.t, states.K), strict=True):
-            change[0], change[1:] = x[0] - before, x[1:] - x[:-1]
-        self._before = states.t[-1], states.K[-1]
-        step, change = changes
-        return {
-            "p_effort": np.nan if states.epsilon is None else _dot(nu, states.epsilon),
-            "p_gravity": -_dot(nu, states.gravity),
-            "p_friction": friction,
-            "p_external": np.nan if np.ndim(states.residual) == 0 else _dot(nu, states.residual),
-            "dK": np.where((step > 0.0) & (step <= GAP), change / step, np.nan),
-        }
+    def _friction_power(self, qd):
+        if not self._model.has_friction:
+            return 0.0
+        return -np.einsum("tk,tk->t", qd, self._rows("friction_torque", qd))
+
+    def _energy_rate(self, t, K):
+        """Return dK/dt as a difference, NaN over a gap."""
+        both = np.empty((2, len(t) + 1))
+        both[:, 0], both[0, 1:], both[1, 1:] = self._before, t, K
+        self._before = t[-1], K[-1]
+        step, change = both[:, 1:] - both[:, :-1]
+        return np.where((step > 0.0) & (step <= GAP), change / step, np.nan)
 
     def _link_energies(self, states):
-        model = self._dynamics.model
-        energies = np.empty((len(states.t), len(model.link_names)))
+        energies = np.empty((len(states.t), len(self._model.link_names)))
         q, qd = (np.ascontiguousarray(x, dtype=float) for x in (states.q, states.qd))
-        if not sweeps.link_energies(model.bodies, model.links, q, qd, energies):
+        if not sweeps.link_energies(self._model.bodies, self._model.links, q, qd, energies):
             energies[:] = np.nan
         return energies
 
@@ -159,7 +172,7 @@ class FrameMaker:
 def _flags(states, same_model):
     is_set = {
         "velocity_estimated": states.velocity_estimated,
-        "effort_missing": states.effort is None or np.isnan(states.effort).any(axis=1),
+        "effort_missing": np.isnan(states.effort).any(axis=-1),
         "no_external_torque": np.isnan(states.norm),
         "collision": states.collision,
         "late": np.greater(states.latency, MAX_DELAY),
@@ -167,13 +180,3 @@ def _flags(states, same_model):
         "other_model": ~same_model,
     }
     return sum(CAUSES[name] * flag for name, flag in is_set.items())
-
-
-def _coriolis_work(nu, coriolis):
-    """Return |νᵀC| relative to |ν||C|: zero but for rounding, NaN at rest. In doubles: floats would hide it."""
-    return np.abs(_dot(nu, coriolis)) / (np.linalg.norm(nu, axis=1) * np.linalg.norm(coriolis, axis=1))
-
-
-def _dot(a, b):
-    """Return the scalar product of each pair of rows."""
-    return np.asarray(np.einsum("tk,tk->t", a, b))

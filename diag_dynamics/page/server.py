@@ -36,6 +36,9 @@ SEND_BUFFER, MAX_UNSENT = 64 * 1024, 4 * 1024
 READ_TIMEOUT = 20.0
 """Time after which a reader whose socket stays full is disconnected [s]."""
 
+HEARTBEAT = 1.0
+"""Time between two heartbeats [s]."""
+
 MAX_FRAMES = 200.0
 """Frames per second of all streams together."""
 
@@ -58,8 +61,8 @@ class PageServer:
 
     Attributes
     ----------
-    address, streams : str, int
-        URL of the page, and the number of open streams.
+    address : str
+        URL of the page.
 
     Raises
     ------
@@ -69,12 +72,17 @@ class PageServer:
 
     def __init__(self, robots, host="127.0.0.1", port=0, rate=60.0, max_streams=8):
         self._robots, self._host, self._rate, self._max_streams = robots, host, rate, max_streams
-        self.streams, self._started = 0, threading.Event()
+        self._news, self._started = set(), threading.Event()
         self._socket = listen(host, port)
         address, port = self._socket.getsockname()[:2]
         name = "localhost" if ipaddress.ip_address(address.partition("%")[0]).is_unspecified else address
         self.address = f"http://{f'[{name}]' if ':' in name else name}:{port}/"
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="page", daemon=True)
+
+    @property
+    def streams(self):
+        """Number of open streams."""
+        return len(self._news)
 
     def start(self):
         """Start to serve."""
@@ -99,7 +107,11 @@ class PageServer:
         await web.SockSite(runner, self._socket).start()
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
         self._started.set()
-        await self._end.wait()
+        while not self._end.is_set():
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._end.wait(), HEARTBEAT / 2.0)
+            for news in self._news:
+                news.set()
         await runner.cleanup()
 
     @web.middleware
@@ -143,7 +155,7 @@ class PageServer:
         raise web.HTTPNotFound
 
     async def _get_stream(self, request):
-        ws = web.WebSocketResponse()
+        ws = web.WebSocketResponse(compress=False)  # frames of floats hardly shrink
         await ws.prepare(request)
         if request.transport is None:  # the reader has left
             return ws
@@ -155,44 +167,62 @@ class PageServer:
             status, reason = error.args if isinstance(error, RejectedRequestError) else (400, f"hz: {error}")
             await ws.close(code=4000 + status, message=reason.encode()[:120])
             return ws
-        self.streams += 1
+        news, loop = asyncio.Event(), asyncio.get_running_loop()
+
+        def wake():
+            if not news.is_set():
+                with suppress(RuntimeError):  # the server has ended
+                    loop.call_soon_threadsafe(news.set)
+
+        self._news.add(news)
+        robot.listeners.add(wake)
         try:
             with suppress(OSError):  # the reader has left
-                await self._send(ws, request, robot, min(self._rate, max(0.1, hz)))
+                await self._send(ws, request, robot, news, min(self._rate, max(0.1, hz)))
         finally:
-            self.streams -= 1
+            robot.listeners.discard(wake)
+            self._news.discard(news)
         return ws
 
-    async def _send(self, ws, request, robot, hz):
+    async def _send(self, ws, request, robot, news, hz):
         """Send what is new until the reader leaves. A slow one gets the newest frame, and no queue of older ones."""
         transport, end = request.transport, asyncio.ensure_future(ws.receive())
+        end.add_done_callback(lambda _: news.set())
         connection = transport.get_extra_info("socket")
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, MAX_UNSENT)
-        layout = diagnostics = number = 0
-        beat = due = ready = time.monotonic()
-        while not end.done() and not transport.is_closing():
-            period, now = max(1.0 / hz, self.streams / MAX_FRAMES), time.monotonic()
+        layout = diagnostics = number = due = 0
+        beat = ready = time.monotonic()
+        news.set()
+        while True:
+            await news.wait()
+            period = max(1.0 / hz, self.streams / MAX_FRAMES)
+            # A state may come earlier than the last one by a part of the period.
+            if (early := due - 0.25 * period - time.monotonic()) > 0.0:
+                await asyncio.sleep(early)
+            if end.done() or transport.is_closing():
+                return
+            now = time.monotonic()
             if transport.get_write_buffer_size() or not select.select([], [connection], [], 0.0)[1]:
                 if now - ready > READ_TIMEOUT:
                     return transport.abort()
-                await asyncio.sleep(0.25 * period)
+                due = now + 0.5 * period
                 continue
-            new, news, ready = robot.newest(request.query.get("link", "")), {}, now
+            news.clear()
+            new, texts, ready = robot.newest(request.query.get("link", "")), {}, now
             if new.layout[0] != layout:
-                layout, news["layout"] = new.layout
+                layout, texts["layout"] = new.layout
             if new.diagnostics[0] != diagnostics:
-                diagnostics, news["diagnostics"] = new.diagnostics
-            if news or now >= beat:
-                beat, about = now + 1.0, {"link": new.link, "hz": 1.0 / period, "streams": self.streams}
-                news["heartbeat"] = json.dumps(robot.about() | about)
-                await ws.send_str("{" + ", ".join(f'"{name}": {text}' for name, text in news.items()) + "}")
+                diagnostics, texts["diagnostics"] = new.diagnostics
+            if texts or now >= beat:
+                beat, about = now + HEARTBEAT, {"link": new.link, "hz": 1.0 / period, "streams": self.streams}
+                texts["heartbeat"] = json.dumps(robot.about() | about)
+                await ws.send_str("{" + ", ".join(f'"{name}": {text}' for name, text in texts.items()) + "}")
             if new.frame and new.number != number:
                 await ws.send_bytes(new.frame)
-                number, due = new.number, max(due + period, now)
+                number, due = new.number, max(due, now) + period
             else:
-                due = now + 0.25 * period  # from then on in step with the states
-            await asyncio.sleep(due - time.monotonic())
+                due = max(due, now + 0.5 * period)
 
 
 def listen(host, port):

@@ -56,14 +56,28 @@ class RobotStream:
     read : callable
         Called with the DiagonalDynamics in force by one thread at a time; returns the newest state since the last call as
         :class:`Received`, or None. It raises nothing.
+    notifies : bool
+        Whether :meth:`notify` is called for each new state; `read` is polled otherwise.
+
+    Attributes
+    ----------
+    name : str
+    listeners : set of callable
+        Called without arguments by :meth:`notify`.
     """
 
-    def __init__(self, name, read):
-        self.name, self._read, self._lock = name, read, threading.RLock()
+    def __init__(self, name, read, notifies=False):
+        self.name, self.listeners, self._read, self._notifies = name, set(), read, notifies
+        self._lock = threading.RLock()
         self._dynamics = self._scene = self._meshes = self._last = self._rate = None
         self._layout, self._diagnostics, self._number, self._frames = (0, ""), (0, "[]"), 0, {}
         self._waiting, self._worst, self._end_effector = "waiting for a robot", "", ""
         self._counted, self._since = 0, 0.0
+
+    def notify(self):
+        """Tell the listeners that `read` has a new state."""
+        for listener in tuple(self.listeners):
+            listener()
 
     def set_robot(self, dynamics, scene=None, meshes=None):
         """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on."""
@@ -93,6 +107,8 @@ class RobotStream:
         """Return the :class:`Newest`, with the fields of a link; of the end effector where the robot has no such link."""
         with self._lock:
             self._refresh()
+            if not self._notifies:
+                self.notify()
             link = link if self._dynamics and link in self._dynamics.model.link_names else self._end_effector
             return Newest(self._layout, self._diagnostics, link, self._number, self._frame(link))
 

@@ -73,6 +73,10 @@ class Template:
         self.doubles = self.data[4 : 4 + (size - 4) // 8 * 8].view("<f8")
         self._meaningful = np.frombuffer(self._parts, dtype=bool)
         self.numbers = {path: self.data[begin:end].view(kind) for path, (kind, begin, end) in self._places.items()}
+        is_text = self._meaningful.copy()
+        for _, begin, end in self._places.values():
+            is_text[begin:end] = False
+        self._texts = np.flatnonzero(is_text)
 
     def encoded(self):
         """The message as it is now."""
@@ -84,6 +88,16 @@ class Template:
             return False
         theirs = np.frombuffer(raw, dtype=np.uint8, count=len(self.data))
         return bool((theirs == self.data)[self._meaningful].all())
+
+    def read(self, raw):
+        """Read the numbers of a message; return False if its texts or lengths are others."""
+        if len(raw) < len(self.data):
+            return False
+        theirs = np.frombuffer(raw, dtype=np.uint8, count=len(self.data))
+        if (theirs.take(self._texts) != self.data.take(self._texts)).any():
+            return False
+        self.data[:] = theirs
+        return True
 
     def place(self, path):
         """Byte at which a number, or the first one of a sequence, begins; -1 if the sequence is empty."""

@@ -11,7 +11,6 @@ import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -23,6 +22,7 @@ from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.view.message_reader import MessageReader
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
@@ -38,6 +38,17 @@ MAX_DIFFERENCE = 0.1
 
 REMOVAL_TIMEOUT, RETRY_PERIOD = 600.0, 5.0
 """Time without a publisher after which a robot is removed, and until an unanswered request is repeated [s]."""
+
+VECTORS = "position", "velocity", "effort", "nu", "epsilon", "coriolis", "gravity", "articulated_inertia"
+"""Fields of a state's message, in the order of :class:`~diag_dynamics.page.frames.States`."""
+
+CONTACT_VECTORS = {
+    "contact_speed": "speed",
+    "contact_mass": "reflected_mass",
+    "contact_energy": "transferable_energy",
+    "contact_allowed": "allowed_speed",
+}
+"""Fields of a frame, and those of the message that they are read from."""
 
 NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -63,8 +74,10 @@ class RobotSubscription:
         self.monitor, self.namespace = monitor, monitor.rpartition("/")[0] or "/"
         self._node, self._folders, self._newest, self._count, self._read_count = node, folders, {}, 0, 0
         is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
-        self.stream = RobotStream(self.namespace if is_usual else monitor, self._read)
+        self.stream = RobotStream(self.namespace if is_usual else monitor, self._read, notifies=True)
         self._subscriptions = {}
+        kinds = {"state": DiagonalizedState, "torque": ExternalTorque, "contact": Contact}
+        self._readers = {name: MessageReader(kind) for name, kind in kinds.items()}
         self._subscribe(DiagonalizedState, "state", self._receive_state)
         self._subscribe(ExternalTorque, "external_torque", lambda raw: self._newest.update(torque=raw))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -186,8 +199,9 @@ class RobotSubscription:
     # --- States ---
 
     def _receive_state(self, raw):
-        self._newest["state"] = raw, time.monotonic(), self._node.get_clock().now().nanoseconds * 1e-9
+        self._newest["state"] = raw, time.monotonic()
         self._count += 1
+        self.stream.notify()  # the monitor publishes external torque and contact before the state
 
     def _read(self, dynamics):
         """Return the newest state as :class:`~diag_dynamics.page.stream.Received`; called in the page's thread."""
@@ -202,61 +216,74 @@ class RobotSubscription:
     def _read_state(self, dynamics):
         if "state" not in self._newest:
             return None
-        raw, received, clock = self._newest.pop("state")
+        raw, received = self._newest.pop("state")
         count, self._read_count = self._count - self._read_count, self._count
-        message, model = deserialize_message(raw, DiagonalizedState), dynamics.model
-        if message.model_revision != self._revision:
-            self._revision, self._is_outdated = message.model_revision, True
-        names, positions = tuple(message.dof_names), tuple(message.position_names)
+        reader, model = self._readers["state"], dynamics.model
+        fields = reader.read(raw)
+        if (revision := int(fields["model_revision"][0])) != self._revision:
+            self._revision, self._is_outdated = revision, True
+        names, positions = tuple(reader.message.dof_names), tuple(reader.message.position_names)
         if names != model.dof_names or (positions or names) != model.coordinate_names:
             self._is_outdated = True
             raise InputError(f"they are of another robot than '{model.name}'")
-        t = seconds(message.header.stamp)
+        t = stamp_of(fields)
         torque, limits = self._read_torque(t, model.nv)
         points, contact = self._read_contact(t, model)
-        fields = "position", "velocity", "effort", "nu", "epsilon", "coriolis", "gravity", "articulated_inertia"
-        rows = (np.array(value)[None] if len(value := getattr(message, name)) else None for name in fields)
-        q, qd, effort, nu, epsilon, *others = rows
         states = States(
-            *(np.array([t]), q, qd, effort, nu, epsilon, *others, np.array([message.kinetic_energy])),
-            velocity_estimated=message.velocity_estimated,
-            receive_time=message.stamp_is_receive_time,
-            latency=np.nan if self._differs_in_time else clock - t,
+            np.array([t]),
+            *(fields[name][None] if name in fields else np.nan for name in VECTORS),
+            fields["kinetic_energy"],
+            velocity_estimated=fields["velocity_estimated"],
+            receive_time=fields["stamp_is_receive_time"],
+            latency=self._latency(t, received),
             **torque,
             **contact,
         )
         return Received(states, received, count, limits, points)
 
+    def _latency(self, t, received):
+        """Return the age of a state at its reception [s]; NaN where its stamp is of another clock than the node's."""
+        if self._differs_in_time:
+            return np.nan
+        clock = self._node.get_clock()  # of rclpy: ten times as slow as the system's
+        now = clock.now().nanoseconds * 1e-9 if clock.ros_time_is_active else time.time()
+        return now - (time.monotonic() - received) - t
+
     def _read_torque(self, t, nv):
         """Return fields of the external torque at a time, and thresholds of alarms."""
-        message = deserialize_message(self._newest["torque"], ExternalTorque) if "torque" in self._newest else None
-        if message is None or len(message.dof_names) != nv:
+        if "torque" not in self._newest:
             return {}, ()
-        joints = message.torque_threshold or [np.inf] * nv
-        limits = (*joints, message.torque_norm_threshold, message.threshold)
-        if not message.valid or abs(seconds(message.header.stamp) - t) > MAX_DIFFERENCE:
+        reader = self._readers["torque"]
+        fields = reader.read(self._newest["torque"])
+        if len(reader.message.dof_names) != nv:
+            return {}, ()
+        joints = fields["torque_threshold"].tolist() if "torque_threshold" in fields else [np.inf] * nv
+        limits = (*joints, fields["torque_norm_threshold"].item(), fields["threshold"].item())
+        if not fields["valid"] or abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return {}, limits
-        rows = {name: np.array(getattr(message, name))[None] for name in ("residual", "external_torque")}
-        return rows | {"norm": np.array([message.norm]), "collision": message.collision}, limits
+        rows = {name: fields[name][None] for name in ("residual", "external_torque") if name in fields}
+        return rows | {"norm": fields["norm"], "collision": fields["collision"]}, limits
 
     def _read_contact(self, t, model):
         """Return name and link of each point of contact, and its fields at a time."""
-        message = deserialize_message(self._newest["contact"], Contact) if "contact" in self._newest else None
-        if message is None or not message.valid or not set(message.link_names) <= set(model.link_names):
+        if "contact" not in self._newest:
+            return self._points, {}
+        reader = self._readers["contact"]
+        fields, message = reader.read(self._newest["contact"]), reader.message
+        if not fields["valid"] or not set(message.link_names) <= set(model.link_names):
             return self._points, {}
         self._points = tuple(zip(message.point_names, message.link_names, strict=True))
-        if abs(seconds(message.header.stamp) - t) > MAX_DIFFERENCE:
+        if abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return self._points, {}
-        numbers = {"speed": message.speed, "mass": message.reflected_mass, "energy": message.transferable_energy}
-        numbers |= {"allowed": message.allowed_speed, "worst": [message.worst]}
-        position = message.positions[3 * message.worst :][:3] if message.worst >= 0 else [np.nan] * 3
-        rows = {f"contact_{name}": np.array(row)[None] for name, row in (numbers | {"position": position}).items()}
-        return self._points, rows
+        worst = int(fields["worst"][0])
+        position = fields["positions"][3 * worst : 3 * worst + 3] if worst >= 0 else np.full(3, np.nan)
+        rows = {field: fields[name][None] for field, name in CONTACT_VECTORS.items()}
+        return self._points, rows | {"contact_worst": fields["worst"], "contact_position": position[None]}
 
 
-def seconds(stamp):
-    """Return a stamp in seconds."""
-    return stamp.sec + 1e-9 * stamp.nanosec
+def stamp_of(fields):
+    """Return the stamp of a message [s]."""
+    return fields["header.stamp.sec"].item() + 1e-9 * fields["header.stamp.nanosec"].item()
 
 
 def folders_of(entries):
