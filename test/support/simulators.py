@@ -18,9 +18,10 @@ NODE = "diag_dynamics_simulator"
 class Simulator:
     """A simulator, its outputs and its inputs."""
 
-    def __init__(self, peer, namespace, id, **parameters):
-        """Start it; a context at whose end it ends."""
+    def __init__(self, peer, namespace, id, waits=True, **parameters):
+        """Start it; a context, which begins with its first state if it `waits` for that, and at whose end it ends."""
         self.peer, self.robot, self.name = peer, robot(id), f"{namespace}/{NODE}"
+        self._waits, self._moves_itself = waits, parameters.get("motion") == "wave"
         self.model = dd.load_urdf(self.robot.path, floating_base=parameters.get("floating_base", False))
         self.states = peer.topic(JointState, f"{namespace}/joint_states")
         self.odometry = peer.topic(Odometry, f"{namespace}/odom")
@@ -33,10 +34,12 @@ class Simulator:
         )
 
     def __enter__(self):
-        ready = (self.commands.get_subscription_count, self.wrenches.get_subscription_count)
-        self.peer.wait_until(lambda: all(count() for count in ready) and self.states.messages, self.name, START)
-        self.peer.wait_until(lambda: self.truth.subscription.get_publisher_count(), "its truth")
-        self.peer.become_known(self.name)
+        if self._waits:
+            inputs = (self.wrenches,) if self._moves_itself else (self.wrenches, self.commands)
+            ready = [one.get_subscription_count for one in inputs]
+            self.peer.wait_until(lambda: all(count() for count in ready) and self.states.messages, self.name, START)
+            self.peer.wait_until(self.truth.subscription.get_publisher_count, "its truth")
+            self.peer.become_known(self.name)
         return self
 
     def __exit__(self, *error):
