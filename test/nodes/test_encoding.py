@@ -328,10 +328,23 @@ ARM = ("shoulder", "elbow")
 TOPICS = tuple(topic for topic in ORDER if topic not in MATRICES)
 
 
-def monitored(**parameters):
+def monitored(description=URDF, **parameters):
     """Return the robot of a monitor."""
     values = DEFAULTS | {"max_age": 0.0, "absurd.jump": 0.0} | parameters
-    return MonitoredRobot(URDF, model_of(URDF, values), Settings.of(values), 1)
+    return MonitoredRobot(description, model_of(description, values), Settings.of(values), 1)
+
+
+def test_file_that_is_gone(tmp_path):
+    """A robot of a file needs it no longer once it is loaded."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF, encoding="utf-8")
+    robot = monitored(str(path))
+    path.unlink()
+    s, _ = robot.evaluate(RobotState(np.zeros(2), np.ones(2), None, NOW, NOW, False))
+    assert robot.markers(s).markers
+    model = robot.model.with_payload("upper", 2.0)
+    robot.use(model, robot.settings, 2)
+    assert robot.model is model
 
 
 def test_friction_power(tmp_path):

@@ -19,7 +19,7 @@ class ContactWatch:
 
     def __init__(self):
         self._exceeded, self._reported = 0, 0
-        self._start_interval()
+        self.start_interval()
 
     def use(self, dynamics, settings, points):
         """Use a model and settings; `points` are parameters.contact_points, None if unchanged."""
@@ -36,7 +36,8 @@ class ContactWatch:
         self._last = self._contact = None
         self._levels = np.zeros(len(self.points), dtype=int)
 
-    def _start_interval(self):
+    def start_interval(self):
+        """Begin another interval of reports."""
         self._count, self._level, self._alarm = 0, 0, ""
 
     def compute(self, state):
@@ -64,7 +65,7 @@ class ContactWatch:
         return level > self._reported
 
     def report(self):
-        """Return the status since the last report; STALE without states."""
+        """Return the status of this interval; STALE without states."""
         if not self._count:
             return Status("contact", STALE, "no state since the last report")
         values = {"limits exceeded": self._exceeded}
@@ -83,5 +84,4 @@ class ContactWatch:
             values["shapes left out"] = counted(links)
             message += f"; {len(links)} links without shape are judged by their frames"
         self._reported = self._level
-        self._start_interval()
         return Status("contact", LEVELS[self._reported], message, values)

@@ -13,16 +13,17 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
-from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.joints import RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.model import Payload
+from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.monitor.contact import ContactWatch
 from diag_dynamics.nodes.monitor.energy import EnergyWatch
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
-from diag_dynamics.nodes.support.loading import compile_dynamics
-from diag_dynamics.nodes.support.messages import BytesMaker, MessageMaker
+from diag_dynamics.nodes.support.loading import compile_dynamics, text_of
+from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.shared import payloads_of
@@ -72,7 +73,7 @@ class MonitoredRobot:
     """
 
     def __init__(self, description, model, settings, revision):
-        self.description = description
+        self.description, self._source = description, _kept(description)
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self.base)
@@ -82,6 +83,21 @@ class MonitoredRobot:
         self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
         compile_dynamics()
+        self._compile()
+
+    def _compile(self):
+        """Compile what each message needs, or load it from the cache: here, as this is done in a thread."""
+        nothing = np.zeros(self.model.nv)
+        state = RobotState(np.array(self.model.neutral), nothing, nothing, 0, 0, False)
+        with suppress(
+            DiagDynamicsError
+        ):  # a robot of numbers that nothing can be computed with; each state will say so
+            s, _ = self.evaluate(state)
+            self.friction_power(s)
+            self.messages(tuple(EVALUATED), s)
+            if self.torque:
+                TorqueWatch(self.dynamics, self.settings.observation).accept_state(state)
+        self.forget()
 
     @property
     def model(self):
@@ -103,7 +119,7 @@ class MonitoredRobot:
         if settings.observation and settings.observation.alarms:
             settings.observation.alarms.limits(model.dof_names)
         others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
-        touched = contact_points(model, self.description, settings.contact) if others else None
+        touched = contact_points(model, self._source, settings.contact) if others else None
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
         before, self.settings = self.settings, settings
@@ -135,6 +151,18 @@ class MonitoredRobot:
     def torque_report(self):
         """Status of external torque, where it is observed."""
         return self.torque.report(self.assembler.without_effort)
+
+    def report(self):
+        """Return the statuses of what watches states, and begin the next interval."""
+        statuses = [self.energy.report()]
+        self.energy.start_interval()
+        if self.torque:
+            statuses.append(self.torque_report())
+            self.torque.start_interval()
+        if self.contact.has_limits:
+            statuses.append(self.contact.report())
+            self.contact.start_interval()
+        return statuses
 
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""
@@ -176,7 +204,7 @@ class MonitoredRobot:
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
         if self._markers is None:
-            self._markers = MarkerMaker(self.dynamics, self.description, self.settings.values["markers.link"])
+            self._markers = MarkerMaker(self.dynamics, self._source, self.settings.values["markers.link"])
         return self._markers.message(s, self.state, self.torque)
 
     def messages(self, topics, s):
@@ -214,6 +242,22 @@ def matrix(topic, maker, dynamics, state, with_inverse=False):
     if topic != "joint_space_dynamics":
         raise AssertionError(f"nobody makes {topic}")
     return maker.joint_space_dynamics(dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q), state)
+
+
+class _Text(NamedTuple):
+    """A file that was read when the robot was loaded: its meshes are found beside it, and later changes do not count."""
+
+    text: str
+    name: str
+
+    def read(self, _=-1):
+        return self.text
+
+
+def _kept(description):
+    """Return a description, or the text of one that is a path."""
+    folder = folder_of(description)
+    return description if folder is None else _Text(text_of(description), str(folder / "robot.urdf"))
 
 
 class Refused(NamedTuple):

@@ -24,7 +24,7 @@ class EnergyWatch:
     def __init__(self, model, thresholds):
         self._reported = OK
         self.configure(model, thresholds)
-        self._start_interval()
+        self.start_interval()
 
     def configure(self, model, thresholds):
         """Use a model and Thresholds; InputError if these name another joint."""
@@ -40,7 +40,8 @@ class EnergyWatch:
         """Begin the balance anew at the next state, as after a jump of time."""
         self._last, self._window = None, NOTHING
 
-    def _start_interval(self):
+    def start_interval(self):
+        """Begin another interval of reports."""
         self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
         self._time = self._residual = 0.0
 
@@ -92,7 +93,7 @@ class EnergyWatch:
         return explained_share(residual.var(), change.var())
 
     def report(self):
-        """Return the status since the last report; STALE without states."""
+        """Return the status of this interval; STALE without states."""
         if not self._count:
             return Status("energy", STALE, "no state since the last report")
         values = {"largest kinetic energy [J]": f"{self._largest:.6g}"}
@@ -104,7 +105,6 @@ class EnergyWatch:
         if (share := self._explained()) is not None:
             values["explained share of dK/dt (last minute)"] = f"{share:.4g}"
         self._reported, message = self._level, self._alarm or "within thresholds"
-        self._start_interval()
         return Status("energy", self._reported, message, values)
 
 

@@ -18,12 +18,12 @@ class TorqueWatch:
     """A disturbance observer, and a collision detector on its results.
 
     At the last state `seen` is the Disturbance, with the detector's collision, and `begins` whether a
-    collision begins; `cause` describes the last collision since the last report.
+    collision begins; `cause` describes the last collision of this interval of reports.
     """
 
     def __init__(self, dynamics, observation):
         self._collisions, self._origin, self._is_reported = 0, None, False
-        self._start_interval()
+        self.start_interval()
         self.use(dynamics, observation)
 
     def use(self, dynamics, observation):
@@ -50,7 +50,8 @@ class TorqueWatch:
         """Thresholds of and collisions at joints; None without parameters `alarm.*`."""
         return Alarming(self._detector.limits, self._joints) if self.observation.alarms else None
 
-    def _start_interval(self):
+    def start_interval(self):
+        """Begin another interval of reports."""
         self._count, self._valid, self._largest, self.cause = 0, 0, 0.0, ""
 
     def accept_state(self, state):
@@ -77,7 +78,7 @@ class TorqueWatch:
         return self.seen.collision and not self._is_reported
 
     def report(self, without_effort):
-        """Return the status since the last report, given the names of joints without effort."""
+        """Return the status of this interval, given the names of joints without effort."""
         if not self._count:
             return Status("external torque", STALE, "no state since")
         values = {"collisions": self._collisions}
@@ -94,5 +95,4 @@ class TorqueWatch:
             lacking = without_effort and f"no effort of {counted(without_effort)}"
             message = lacking or steady(self.seen.reason)
         self._is_reported = bool(self.cause)
-        self._start_interval()
         return Status("external torque", level, message, values)

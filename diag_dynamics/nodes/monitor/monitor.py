@@ -230,11 +230,13 @@ class MonitorNode(TableNode, Node):
         if robot.contact.has_limits or "contact" in outputs.heard:
             self._watch_contact(robot, state)
         outputs.publish(stamp, lambda topics: robot.messages(topics, s))
-        self._statistics.count_published(what, stamp)
-        if "markers" in outputs.heard:
-            outputs.publish_beside("markers", stamp, lambda: robot.markers(s))
         if robot.energy.accept_state(stamp, s, robot.friction_power(s)):  # an alarm does not wait for the next second
             self._diagnostics.publish([robot.energy.report()])
+        if "markers" in outputs.heard:  # whose meshes may be unreadable
+            _, fault = attempt(outputs.publish_beside, "markers", stamp, lambda: robot.markers(s))
+            if fault:
+                self.get_logger().warning(f"Markers: {fault.reason}", throttle_duration_sec=5.0)
+        self._statistics.count_published(what, stamp)
 
     def _observe(self, robot, state):
         """Publish external torque, and a collision at once."""
@@ -314,13 +316,7 @@ class MonitorNode(TableNode, Node):
             model_status(robot, self._revision, self._refused, self._loader.loading),
             numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
-        if robot:
-            statuses.append(robot.energy.report())
-            if robot.torque:
-                statuses.append(robot.torque_report())
-            if robot.contact.has_limits:
-                statuses.append(robot.contact.report())
-        return statuses
+        return statuses + (robot.report() if robot else [])
 
     def _notes(self):
         """Return the publishers of the inputs, and under None their problems."""
