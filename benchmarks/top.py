@@ -20,7 +20,7 @@ from typing import NamedTuple
 import psutil
 
 ROOT = Path(__file__).resolve().parents[1]
-RATE, FRAMES = 50.0, 10.0
+RATE, FRAMES = 50.0, 5.0
 """Of states and of frames [Hz]."""
 
 

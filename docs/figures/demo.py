@@ -7,7 +7,10 @@ python docs/figures/demo.py
 """
 
 import io
+from functools import partial
 from pathlib import Path
+
+from rich.segment import SegmentLines
 
 from diag_dynamics.nodes import demo
 from diag_dynamics.nodes.top import top
@@ -20,13 +23,15 @@ class RecordedTop(top.Top):
 
     def destroy_node(self):
         """Write the frame."""
-        if self._live:
-            console = top.make_console(width=WIDTH, height=HEIGHT, record=True, file=io.StringIO())
-            console.print(self._view.draw(self._shown(), self.time.steady(), WIDTH, HEIGHT), end="")
+        if self._console:
+            console = top.make_console(width=WIDTH, height=HEIGHT, record=True)
+            frame = self._view.draw(self._shown(), self.time.steady(), WIDTH, HEIGHT)
+            console.print(SegmentLines(frame, new_lines=True), end="")
             console.save_svg(str(Path(__file__).parents[1] / "demo.svg"), title="diag-dynamics demo")
         return super().destroy_node()
 
 
 if __name__ == "__main__":
     demo.Top, demo.has_screen = RecordedTop, lambda: True
+    top.make_console = partial(top.make_console, file=io.StringIO())
     demo.main(["demo", "--duration", "18"])

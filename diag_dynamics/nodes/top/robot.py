@@ -46,7 +46,9 @@ class Robot:
 
     def rate(self, now):
         """Return the number of states of the last second."""
-        return sum(time > now - 1.0 for time in self._received)
+        while len(self._received) > 1 and self._received[0] <= now - 1.0:
+            self._received.popleft()  # the last one is the begin of a silence
+        return len(self._received) if self.silence(now) < 1.0 else 0
 
     def silence(self, now):
         """Return the time since the last state [s]."""
@@ -72,7 +74,7 @@ class Robot:
         self.power = message.power if message.effort_valid else math.nan
         self._received.append(steady)
 
-    def accept_external_torque(self, message):
+    def accept_external_torque(self, message, *_):
         """Store a result of the observer."""
         self._external, self.alarm = np.array(message.external_torque), ""
         self.torque = self.residual = UNKNOWN
@@ -85,7 +87,7 @@ class Robot:
             above = ", ".join(name for name, collision in joints if collision)
             self.alarm = f"collision: {above}" if above else "collision" if message.collision else ""
 
-    def accept_description(self, message):
+    def accept_description(self, message, *_):
         """Read the limits of effort and velocity of a URDF."""
         parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
         joints = etree.fromstring(message.data.encode(), parser).iterfind("joint[limit]")

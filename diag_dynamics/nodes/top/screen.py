@@ -1,16 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The frames of `top`: what the keys choose, drawn by rich for a terminal of any size."""
+"""The frames of `top`: what the keys choose, as lines for a terminal of any size."""
 
 import math
 
 import numpy as np
-from rich.console import Group
-from rich.layout import Layout
-from rich.measure import Measurement
-from rich.table import Table
-from rich.text import Text
+from rich.cells import cell_len
+from rich.segment import Segment
+from rich.style import Style
 
 from diag_dynamics.nodes.top.robot import ENERGY, EXTERNAL, QUANTITIES, SLOT
 from diag_dynamics.text import duration, number, plain
@@ -19,42 +17,29 @@ WINDOWS = 5, 10, 30, 60
 """Times that charts show [s]."""
 
 SORTS = "base to tip", "by value", "by peak", "by limit"
-KEYS = "q quit  1-6 values  s sort  r reset  space pause  +- time  ↑↓ scroll  tab o all"
-BLOCKS, LETTERS = " ▁▂▃▄▅▆▇█", " .:-=+*#@"
+KEYS = "q quit", "1-6 values", "s sort", "space pause", "r reset", "+- time", "↑↓ scroll"
+KEYS_OF_SEVERAL = (*KEYS[:4], "tab next", "o all", *KEYS[4:])
+"""Keys in order of their use: of one robot, and of several; a narrow terminal shows the first ones."""
+
+BLOCKS, LETTERS = np.array(list(" ▁▂▃▄▅▆▇█")), np.array(list(" .:-=+*#@"))
 
 WIDE, MAX_SILENCE, NEAR = 60, 1.0, 0.7
 """Columns of a wide terminal; time without a state that is an error [s]; fraction of a limit that is near."""
 
-
-class Charts:
-    """Magnitudes over time as blocks, from zero to a scale; one chart of `height` lines for each column of values."""
-
-    def __init__(self, values, scales, styles, height=1):
-        self.values, self.scales, self.styles, self.height = values, scales, styles, height
-
-    def __rich_measure__(self, console, options):
-        return Measurement(1, options.max_width)
-
-    def __rich_console__(self, console, options):
-        begins = np.linspace(0, len(self.values), options.max_width, endpoint=False).astype(int)
-        most, scales = 8 * self.height, np.where(self.scales, self.scales, 1.0)
-        levels = np.ceil(most * np.fmax.reduceat(self.values, begins) / scales)
-        levels = np.nan_to_num(np.clip(levels, 1, most)).astype(int)
-        characters = np.array(list(LETTERS if options.ascii_only else BLOCKS))
-        yield _lines(
-            Text("".join(characters[np.clip(column - 8 * row, 0, 8)]), style)
-            for column, style in zip(levels.T, self.styles, strict=True)
-            for row in reversed(range(self.height))
-        )
+LABELS, NUMBERS = 12, 7
+"""Columns of the labels of a chart, and of the numbers of a table."""
 
 
 class View:
-    """What the keys have chosen; `reset` and `quit` are requests to the owner of the robots."""
+    """What the keys have chosen; `reset` and `quit` are requests to the owner of the robots.
 
-    def __init__(self, note=""):
+    Charts consist of `characters` for 0 to 8 eighths.
+    """
+
+    def __init__(self, note="", characters=BLOCKS):
         self.quantity, self.sort, self.window, self.robot, self.scroll = 0, 0, 1, 0, 0
         self.paused = self.reset = self.quit = self.overview = False
-        self._note = note
+        self._note, self._characters = note, characters
 
     def press(self, key):
         """Apply a key: a character, or up, down, left, right."""
@@ -77,93 +62,100 @@ class View:
         self.reset, self.quit = key == "r", self.quit or key == "q"
 
     def draw(self, robots, now, width, height):
-        """Return the frame of at least one robot, at a steady time [s], for a terminal of this size."""
+        """Return the frame of at least one robot, at a steady time [s]: `height` lines of segments, `width` cells each."""
         robot = robots[self.robot % len(robots)]
-        parts = [self._title(robots, robot, now, width)]
+        lines = [self._title(robots, robot, now, width)]
         if self.overview:
-            parts.append(self._overview(robots, now))
+            lines += self._overview(robots, now, width)
         elif robot.names:
-            parts += self._robot(robot, width >= WIDE, height - 2)
+            lines += self._robot(robot, width, height - 2)
         else:
-            parts.append(Text(f"waiting for states on {plain(robot.topic)}", "dim"))
-        frame = Layout()
-        frame.split_column(Layout(Group(*parts)), Layout(_line((KEYS, "dim")), size=1))
-        return frame
+            lines.append([(f"waiting for states on {plain(robot.topic)}", "dim")])
+        lines = (lines + [[]] * height)[: height - 1]
+        return [_fit(line, width) for line in [*lines, _keys(len(robots), width)]]
 
     def _title(self, robots, robot, now, width):
         silence, style = robot.silence(now), "reverse"
-        count = f" {self.robot % len(robots) + 1}/{len(robots)}" if len(robots) > 1 else ""
-        status = f" {robot.rate(now)} Hz" if robot.names else ""
+        title, status = f" {plain(robot.title)}", f" {robot.rate(now)} Hz" if robot.names else ""
+        if self.overview:
+            title, status, silence = f" {len(robots)} robot{'s' * (len(robots) > 1)}", "", 0.0
+        elif len(robots) > 1:
+            title += f" {self.robot % len(robots) + 1}/{len(robots)}"
         if silence > MAX_SILENCE:
             status, style = f" no state for {duration(silence)}", "reverse bold red"
-        elif robot.names and width >= WIDE:
+        elif status and width >= WIDE:
             status += f"  {duration(robot.latency)} late"
-        text = f" {plain(robot.title)}{count}{status}{' PAUSED' if self.paused else ''}"
-        return Text(f"{text:{width - len(self._note) - 1}}{self._note:{width}}", style, no_wrap=True, overflow="crop")
+        text = f"{title}{status}{' PAUSED' if self.paused else ''}"
+        space = width - cell_len(text) - cell_len(self._note) - 1
+        return [(f"{text}{' ' * space}{self._note}{' ' * width}", style)]
 
-    def _robot(self, robot, wide, height):
+    def _robot(self, robot, width, height):
         """Return lines, chart and table of a robot."""
+        wide = width >= WIDE
         energy, peak = f"{number(robot.energy)} J", f"{number(robot.energy_peak)} J"
         power = f"{number(robot.power)} W" if robot.power == robot.power else "unknown: no efforts"
-        power = [("   net power ", "dim"), power] if wide else []
-        lines = [_line(("K ", "dim"), (energy, "bold"), ("  peak ", "dim"), peak, *power)]
+        power = [("   net power ", "dim"), (power, "")] if wide else []
+        lines = [[("K ", "dim"), (energy, "bold"), ("  peak ", "dim"), (peak, ""), *power]]
         if robot.torque[0] == robot.torque[0]:
-            norms = _norm(robot.torque, "N m"), ("  r ", "dim"), _norm(robot.residual, "√J/s")
-            lines.append(_line(("m r ", "dim"), *norms))
+            norms = _norm(robot.torque, "N m", wide), ("  r ", "dim"), _norm(robot.residual, "√J/s", wide)
+            lines.append([("m r ", "dim"), *norms])
         if robot.rejected:
-            lines.append(_line((f"{robot.rejected} invalid messages", "yellow")))
+            lines.append([(f"{robot.rejected} invalid messages", "yellow")])
         if robot.alarm:
-            lines.append(_line((f"ALARM {plain(robot.alarm)}", "bold red")))
+            lines.append([(f"ALARM {plain(robot.alarm)}", "bold red")])
         rows = height - len(lines) - 1
         tall = min(max(rows - len(robot.names), rows // 4), 20)
-        if tall >= 3:
-            lines.append(self._chart(robot, tall))
+        if tall >= 3 and width > LABELS:
+            lines += self._chart(robot, width - LABELS - 1, tall)
             rows -= tall
-        return [*lines, self._table(robot, max(rows, 0), wide)]
+        return [*lines, *self._table(robot, max(rows, 0), width)]
 
     def _recent(self, slots):
         return slots[-round(WINDOWS[self.window] / SLOT) :]
 
-    def _chart(self, robot, height):
+    def _chart(self, robot, width, height):
         """Return the kinetic energy, or the largest value or fraction of a limit of all joints."""
         quantity, limits = QUANTITIES[self.quantity], robot.limits[self.quantity]
         limited, values = bool(np.isfinite(limits).any()), self._recent(robot.values[:, self.quantity])
         label = f"of {quantity.limit}" if limited else f"{quantity.symbol} {quantity.unit}"
-        scale = 1.0 if limited else robot.external_scale()
         if self.quantity == ENERGY:
             values, label = self._recent(robot.energies), "K J"
         else:
             values = np.fmax.reduce(values / limits if limited else values, axis=1)
-        most = np.nanmax(values, initial=0.0)
-        scale = max(most, scale) if self.quantity == EXTERNAL else most
-        grid = Table.grid(padding=(0, 1), expand=True)
-        grid.add_column(justify="right", style="dim", no_wrap=True, width=12)
-        grid.add_column(ratio=1)
-        labels = "\n".join([number(scale), label, *[""] * (height - 3), "0"])
-        style = _style(most, 1.0 if limited else math.inf)
-        grid.add_row(labels, Charts(values[:, None], [scale], [style], height))
-        return grid
+        largest = np.nanmax(values, initial=0.0)
+        bound = (1.0 if limited else robot.external_scale()) if self.quantity == EXTERNAL else 0.0
+        scale, style = max(largest, bound), _style(largest, 1.0 if limited else math.inf)
+        labels = [f"{100 * scale:.0f} %" if limited else number(scale), label, *[""] * (height - 3), "0"]
+        rows = self._bars(values[:, None], scale, width, height)
+        return [[(f"{text:>{LABELS}} ", "dim"), (row, style)] for text, row in zip(labels, rows, strict=True)]
 
-    def _table(self, robot, rows, wide):
-        q, quantity, order = self.quantity, QUANTITIES[self.quantity], self._order(robot)
+    def _bars(self, values, scales, width, height=1):
+        """Return magnitudes over time as texts, from zero to a scale: `height` texts for each column of values."""
+        begins = np.linspace(0, len(values), max(width, 1), endpoint=False).astype(int)
+        levels = np.ceil(8 * height * np.fmax.reduceat(values, begins) / np.where(scales, scales, 1.0))
+        levels = np.nan_to_num(np.clip(levels, 1, 8 * height)).astype(int)
+        eighths = np.clip(levels.T[:, None] - 8 * np.arange(height)[::-1, None], 0, 8)
+        return ["".join(row) for rows in self._characters[eighths].tolist() for row in rows]
+
+    def _table(self, robot, rows, width):
+        q, quantity, order, wide = self.quantity, QUANTITIES[self.quantity], self._order(robot), width >= WIDE
         self.scroll = min(self.scroll, max(0, len(order) - rows))
         shown = order[self.scroll : self.scroll + rows]
         last, limits, values = robot.last[q, shown], robot.limits[q, shown], self._recent(robot.values[:, q, shown])
         fractions = np.abs(last) / limits
         styles = [_style(*pair) for pair in zip(fractions, limits, strict=True)]
-        names = [_name(robot.names[k], 30 if wide else 12) for k in shown]
-        columns = {f"joint, {SORTS[self.sort]}" if wide else "joint": names}
-        columns[f"{quantity.symbol} {quantity.unit}"] = map(Text, map(number, last), styles)
+        columns = {f"joint, {SORTS[self.sort]}" if wide else "joint": ([robot.names[k] for k in shown], None)}
+        columns[f"{quantity.symbol} {quantity.unit}"] = map(number, last), styles
         if wide:
-            columns["peak"] = map(Text, map(number, robot.peak[q, shown]))
+            columns["peak"] = map(number, robot.peak[q, shown]), None
         if np.isfinite(robot.limits[q]).any():
             texts = [f"{100 * fraction:.0f} %" if fraction > 0.0 else "" for fraction in fractions]
-            columns["of limit" if wide else "%"] = map(Text, texts, styles)
-        hidden = f", {len(shown)} of {len(order)}" if len(shown) < len(order) else ""
+            columns["of limit" if wide else "limit"] = texts, styles
         scale = robot.external_scale() if q == EXTERNAL else 0.0
         scales = np.where(np.isfinite(limits), limits, np.nanmax(values, initial=scale))
-        charts = Charts(values, scales, styles)
-        return _make_table(columns, f"{quantity.name}, {WINDOWS[self.window]} s{hidden}", charts)
+        hidden = f", {len(shown)} of {len(order)}" if len(shown) < len(order) else ""
+        heading = f"{quantity.name}, " if wide else ""
+        return self._rows(columns, f"{heading}{WINDOWS[self.window]} s{hidden}", values, scales, styles, width)
 
     def _order(self, robot):
         size, limits = np.abs(robot.last[self.quantity]), robot.limits[self.quantity]
@@ -171,43 +163,54 @@ class View:
         key = (np.zeros_like(size), size, robot.peak[self.quantity], fraction)[self.sort]
         return np.argsort(-np.nan_to_num(key), kind="stable")
 
-    def _overview(self, robots, now):
+    def _overview(self, robots, now, width):
         robots = [robot for robot in robots if robot.names]
         styles = ["bold red" if robot.alarm or robot.silence(now) > MAX_SILENCE else "cyan" for robot in robots]
         columns = {
-            "robot": [_name(robot.title, 30) for robot in robots],
-            "K J": [Text(number(robot.energy)) for robot in robots],
-            "peak": [Text(number(robot.energy_peak)) for robot in robots],
-            "Hz": [Text(str(robot.rate(now))) for robot in robots],
+            "robot": ([robot.title for robot in robots], None),
+            "K J": ([number(robot.energy) for robot in robots], None),
+            "peak": ([number(robot.energy_peak) for robot in robots], None),
+            "Hz": ([str(robot.rate(now)) for robot in robots], None),
         }
-        values = np.array([self._recent(robot.energies) for robot in robots]).T
-        charts = Charts(values, np.nanmax(values, axis=0, initial=0.0), styles) if robots else ""
-        return _make_table(columns, f"kinetic energy, {WINDOWS[self.window]} s", charts)
+        values = np.array([self._recent(robot.energies) for robot in robots]).reshape(len(robots), -1).T
+        scales = np.nanmax(values, axis=0, initial=0.0)
+        return self._rows(columns, f"kinetic energy, {WINDOWS[self.window]} s", values, scales, styles, width)
+
+    def _rows(self, columns, heading, values, scales, styles, width):
+        """Return a table: a name, numbers, and a chart for each row; columns are texts and styles by heading."""
+        wide, plains = width >= WIDE, [""] * len(styles)
+        lines = [[] for _ in range(len(styles) + 1)]
+        for k, (title, (texts, colours)) in enumerate(columns.items()):
+            texts = [title, *(texts if k else [_shorten(plain(text), 30 if wide else 12) for text in texts])]
+            size = max(0 if k == 0 else NUMBERS, *map(cell_len, texts))
+            for line, text, style in zip(lines, texts, ["dim underline", *(colours or plains)], strict=True):
+                space = " " * (size - cell_len(text))
+                line.append((f"{space}{text}" if k else f"{text}{space}", style))
+                line.append(("  " if wide else " ", "dim underline" if line is lines[0] else ""))
+        lines[0].append((f"{heading:{width}}", "dim underline"))
+        left = width - sum(cell_len(text) for text, _ in lines[0][:-1])
+        if styles and left > 0:
+            for line, row, style in zip(lines[1:], self._bars(values, scales, left), styles, strict=True):
+                line.append((row, style))
+        return lines
 
 
-def _line(*parts):
-    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
+def _fit(line, width):
+    """Return segments of texts and styles, as wide as the terminal."""
+    return Segment.adjust_line_length([Segment(text, Style.parse(style)) for text, style in line], width)
 
 
-def _lines(texts):
-    lines = Text("\n", no_wrap=True).join(texts)
-    lines.no_wrap = True
-    return lines
+def _keys(robots, width):
+    """Return the line of as many keys as there is space for."""
+    text, *others = KEYS_OF_SEVERAL if robots > 1 else KEYS
+    for key in others:
+        text = f"{text}  {key}" if len(text) + len(key) + 2 <= width else text
+    return [(text, "dim")]
 
 
-def _make_table(columns, heading, charts):
-    """Return a table of one row: rich takes its time for each cell."""
-    table = Table(box=None, padding=(0, 1, 0, 0), expand=True, header_style="dim underline")
-    for k, name in enumerate(columns):
-        table.add_column(name, justify="right" if k else "left", no_wrap=True, min_width=7)
-    table.add_column(heading, ratio=1, no_wrap=True)
-    table.add_row(*(_lines(cells) for cells in columns.values()), charts)
-    return table
-
-
-def _norm(pair, unit):
+def _norm(pair, unit, wide):
     value, threshold = pair
-    bound = f" of {number(threshold)}" if threshold < math.inf else ""
+    bound = f"{' of ' if wide else '/'}{number(threshold)}" if threshold < math.inf else ""
     return f"{number(value)}{bound} {unit}", _style(value / threshold, threshold)
 
 
@@ -218,7 +221,8 @@ def _style(fraction, limit):
     return "bold red" if fraction > 1.0 else "yellow" if fraction > NEAR else "green"
 
 
-def _name(name, width):
+def _shorten(name, width):
     """Return a name; of a long one the end, which differs from joint to joint."""
-    text = Text(plain(name))
-    return text if text.cell_len <= width else Text("…") + text[1 - width :]
+    while cell_len(name) > width:
+        name = f"…{name[2:]}"
+    return name
