@@ -13,7 +13,7 @@ if(DIAG_DYNAMICS_COMPILE AND NOT CMAKE_CROSSCOMPILING)
       if(NOT \"\$ENV{PYTHONPATH}\" STREQUAL \"\")
         string(APPEND python_path \":\$ENV{PYTHONPATH}\")
       endif()
-      message(STATUS \"Compiling the dynamics, half a minute as a rule; -DDIAG_DYNAMICS_COMPILE=OFF leaves it to the nodes\")
+      message(STATUS \"Compiling the dynamics, for about half a minute; -DDIAG_DYNAMICS_COMPILE=OFF leaves it to the nodes\")
       execute_process(
         COMMAND \"${CMAKE_COMMAND}\" -E env \"PYTHONPATH=\${python_path}\"
           \"${Python3_EXECUTABLE}\" -m diag_dynamics compile --if-needed --quiet

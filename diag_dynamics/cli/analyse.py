@@ -26,7 +26,7 @@ explains less than 80 % (see the summary) or is missing although there are effor
 recordings failed; 2 nothing could be analysed. docs/recordings.md describes formats and results."""
 
 THRESHOLDS = {"alarm.joints", "alarm.external_torque", "alarm.norm", "external_torque.threshold"}
-"""Parameters of which a file of alarms has one at least."""
+"""Parameters of the monitor that set a threshold; a file of alarms sets at least one."""
 
 OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json")}
 

@@ -60,7 +60,7 @@ def run(chosen):
             return common.DONE
     start = time.perf_counter()
     with common.Progress(chosen.quiet, lines=True) as progress:
-        progress.show("Compiling for this machine and Python: half a minute as a rule, and kept.")
+        progress.show("Compiling all kernels for this machine and Python. This takes about half a minute.")
         failure = _compile(min(chosen.jobs, len(UNITS)), progress)
     if failure:
         print(f"diag-dynamics compile: {failure}", file=sys.stderr)

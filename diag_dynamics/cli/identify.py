@@ -87,7 +87,7 @@ def _write_parameters(chosen, found, earlier, robot):
 def _report_outputs(chosen, shared):
     common.report_written(chosen.output, chosen.write_urdf, chosen.plots, chosen.json)
     if shared:
-        links = f"In {chosen.write_urdf} {', '.join(shared)} share what is left of them together"
+        links = f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
         print(plain(f"{links}: no single link has the mass that the payload subtracts."), file=sys.stderr)
     if not chosen.output:
         print("Nothing is kept: -o arm.yaml would write the parameters.", file=sys.stderr)

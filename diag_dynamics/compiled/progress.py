@@ -23,7 +23,7 @@ PAUSE = 1.0
 EVERY = 5.0
 """Least time [s] between two lines."""
 
-RULE = "for this machine and Python, once: all of it takes half a minute as a rule (ahead: diag-dynamics compile)"
+RULE = "for this machine and Python, once: all kernels take about half a minute (in advance: diag-dynamics compile)"
 
 _entries = []
 _steps = threading.local()  # of each thread: how far it is
