@@ -8,9 +8,8 @@ import pytest
 from std_msgs.msg import Float64
 
 import diag_dynamics as dd
-from controllers import START_AT, Controller, PassedOn, effort_controller, put, quiet, record, trajectory
-from nodes import START, UR5, S, nanoseconds, robot
-from simulators import Simulator
+from controllers import START_AT, begin_at_rest, lockstep_arm, record, trajectory
+from nodes import UR5, S, nanoseconds, robot
 
 BOUND = 0.12
 """Of the energy that a contact could take out of the arm [J]."""
@@ -19,40 +18,18 @@ BOUND = 0.12
 @pytest.fixture(scope="module")
 def arm(peer):
     """A UR5 in lockstep with its controller, contacts bounded."""
-    names = list(robot(UR5).names)
-    parameters = {"lockstep": True, "rate": 250.0, "command_joints": names, "wrench_timeout": 0.0, "autostart": True}
-    own = {
-        "robot_compensates_gravity": False,
-        "autostart": True,
-        "use_sim_time": True,
-        "command_joints": names,
-        "effort_rate": ["*=1e5"],
-        "following_energy": 0.0,
-        "contact.energy_limit": BOUND,
-    }
-    with effort_controller(peer, "/bound", names), Simulator(peer, "/bound", UR5, **parameters) as simulator:
-        put(simulator, START_AT)
-        quiet(simulator)
-        with Controller(peer, "/bound", commands="effort_controller/asked", **own) as controller:
-            controller.simulator = simulator
-            controller.scale = peer.publisher(Float64, "/bound/contact_scale")
-            controller.sent = PassedOn(controller, simulator)
-            controller.peer.wait_until(controller.listens, "the controller to listen", START)
-            peer.wait_until(controller.scale.get_subscription_count, "somebody to take a scale", START)
-            controller.sent.begin(peer, simulator)
-            yield controller.connect()
+    own = {"effort_rate": ["*=1e5"], "following_energy": 0.0, "contact.energy_limit": BOUND}
+    scale = peer.publisher(Float64, "/bound/contact_scale")
+    with lockstep_arm(peer, "/bound", list(robot(UR5).names), **own) as controller:
+        controller.scale = scale
+        yield controller
 
 
 @pytest.fixture(autouse=True)
 def from_the_start(arm):
-    """Every test begins with the arm at rest, its place the target, and nothing scaled."""
-    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
+    """Every test begins with the arm at rest, and nothing scaled."""
     arm.scale.publish(Float64(data=1.0))
-    arm.switch("tracking")
-    put(arm.simulator, START_AT)
-    arm.switch("damping")
-    arm.switch("tracking")
-    record(arm)
+    begin_at_rest(arm)
 
 
 def swing(arm, seconds=2.0):

@@ -11,23 +11,20 @@ from controllers import (
     ACTIVE,
     GAINS,
     START_AT,
-    Controller,
-    PassedOn,
+    begin_at_rest,
     check_commands,
-    effort_controller,
     gravity_of,
+    lockstep_arm,
     pose_error,
     pose_message,
     pose_of,
     put,
-    quiet,
     record,
     trajectory,
     untouched,
 )
 from examples import shortened
-from nodes import START, UR5, S, joint_state, nanoseconds, robot
-from simulators import Simulator
+from nodes import UR5, S, joint_state, nanoseconds, robot
 
 RATE = 250
 """Of joint states [Hz]."""
@@ -39,45 +36,16 @@ EFFORT_RATE = 5000.0
 @pytest.fixture(scope="module")
 def arm(peer):
     """A UR5 in lockstep with its controller, commands in another order than joint states, K bounded."""
+    own = {"controlled_link": "tool0", "energy_limit": BOUND, "observer_gain": 60.0, **GAINS}
     order = list(robot(UR5).names[::-1])
-    parameters = {
-        "lockstep": True,
-        "rate": float(RATE),
-        "command_joints": order,
-        "wrench_timeout": 0.0,
-        "autostart": True,
-    }
-    own = {
-        "robot_compensates_gravity": False,
-        "autostart": True,
-        "use_sim_time": True,
-        "command_joints": order,
-        "controlled_link": "tool0",
-        "energy_limit": BOUND,
-        "observer_gain": 60.0,
-        "effort_rate": [f"*={EFFORT_RATE}"],
-        **GAINS,
-    }
-    with effort_controller(peer, "/arm", order), Simulator(peer, "/arm", UR5, **parameters) as simulator:
-        put(simulator, START_AT)
-        quiet(simulator)
-        with Controller(peer, "/arm", commands="effort_controller/asked", **own) as controller:
-            controller.simulator = simulator
-            controller.sent = PassedOn(controller, simulator)
-            controller.peer.wait_until(controller.listens, "the controller to listen", START)
-            controller.sent.begin(peer, simulator)
-            yield controller.connect()
+    with lockstep_arm(peer, "/arm", order, effort_rate=[f"*={EFFORT_RATE}"], **own) as controller:
+        yield controller
 
 
 @pytest.fixture(autouse=True)
 def from_the_start(arm):
-    """Every test begins with the arm at rest, its place the target."""
-    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
-    arm.switch("tracking")
-    put(arm.simulator, START_AT)
-    arm.switch("damping")
-    arm.switch("tracking")
-    record(arm)
+    """Every test begins with the arm at rest."""
+    begin_at_rest(arm)
 
 
 def wait_for_rest(arm, goal):

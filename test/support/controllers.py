@@ -4,7 +4,6 @@
 """A controller as tests see it, and its commands by Pinocchio alone."""
 
 import contextlib
-import time
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +20,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from arm import gravity_of as gravity_of
 from arm import pinocchio_command
 from arm import pose_of as pose_of
-from nodes import MANY, START, Reports, S, Topic, joint_state, nanoseconds
+from nodes import MANY, START, UR5, Reports, S, Topic, joint_state, nanoseconds
+from simulators import Simulator
 
 NODE = "diag_dynamics_controller"
 ACTIVE, HOLDING, RAMPING_DOWN = (
@@ -167,17 +167,31 @@ class PassedOn(Topic):
         super()._take(message)
         self._send(message)
 
-    def begin(self, peer, simulator):
-        """Repeat the first state until a command comes: one may be sent before this is known, and none follows it."""
-        states = peer.publisher(JointState, simulator.states.subscription.topic_name)
-        deadline = time.monotonic() + START
-        while not self.messages:
-            assert time.monotonic() < deadline, "no command passes"
-            with contextlib.suppress(AssertionError):
-                peer.wait_until(lambda: self.messages, "a command", 5.0)
-                break
-            states.publish(simulator.states.messages[-1])
-        peer.node.destroy_publisher(states)
+
+@contextlib.contextmanager
+def lockstep_arm(peer, namespace, order, **parameters):
+    """A UR5 at 250 Hz in lockstep with its controller, whose commands are in the order of joints `order`."""
+    simulated = {"lockstep": True, "rate": 250.0, "command_joints": order, "wrench_timeout": 0.0}
+    own = {"robot_compensates_gravity": False, "autostart": True, "use_sim_time": True, "command_joints": order}
+    with effort_controller(peer, namespace, order), Simulator(peer, namespace, UR5, **simulated) as simulator:
+        put(simulator, START_AT)
+        quiet(simulator)
+        with Controller(peer, namespace, commands="effort_controller/asked", **own, **parameters) as controller:
+            controller.simulator, controller.sent = simulator, PassedOn(controller, simulator)
+            states = peer.publisher(JointState, simulator.states.subscription.topic_name)
+            states.publish(simulator.states.messages[-1])  # the controller was not there when it came
+            yield controller.connect()
+            peer.node.destroy_publisher(states)
+
+
+def begin_at_rest(arm):
+    """Put the arm at rest at its start, with its position as the target."""
+    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
+    arm.switch("tracking")
+    put(arm.simulator, START_AT)
+    arm.switch("damping")
+    arm.switch("tracking")
+    record(arm)
 
 
 def quiet(simulator):

@@ -44,10 +44,10 @@ from diag_dynamics.text import plain
 COMMANDS, SCALE = "effort_controller/commands", "contact_scale"
 
 WATCHES = 4
-"""How often in the largest age of a state the node looks whether it has got too old."""
+"""Checks of the age of the last state within its largest age."""
 
-ABSURD = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
-"""States beyond it are not believed [rad, rad/s, rad outside of the limits]: springs throw an encoder that is a turn off."""
+PLAUSIBLE = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
+"""Plausibility limits [rad, rad/s, rad outside of limits]: springs would throw an arm whose encoder is a turn off."""
 
 
 class ControllerNode(ManagedNode):
@@ -131,7 +131,7 @@ class ControllerNode(ManagedNode):
             (Float64, SCALE, lambda message: loop.take_scale(message.data, self.time.now())),
         ):
             self._subscribe(kind, topic, partial(self._take_target, topic, take), QoSProfile(depth=1))
-        # Simulated time where the node uses it; else a clock that nobody sets, as it might stand still for hours.
+        # Simulated time where the node uses it; else steady time: timers stop while system time is set back.
         clock = self.get_clock() if self.get_clock().ros_time_is_active else steady_clock()
         self._watch = self.create_timer(self.values["max_state_age"] / WATCHES, self._look, clock=clock)
         self.get_logger().info(plain(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}."))
@@ -140,7 +140,7 @@ class ControllerNode(ManagedNode):
         self._subscribed.append(connected(self.create_subscription, kind, topic, take, qos, **options))
 
     def deactivate(self):
-        """Send a last command, which holds the robot by its gravity torque, and take in nothing more."""
+        """Send a last command, the gravity torque of the robot, and unsubscribe."""
         if self._watch:
             self.destroy_timer(self._watch)
             self._watch = None
@@ -160,7 +160,7 @@ class ControllerNode(ManagedNode):
         return result
 
     def clean_up(self):
-        """Let the robot go, and all that was made for it."""
+        """Release the robot, its publishers and its services."""
         self._loader.drop()
         if self._descriptions:
             self.destroy_subscription(self._descriptions)
@@ -176,18 +176,18 @@ class ControllerNode(ManagedNode):
     # --- The robot
 
     def _make_robot(self, description, values):
-        """Return what belongs to the robot of a description; in a thread, so the node stays as it is."""
+        """Return the control loop, joints, their order and states of a description; a thread calls it."""
         model = load_robot(self, description, values | {"floating_base": False})
         joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make all correct ones late, so none is accepted.
         age = values["max_state_age"]
-        options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **ABSURD)
+        options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **PLAUSIBLE)
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
         return ControlLoop(model, values, values[COMPENSATES], points), joints, order, states
 
     def _take_robot(self, made, description, _):
-        """Control the robot of a description, or report why it cannot be."""
+        """Control the robot of a description, or report why it is rejected."""
         self.failure = ""  # that of the robot before
         if isinstance(made, Exception):
             self._refuse(Fault(made).reason)
@@ -216,7 +216,7 @@ class ControllerNode(ManagedNode):
         return dict(zip(self._loop.dynamics.model.dof_names, self._loop.efforts.sent, strict=True))
 
     def _take_description(self, description):
-        """Load another robot, unless one is under control."""
+        """Load another robot, unless the controller is active."""
         self._refused, self._other = "", None
         if description == self._description:
             self._loader.drop()
@@ -231,7 +231,7 @@ class ControllerNode(ManagedNode):
         self.get_logger().error(self._refused)
 
     def _compare_joints(self):
-        """Refuse an effort controller that has another order of joints."""
+        """Raise InputError if the effort controller has another order of joints."""
         controller = self.resolve_topic_name(COMMANDS).rpartition("/")[0]
         if not self.values["check_time"]:
             self._order_known = "not compared (check_time is 0)"
@@ -247,7 +247,7 @@ class ControllerNode(ManagedNode):
     # --- Every cycle
 
     def _cycle(self):
-        """The time of a cycle [ns]; where it has gone back, the states of before are forgotten, whose stamps are ahead."""
+        """Return the time of a cycle [ns]; forget all states if it has gone back, because their stamps are ahead."""
         now, last = self.time.now(), self._last_time
         if last is not None and now < last - self.values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
@@ -274,7 +274,7 @@ class ControllerNode(ManagedNode):
         return None if found.state is None else self._loop.step(found.state, now)
 
     def _look(self):
-        """See whether the last state has become too old."""
+        """Hold the robot if the last state has become too old."""
         state, now = self._loop.state, self._cycle()
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
             late = self._states.stale(now)
@@ -288,7 +288,7 @@ class ControllerNode(ManagedNode):
         return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
-        """Send a command, and say so."""
+        """Send a command, and publish the status."""
         if sent is None:
             return
         self._send(sent.effort)
@@ -361,7 +361,7 @@ class ControllerNode(ManagedNode):
         return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}: no commands", values)
 
     def _listeners(self):
-        """What is wrong with who gets the commands and with what limits them, and all that there is to say of who does."""
+        """Return problems of receivers and limits of commands, and diagnostic values of receivers."""
         if self.phase != ACTIVE:
             return [], {}
         topic, problems = self._commands.topic_name, []

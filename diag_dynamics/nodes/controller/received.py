@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Targets of messages: checked, and with joints in the robot's order. What is wrong raises InputError."""
+"""Targets read from messages, with joints in the robot's order; invalid ones raise InputError."""
 
 import numpy as np
 
@@ -54,7 +54,7 @@ def trajectory(message, names):
     times = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points])
     for k, point in enumerate(points):
         if len(point.effort):
-            raise InputError(f"trajectory.points[{k}].effort is given, expected none: the law finds the efforts.")
+            raise InputError(f"trajectory.points[{k}].effort is given, expected none: the law computes the efforts.")
     positions, given = _field(points, "positions", order)
     if not given.all():
         raise InputError(

@@ -20,7 +20,7 @@ _OF_COMMANDS = ("commands", "commands limited", "stalls")
 
 
 class Record:
-    """What has happened, in all (`counts`) and since the last report."""
+    """Counts of commands and inputs since the start, and the extremes since the last report."""
 
     def __init__(self):
         self.counts, self._told = Counter(), Counter()
@@ -30,7 +30,7 @@ class Record:
         self.begin()
 
     def begin(self):
-        """Take the next command for the first one."""
+        """Start anew: no gap ends with the next command."""
         self._last_sent, self._acted = None, False
 
     def refuse(self, key, reason):
@@ -83,7 +83,7 @@ class Record:
         return Status("control", WARN, f"holding gravity: {reason}", values)
 
     def problems_of_contact(self):
-        """Yield whether the energy of a contact was above its bound since the last report."""
+        """Yield the problem of a contact energy above its bound since the last report."""
         above, link = self._above
         self._above = 0.0, ""
         if above > 0.0:
@@ -114,7 +114,7 @@ class Record:
 
 
 def problems_of_limits(efforts):
-    """Yield what effort limits leave too little for."""
+    """Yield problems of effort limits that are too low."""
     if heavy := efforts.heavy:
         yield f"gravity takes more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
     if slow := efforts.slow:

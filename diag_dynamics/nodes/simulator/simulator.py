@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator node: a robot that moves under its own dynamics, takes effort commands and publishes what a driver would."""
+"""The simulator node: a robot that moves by its dynamics and effort commands, and publishes what a driver would."""
 
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
@@ -49,7 +49,7 @@ from diag_dynamics.text import plain
 COMMANDS, WRENCHES = "effort_controller/commands", "external_wrench"
 
 MAX_STEPS = 10_000
-"""Steps that one request may ask for: nothing else is served meanwhile."""
+"""Steps that one request may have: nothing else is served meanwhile."""
 
 UNPACED = 1e-4
 """Period of ticks where simulated time runs as fast as possible [s]: others are served between two of them."""
@@ -92,7 +92,7 @@ class SimulatorNode(TableNode, Node):
         return text.lstrip(), plant
 
     def _take_plant(self, made, *_):
-        """Publish, offer services and let time go on; or end the node if the robot could not be made."""
+        """Publish, offer services and start time; or end the node if the robot cannot be made."""
         if isinstance(made, Exception):
             self.finished.set_exception(made)
             return
@@ -157,7 +157,7 @@ class SimulatorNode(TableNode, Node):
         return not self._keeps_time and self.values["real_time_factor"] == 1.0
 
     def _restart_stamps(self):
-        """Have stamps that follow the clock go on from now; those of steps while paused never go back."""
+        """Continue stamps that follow the clock from now; those of steps while paused never go back."""
         if self._follows or self._timeless:
             now = self.time.now()
             self._start = max(now, self._latest * self._paused) - round(self._plant.time * 1e9)
@@ -166,7 +166,7 @@ class SimulatorNode(TableNode, Node):
         return self.time.now() * 1e-9
 
     def _go_on(self):
-        """Have simulated time go on from here."""
+        """Continue simulated time from here."""
         self._timeless = not self._now()  # nothing on /clock yet
         self._pace.resume(self._now(), self._plant.time)
         self._restart_stamps()
@@ -200,7 +200,7 @@ class SimulatorNode(TableNode, Node):
         return True
 
     def _repeat(self):
-        """In lockstep, publish time and the last joint state again where an answer may never come."""
+        """In lockstep, publish time and the last joint state again if their answer may be lost."""
         now = self.time.steady()
         receivers = self.get_subscriptions_info_by_topic(self._joint_states.topic_name)
         senders = self.get_publishers_info_by_topic(self.resolve_topic_name(COMMANDS))
@@ -210,7 +210,7 @@ class SimulatorNode(TableNode, Node):
             self._joint_states.publish(self._last)
 
     def _answer(self):
-        """In lockstep, go on if the last joint state has been answered."""
+        """In lockstep, advance if the last joint state has been answered."""
         if self.values["lockstep"] and self._moving and self._lockstep.answered(self.time.steady()):
             self._advance(self._steps_of_a_period)
 
@@ -309,7 +309,7 @@ class SimulatorNode(TableNode, Node):
         self._restart()
 
     def _restart(self):
-        """Go on from another state."""
+        """Continue from another state."""
         if self._failure:  # the command or the push in force may have caused it
             self._plant.drives.forget()
             self._plant.pushes.forget()
@@ -327,7 +327,7 @@ class SimulatorNode(TableNode, Node):
         return SetParametersResult(successful=not refused, reason=reason if refused else "")
 
     def _take_parameters(self, changed):
-        """Go on with other payloads and gravity."""
+        """Continue with other payloads and gravity."""
         values = self.values | changed
         if self._plant and set(changed) & set(DYNAMIC):
             model, wanted = self._plant.simulation.model, payloads_of(values["payloads"])

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What nodes share: their life, their parameters, their diagnostics, their robot."""
+"""Shared parts of the nodes: start and end, parameters, diagnostics, robots, messages."""
