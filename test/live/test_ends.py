@@ -13,7 +13,8 @@ import pytest
 from std_msgs.msg import Float64MultiArray
 
 from controllers import effort_controller
-from nodes import PANDA, START, UR5, Monitor
+from diag_dynamics.nodes.support.names import NODES
+from nodes import PANDA, START, UR5
 from processes import Process, node_process
 from robots import robot_path
 
@@ -30,12 +31,14 @@ OPTIONS = {
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("node", OPTIONS)
-def test_signal(ros_domain, node, number):
-    """Each node ends with status 0."""
+def test_signal(peer, node, number):
+    """Each node ends with status 0, and leaves the graph: nobody has to wait for the lease of its participant, 20 s."""
     autostart = {"autostart": True} if node == "controller" else {}
     with node_process(node, **OPTIONS[node], **autostart) as process:
         process.wait_for_text(READY[node])
+        peer.wait_until(lambda: NODES[node] in peer.node.get_node_names(), "the node", START)
         process.stop(number)
+    peer.wait_until(lambda: NODES[node] not in peer.node.get_node_names(), "its departure", 15.0)
 
 
 @pytest.mark.parametrize("after", ["rclpy", "numba", "llvmlite"])
@@ -83,7 +86,7 @@ def test_last_command(peer):
 
 
 BUSY = """
-import sys, time
+import gc, sys, time
 from rclpy.node import Node
 from diag_dynamics.nodes.support.runner import run
 
@@ -92,9 +95,9 @@ class Busy(Node):
         super().__init__("busy")
         for _ in range(2):
             self.create_timer(0.001, self.work)
-        print("begins", flush=True)
 
     def work(self):
+        print("frozen:", gc.get_freeze_count() > 10_000, flush=True)
         end = time.perf_counter() + 0.004
         while time.perf_counter() < end:
             pass
@@ -105,61 +108,55 @@ sys.exit(run(Busy))
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_is_never_idle(ros_domain, number):
-    """More callbacks wait than it has time for: EventsExecutor heeds no time-out then."""
+    """More callbacks wait than it has time for; the garbage collector skips what was imported."""
     with Process([sys.executable, "-c", BUSY]) as process:
-        process.wait_for_text("begins")
+        process.wait_for_text("frozen: True")
         process.stop(number)
 
 
-@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
-def test_a_robot_that_is_none(ros_domain, node):
-    """The process ends with status 1, and its last line says why."""
-    options = OPTIONS[node] | {"robot_description": "/nowhere/robot.urdf"}
-    with node_process(node, **options, **({"autostart": True} if node == "controller" else {})) as process:
-        assert process.wait(START) == 1
-        last = process.output.strip().splitlines()[-1]
-        assert "/nowhere/robot.urdf" in last and "Traceback" not in process.output
+STUCK = """
+import sys, threading
+from rclpy.node import Node
+from diag_dynamics.nodes.support import runner
 
+class Stuck(Node):
+    def __init__(self):
+        super().__init__("stuck")
+        self.create_timer(0.1, lambda: print("spins", flush=True))
 
-PROGRAM = """
-import gc, os, signal, sys, threading
-from pathlib import Path
-from diag_dynamics.nodes.support.runner import node_class, run
+    def destroy_node(self):
+        threading.Event().wait()
 
-def of_participant():
-    names = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
-    return sum(name.startswith(("dds.ev", "dds.udp")) for name in names)
-
-def make():
-    def end():
-        print(of_participant(), int(gc.get_freeze_count() > 10_000), flush=True)
-        os.kill(os.getpid(), signal.SIGTERM)
-    node = node_class(sys.argv[1])()
-    threading.Timer(2.0, end).start()
-    return node
-
-status = run(make)
-print(of_participant(), 0)
-sys.exit(status)
+runner.SHUTDOWN_TIMEOUT = 0.5
+sys.exit(runner.run(Stuck))
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="threads are told apart by Linux")
-@pytest.mark.parametrize("node", ["simulator", "monitor", "controller"])
-def test_no_participant_outlives_its_node(ros_domain, node):
-    """Nothing of the middleware runs when a node has ended; what was imported is kept from the garbage collector."""
-    arguments = [f"{name}:={value}" for name, value in OPTIONS[node].items()]
-    command = [sys.executable, "-c", PROGRAM, node, "--ros-args", *(word for one in arguments for word in ("-p", one))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=START)
-    assert done.returncode == 0, done.stderr
-    (running, frozen), (after, _) = [map(int, line.split()) for line in done.stdout.splitlines()]
-    assert running > 0 and frozen and after == 0
+def test_a_node_that_cannot_leave_the_graph(ros_domain):
+    """The process prints the stacks of its threads after a time limit, and ends with status 1."""
+    with Process([sys.executable, "-c", STUCK]) as process:
+        process.wait_for_text("spins")
+        process.signal(signal.SIGTERM)
+        assert process.wait() == 1 and "in destroy_node" in process.output
 
 
-def test_listeners_leave(peer, panda):
-    """Whoever listens may go while the publishers do."""
-    with Monitor(peer, "/left", robot_description=panda.path) as monitor:
-        monitor.connect(panda).serves(panda)
-        for topic in monitor.topics.values():
-            peer.node.destroy_subscription(topic.subscription)
-        monitor.process.stop(signal.SIGTERM)
+NEGATIVE_MASS = """<robot name="r"><link name="base"/><link name="arm&#x9b;2J"><inertial><mass value="-1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="j" type="continuous"><parent link="base"/><child link="arm&#x9b;2J"/></joint></robot>"""
+"""Its second link has a name that would move the cursor of a terminal."""
+
+
+@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
+@pytest.mark.parametrize(
+    ("text", "reason"), [(None, "robot.urdf"), (NEGATIVE_MASS, r"link 'arm\x9b2J': mass -1 kg is negative.")]
+)
+def test_a_robot_that_is_none(ros_domain, tmp_path, node, text, reason):
+    """The process ends with status 1, and its last line says why, in printable characters."""
+    path = tmp_path / "robot.urdf"
+    if text:
+        path.write_text(text, encoding="utf-8")
+    autostart = {"autostart": True} if node == "controller" else {}
+    with node_process(node, **OPTIONS[node] | {"robot_description": path} | autostart) as process:
+        assert process.wait(START) == 1
+        assert reason in process.output.strip().splitlines()[-1] and "Traceback" not in process.output
+        assert all(line.isprintable() for line in process.output.split("\n"))
