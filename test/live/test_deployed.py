@@ -125,17 +125,17 @@ def allowed(node):
     (profile,) = ElementTree.parse(POLICY).findall(f".//profile[@node='{node}']")
     assert profile.get("ns") == "/"
     found = {way: set() for way in GRAPH}
-    for element in profile.iterfind("*/*"):
-        (parent,) = [group for group in profile if element in group]
-        (use,) = parent.keys()
-        assert parent.get(use) == "ALLOW"
-        name = element.text.replace("~", f"/{node}")
-        found[element.tag, use].add(name if name.startswith("/") else f"/{name}")
+    for group in profile:
+        ((use, verdict),) = group.items()
+        assert verdict == "ALLOW"
+        for element in group:
+            name = element.text.replace("~", f"/{node}")
+            found[element.tag, use].add(name if name.startswith("/") else f"/{name}")
     return found
 
 
 def used(peer, node):
-    """Return what it has on the graph; None if it is not there."""
+    """Return the names that a node has on the graph; None if it is not there."""
     query = lambda kind: getattr(peer.node, f"get_{kind}_names_and_types_by_node")  # noqa: E731
     with contextlib.suppress(NodeNameNonExistentError):
         return {way: {name for name, _ in query(kind)(node, "/")} for way, kind in GRAPH.items()}
@@ -146,23 +146,15 @@ def check(peer, node, unused=()):
     expected = allowed(node)
     for way, name in unused:
         expected[way].remove(name)
-    now = None
-
-    def agrees():
-        nonlocal now
-        now = used(peer, node)
-        return now == expected
-
     try:
-        peer.wait_until(agrees, f"{node} to use what its policy allows", START)
+        peer.wait_until(lambda: used(peer, node) == expected, f"{node} to use what its policy allows", START)
     except AssertionError:
-        assert now == expected
+        assert used(peer, node) == expected
         raise
 
 
-@pytest.fixture
-def three(peer):
-    """Start all nodes in the root namespace, where the policy has them, with all inputs and outputs."""
+def test_names_of_the_policy(peer):
+    """All nodes have the names that the policy allows; the controller also while it asks for joints, by another node."""
     model = robot(PANDA)
     simulator = {"robot_description": model.path, "floating_base": True, "publish_clock": True}
     controller = {"robot_compensates_gravity": False, "check_time": 60.0, "autostart": True, "use_sim_time": True}
@@ -173,14 +165,9 @@ def three(peer):
         node_process("controller", **controller),
         node_process("view", port=0, use_sim_time=True),
     ):
-        yield model
-
-
-def test_names_of_the_policy(peer, three):
-    """The controller's for the time in which it asks for joints, too, and then with a client of its own."""
-    check(peer, "diag_dynamics_controller_asking")
-    with effort_controller(peer, "", three.names):
-        check(peer, "diag_dynamics_controller")
-        check(peer, "diag_dynamics")
-        check(peer, "diag_dynamics_simulator", [(("topic", "subscribe"), "/clock")])
-    check(peer, "diag_dynamics_view")
+        check(peer, "diag_dynamics_controller_asking")
+        with effort_controller(peer, "", model.names):
+            check(peer, "diag_dynamics_controller")
+            check(peer, "diag_dynamics")
+            check(peer, "diag_dynamics_simulator", [(("topic", "subscribe"), "/clock")])
+        check(peer, "diag_dynamics_view")

@@ -29,9 +29,6 @@ RATE = 100
 PERIOD, ATTEMPTS = 5.0, 24
 """Time [s] after which a message is published again, and how often."""
 
-GARBAGE = b"\x00\x01\x00\x00" + bytes(range(7, 60))
-"""A header of CDR, and lengths that are beyond the end."""
-
 
 def served(monitor, robot, sample=0):
     """Publish a state until all topics answer it, check their numbers, and return them by topic.
@@ -71,11 +68,8 @@ def left(monitors):
 
 
 def test_two_robots_are_answered(monitors, panda):
-    """Each monitor publishes Pinocchio's numbers of its own robot: K and all the rest."""
-    published = served(monitors["/left"], panda)
-    q, qd = panda.samples[0][:2]
-    K = 0.5 * qd @ panda.oracle.at(q, qd).M @ qd
-    assert published["kinetic_energy"].total == pytest.approx(K, rel=1e-12)
+    """Each monitor publishes Pinocchio's numbers of its own robot."""
+    served(monitors["/left"], panda)
     served(monitors["/right"], robot(UR5), 1)
 
 
@@ -88,19 +82,6 @@ def test_a_service_answers(left, panda):
     assert response.success, response.message
     truth = Truth(panda, q, qd, tau)
     assert_close(response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance)
-
-
-def test_a_malformed_message_is_counted(left, panda):
-    """Bytes that are no JointState have an outcome of their own, and the next state is answered."""
-    before = left.next_report()
-
-    def counted():
-        left.feeder.publish(GARBAGE)
-        return left.next_report().since(before).get("rejected: malformed")
-
-    left.peer.wait_until(counted, "the garbage to be counted")
-    assert set(left.reports[-1].since(before)) <= {"received", "rejected: malformed", "skipped: overload"}
-    served(left, panda, 2)
 
 
 def test_topic_echo_prints_a_message(left, panda):
