@@ -13,7 +13,7 @@ import diag_dynamics as dd
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.example_robots import find_urdf
 from diag_dynamics.model.single_joints import single_joints
-from diag_dynamics.nodes.monitor.described import matrix
+from diag_dynamics.nodes.monitor.monitored_robot import matrix
 from diag_dynamics.nodes.support.messages import MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import RATES

@@ -253,7 +253,7 @@ class StateAssembler:
             self._base.stamps.forget_clock()
 
     def pause(self):
-        """Count no states as lost up to the next message: others came that were not looked at."""
+        """Count no states as lost up to the next message, because messages were dropped."""
         self._own["gap_last"] = -1
 
     # --- Messages ---

@@ -4,8 +4,7 @@
 """Messages as the bytes that DDS carries, laid out once and written anew by their numbers alone.
 
 Little-endian plain CDR (DDS-XTypes 1.3, 7.4.1, version 1): four bytes that say so, then every primitive aligned to its own
-size. That is what rmw implementations exchange today, but no law: whoever makes a :class:`Template` compares it with what
-rclpy makes of the same message, see :meth:`Template.holds`.
+size. Implementations of rmw use this encoding; callers compare every layout with rclpy's bytes by :meth:`Template.holds`.
 """
 
 import re

@@ -29,9 +29,9 @@ from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import RobotState, joints_of
-from diag_dynamics.nodes.monitor.described import MonitoredRobot
+from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
 from diag_dynamics.nodes.support import messages
-from diag_dynamics.nodes.support.messages import Alarming, BytesMaker, MessageMaker
+from diag_dynamics.nodes.support.messages import BytesMaker, CollisionThresholds, MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Observation, Settings
 from diag_dynamics.parameters.robots import model_of
@@ -254,7 +254,7 @@ def arguments(name, moment):
     seen = Disturbance(True, "", r, tau, float(np.linalg.norm(r)), moment.estimated)
     seen = seen if moment.effort else Disturbance(False, "")
     observation = Observation(1.0, INF if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1)
-    alarming = Alarming(np.r_[np.abs(tau), INF, 1.0 + moment.age], r > 0.0) if moment.friction else None
+    alarming = CollisionThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], r > 0.0) if moment.friction else None
     return {
         **{topic: (s, state) for topic in ORDER if topic not in MATRICES},
         "mass_matrix_factors": (dyn.factors(q), moment.inverse, state),

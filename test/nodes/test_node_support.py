@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter, get_parameter_value
 
 from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.monitor.described import MonitoredRobot
+from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
 from diag_dynamics.nodes.support import runner
 from diag_dynamics.nodes.support.declaring import TableNode, convert, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader

@@ -125,4 +125,4 @@ def numerical_health(dynamics, state):
         values["its joint"] = dynamics.model.dof_names[k]
     if not (work <= MAX_ROUNDING and error <= MAX_ROUNDING):
         return Status("numerical health", WARN, f"errors > {MAX_ROUNDING:g}", values)
-    return Status("numerical health", OK, "exact but for rounding", values)
+    return Status("numerical health", OK, "exact within rounding", values)

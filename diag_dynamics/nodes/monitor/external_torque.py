@@ -11,7 +11,7 @@ from diag_dynamics.collision.detector import RELEASE, AlarmDetector, AlarmThresh
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
-from diag_dynamics.nodes.support.messages import Alarming
+from diag_dynamics.nodes.support.messages import CollisionThresholds
 
 
 class TorqueWatch:
@@ -48,7 +48,7 @@ class TorqueWatch:
     @property
     def alarming(self):
         """Thresholds of and collisions at joints; None without parameters `alarm.*`."""
-        return Alarming(self._detector.limits, self._joints) if self.observation.alarms else None
+        return CollisionThresholds(self._detector.limits, self._joints) if self.observation.alarms else None
 
     def start_interval(self):
         """Begin another interval of reports."""

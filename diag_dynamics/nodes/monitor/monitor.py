@@ -13,9 +13,9 @@ from sensor_msgs.msg import JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected
-from diag_dynamics.nodes.monitor.described import NO_PAYLOAD, MonitoredRobot, Refused, model_status
 from diag_dynamics.nodes.monitor.energy import numerical_health
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
+from diag_dynamics.nodes.monitor.monitored_robot import NO_PAYLOAD, MonitoredRobot, Refused, model_status
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
 from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.support.clocks import steady_clock

@@ -46,8 +46,8 @@ def to_time(nanoseconds):
     return Time(sec=sec, nanosec=nanosec)
 
 
-class Alarming(NamedTuple):
-    """What external torque is judged by, joint by joint.
+class CollisionThresholds(NamedTuple):
+    """Thresholds of external torque by joint, and the joints whose collision lasts.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The monitor's own topics: the list that publishers, messages as bytes, `--help` and docs/interfaces.md go by. No ROS."""
+"""The monitor's topics, for publishers and docs/interfaces.md; no ROS is needed to import this."""
 
 from typing import NamedTuple
 
@@ -39,7 +39,7 @@ TOPICS = (
     Topic(
         "contact",
         "Contact",
-        "what a touch would cost at the worst point of each link: speed, mass, energy, force, margin",
+        "predicted contact at the worst point of each link: speed, mass, energy, force, margin",
         beside=True,
     ),
     Topic(

@@ -137,7 +137,7 @@ class MonitoredRobot:
         self._observe(before)
 
     def _observe(self, before):
-        """Have external torque observed as the settings want it: anew, where what it is seen by is not as it was before."""
+        """Restart the observer of external torque if model, parameters or input options changed."""
         wanted, settings = self.settings.observation, self.settings
         if wanted is None:
             self.torque = None
