@@ -101,7 +101,7 @@ class PageServer:
         routes = {"/robots": self._get_robots, "/layout": self._get_layout, "/mesh/{sha}": self._get_mesh}
         routes |= {"/stream": self._get_stream, "/": self._get_page}
         app.add_routes([web.get(path, handler, allow_head=False) for path, handler in routes.items()])
-        app.router.add_static("/", STATIC)
+        app.router.add_static("/", STATIC, follow_symlinks=True)  # which colcon --symlink-install makes
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.1)
         await runner.setup()
         await web.SockSite(runner, self._socket).start()

@@ -13,6 +13,7 @@ import pytest
 
 import diag_dynamics as dd
 import page_fixture
+from diag_dynamics.page import server
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
@@ -90,6 +91,16 @@ def test_files_and_their_headers(address):
         policy = headers["Content-Security-Policy"].replace(";", " ").split()
         assert {"default-src", "'none'", "connect-src", "'self'"} <= set(policy)
         assert not {"http:", "https:", "*"} & set(policy)
+
+
+def test_files_that_are_symlinks(serve, arm, tmp_path, monkeypatch):
+    """As colcon --symlink-install installs them."""
+    for path in server.STATIC.iterdir():
+        (tmp_path / path.name).symlink_to(path)
+    monkeypatch.setattr(server, "STATIC", tmp_path)
+    address = serve(arm.stream)
+    for path in ("/", "/page.js", "/page.css"):
+        assert get(address, path)[0] == 200, path
 
 
 @pytest.mark.parametrize(
