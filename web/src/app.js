@@ -6,13 +6,13 @@
 import { Bar } from "./bar.js";
 import { Cards } from "./cards.js";
 import { Theme } from "./colours.js";
-import { csv } from "./csv.js";
 import { Details } from "./details.js";
 import { readOnly } from "./diag.js";
 import { download, el, toggle } from "./dom.js";
 import { Health } from "./health.js";
 import { JointTable } from "./joints.js";
 import { Keys } from "./keys.js";
+import { csv } from "./layout.js";
 import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 import { View } from "./view.js";

@@ -5,7 +5,7 @@
 
 import { el, say } from "./dom.js";
 import { metres, number, percent } from "./format.js";
-import { exchange, K, ofLimit, share } from "./quantities.js";
+import { exchange, field, K, ofLimit, share } from "./quantities.js";
 
 export class Details {
   constructor(layout, { close }) {
@@ -21,10 +21,7 @@ export class Details {
     const { layout } = this;
     const lines = [];
     const add = (label, get, unit, shown = number) => lines.push({ label, get, unit, shown, cell: el("b") });
-    const f = (name, k) => {
-      const at = layout.at(name, k);
-      return (d, b) => d[b + at];
-    };
+    const f = (name, k) => field(layout, name, k);
     const slides = layout.json.angular?.[dof] === false;
     const [turn, moment] = slides ? ["m", "N"] : ["rad", "N m"];
     if (dof >= 0) {

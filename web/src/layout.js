@@ -62,7 +62,6 @@ export class Layout {
   placements(data, base) {
     return this.tree.placements(data, base + this.fields.get("q").offset);
   }
-
 }
 
 // Name (quantity.joint or quantity.link) and place of each number of a frame.
@@ -73,3 +72,17 @@ export function shortFields(layout) {
     Array.from({ length: size }, (_, k) => ({ name: of || size > 1 ? `${name}.${entries[of]?.[k] ?? k}` : name, at: offset + k })),
   );
 }
+
+// The states of a time window as CSV, a column for each number of a frame.
+export function csv(layout, rows, [t0, t1]) {
+  const columns = shortFields(layout);
+  const parts = [["t [s]", ...columns.map(({ name }) => name)].map(quoted).join(",") + "\n"];
+  for (let i = rows.indexAt(t0); i < rows.length && rows.time(i) <= t1; i++) {
+    if (rows.time(i) < t0) continue;
+    const values = columns.map(({ at }) => rows.data[rows.base(i) + at]);
+    parts.push(`${rows.time(i)},${values.map((value) => (Number.isFinite(value) ? value : "")).join(",")}\n`);
+  }
+  return new Blob(parts, { type: "text/csv" });
+}
+
+const quoted = (text) => (/[",\n\r]/.test(text) || /^[=+\-@\t]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);

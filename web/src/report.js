@@ -8,8 +8,7 @@ import { Rows } from "./rows.js";
 import { chapters } from "./chapters.js";
 import { field } from "./quantities.js";
 import { timeOfLargest } from "./sampling.js";
-import { rowsOf } from "./tracks.js";
-import { bytesOf, meshOf } from "./unpack.js";
+import { bytesOf, meshOf, rowsOf } from "./tracks.js";
 
 const AROUND = 2; // [s] before and after a contact that its click shows
 const ROUNDING = 1e-6; // [s] of times in the summary

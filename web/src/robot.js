@@ -4,11 +4,11 @@
 // The robot as three.js has it: a group for each link, in the link's frame, with all that is seen of it.
 
 import {
-  Box3, BoxGeometry, CapsuleGeometry, CylinderGeometry, Group, Matrix4, Mesh, MeshStandardMaterial, Quaternion, SphereGeometry, SRGBColorSpace,
-  Vector3,
+  Box3, BoxGeometry, BufferAttribute, BufferGeometry, CapsuleGeometry, CylinderGeometry, Group, Matrix4, Mesh,
+  MeshStandardMaterial, Quaternion, SphereGeometry, SRGBColorSpace, Vector3,
 } from "three";
+import { toCreasedNormals } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import { NEUTRAL } from "./colours.js";
-import { geometryOf } from "./mesh.js";
 
 const THICK = 0.024; // radius of a bone, in parts of the robot's size
 
@@ -129,4 +129,16 @@ function primitive({ kind, size }) {
   const [radius, length] = size;
   const shape = kind === "capsule" ? new CapsuleGeometry(radius, length, 12, 32) : new CylinderGeometry(radius, radius, length, 40);
   return shape.applyMatrix4(new Matrix4().makeRotationX(Math.PI / 2)); // along z, as URDF has them
+}
+
+const CREASE = (35 * Math.PI) / 180; // sharper edges stay sharp
+const FINE = 1e4; // three takes vertices for one that are within a hundredth
+
+// Meshes as the server sends them: numbers of vertices and triangles (u32), positions (float32), indices (u32).
+function geometryOf(buffer) {
+  const [vertices, triangles] = new Uint32Array(buffer, 0, 2);
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array(buffer, 8, 3 * vertices), 3));
+  geometry.setIndex(new BufferAttribute(new Uint32Array(buffer, 8 + 12 * vertices, 3 * triangles), 1));
+  return toCreasedNormals(geometry.scale(FINE, FINE, FINE), CREASE).scale(1 / FINE, 1 / FINE, 1 / FINE);
 }

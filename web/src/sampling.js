@@ -7,55 +7,84 @@ const GAP = 8; // times the median step, above which a line is interrupted
 
 // Points of several quantities over the same times: each bucket has the smallest and the largest of every quantity.
 export function envelope(rows, i0, i1, points, getters) {
-  return i1 - i0 <= 2 * points ? single(rows, i0, i1, getters) : bucketed(rows, i0, i1, points, getters);
-}
-
-function single(rows, i0, i1, getters) {
+  const { data } = rows;
+  if (i1 - i0 <= 2 * points) {
+    const values = (base) => getters.map((get) => finite(get(data, base)));
+    return lines(rows, everyRow(i0, i1), gapOf(rows, i0, i1), getters.length, values);
+  }
   const x = [];
   const ys = getters.map(() => []);
-  const gap = gapOf(rows, i0, i1);
-  for (let i = i0; i < i1; i++) {
+  const bases = basesOf(rows, i0, i1);
+  for (const [from, to] of buckets(i0, i1, points)) {
+    x.push(rows.time(from), rows.time((from + to) >> 1));
+    getters.forEach((get, s) => {
+      const [first, second] = extremes(from, to, (i) => get(data, bases[i - i0]));
+      ys[s].push(finite(first.value), finite(second.value));
+    });
+  }
+  return [x, ...ys];
+}
+
+// Sums of quantities from the last one on, at rows with the extremes of their total; what is not finite adds nothing.
+export function stacked(rows, i0, i1, points, getters, total) {
+  const gap = i1 - i0 > 2 * points ? Infinity : gapOf(rows, i0, i1);
+  const values = (base) => {
+    let sum = 0;
+    return [...getters].reverse().map((get) => (sum += finite(get(rows.data, base)) ?? 0)).reverse();
+  };
+  return lines(rows, tellingRows(rows, i0, i1, points, total), gap, getters.length, values);
+}
+
+// Times and values of rows; a gap in time interrupts the lines.
+function lines(rows, chosen, gap, count, valuesAt) {
+  const x = [];
+  const ys = Array.from({ length: count }, () => []);
+  for (const i of chosen) {
     const t = rows.time(i);
-    if (i > i0 && t - x[x.length - 1] > gap) {
-      x.push(0.5 * (t + x[x.length - 1]));
+    if (x.length && t - x.at(-1) > gap) {
+      x.push(0.5 * (t + x.at(-1)));
       for (const y of ys) y.push(null);
     }
     x.push(t);
-    const base = rows.base(i);
-    for (let s = 0; s < getters.length; s++) ys[s].push(finite(getters[s](rows.data, base)));
+    valuesAt(rows.base(i)).forEach((value, s) => ys[s].push(value));
   }
   return [x, ...ys];
 }
 
-function bucketed(rows, i0, i1, points, getters) {
-  const x = [];
-  const ys = getters.map(() => []);
-  const size = (i1 - i0) / points;
-  const { data } = rows;
-  const bases = basesOf(rows, i0, i1);
-  for (let b = 0; b < points; b++) {
-    const [from, to] = [i0 + Math.floor(b * size), i0 + Math.floor((b + 1) * size)];
-    x.push(rows.time(from), rows.time((from + to) >> 1));
-    for (let s = 0; s < getters.length; s++) {
-      const get = getters[s];
-      let [low, high, lowAt, highAt] = [Infinity, -Infinity, 0, 0];
-      for (let i = from; i < to; i++) {
-        const value = get(data, bases[i - i0]);
-        if (value < low) {
-          low = value;
-          lowAt = i;
-        }
-        if (value > high) {
-          high = value;
-          highAt = i;
-        }
-      }
-      if (low > high) ys[s].push(null, null);
-      else if (lowAt <= highAt) ys[s].push(low, high);
-      else ys[s].push(high, low);
+// Rows with the minimum and the maximum of a quantity in each bucket: for several quantities of one state.
+export function tellingRows(rows, i0, i1, points, getter) {
+  if (i1 - i0 <= 2 * points) return everyRow(i0, i1);
+  return buckets(i0, i1, points).flatMap(([from, to]) => {
+    const [first, second] = extremes(from, to, (i) => getter(rows.data, rows.base(i)));
+    return first.at === second.at ? [first.at] : [first.at, second.at];
+  });
+}
+
+function everyRow(i0, i1) {
+  return Array.from({ length: i1 - i0 }, (_, k) => i0 + k);
+}
+
+function buckets(i0, i1, points) {
+  const start = (b) => i0 + Math.floor((b * (i1 - i0)) / points);
+  return Array.from({ length: points }, (_, b) => [start(b), start(b + 1)]);
+}
+
+// The smallest and the largest value of a bucket, in the order of their rows.
+function extremes(from, to, valueAt) {
+  let [low, high, lowAt, highAt] = [Infinity, -Infinity, from, from];
+  for (let i = from; i < to; i++) {
+    const value = valueAt(i);
+    if (value < low) {
+      low = value;
+      lowAt = i;
+    }
+    if (value > high) {
+      high = value;
+      highAt = i;
     }
   }
-  return [x, ...ys];
+  const found = [{ value: low, at: lowAt }, { value: high, at: highAt }];
+  return lowAt <= highAt ? found : found.reverse();
 }
 
 // Begin of rows in the data, cached: all plots of one drawing use the same rows.
@@ -64,56 +93,9 @@ let known = { rows: null };
 function basesOf(rows, i0, i1) {
   const { start, length } = rows;
   if (known.rows !== rows || known.i0 !== i0 || known.i1 !== i1 || known.start !== start || known.length !== length) {
-    const bases = new Int32Array(i1 - i0);
-    for (let i = i0; i < i1; i++) bases[i - i0] = rows.base(i);
-    known = { rows, i0, i1, start, length, bases };
+    known = { rows, i0, i1, start, length, bases: Int32Array.from({ length: i1 - i0 }, (_, k) => rows.base(i0 + k)) };
   }
   return known.bases;
-}
-
-// Rows with the minimum and the maximum of a quantity in each bucket: for several quantities of one state.
-export function tellingRows(rows, i0, i1, points, getter) {
-  const chosen = [];
-  if (i1 - i0 <= 2 * points) {
-    for (let i = i0; i < i1; i++) chosen.push(i);
-    return chosen;
-  }
-  const size = (i1 - i0) / points;
-  for (let b = 0; b < points; b++) {
-    const [from, to] = [i0 + Math.floor(b * size), i0 + Math.floor((b + 1) * size)];
-    let [low, high, lowAt, highAt] = [Infinity, -Infinity, from, from];
-    for (let i = from; i < to; i++) {
-      const value = getter(rows.data, rows.base(i));
-      if (value < low) [low, lowAt] = [value, i];
-      if (value > high) [high, highAt] = [value, i];
-    }
-    chosen.push(Math.min(lowAt, highAt));
-    if (lowAt !== highAt) chosen.push(Math.max(lowAt, highAt));
-  }
-  return chosen;
-}
-
-export function stacked(rows, i0, i1, points, getters, total) {
-  const x = [];
-  const ys = getters.map(() => []);
-  const gap = gapOf(rows, i0, i1);
-  const far = i1 - i0 > 2 * points ? Infinity : gap;
-  for (const i of tellingRows(rows, i0, i1, points, total)) {
-    const t = rows.time(i);
-    if (x.length && t - x[x.length - 1] > far) {
-      x.push(0.5 * (t + x[x.length - 1]));
-      for (const y of ys) y.push(null);
-    }
-    x.push(t);
-    const base = rows.base(i);
-    let sum = 0;
-    for (let s = getters.length - 1; s >= 0; s--) {
-      const value = getters[s](rows.data, base);
-      sum += Number.isFinite(value) ? value : 0;
-      ys[s].push(sum);
-    }
-  }
-  return [x, ...ys];
 }
 
 // The largest magnitude of each quantity over rows.

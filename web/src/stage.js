@@ -3,11 +3,11 @@
 
 // The robot, the legend of its colours, and numbers of the chosen link.
 
-import { largestOf } from "./bars.js";
 import { COLOURINGS, K, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
 import { number, quantity } from "./format.js";
+import { largestOf } from "./joints.js";
 import { Scene3D } from "./scene3d.js";
 
 const IDS = Object.keys(COLOURINGS);

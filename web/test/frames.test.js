@@ -8,15 +8,13 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { gunzipSync } from "node:zlib";
-import { barLength, columnsOf as tableColumns, largestOf } from "../src/bars.js";
-import { csv } from "../src/csv.js";
-import { FLAGS, Layout, shortFields } from "../src/layout.js";
+import { barLength, columnsOf as tableColumns, largestOf } from "../src/joints.js";
+import { csv, FLAGS, Layout, shortFields } from "../src/layout.js";
 import { chosenLines, COLOURINGS, othersLine, plotsOf, roundUp } from "../src/quantities.js";
 import { exchange, K, massAlong, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
-import { rowsOf } from "../src/tracks.js";
 import { Tree } from "../src/tree.js";
-import { columnsOf, meshOf, timesOf } from "../src/unpack.js";
+import { columnsOf, meshOf, rowsOf, timesOf } from "../src/tracks.js";
 
 const fixture = JSON.parse(readFileSync(new URL("fixture.json", import.meta.url), "utf8"));
 const bytes = (text) => new Uint8Array(Buffer.from(text, "base64"));
