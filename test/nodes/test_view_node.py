@@ -5,21 +5,39 @@
 
 import numpy as np
 import pytest
-from diag_dynamics.msg import Contact
+from diag_dynamics.msg import Contact, ExternalTorque
 from diag_dynamics.srv import SetPayload
+from rclpy.serialization import serialize_message
 
 import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.view.message_reader import MessageReader
 from nodes import PANDA, UR5, Monitor, S, nanoseconds, robot
 from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
 
-VIEW = "/diag_dynamics_view"
 FIELDS = {name: name for name in ("nu", "epsilon", "coriolis", "gravity", "effort")} | {
     "q": "position",
     "qd": "velocity",
     "D": "articulated_inertia",
 }
 """Fields of a state's message, by those of a frame."""
+
+
+def test_messages_of_other_layouts_are_read():
+    """Numbers, names and lengths are those of the last message, also where its size is that of the one before."""
+    reader = MessageReader(ExternalTorque)
+    for names, residual, norm in (
+        (["a", "b"], [1.0, 2.0], 3.0),
+        (["a", "b"], [4.0, 5.0], 6.0),
+        (["a", "c"], [7.0, 8.0], 9.0),
+        (["a", "c"], [], 0.0),
+        (["one"], [0.5], 0.25),
+    ):
+        message = ExternalTorque(dof_names=names, residual=residual, norm=norm, collision=norm > 5.0)
+        fields = reader.read(serialize_message(message))
+        assert list(reader.message.dof_names) == names
+        assert (fields["norm"].item(), fields["collision"].item()) == (norm, norm > 5.0)
+        assert [*fields.get("residual", ())] == residual
 
 
 @pytest.fixture(scope="module")
