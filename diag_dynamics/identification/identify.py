@@ -94,7 +94,7 @@ def identify(
         free &= ~selection.layout.inertial
     parameters = parameters_of(selection.layout, x, free, _origin(model, data, quality))
     if not asked and "inertias" not in selection.taken:
-        quality["warnings"] += _warn_of_payload(model, steps, payloads, data, selection.score)
+        quality["warnings"] += _warn_of_payload(selection, payloads)
     return Identification(model.with_parameters(parameters), parameters, quality)
 
 
@@ -157,19 +157,19 @@ class FitData:
         return parts
 
 
-def _warn_of_payload(model, steps, payloads, data, left):
+def _warn_of_payload(selection, payloads):
     """Return a warning of the payload at an end of the robot that would explain much of the residual that is left."""
-    best, warnings = (1.0 - UNASKED_GAIN) * left, []
+    best, warnings = (1.0 - UNASKED_GAIN) * selection.score, []
     for payload in payloads:
         try:
-            trial = Selection(model, steps, payload, data)
+            mass, score = selection.with_payload(payload)
         except DiagDynamicsError:
             continue
-        if trial.score < best:
-            best, mass = trial.score, trial.fit.x[trial.layout.robot]
+        if score < best:
+            best = score
             warnings = [
                 f"a payload of {mass:+.2g} kg at '{payload.link}' would make the residual of what was held out "
-                f"{1.0 - best / left:.0%} smaller: if the robot carries, or lacks, something there, ask for "
+                f"{1.0 - best / selection.score:.0%} smaller: if the robot carries, or lacks, something there, ask for "
                 f"payload:{payload.link}, too; else for inertias"
             ]
     return warnings

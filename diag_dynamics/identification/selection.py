@@ -3,6 +3,8 @@
 
 """Stepwise selection: friction, rotors and inertias are taken where they reduce the residual of other rows."""
 
+import copy
+
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
@@ -66,16 +68,27 @@ class Selection:
 
     def fit_all(self):
         """Return the fit of the steps that were taken to all rows."""
-        return self._fit([*self._early, *self.held_out], self.free(self.taken))
+        return self.fit_to([*self._early, *self.held_out], self.free(self.taken))
+
+    def with_payload(self, payload):
+        """Return mass and score of a payload that is fitted beside the steps that were taken."""
+        trial = copy.copy(self)
+        trial.layout = Layout(self._model, self._data.regressors, payload)
+        trial.layout.without_rotors = self.layout.without_rotors
+        if self.layout.without_rotors:
+            trial.layout.known[trial.layout.own(ROTOR)] = 0.0
+        x = trial.fit_to(self._early, trial.free(self.taken)).x
+        return x[trial.layout.robot], trial.score_of(x)
 
     def named(self, steps):
         """Return names of steps, the payload first."""
         return ([f"payload:{self._payload.link}"] if self._payload else []) + list(steps)
 
-    def _fit(self, rows, free):
+    def fit_to(self, rows, free):
+        """Return the fit of the free unknowns to rows and to references."""
         return fit_rows(self.layout, [*rows, *self._beside], free, self._weight)
 
-    def _score(self, x):
+    def score_of(self, x):
         """Return the geometric mean over joints of the residual of rows held out."""
         squares = self.layout.mean_squares(self.held_out, x)
         efforts = self.layout.mean_squares(self.held_out, np.zeros(self.layout.size))
@@ -88,7 +101,7 @@ class Selection:
         rotors, scores = known[columns], []
         for armature in (0.0, rotors):
             known[columns] = armature
-            scores.append(self._score(self._fit(self._early, free).x))
+            scores.append(self.score_of(self.fit_to(self._early, free).x))
         gain = 1.0 - scores[0] / scores[1]
         self.layout.without_rotors = gain > ROTOR_GAIN
         if self.layout.without_rotors:
@@ -101,8 +114,8 @@ class Selection:
     def _select(self, left):
         """Take each step that reduces the score enough; after it try those again that a larger error has hidden."""
         if self._payload:
-            self.fit = self._fit(self._early, self.free([]))
-        self.score, refused = self._score(self.fit.x if self.fit else self.layout.known), {}
+            self.fit = self.fit_to(self._early, self.free([]))
+        self.score, refused = self.score_of(self.fit.x if self.fit else self.layout.known), {}
         self.ladder = [{"steps": self.named([]), "score": self.score, "taken": True}]
         ahead = list(left)
         while ahead:
@@ -119,8 +132,8 @@ class Selection:
         steps = [one for one in STEPS if one in self.taken or one == step]
         if step in BY_JOINT:
             self._choose_joints(step)
-        fit = self._fit(self._early, self.free(steps))
-        score = self._score(fit.x)
+        fit = self.fit_to(self._early, self.free(steps))
+        score = self.score_of(fit.x)
         gain = 1.0 - score / max(self.score, 1e-300)
         better = bool(score <= (1.0 - GAIN) * self.score)
         self.ladder.append({"steps": self.named(steps), "score": score, "taken": better})
@@ -135,8 +148,8 @@ class Selection:
             if one in steps and one != step and self.kept[one]:
                 self._choose_joints(one)
         if sum(own.sum() for own in self._own.values()) > before:
-            self.fit = self._fit(self._early, self.free(steps))
-        self.score = self._score(self.fit.x)
+            self.fit = self.fit_to(self._early, self.free(steps))
+        self.score = self.score_of(self.fit.x)
         return ""
 
     def _choose_joints(self, step):
@@ -149,7 +162,7 @@ class Selection:
         before, steps, squares = self._own[step] & again, [*self.taken, step], np.zeros((2, self._model.nv))
         for block in blocks:
             for total, joints in zip(squares, (before, self._moving), strict=True):
-                x = self._fit([(fitted - block, True)], self.free(steps, **{step: joints})).x
+                x = self.fit_to([(fitted - block, True)], self.free(steps, **{step: joints})).x
                 total += self.layout.squares([(block, True)], x)
         without, own = np.sqrt(squares / max(fitted[-1], 1e-300))
         self._own[step] = before | (self._moving & (own < (1.0 - GAIN * again) * without))
