@@ -223,6 +223,16 @@ def test_the_command(tmp_path, archive, scheduler, capsys):
         assert what in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("wrong", "failed", "status"), [("", {}, 0), ("messages were rejected", {}, 1), ("", {"x.mcap": "damage"}, 1)]
+)
+def test_exit_status(monkeypatch, wrong, failed, status):
+    """Findings in one recording, or a recording that failed, are status 1."""
+    report = {"recordings": [{"wrong": wrong}], "failed": failed}
+    monkeypatch.setattr("diag_dynamics.cli.fleet.analyse_fleet", lambda *_, **__: report)
+    assert main(["analyse", "--fleet", "*.mcap", "--out", "out", "--quiet"]) == status
+
+
 def page_of(folder):
     """Return the text of a fleet's page, its links, and the values of its rows."""
     page = (folder / "fleet.html").read_text(encoding="utf-8")
