@@ -138,19 +138,11 @@ class GraphClient(Proxy):
         """Return whether there is such a service."""
         return self.service_name in self.graph.services
 
-    def wait_for_service(self, timeout_sec=None):
-        """Return whether there is such a service: in a graph without discovery, nobody waits."""
-        return self.service_is_ready()
-
     def call_async(self, request):
         """Return a future, done once the graph has served the request."""
         future = Future()
         self.graph.request(self.service_name, request, future.set_result)
         return future
-
-    def remove_pending_request(self, future):
-        """Drop a request."""
-        future.cancel()
 
 
 class GraphTimer:
@@ -169,10 +161,6 @@ class GraphTimer:
         """Fire no more."""
         self.canceled = True
 
-    def is_canceled(self):
-        """Return whether it fires no more."""
-        return self.canceled
-
     def fire_if_due(self):
         """Fire once if a period is over; return whether it has fired. Periods that were missed are skipped."""
         now = self.read()
@@ -181,6 +169,15 @@ class GraphTimer:
         self.due += self.period * max(1, int((now - self.due) / self.period) + 1)
         self.callback()
         return True
+
+
+def logged(severity):
+    """Return a method that logs with a severity."""
+
+    def log(self, message, **options):
+        return self._log(severity, message, **options)
+
+    return log
 
 
 class GraphLogger:
@@ -199,30 +196,8 @@ class GraphLogger:
         self.output.append(f"[{severity}] [{self.name}]: {message}")
         return True
 
-    def debug(self, message, **options):
-        """Log at DEBUG."""
-        return self._log("DEBUG", message, **options)
-
-    def info(self, message, **options):
-        """Log at INFO."""
-        return self._log("INFO", message, **options)
-
-    def warning(self, message, **options):
-        """Log at WARN."""
-        return self._log("WARN", message, **options)
-
+    debug, info, warning, error = map(logged, ("DEBUG", "INFO", "WARN", "ERROR"))
     warn = warning
-
-    def error(self, message, **options):
-        """Log at ERROR."""
-        return self._log("ERROR", message, **options)
-
-    def fatal(self, message, **options):
-        """Log at FATAL."""
-        return self._log("FATAL", message, **options)
-
-    def set_level(self, level):
-        """Ignore the level: every line is kept, with its severity."""
 
 
 class GraphClock(Proxy):
