@@ -102,6 +102,20 @@ def test_without_effort(monitor, panda, missing):
         assert listed == without.get(missing, f"8: {', '.join(panda.names)}")
 
 
+def test_efforts_that_are_all_zero(monitor, panda):
+    """They are reported with the largest gravity torque of the pose, unless the robot has gravity compensation."""
+    text = "all efforts are 0, but gravity needs"
+    q, qd, tau, _ = panda.samples[1]
+    for effort, includes_gravity, named in ((0.0 * tau, True, True), (tau, True, False), (0.0 * tau, False, False)):
+        with monitor.having(effort_includes_gravity=[f"*={includes_gravity}".lower()]):
+            monitor.feed(joint_state(panda.names, q, qd, effort, monitor.tick()))
+            report = monitor.next_report()
+        assert (text in report.message) == named and (report.level == WARN) == named
+        if named:
+            largest = np.abs(Truth(panda, q, qd, None).state.g).max()
+            assert f"{text} {largest:.3g} N m" in report.message
+
+
 def test_motor_currents(monitor, panda):
     """With `effort_scale`, currents are efforts; with all declared, none is reported as undeclared."""
     q, qd, tau, _ = panda.samples[1]

@@ -328,4 +328,9 @@ class MonitorNode(TableNode, Node):
             notes[f"publishers of {subscription.topic_name}"] = counted(names)
             problems += wrong
         values, wrong = clock_notes(self)
+        if self._robot and (load := self._robot.load_without_effort()):
+            problems.append(
+                f"all efforts are 0, but gravity needs {load:.3g} N m or N: brakes hold the robot, or efforts are not "
+                "measured (effort_available)"
+            )
         return notes | values, problems + wrong

@@ -31,6 +31,9 @@ from diag_dynamics.parameters.shared import payloads_of
 POSES = 20
 """Poses in which a joint's largest D is looked for: it changes little."""
 
+MIN_LOAD = 0.1
+"""Gravity torque [N m, N] that a robot at rest cannot carry without efforts."""
+
 NO_PAYLOAD = Payload(0.0)
 """What takes a payload off."""
 
@@ -151,6 +154,14 @@ class MonitoredRobot:
     def torque_report(self):
         """Status of external torque, where it is observed."""
         return self.torque.report(self.assembler.without_effort)
+
+    def load_without_effort(self):
+        """Return the largest gravity torque [N m, N] at the last state if all of its efforts are 0; else 0."""
+        state, load = self.state, 0.0
+        if state is not None and state.effort is not None and not state.effort.any():
+            torque = self.dynamics.gravity_torque(state.position)
+            load = np.abs(torque[len(torque) - len(self.assembler.joint_names) :]).max(initial=0.0)
+        return load if load > MIN_LOAD else 0.0
 
     def report(self):
         """Return the statuses of what watches states, and begin the next interval."""
