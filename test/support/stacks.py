@@ -3,8 +3,9 @@
 
 """The stacks of a process that hangs: Python dumps those of all its threads."""
 
+import os
+import select
 import signal
-import time
 from contextlib import suppress
 
 import psutil
@@ -33,10 +34,12 @@ def known_of(process):
 
 
 def _wait_for_end(process, longest=5.0):
-    """Wait until a process is over, for a time [s]: one that is stopped in the kernel says nothing."""
-    end = time.monotonic() + longest
-    while process.status() != psutil.STATUS_ZOMBIE and time.monotonic() < end:
-        time.sleep(0.01)  # nothing tells of another's child
+    """Wait until a process has ended, for a time [s]: one that is stopped in the kernel does not end."""
+    descriptor = os.pidfd_open(process.pid)
+    try:
+        select.select([descriptor], [], [], longest)
+    finally:
+        os.close(descriptor)
 
 
 def asked_for(pid):
@@ -47,7 +50,7 @@ def asked_for(pid):
     processes = family(pid)
     found = [known_of(process) for process in processes]
     for process in processes:
-        with suppress(psutil.NoSuchProcess):
+        with suppress(psutil.NoSuchProcess, ProcessLookupError):
             process.send_signal(DUMP)
             _wait_for_end(process)
     return "\n".join(found)
