@@ -156,7 +156,8 @@ def test_peaks_pause_and_silence(make_robot, make_screen):
     assert screen.rows(3)[0] == ["shoulder", "0.500", "50.0"]
     assert "PAUSED" in screen.frame(" ")
     robot.publish(nu=(1.0, 0.0, 0.0))
-    assert "K 7.00 J" in screen.frame()
+    text = screen.frame(seconds=3.0)
+    assert "K 7.00 J" in text and "no state for" not in text
     assert "K 0.500 J" in screen.frame(" ")
     screen.frame("r")
     robot.publish(nu=(1.0, 0.0, 0.0))

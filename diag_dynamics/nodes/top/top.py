@@ -139,8 +139,8 @@ class Top(Node):
             view.press(key)
             for robot in self._robots.values() if view.reset else ():
                 robot.reset_peaks()
-        self._paused = (self._paused or copy.deepcopy(robots)) if view.paused else None
-        frame = view.draw(self._paused or robots, now, size.width, size.height)
+        self._paused = (self._paused or copy.deepcopy((robots, now))) if view.paused else None
+        frame = view.draw(*(self._paused or (robots, now)), size.width, size.height)
         if frame != self._frame:
             self._console.update_screen_lines(frame)
             self._frame = frame
