@@ -77,8 +77,7 @@ def _run(arguments):
         module = import_module(f"diag_dynamics.cli.{name.replace('-', '_')}")
         return run_command(name, LIBRARY[name], module, rest)
     if name in COMMANDS:
-        ros = import_module("diag_dynamics.cli.ros")
-        return (ros.run_tool if name in GRAPH else ros.run_executable)(name, rest)
+        return import_module("diag_dynamics.cli.ros").run(name, rest)
     near = get_close_matches(name, COMMANDS, n=1)
     hint = f"Is '{near[0]}' meant?" if near else f"{PROGRAM} --help lists all."
     print(f"{PROGRAM}: there is no command '{arguments[0]}'. {hint}", file=sys.stderr)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commands that need a ROS 2: executables of nodes, and a look at the graph."""
+"""Commands that need ROS 2: nodes, `topic` and `service`."""
 
 import argparse
 import sys
@@ -11,21 +11,12 @@ from diag_dynamics.cli.common import INTERRUPTED, terminable
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.text import plain
 
-TOOLS = {
-    "topic": ("graph_commands", "add_topic_arguments"),
-    "service": ("graph_commands", "add_service_arguments"),
-}
-"""Module in diag_dynamics.nodes.tools, and its function that declares the arguments of each."""
-
-OWN_MAIN = {
-    "demo": "demo",
-    "top": "top.top",
-}
+OWN_MAIN = {"demo": "demo", "top": "top.top"}
 """Module in diag_dynamics.nodes of each executable that has options of its own."""
 
 
 def missing():
-    """Why nothing of ROS 2 can run, or None."""
+    """Return why no command of ROS 2 can run, or None."""
     if util.find_spec("rclpy") is None:
         return (
             "needs a ROS 2, and python finds no rclpy. In a checkout: make setup, then source scripts/env.bash. "
@@ -39,11 +30,16 @@ def missing():
     return None
 
 
-def run_executable(name, arguments):
-    """Run an executable as `ros2 run` does; return the exit status."""
+def run(name, arguments):
+    """Run a command that needs ROS 2; return the exit status."""
     if reason := missing():
         print(f"diag-dynamics {name} {reason}", file=sys.stderr)
         return 1
+    return (_run_tool if name in ("topic", "service") else _run_executable)(name, arguments)
+
+
+def _run_executable(name, arguments):
+    """Run an executable as `ros2 run` does."""
     sys.argv = [f"diag-dynamics {name}", *arguments]
     executable = name.replace("-", "_")
     if module := OWN_MAIN.get(executable):
@@ -52,14 +48,11 @@ def run_executable(name, arguments):
     return 0
 
 
-def run_tool(name, arguments):
-    """Run a command that looks at the graph; returns the exit status."""
-    if reason := missing():
-        print(f"diag-dynamics {name} {reason}", file=sys.stderr)
-        return 1
-    module, function = TOOLS[name]
+def _run_tool(name, arguments):
+    """Run a command that reads topics or calls services."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}")
-    getattr(import_module(f"diag_dynamics.nodes.tools.{module}"), function)(parser)
+    commands = import_module("diag_dynamics.nodes.tools.graph_commands")
+    getattr(commands, f"add_{name}_arguments")(parser)
     chosen = parser.parse_args(arguments)
     try:
         with terminable():
