@@ -184,8 +184,9 @@ def test_restart_of_the_monitor(peer, view):
     assert layouts == [("ur5", "tool0"), ("panda", "panda_hand")]  # the Panda has no tool0
 
 
-def test_restart_of_the_view(peer, start_view, monitor, panda):
+def test_restart_of_the_view(peer, start_view, monitor, panda, monkeypatch):
     """It ends though a page is open, and the next one has the same port; a third one names the port, and ends."""
+    monkeypatch.setattr("diag_dynamics.page.server.HEARTBEAT", 1000.0)  # states alone wake the sender
     second = ("-r", "__node:=second_view")
     with start_view(*second) as view, stream_of(view) as stream:
         stream.next(HEARTBEAT)
@@ -196,6 +197,7 @@ def test_restart_of_the_view(peer, start_view, monitor, panda):
     with start_view(*second, port=port) as view:
         peer.pass_time(3.0)
         with stream_of(view, link="panda_link5") as stream:
+            stream.next(HEARTBEAT)
             monitor.serves(panda)
             assert np.isfinite(frame_of(stream, monitor.now)["mobility_root"]).all()
         with pytest.raises(InputError) as caught:
