@@ -28,6 +28,7 @@ from controllers import (
     untouched,
 )
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.controller.lifecycle import SUCCESS
 from nodes import LATCHED, MS, PANDA, START, UR5, S, description, joint_state, nanoseconds, robot
 
 pytestmark = pytest.mark.usefixtures("joints_by_graph")
@@ -565,3 +566,15 @@ def test_it_does_not_start_on_a_guess(peer):
             assert not controller.sent.messages
     with pytest.raises(InputError, match="robot_compensates_gravity"):
         peer.start("controller", robot_description=model.path, autostart=True)
+
+
+def test_activation_by_others_while_it_loads(peer):
+    """A manager of lifecycles may be faster than autostart; both together activate it once."""
+    with Controller(peer, "/eager", robot_compensates_gravity=False, autostart=True) as controller:
+        peer.publisher(String, "/eager/robot_description", LATCHED).publish(description(robot(UR5).urdf))
+        node = controller.process.node
+        while node._loader.loading is None:
+            peer.graph.serve_next()
+        assert node.phase == "inactive"
+        assert node.trigger_activate() == SUCCESS
+        assert (node.phase, node.failure) == ("active", "")

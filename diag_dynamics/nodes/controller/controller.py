@@ -106,10 +106,10 @@ class ControllerNode(ManagedNode):
 
     def activate(self):
         """Compare the order of joints with the effort controller's, and subscribe to states and targets."""
+        self._starting = False  # or a robot that is loaded meanwhile would be activated, too
         self._loader.finish()  # or the model of a robot that is being replaced would move it
         if self._loop is None or self._refused:
             raise InputError(self._refused or "no robot_description has arrived yet.")
-        self._starting = False
         self._compare_joints()
         self._loop.forget()
         self._states.forget()
@@ -184,6 +184,8 @@ class ControllerNode(ManagedNode):
         options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **PLAUSIBLE)
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
+        states.forget()  # compiles its rules, or loads them from the cache
+        model.integrate(model.neutral, np.zeros(model.nv))  # so does this, for the contact limiter
         return ControlLoop(model, values, values[COMPENSATES], points), joints, order, states
 
     def _take_robot(self, made, description, _):

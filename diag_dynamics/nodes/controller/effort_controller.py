@@ -10,6 +10,8 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 
+from diag_dynamics.nodes.support.runner import Stop
+
 RETRY_PERIOD = 0.3
 """Time [s] after which the request is repeated: a service that does not know its client yet drops the answer."""
 
@@ -25,7 +27,7 @@ def joints_of_controller(node, controller, timeout):
     try:
         executor.add_node(asking)
         client = asking.create_client(GetParameters, f"{controller}/get_parameters")
-        while (left := deadline - time.monotonic()) > 0.0:
+        while (left := deadline - time.monotonic()) > 0.0 and not Stop.requested:
             if not client.service_is_ready():
                 executor.spin_once(timeout_sec=0.02)
                 continue
