@@ -9,6 +9,7 @@ import gc
 import os
 import signal
 import sys
+import threading
 from importlib import import_module
 
 import rclpy
@@ -29,7 +30,7 @@ except ImportError:
 PERIOD = 0.2
 """Longest time [s] until an idle executor notices a signal."""
 
-SHUTDOWN_TIMEOUT = 10.0
+SHUTDOWN_TIMEOUT = 4.0
 """Time [s] in which nodes have to leave the graph; after it the process ends and prints its stacks."""
 
 
@@ -50,6 +51,10 @@ class Stop:
     def __call__(self, *_):
         """End the spinning; the handler of both signals."""
         Stop.requested = True
+        # The interrupted code may hold the lock of the future, so another thread waits for it.
+        threading.Thread(target=self._finish, daemon=True).start()
+
+    def _finish(self):
         if not self.future.done():
             self.future.set_result(None)
 
