@@ -6,6 +6,7 @@
 import numpy as np
 import pytest
 from rclpy.exceptions import ParameterException
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
@@ -198,3 +199,16 @@ def test_inertias_that_are_off_from_the_description(peer):
             deviations.append(abs(nominal.evaluate(q, qd).kinetic_energy / K - 1.0))
         assert max(deviations) > 0.05
         simulator.process.wait_for_text("Inertias differ from the description by up to 30%")
+
+
+def test_gravity_that_is_set_while_it_loads(peer):
+    """It counts from the first state on."""
+    simulator, moon = Simulator(peer, "/early", UR5, waits=False), (0.0, 0.0, -1.62)
+    with simulator:
+        assert simulator.process.node.set_parameters([Parameter("gravity", value=moon)])[0].successful
+        assert not simulator.truth.messages
+        peer.wait_until(lambda: simulator.truth.messages, "a state")
+        message = simulator.truth.messages[-1]
+        dyn = DiagonalDynamics(simulator.model.with_gravity(moon))
+        expected = dyn.evaluate(message.position, message.velocity).gravity
+        np.testing.assert_allclose(message.gravity, expected, rtol=1e-9, atol=1e-9)

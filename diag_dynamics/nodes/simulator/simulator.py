@@ -91,12 +91,14 @@ class SimulatorNode(TableNode, Node):
         plant.simulation.evaluate(plant.simulation.effort)
         return text.lstrip(), plant
 
-    def _take_plant(self, made, *_):
+    def _take_plant(self, made, _, loaded):
         """Publish, offer services and start time; or end the node if the robot cannot be made."""
         if isinstance(made, Exception):
             self.finished.set_exception(made)
             return
         text, self._plant = made
+        if any(self.values[name] != loaded[name] for name in DYNAMIC):  # they have changed meanwhile
+            self._apply(self.values)
         values, model = self.values, self._plant.simulation.model
         self._lockstep.begin(self.time.steady())
         self._start = self.time.now()
@@ -330,13 +332,17 @@ class SimulatorNode(TableNode, Node):
         """Continue with other payloads and gravity."""
         values = self.values | changed
         if self._plant and set(changed) & set(DYNAMIC):
-            model, wanted = self._plant.simulation.model, payloads_of(values["payloads"])
-            for link in {**model.payloads, **wanted}:
-                model = model.with_payload(link, *wanted.get(link, Payload(0.0)))
-            self._plant.simulation.change_model(model.with_gravity(values["gravity"]))
+            self._apply(values)
             self._revision += 1
             self._use(self._plant.simulation.model)
         self.values = values
+
+    def _apply(self, values):
+        """Change the payloads and the gravity of the plant."""
+        model, wanted = self._plant.simulation.model, payloads_of(values["payloads"])
+        for link in {**model.payloads, **wanted}:
+            model = model.with_payload(link, *wanted.get(link, Payload(0.0)))
+        self._plant.simulation.change_model(model.with_gravity(values["gravity"]))
 
     # --- Diagnostics
 
