@@ -36,6 +36,9 @@ SEND_BUFFER, MAX_UNSENT = 64 * 1024, 4 * 1024
 READ_TIMEOUT = 20.0
 """Time after which a reader whose socket stays full is disconnected [s]."""
 
+KEEPALIVE_TIMEOUT = 15.0
+"""Time after which a connection without requests is closed [s]."""
+
 HEARTBEAT = 1.0
 """Time between two heartbeats [s]."""
 
@@ -102,7 +105,7 @@ class PageServer:
         routes |= {"/stream": self._get_stream, "/": self._get_page}
         app.add_routes([web.get(path, handler, allow_head=False) for path, handler in routes.items()])
         app.router.add_static("/", STATIC, follow_symlinks=True)  # which colcon --symlink-install makes
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.1)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.1, keepalive_timeout=KEEPALIVE_TIMEOUT)
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
@@ -191,6 +194,8 @@ class PageServer:
         connection = transport.get_extra_info("socket")
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, MAX_UNSENT)
+        writable = select.poll()  # select takes no descriptors above 1023
+        writable.register(connection, select.POLLOUT)
         layout = diagnostics = number = due = 0
         beat = ready = time.monotonic()
         news.set()
@@ -203,7 +208,7 @@ class PageServer:
             if end.done() or transport.is_closing():
                 return
             now = time.monotonic()
-            if transport.get_write_buffer_size() or not select.select([], [connection], [], 0.0)[1]:
+            if transport.get_write_buffer_size() or not writable.poll(0):
                 if now - ready > READ_TIMEOUT:
                     return transport.abort()
                 due = now + 0.5 * period

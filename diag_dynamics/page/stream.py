@@ -46,6 +46,14 @@ class Newest(NamedTuple):
     frame: bytes
 
 
+def compile_frames(dynamics):
+    """Compile what frames of a robot need, or load it from the cache."""
+    q, zero = dynamics.model.neutral, np.zeros(dynamics.model.nv)
+    maker = FrameMaker(dynamics)
+    maker.frames(States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero)))
+    maker.chosen(q, zero, dynamics.model.root_link)
+
+
 class RobotStream:
     """One robot for any number of pages: each frame is made once. All methods may be called from any thread.
 
@@ -81,10 +89,6 @@ class RobotStream:
 
     def set_robot(self, dynamics, scene=None, meshes=None):
         """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on."""
-        q, zero = dynamics.model.neutral, np.zeros(dynamics.model.nv)
-        maker = FrameMaker(dynamics)  # compiles before the first state
-        maker.frames(States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero)))
-        maker.chosen(q, zero, dynamics.model.root_link)
         with self._lock:
             self._dynamics, self._scene, self._meshes = dynamics, scene, meshes
             self._waiting, self._last, self._end_effector = "", None, end_effector_link(dynamics.model)
@@ -96,10 +100,12 @@ class RobotStream:
 
     def set_diagnostics(self, statuses):
         """Set the newest diagnostics, a list of dicts: level, name, message and values of each."""
-        worst = max(statuses, key=lambda status: status["level"])
-        name = worst["name"].partition(": ")[2] or worst["name"]
+        worst = max(statuses, key=lambda status: status["level"], default={"level": 0})
         with self._lock:
-            self._worst = f"{name}: {worst['message']}" if worst["level"] else ""
+            self._worst = ""
+            if worst["level"]:
+                name = worst["name"].partition(": ")[2] or worst["name"]
+                self._worst = f"{name}: {worst['message']}"
             if (text := json.dumps(statuses)) != self._diagnostics[1]:
                 self._diagnostics = self._diagnostics[0] + 1, text
 

@@ -129,6 +129,29 @@ def test_thresholds_diagnostics_and_heartbeat(peer, monitor, view, panda, monkey
         stream.next(HEARTBEAT, lambda beat: not beat["alive"])
 
 
+def test_statuses_that_are_not_repeated_are_removed(peer, monitor, view, monkeypatch):
+    """As that of external torque when it is no longer observed."""
+    with stream_of(view) as stream:
+        stream.next(DIAGNOSTICS, lambda found: any(one["name"].endswith("external torque") for one in found))
+        with monitor.having(external_torque__gain=0.0):
+            monkeypatch.setattr("diag_dynamics.nodes.view.robot_subscription.DIAGNOSTICS_TIMEOUT", 0.0)
+            peer.pass_time(1.0)
+            stream.next(DIAGNOSTICS, lambda found: not any(one["name"].endswith("external torque") for one in found))
+
+
+def test_states_of_wrong_lengths_end_no_stream(peer, monitor, view, panda):
+    """They are reported, and the next state is shown."""
+    message = monitor.serves(panda, 0)["state"]
+    with stream_of(view) as stream:
+        frame_of(stream, monitor.now)
+        message.nu = message.nu[:-1]
+        state = peer.publisher(type(message), "/arm/diag_dynamics/state")
+        state.publish(message)
+        peer.wait_until(lambda: "nu has 7 entries; expected 8" in view.output, "an error")
+        monitor.serves(panda, 1)
+        frame_of(stream, monitor.now)
+
+
 def test_it_only_reads(peer, monitor, view):
     """It publishes its own diagnostics and what every node publishes, and calls for parameters alone."""
     # A lifecycle node's ~/transition_event is not rclpy's, and so not on the test's graph.

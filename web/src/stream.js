@@ -34,7 +34,8 @@ export class Stream {
       if (socket === this.socket) this.#receive(data);
     };
     socket.onclose = ({ code, reason }) => {
-      if (socket === (this.next ?? this.socket)) this.#lose(reason || "the connection ended", code - 4000);
+      if (socket === this.next && this.socket) this.next = null; // as where all streams are in use: the other one stays
+      else if (socket === (this.next ?? this.socket)) this.#lose(reason || "the connection ended", code - 4000);
     };
     this.#watch();
   }

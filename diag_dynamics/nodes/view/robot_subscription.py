@@ -26,7 +26,7 @@ from diag_dynamics.nodes.view.message_reader import MessageReader
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
-from diag_dynamics.page.stream import Received, RobotStream
+from diag_dynamics.page.stream import Received, RobotStream, compile_frames
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 
@@ -49,6 +49,9 @@ CONTACT_VECTORS = {
     "contact_allowed": "allowed_speed",
 }
 """Fields of a frame, and those of the message that they are read from."""
+
+DIAGNOSTICS_TIMEOUT = 5.0
+"""Time [s] after which a status that is not repeated is removed; diagnostic_aggregator takes it for stale then."""
 
 NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -107,6 +110,7 @@ class RobotSubscription:
 
     def update(self):
         """Request the monitor's parameters if they are unknown or may have changed; called once a second."""
+        self._show_diagnostics()
         infos = self._node.get_publishers_info_by_topic(f"{self.monitor}/state")
         publishers, now = {bytes(info.endpoint_gid) for info in infos}, time.monotonic()
         if not publishers:
@@ -128,8 +132,16 @@ class RobotSubscription:
                 self._subscribe(Contact, "contact", lambda raw: self._newest.update(contact=raw))
             values = {value.key: value.value for value in status.values}
             about = {"level": status.level[0], "name": status.name, "message": status.message, "values": values}
-            self._diagnostics[status.name] = about
-        self.stream.set_diagnostics(sorted(self._diagnostics.values(), key=lambda one: (-one["level"], one["name"])))
+            self._diagnostics[status.name] = time.monotonic(), about
+        self._show_diagnostics()
+
+    def _show_diagnostics(self):
+        oldest = time.monotonic() - DIAGNOSTICS_TIMEOUT
+        self._diagnostics = {name: one for name, one in self._diagnostics.items() if one[0] > oldest}
+        statuses = sorted(
+            (about for _, about in self._diagnostics.values()), key=lambda one: (-one["level"], one["name"])
+        )
+        self.stream.set_diagnostics(statuses)
 
     def destroy(self):
         """Unsubscribe."""
@@ -170,7 +182,7 @@ class RobotSubscription:
             self._loader.load(description, self._values)
 
     def _load_robot(self, description, values):
-        """Load a robot with its scene and meshes, in a thread; return its name and the meshes that are missing."""
+        """Return the dynamics, scene and meshes of a robot; in a thread."""
         source = description if values["robot_description"] else description.encode(errors="replace")
         with warnings_told(lambda text: None):  # the monitor logs them
             text = read_source(source).text
@@ -181,16 +193,19 @@ class RobotSubscription:
                     raise
                 model = model_of(text, values | {"parameters_file": ""})  # a file of another machine
         meshes = MeshLibrary([*self._folders, *mesh_folders(source if isinstance(source, str) else None)])
-        self.stream.set_robot(DiagonalDynamics(model), scene_of(model, text, meshes), meshes)
-        return model.name, meshes.missing
+        dynamics = DiagonalDynamics(model)
+        compile_frames(dynamics)
+        return dynamics, scene_of(model, text, meshes), meshes
 
     def _take_robot(self, loaded, *_):
         if isinstance(loaded, Exception):
             self._rejection = shortened(f"the robot of {self.monitor} cannot be shown: {loaded}")
             self.stream.set_waiting(self._rejection)
             self._node.get_logger().error(self._rejection)
+            self._loaded, self._is_outdated = None, True  # try again
             return
-        name, missing = loaded
+        self.stream.set_robot(*loaded)
+        name, missing = loaded[0].model.name, loaded[2].missing
         self._rejection = ""
         self._node.get_logger().info(f"Showing robot '{name}' of {self.monitor}.")
         for why in list(missing.values())[:3]:
@@ -226,6 +241,10 @@ class RobotSubscription:
         if names != model.dof_names or (positions or names) != model.coordinate_names:
             self._is_outdated = True
             raise InputError(f"they are of another robot than '{model.name}'")
+        for name in VECTORS:
+            expected = model.nq if name == "position" else model.nv
+            if name in fields and len(fields[name]) != expected:
+                raise InputError(f"{name} has {len(fields[name])} entries; expected {expected}")
         t = stamp_of(fields)
         torque, limits = self._read_torque(t, model.nv)
         points, contact = self._read_contact(t, model)
