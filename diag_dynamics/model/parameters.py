@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,6 @@ from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.options import LARGEST, Payload, checked_inertia, friction_velocity_of, not_physical
-from diag_dynamics.model.plain_reader import Dynamics, Inertial
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.yaml_files import read_yaml, yaml_text
 
@@ -309,11 +308,11 @@ def _resisting(joint: Any, given: JointParameters | None) -> Any:
     if joint.type not in SINGLE:
         raise InputError(f"parameters: joint '{joint.name}' is {joint.type}, expected one degree of freedom.")
     joint, own = copy.copy(joint), joint.dynamics
-    joint.dynamics = Dynamics(
-        *(
-            getattr(own, name, None) if getattr(given, name) is None else getattr(given, name)
+    joint.dynamics = SimpleNamespace(
+        **{
+            name: getattr(own, name, None) if getattr(given, name) is None else getattr(given, name)
             for name in ("damping", "friction")
-        )
+        }
     )
     return joint
 
@@ -323,7 +322,7 @@ def _of_inertia(link: Any, given: Payload | None) -> Any:
         return link
     link, place = copy.copy(link), np.eye(4)
     place[:3, 3] = np.asarray(given.com, float)
-    link.inertial = Inertial(given.mass, np.array(given.inertia, float), place)
+    link.inertial = SimpleNamespace(mass=given.mass, inertia=np.array(given.inertia, float), origin=place)
     return link
 
 

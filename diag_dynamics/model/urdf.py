@@ -8,24 +8,14 @@ Only what dynamics needs is handed on to yourdfpy: a broken visual or an unknown
 """
 
 import io
-import logging
 import math
 
 from lxml import etree
 
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.model import plain_reader
 from diag_dynamics.model.joint_types import JOINT_TYPES
 from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
 from diag_dynamics.model.sources import refuse_root, urdf_text
-
-try:
-    import yourdfpy
-except ImportError:
-    yourdfpy = None
-except Exception as error:  # of a library for meshes that does not go with this NumPy, say
-    logging.getLogger(__name__).warning("yourdfpy cannot be imported, its work is done without it: %r", error)
-    yourdfpy = None
 
 MAX_JOINTS = 2000
 """Largest number of joints, by default; the largest public robots have some 200."""
@@ -70,8 +60,8 @@ def read_urdf(source, max_joints=MAX_JOINTS):
 
     Returns
     -------
-    yourdfpy.Robot or plain_reader.Robot
-        Links and joints, without geometry. Every joint's parent and child exist. The latter where yourdfpy is not installed.
+    yourdfpy.Robot
+        Links and joints, without geometry. Every joint's parent and child exist.
     str
         Name of the root link.
 
@@ -100,9 +90,13 @@ def read_element(robot, max_joints=MAX_JOINTS):
 
 
 def _objects_of(reduced):
-    """Links and joints of a checked <robot> element, by yourdfpy where it is installed."""
-    if yourdfpy is None:
-        return plain_reader.read(reduced)
+    """Return the links and joints of a checked <robot> element; importing yourdfpy takes a second."""
+    try:
+        import yourdfpy
+    except Exception as error:  # also of a library for meshes that does not fit the NumPy
+        raise UrdfError(
+            f"The URDF reader yourdfpy cannot be imported: {error!r}. Install it: pip install yourdfpy."
+        ) from error
     stream = io.BytesIO(etree.tostring(reduced))
     return yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
 
