@@ -73,7 +73,9 @@ class ControllerNode(ManagedNode):
         self._starting = self.values["autostart"]  # activates itself as soon as there is a robot
         if not self._starting:
             todo = f"ros2 lifecycle set {self.get_fully_qualified_name()} configure"
-            self.get_logger().info(f"Waiting to be configured (autostart is false): {todo}")
+            self.get_logger().info(
+                f"Waiting to be configured (autostart is false): {todo}. Or start it with -p autostart:=true."
+            )
         elif self.trigger_configure() != SUCCESS:
             self.destroy_node()
             raise InputError(self.failure)

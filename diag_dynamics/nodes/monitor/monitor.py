@@ -21,7 +21,7 @@ from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
-from diag_dynamics.nodes.support.diagnostics import WARN, Diagnostics, counted
+from diag_dynamics.nodes.support.diagnostics import MAX_NAMES, WARN, Diagnostics, counted
 from diag_dynamics.nodes.support.graph import clock_notes, publishers, warn_of_time
 from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.loading import load_robot
@@ -129,8 +129,8 @@ class MonitorNode(TableNode, Node):
             log.warning(f"The payload on '{link}' is not applied: robot '{name}' has no such link.")
         if robot.without_rotors:
             log.info(
-                f"Joints without rotor inertia: {plain(counted(robot.without_rotors))}. Their kinetic energy and alarms are "
-                "wrong without armature or a parameters_file by diag-dynamics identify (docs/identify.md)."
+                f"No rotor inertia of {plain(', '.join(robot.without_rotors[:MAX_NAMES]))}: kinetic energy and alarms of "
+                "such joints are wrong. Set armature, or parameters_file by diag-dynamics identify (docs/identify.md)."
             )
         log.info(
             f"Ready: robot '{name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
