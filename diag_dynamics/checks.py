@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments, checked: each wrong one is named, with its value and what was expected."""
+"""Checks of arguments. Each raises an InputError that names the argument, its value and what was expected."""
 
 from __future__ import annotations
 
@@ -38,51 +38,27 @@ def array_of(value: object) -> Array | None:
 
 
 def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
-    """The value, if it is an object of a class.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """The value, if it is an object of a class."""
     if not isinstance(value, kind):
         raise InputError(f"{name} is {value!r}, expected a {kind.__name__}.")
     return value
 
 
 def choice(name: str, value: object, choices: Iterable[object]) -> None:
-    """Refuse a value that is none of the choices.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """Refuse a value that is none of the choices."""
     if value not in choices:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
 
 
 def mapping(name: str, value: object) -> Mapping[Any, Any]:
-    """The value, if it is a dict.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """The value, if it is a dict."""
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is {value!r}, expected a dict by name.")
     return value
 
 
 def whole(name: str, value: object) -> int:
-    """A whole number from one on, as an int.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """A whole number from one on, as an int."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
         raise InputError(f"{name} is {value!r}, expected a whole number >= 1.")
     return int(value)
@@ -104,11 +80,6 @@ def number(
         Whether a finite number will do.
     unit : str
         Put behind the value that is refused.
-
-    Raises
-    ------
-    InputError
-        It is none, or will not do.
     """
     x = value if type(value) is float else _single(value)
     if not (math.isfinite(x) and valid(x)):
@@ -122,24 +93,12 @@ def _single(value: object) -> float:
 
 
 def positive(name: str, value: object, unit: str) -> float:
-    """A finite number above zero, as a float.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """A finite number above zero, as a float."""
     return number(name, value, f"a finite number > 0 {unit}", lambda x: x > 0.0)
 
 
 def not_negative(name: str, value: object, unit: str) -> float:
-    """A finite number of zero or above, as a float.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """A finite number of zero or above, as a float."""
     return number(name, value, f"a finite number >= 0 {unit}", lambda x: x >= 0.0)
 
 
@@ -153,11 +112,6 @@ def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, mos
     ----------
     expected : str
         What was expected, with its unit.
-
-    Raises
-    ------
-    InputError
-        They are not such.
     """
     array = array_of(value)
     if array is None or array.shape != shape or not np.isfinite(array).all():
@@ -168,13 +122,7 @@ def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, mos
 
 
 def unit(name: str, value: object) -> Array:
-    """Unit vector along three finite numbers, not all zero, as a new array.
-
-    Raises
-    ------
-    InputError
-        They are not such.
-    """
+    """Unit vector along three finite numbers, not all zero, as a new array."""
     u = numbers(name, value, (3,), "three finite numbers, not all zero")
     largest = np.abs(u).max()
     if not largest > 0.0:
@@ -187,11 +135,6 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
     """A dict, a pandas Series or the columns of a DataFrame by name, in the order of the names; anything else as it is.
 
     A Series without names, numbered from 0, is taken by position.
-
-    Raises
-    ------
-    InputError
-        A name is not known, or missing; or entries of a masked array are masked.
     """
     if isinstance(value, Mapping):
         given = dict(value)
@@ -243,11 +186,6 @@ def vector(name: str, value: object, names: Sequence[str]) -> Array:
     """A finite number for each degree of freedom, as a new array; the first wrong one is named by its joint.
 
     They may also be a dict or a pandas Series by name.
-
-    Raises
-    ------
-    InputError
-        They are not as many as names, or one is not finite.
     """
     array = array_of(in_order(name, value, names))
     if array is None or array.shape != (len(names),):
@@ -275,11 +213,6 @@ def per_name(
         What was expected of each, with its unit.
     valid : callable
         Whether a number will do.
-
-    Raises
-    ------
-    InputError
-        Neither, or a number that will not do.
     """
     array, n = array_of(in_order(name, value, names)), len(names)
     if array is None or array.shape not in ((), (n,)):

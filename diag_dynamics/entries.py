@@ -36,11 +36,6 @@ def assignments(parameter, entries, kind=float, minimum=None):
         What stands behind the last ``=``.
     minimum : float or None
         Smallest number allowed; the largest is :data:`LARGEST`, either way.
-
-    Raises
-    ------
-    InputError
-        An entry is malformed, of the wrong kind or out of range, or a name has two.
     """
     values = {}
     for entry in entries:
@@ -92,11 +87,6 @@ def split_arguments(source):
         The path; all of `source` if no argument follows it, or if there is a file of that name.
     dict
         Values by name.
-
-    Raises
-    ------
-    InputError
-        What follows the path is not all NAME:=VALUE.
     """
     match = None if source.lstrip("\ufeff \t\r\n").startswith("<") else _WITH_ARGUMENTS.fullmatch(source)
     if match is None or os.path.isfile(os.path.expanduser(source)):
@@ -109,13 +99,7 @@ def split_arguments(source):
 
 
 def arguments_of(words):
-    """Values by name of xacro arguments such as ``prefix:=left_``.
-
-    Raises
-    ------
-    InputError
-        A word is not of that form, or a name has two values.
-    """
+    """Values by name of xacro arguments such as ``prefix:=left_``."""
     values = {}
     for word in words:
         match = ARGUMENT.fullmatch(word)
@@ -129,13 +113,7 @@ def arguments_of(words):
 
 
 def by_name(parameter, entries, names):
-    """Entries with :data:`ALL` written out for these names.
-
-    Raises
-    ------
-    InputError
-        An entry for another name.
-    """
+    """Entries with :data:`ALL` written out for these names."""
     for name in entries:
         if name != ALL and name not in names:
             raise InputError(f"parameter '{parameter}' names '{name}'; expected one of {', '.join(names)}.")

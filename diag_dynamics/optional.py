@@ -13,13 +13,7 @@ PACKAGES = {"yaml": "pyyaml", "distributed": "'dask[distributed]'"}
 
 
 def require(module: str, what: str) -> Any:
-    """Import a module that `what` needs.
-
-    Raises
-    ------
-    InputError
-        Its package is not installed.
-    """
+    """Import a module that `what` needs."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -20,11 +20,6 @@ def read_yaml(path: object, what: str) -> Any:
     path : str or os.PathLike
     what : str
         What the file is, for errors.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is no YAML.
     """
     try:
         text = Path(str(path)).expanduser().read_text(encoding="utf-8")
@@ -35,13 +30,7 @@ def read_yaml(path: object, what: str) -> Any:
 
 
 def parsed_yaml(text: str, what: str) -> Any:
-    """Contents of YAML text.
-
-    Raises
-    ------
-    InputError
-        It is no YAML.
-    """
+    """Contents of YAML text."""
     yaml = require("yaml", what)
     try:
         return yaml.safe_load(text)

@@ -3,6 +3,8 @@
 
 """Contact: points of links, what a touch there could transfer, limits of body regions, impacts. Advisory, not safety-rated.
 
+A wrong argument raises an InputError that names it, its value and what was expected.
+
 points: what is looked at. geometry: points of a link's shapes. limits: body regions and what they bear, as the user enters
 it. transient: the model of a short contact, on numbers. impact: ν before and after one. results: what is computed. The
 arithmetic at many points is in sweeps.

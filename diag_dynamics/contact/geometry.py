@@ -89,13 +89,6 @@ def link_geometry(
         others; they need trimesh.
     most : int
         Points of a link; not below 8.
-
-    Raises
-    ------
-    UrdfError
-        The URDF is malformed.
-    InputError
-        An argument is wrong, or a mesh needs trimesh, which is not installed.
     """
     choice("geometry", geometry, ("frames", "primitives", "meshes"))
     most = max(8, whole("most", most))
@@ -129,15 +122,7 @@ def link_geometry(
 
 
 def points_around(shapes: list[Shape], meshes: Meshes, most: int = MOST) -> tuple[Array, float]:
-    """Points whose hull holds shapes, and more between them, in the link's axes; and by which part they lie outside.
-
-    Raises
-    ------
-    UrdfError
-        A mesh cannot be found or read.
-    InputError
-        trimesh is not installed.
-    """
+    """Points whose hull holds shapes, and more between them, in the link's axes; and by which part they lie outside."""
     found = [_corners(shape, meshes) for shape in shapes]
     every = [(shape, own) for shape, (own, _) in zip(shapes, found, strict=True)]
     exact = [_moved(shape, own) for shape, own in every if own is not None]

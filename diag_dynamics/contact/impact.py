@@ -67,11 +67,6 @@ def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0
         m_H [kg], free to move; inf if it is clamped.
     restitution : float
         e, from 0 to 1.
-
-    Raises
-    ------
-    InputError
-        `mass` is not above zero, or `restitution` not within 0 and 1.
     """
     if mass != math.inf:
         mass = positive("mass", mass, "[kg]")

@@ -37,12 +37,6 @@ class BodyRegion:
         Largest transient force [N]; inf if it is not limited.
     energy : float
         Largest transferable energy ½(ŵᵀν)² [J]; inf if it is not limited.
-
-    Raises
-    ------
-    InputError
-        A number is wrong, a limit of force has no stiffness, or a stiffness can only be one in N/mm: taken for N/m it would
-        allow speeds that are thirty times too high.
     """
 
     mass: float = math.inf
@@ -88,11 +82,6 @@ class ContactLimits:
     points : mapping
         Points beside those of links, by name: a dict of `link`, `xyz` [m] in the link's axes, and of `direction` (along the
         point's motion unless it is given) and `regions` (those of the link unless they are given).
-
-    Raises
-    ------
-    InputError
-        A region or an entry is wrong, or one is named that there is none of.
     """
 
     regions: Mapping[str, BodyRegion] = field(default_factory=dict)
@@ -135,13 +124,7 @@ class ContactLimits:
         return tuple(self.links.get(point.link, self.default or ()))
 
     def with_energy(self, energy: float, name: str) -> ContactLimits:
-        """Return these limits and one of transferable energy [J] on every link, as a region of this name.
-
-        Raises
-        ------
-        InputError
-            The energy is not above zero.
-        """
+        """Return these limits and one of transferable energy [J] on every link, as a region of this name."""
         regions = {**self.regions, name: BodyRegion(energy=energy)}
         points = {
             one: of | {"regions": [*of["regions"], name]} if "regions" in of else of for one, of in self.points.items()
@@ -158,13 +141,7 @@ class ContactLimits:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ContactLimits:
-        """Read a YAML file with `regions`, `default`, `links` and `points`; see config/contact_limits.example.yaml.
-
-        Raises
-        ------
-        InputError
-            It cannot be read, or an entry is wrong; the file is named.
-        """
+        """Read a YAML file with `regions`, `default`, `links` and `points`; see config/contact_limits.example.yaml."""
         what = f"contact limits '{os.fspath(path)}'"
         content = mapping(what, read_yaml(path, what))
         try:

@@ -54,11 +54,6 @@ class ContactPoints:
         Whether an entry has a limit.
     directed : ndarray of bool
         Whether an entry has a direction of its own: the others have that of their motion.
-
-    Raises
-    ------
-    InputError
-        No such link, a point or direction is wrong, a name is there twice, or limits name a link that the robot lacks.
     """
 
     def __init__(

@@ -1,7 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robot models: what a URDF becomes."""
+"""Robot models from URDFs and MJCFs.
+
+A wrong argument raises an InputError that names the argument, its value and what was expected. A mistake in a robot's file
+raises a UrdfError that names the element.
+"""
 
 from diag_dynamics.model.end_effector import end_effector_link
 from diag_dynamics.model.mimic import Mimic

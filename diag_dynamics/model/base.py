@@ -36,11 +36,6 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
         x y z qx qy qz qw of the root link.
     qd : ndarray, shape (6,)
         Its twist in its own axes, linear first.
-
-    Raises
-    ------
-    InputError
-        The link is not attached to the root, or numbers are not finite or no orientation.
     """
     values = {"position": (position, 3), "orientation": (quaternion, 4), "twist": (twist, 6)}
     for name, (value, length) in values.items():

@@ -17,13 +17,7 @@ REACH = 1.0
 
 
 def random_positions(model, rng):
-    """Positions drawn evenly within the limits, orientations evenly of all; shape (nq,).
-
-    Raises
-    ------
-    InputError
-        `rng` is neither a generator of NumPy nor a seed.
-    """
+    """Positions drawn evenly within the limits, orientations evenly of all; shape (nq,)."""
     if not isinstance(rng, np.random.Generator):
         try:
             rng = np.random.default_rng(rng)
@@ -62,13 +56,7 @@ def difference(model, q0, q1):
 
 
 def positions(model, name, q):
-    """Positions, checked, as a new array.
-
-    Raises
-    ------
-    InputError
-        They have the wrong shape, are not finite, or a quaternion among them has not length 1.
-    """
+    """Positions, checked, as a new array."""
     q = vector(name, q, model.coordinate_names)
     for k, component in enumerate(model.orientations):
         quaternion = q[k - 3 : k + 1]

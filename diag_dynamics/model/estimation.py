@@ -88,13 +88,7 @@ class Estimated(NamedTuple):
 
 
 def density_of(value: object) -> float:
-    """A density, checked [kg/m³].
-
-    Raises
-    ------
-    InputError
-        It is not a number above zero, or beyond that of anything.
-    """
+    """A density, checked [kg/m³]."""
     density = positive("estimate_inertias", value, "[kg/m³]")
     if density > LARGEST_DENSITY:
         raise InputError(
@@ -118,13 +112,6 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
         [kg/m³].
     folder : Path or None
         Where the URDF lies, for meshes.
-
-    Raises
-    ------
-    InputError
-        The density will not do, or a mesh needs trimesh, which is not installed.
-    UrdfError
-        The XML is malformed.
     """
     rho = density_of(density)
     robot, meshes = parse_urdf(text.encode(errors="replace"), comments=True), Meshes(folder)

@@ -35,11 +35,6 @@ def find_urdf(robot):
     robot : str
         A path; or the name of an example robot: its file's (``panda``), or any part of its path that is its alone. A path
         of a file that is absent is no part of another one.
-
-    Raises
-    ------
-    InputError
-        There is no such robot, and the message names those of a similar name; or several, which it lists.
     """
     path = Path(os.path.expanduser(robot))
     try:

@@ -81,11 +81,6 @@ def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
     link : lxml.etree.Element
     role : str
         "visual" or "collision".
-
-    Raises
-    ------
-    UrdfError
-        A shape that is not known, or that has no numbers as expected.
     """
     where = f"link '{link.get('name')}': {role}"
     return tuple(shape for element in link.findall(role) if (shape := shape_of(element, where)) is not None)
@@ -99,11 +94,6 @@ def shape_of(element: Any, where: str) -> Shape | None:
     element : lxml.etree.Element
     where : str
         What messages say of its place.
-
-    Raises
-    ------
-    UrdfError
-        As :func:`shapes_of`.
     """
     geometry = element.findall("geometry/*")
     return _shape(element, geometry[0], where) if geometry else None
@@ -138,15 +128,7 @@ def floats(text: str | None, count: int) -> list[float] | None:
 
 
 def solid_of(shape: Shape, meshes: Meshes) -> Solid:
-    """What a shape encloses, in the link's axes; a mesh that is not watertight is measured by its convex hull.
-
-    Raises
-    ------
-    UrdfError
-        A mesh cannot be found or read, or it encloses nothing.
-    InputError
-        trimesh is not installed.
-    """
+    """What a shape encloses, in the link's axes; a mesh that is not watertight is measured by its convex hull."""
     volume, centre, inertia, corners, of = _measured(shape, meshes)
     if not volume > 0.0:
         raise UrdfError(f"{of} encloses no volume.")

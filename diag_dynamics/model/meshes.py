@@ -36,11 +36,6 @@ def find_mesh(name: str, folder: Path | None) -> Path:
         ``package://<package>/<file>``, ``file://<file>`` or a path.
     folder : Path or None
         Where the URDF lies, which relative paths begin from; None of one that is no file.
-
-    Raises
-    ------
-    UrdfError
-        There is no such file, and the message says where it was looked for.
     """
     if found := _PACKAGE.fullmatch(name.strip()):
         package, file = found.groups()
@@ -87,15 +82,7 @@ class Meshes:
         self._read: dict[str, Any] = {}
 
     def mesh(self, name: str) -> Any:
-        """A mesh as one trimesh.Trimesh, in metres and in the axes of its file.
-
-        Raises
-        ------
-        UrdfError
-            It cannot be found, or has nothing that can be read.
-        InputError
-            trimesh is not installed.
-        """
+        """A mesh as one trimesh.Trimesh, in metres and in the axes of its file."""
         if name not in self._read:
             try:
                 self._read[name] = _read(name, find_mesh(name, self._folder))

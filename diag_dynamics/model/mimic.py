@@ -54,11 +54,6 @@ def resolve_mimics(robot: Any, mode: str, locked: Mapping[str, float]) -> tuple[
     held : dict
         `locked`, and with it the followers that stand still: all of them where `mode` is "lock", those of a joint that is
         held or fixed, and those whose multipliers come to 0. "free" holds no follower.
-
-    Raises
-    ------
-    MimicJointError
-        A joint that is to follow mimics itself, or one that does not exist or has several degrees of freedom.
     """
     mimics: dict[str, Mimic] = {}
     held = dict(locked)

@@ -49,13 +49,7 @@ def load_robot(name: str, **options: Any) -> RobotModel:
 
 
 def robot_path(name: str) -> str | Path:
-    """Path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it.
-
-    Raises
-    ------
-    InputError
-        As there.
-    """
+    """Path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it."""
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
     return _cloned(name) if name in described() else _found(name)

@@ -150,11 +150,6 @@ def checked_inertia(where: Callable[[str], str], body: Payload, may_be_negative:
     ----------
     where : callable
         Gives the name that a part, such as "mass", has in an error.
-
-    Raises
-    ------
-    InputError
-        A value is not finite, too large, of another shape, or that of no rigid body.
     """
     expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
     mass = float(numbers(where("mass"), body.mass, (), expected, LARGEST))

@@ -30,11 +30,6 @@ def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infi
         What errors say of the element's place.
     may_be_infinite : bool
         Whether numbers may be infinite or beyond `LARGEST`.
-
-    Raises
-    ------
-    UrdfError
-        The attribute has other text than so many finite numbers.
     """
     text = element.get(attribute)
     shown = f"{where}: <{element.tag} {attribute}={short(text)}>"
@@ -74,11 +69,6 @@ def placement_of(element: Any, where: str) -> Array:
     element : lxml.etree.Element
     where : str
         What errors say of the element's place.
-
-    Raises
-    ------
-    UrdfError
-        Numbers are missing or not finite, the quaternion is zero, or there are both rpy and a quaternion.
     """
     given = {
         name: numbers_of(element, name, count, where)

@@ -85,25 +85,13 @@ class Parameters:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Parameters:
-        """Read them from a YAML file, as :meth:`save` writes it.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, or has an entry that is unknown or has a wrong value: the entry is named.
-        """
+        """Read them from a YAML file, as :meth:`save` writes it."""
         source = f"file of parameters '{os.fspath(path)}'"
         return cls.of(read_yaml(path, source), source)
 
     @classmethod
     def of(cls, content: object, source: str = "parameters") -> Parameters:
-        """Take them from a dict with the attributes of this class as keys, all of them optional, as the file has them.
-
-        Raises
-        ------
-        InputError
-            As :meth:`load`.
-        """
+        """Return the parameters of a dict that has attributes of this class as keys, all optional, as the file has them."""
         if isinstance(content, Parameters):
             return content
         given = _mapping(content, source, _FIELDS)
@@ -161,11 +149,6 @@ class Parameters:
         -------
         all : Parameters
             With the `origin` of `later`, and its `friction_velocity` if it has one.
-
-        Raises
-        ------
-        InputError
-            Two payloads of a link have no mass together, and so no centre.
         """
         joints = dict(self.joints)
         for name, entry in later.joints.items():
@@ -186,13 +169,7 @@ class Parameters:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write them into a YAML file; numbers come back with the same bits.
-
-        Raises
-        ------
-        InputError
-            It cannot be written.
-        """
+        """Write them into a YAML file; numbers come back with the same bits."""
         try:
             Path(path).write_text(_HEAD + yaml_text(self.to_dict()), encoding="utf-8")
         except OSError as error:
@@ -272,13 +249,7 @@ def _numbers(value: object) -> Any:
 
 
 def robot_with(robot: Any, parameters: Parameters) -> Any:
-    """A URDF's robot with these joints' damping and friction, and these links' inertias, in place of its own.
-
-    Raises
-    ------
-    InputError
-        It lacks a joint or a link, or a joint has not one degree of freedom.
-    """
+    """A URDF's robot with these joints' damping and friction, and these links' inertias, in place of its own."""
     links = [link.name for link in robot.links]
     _refuse_unknown("joint", parameters.joints, (joint.name for joint in robot.joints), robot)
     _refuse_unknown("link", (*parameters.links, *parameters.payloads), links, robot)
@@ -363,13 +334,7 @@ NOTHING = 1e-9
 
 
 def refuse_too_light(tree: Tree, names: Iterable[str], origin: Mapping[str, Any]) -> None:
-    """Refuse bodies of a tree that are no rigid ones, of those that something was taken off; `origin` of Parameters.
-
-    Raises
-    ------
-    InputError
-        More is taken off than there is.
-    """
+    """Refuse bodies of a tree that are no rigid ones, of those that something was taken off; `origin` of Parameters."""
     bodies, _ = tree.records({}, {})
     of_link = {link.name: body for link, body, _ in tree.links}
     for name in names:

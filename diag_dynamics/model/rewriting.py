@@ -76,13 +76,6 @@ def urdf_with(text: str, parameters: Parameters) -> str:
     Returns
     -------
     str
-
-    Raises
-    ------
-    InputError
-        The robot lacks a joint or link, or a payload takes off more than there is.
-    UrdfError
-        The XML is malformed.
     """
     element = parse_urdf(text.encode(errors="replace"), comments=True)
     robot, _ = read_urdf(text)

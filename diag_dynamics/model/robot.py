@@ -56,7 +56,7 @@ MAX_COUPLED = 200
 
 @dataclass(frozen=True, eq=False)
 class RobotModel:
-    """A robot as a tree of rigid bodies; immutable. Made by :func:`load_urdf`.
+    """A robot as a tree of rigid bodies; immutable. Made by :func:`load_urdf`. A wrong argument raises an InputError.
 
     The order of degrees of freedom is base to tip, depth first, with siblings sorted by joint name, which is
     Pinocchio's order. Units are SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for prismatic.
@@ -216,11 +216,6 @@ class RobotModel:
 
         q + v of joints of one degree of freedom; of a planar or floating joint, v is a twist in its own axes that is held
         for a unit of time, as in Pinocchio.
-
-        Raises
-        ------
-        InputError
-            A vector has the wrong shape, is not finite, or is no orientation.
         """
         return integrated(self, q, v)
 
@@ -229,11 +224,6 @@ class RobotModel:
 
         Of a planar and a floating joint, and of a continuous one that no other joint follows, it is the shorter way round,
         so that it may arrive a whole number of turns from q1, and a quaternion at −1 times it.
-
-        Raises
-        ------
-        InputError
-            As :meth:`integrate`.
         """
         return difference(self, q0, q1)
 
@@ -243,13 +233,7 @@ class RobotModel:
         return Workspace(self.bodies, self.gravity)
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
-        """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared.
-
-        Raises
-        ------
-        InputError
-            `gravity` is not three finite numbers, or one is beyond ±1000 m/s², which nothing that a robot stands on reaches.
-        """
+        """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""
         vector = gravity_vector(gravity)
         return replace(self, gravity=vector, _options=self._options._replace(gravity=vector))
 
@@ -333,11 +317,6 @@ class RobotModel:
             it; from 0 to 0.9. Rigid bodies stay such. Payloads, rotors and friction stay as they are.
         seed : int
             Of chance, no less than 0.
-
-        Raises
-        ------
-        InputError
-            An argument has a wrong value.
         """
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
         number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
@@ -353,37 +332,20 @@ class RobotModel:
         ----------
         locked_joints : dict
             Position [rad, m] by joint name; empty releases all.
-
-        Raises
-        ------
-        InputError
-            No such joint, one that has not one degree of freedom, or a position that is not a finite number.
         """
         robot = self._tree.robot
         options = self._options._replace(locked=locked_positions(locked_joints, robot), held=None)
         return _model(robot, self._tree.root, options)
 
     def placement_in_root(self, link: str) -> Array:
-        """Placement (4x4) in the root link of one that is rigidly attached to it.
-
-        Raises
-        ------
-        InputError
-            No such link, or a joint moves it against the root.
-        """
+        """Placement (4x4) in the root link of one that is rigidly attached to it."""
         body, placement = self.placement_in_body(link)
         if body != self._tree.links[0][1]:
             raise InputError(f"link '{link}' is not rigidly attached to the root link '{self.root_link}'.")
         return placement
 
     def placement_in_body(self, link: str) -> tuple[int, Array]:
-        """Index of the body that a link belongs to, and the link's placement (4x4) in the frame of that body.
-
-        Raises
-        ------
-        InputError
-            No such link.
-        """
+        """Index of the body that a link belongs to, and the link's placement (4x4) in the frame of that body."""
         if link not in self.link_names:
             raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
         _, body, placement = self._tree.links[self.link_names.index(link)]

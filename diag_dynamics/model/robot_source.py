@@ -25,11 +25,6 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
         Path of a URDF, xacro or MJCF file; or a robot by its name, see :func:`load_robot`. Xacro arguments may follow it.
     arguments : sequence of str
         More xacro arguments, ``NAME:=VALUE``.
-
-    Raises
-    ------
-    InputError
-        There is no such file or robot; or arguments are malformed, or those of what is no xacro file.
     """
     name, own = split_arguments(robot)
     path = os.path.expanduser(name)
@@ -53,11 +48,6 @@ def read_source(source: Any, xacro_args: Any = None) -> Described:
         As of :func:`load_urdf`; or the path of an MJCF.
     xacro_args : dict, optional
         As of :func:`load_urdf`.
-
-    Raises
-    ------
-    DiagDynamicsError
-        As :func:`load_urdf` and :func:`load_mjcf`.
     """
     if not is_mjcf(source):
         return Described(urdf_text(expanded(source, xacro_args)))

@@ -102,11 +102,6 @@ def urdf_text(source: Any) -> str:
 
     Encodings are those that files have, declared or not: bytes that are not in the encoding count as Latin-1. Comments
     that XML forbids, with ``--`` in them, and bare ampersands are mended. Lines keep their numbers.
-
-    Raises
-    ------
-    UrdfError
-        The source cannot be read, is too large, or is another kind of file.
     """
     if isinstance(source, str) and not _is_path(source):
         text = source
@@ -142,13 +137,7 @@ def folder_of(source: Any) -> Path | None:
 
 
 def refuse_root(tag: str) -> None:
-    """Reject the root element of another kind of file.
-
-    Raises
-    ------
-    UrdfError
-        The kind of the file, and what to do.
-    """
+    """Reject the root element of another kind of file."""
     found = f"The root element is <{short(tag)[1:-1]}>, expected <robot>"
     kind = ROOTS.get(tag.lower())
     raise UrdfError(f"{found}: the file is {kind}." if kind else f"{found}.")
@@ -179,13 +168,7 @@ def _of_file(source: Any) -> str:
 
 
 def refuse_other_kinds(start: bytes) -> None:
-    """Reject the first bytes of a file that is no XML, or HTML.
-
-    Raises
-    ------
-    UrdfError
-        The kind of the file, and what to do.
-    """
+    """Reject the first bytes of a file that is no XML, or HTML."""
     for first, kind in FORMATS:
         if start.startswith(first):
             raise UrdfError(f"The file is no URDF: it is {kind}.")

@@ -47,11 +47,6 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     armature : dict
         N²J [kg m², prismatic: kg] by joint.
     remarks : list of Remark
-
-    Raises
-    ------
-    UrdfError
-        A number is not what it should be, two numbers contradict each other, or the joint does not exist.
     """
     types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
     rotors: dict[str, dict[str, Rotor]] = {}

@@ -64,11 +64,6 @@ def read_urdf(source, max_joints=MAX_JOINTS):
         Links and joints, without geometry. Every joint's parent and child exist.
     str
         Name of the root link.
-
-    Raises
-    ------
-    UrdfError
-        Names the element, the value and what was expected.
     """
     return read_element(parse_urdf(urdf_text(source).encode(errors="replace")), max_joints)
 
@@ -142,11 +137,6 @@ def parse_urdf(data, comments=False):
         UTF-8, without an XML declaration.
     comments : bool
         Whether comments stay in it.
-
-    Raises
-    ------
-    UrdfError
-        It is malformed.
     """
     parser = etree.XMLParser(
         resolve_entities=False,

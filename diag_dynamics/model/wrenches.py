@@ -19,11 +19,6 @@ def wrenches_on_links(model, f_ext, frame):
         Force [N] and moment [N m] at the link's origin, six numbers, by link name.
     frame : {"link", "world"}
         Axes they are in.
-
-    Raises
-    ------
-    InputError
-        No such link, or not six finite numbers.
     """
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)
@@ -43,11 +38,6 @@ def wrenches_on_links_of_many(model, f_ext, frame, count):
     ----------
     f_ext : dict
         By link name, six numbers for all states, or an array of shape (count, 6).
-
-    Raises
-    ------
-    InputError
-        As there.
     """
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)
@@ -73,11 +63,6 @@ def wrenches_at(model, link, wrenches, point, frame):
         From the link's origin, in its axes [m].
     frame : {"link", "world"}
         Axes of the wrenches.
-
-    Raises
-    ------
-    InputError
-        No such link, or a point that is not three finite numbers.
     """
     choice("frame", frame, ("link", "world"))
     point = numbers("point", point, (3,), "three finite numbers [m]")

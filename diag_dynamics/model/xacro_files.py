@@ -59,13 +59,6 @@ def expanded(source, arguments):
         :func:`split_arguments`.
     arguments : dict or None
         Values by name, as ``xacro name:=value`` has them.
-
-    Raises
-    ------
-    UrdfError
-        The package `xacro`, or one that a $(find …) names, is not installed; or xacro cannot expand the file.
-    InputError
-        Arguments of what is no xacro file, or which are no dict.
     """
     if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
         source = source.name  # of an open file: xacro finds what it includes by its place
