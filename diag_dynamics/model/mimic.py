@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mimic joints: the independent joint that each follows in the end, and those that are locked."""
+"""Mimic joints: the independent joint at the end of each chain, and the groups that are eliminated together."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from heapq import heapify, heappop, heappush, heapreplace
 from typing import Any, NamedTuple, TypeAlias
 
 from diag_dynamics.exceptions import MimicJointError
@@ -15,7 +14,7 @@ from diag_dynamics.model.origins import LARGEST
 
 _CURE = "mimic='free' takes every joint as independent."
 
-_End: TypeAlias = tuple[Any, float, float]
+_Source: TypeAlias = tuple[Any, float, float]
 """A joint of yourdfpy's at the end of a chain, with multiplier and offset."""
 
 
@@ -38,33 +37,21 @@ class Mimic(NamedTuple):
 
 
 def resolve_mimics(robot: Any, mode: str, locked: Mapping[str, float]) -> tuple[dict[str, Mimic], dict[str, float]]:
-    """Followers of independent joints, and the positions of all joints that are held.
+    """Return :class:`Mimic` by mimic joint, and the positions of all locked joints.
 
-    Parameters
-    ----------
-    robot : yourdfpy.Robot
-    mode : {"embed", "free", "lock"}
-    locked : dict
-        Positions of joints that are held [rad, m].
-
-    Returns
-    -------
-    mimics : dict
-        :class:`Mimic` by name of the follower; none unless `mode` is "embed".
-    held : dict
-        `locked`, and with it the followers that stand still: all of them where `mode` is "lock", those of a joint that is
-        held or fixed, and those whose multipliers come to 0. "free" holds no follower.
+    Locked are `locked` and mimic joints that stand still: all of them if `mode` is "lock", those of a joint that is locked
+    or fixed, and those of multiplier 0. With mode "free" no joint mimics another one.
     """
     mimics: dict[str, Mimic] = {}
     held = dict(locked)
     if mode == "free":
         return mimics, held
     joints = {joint.name: joint for joint in robot.joints}
-    ends: dict[str, _End] = {}
+    sources: dict[str, _Source] = {}
     for joint in robot.joints:
         if not _follows(joint, locked):
             continue
-        leader, multiplier, offset = _followed(joint, joints, locked, ends)
+        leader, multiplier, offset = _source(joint, joints, locked, sources)
         if leader.name in locked or leader.type == "fixed":
             held[joint.name] = offset + multiplier * locked.get(leader.name, 0.0)
         elif mode == "lock" or multiplier == 0.0:
@@ -78,32 +65,29 @@ def _follows(joint: Any, locked: Mapping[str, float]) -> bool:
     return joint.mimic is not None and joint.name not in locked and joint.type != "fixed"
 
 
-def _followed(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], ends: dict[str, _End]) -> _End:
-    """The joint at the end of a chain of mimics, with multiplier and offset; `ends` keeps those that are known."""
-    chain, on_the_way = [joint.name], {joint.name}
-    while joint.name not in ends and _follows(joint, locked):
-        _require_single(joint, chain)
+def _source(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], known: dict[str, _Source]) -> _Source:
+    """Return the joint at the end of a chain of mimics; `known` holds the ends that were found before."""
+    chain = {joint.name: joint}
+    while joint.name not in known and _follows(joint, locked):
+        _require_single(joint, list(chain))
         leader = joint.mimic.joint
         if leader not in joints:
             raise MimicJointError(
                 f"joint '{joint.name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}", [joint.name]
             )
-        if leader in on_the_way:
-            raise MimicJointError(
-                f"joint '{leader}' mimics itself: {' → '.join(map(repr, [*chain, leader]))}. {_CURE}", chain
-            )
-        joint = joints[leader]
-        chain.append(leader)
-        on_the_way.add(leader)
-    _require_single(joint, chain)
-    end: _End = ends.get(joint.name, (joint, 1.0, 0.0))
-    for name in reversed(chain[:-1]):
-        end = ends[name] = _led(joints[name], *end)
-    return end
+        if leader in chain:
+            way = " → ".join(map(repr, [*chain, leader]))
+            raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", list(chain))
+        joint = chain[leader] = joints[leader]
+    _require_single(joint, list(chain))
+    source: _Source = known.get(joint.name, (joint, 1.0, 0.0))
+    for name in list(chain)[-2::-1]:
+        source = known[name] = _compose(chain[name], *source)
+    return source
 
 
-def _led(joint: Any, leader: Any, multiplier: float, offset: float) -> _End:
-    """Leader, multiplier and offset of a follower, from those of the joint that it names."""
+def _compose(joint: Any, leader: Any, multiplier: float, offset: float) -> _Source:
+    """Return the source of a mimic joint, given that of the joint that it names."""
     own = joint.mimic
     factor = 1.0 if own.multiplier is None else own.multiplier
     product = factor * multiplier
@@ -130,90 +114,51 @@ def _require_single(joint: Any, chain: list[str]) -> None:
 def coupled_groups(
     mimics: Mapping[str, Mimic], joints: Iterable[str], carriers: Mapping[str, str | None]
 ) -> dict[str, frozenset[str]]:
-    """Joints that are eliminated together: from the lowest body that carries all of a coupling down to its members.
+    """Return the group of each joint that is eliminated together with others.
 
-    Groups that share a body are one group.
+    A group is all moving joints from the lowest body that carries a leader and its mimic joints, exclusive, down to these.
+    Groups that share a joint are one group.
 
     Parameters
     ----------
     mimics : dict
-        :class:`Mimic` by name of the follower.
+        :class:`Mimic` by name of the mimic joint.
     joints : iterable of str
-        All moving joints.
+        All moving joints, base to tip.
     carriers : dict
         Moving joint that carries each moving joint, or None.
-
-    Returns
-    -------
-    dict
-        The group, a frozenset of names, of each joint that is in one.
     """
+    depth: dict[str | None, int] = {None: 0}
+    for name in joints:
+        depth[name] = depth[carriers[name]] + 1
     families: dict[str, list[str]] = {}
     for follower, mimic in mimics.items():
         families.setdefault(mimic.leader, [mimic.leader]).append(follower)
-    sets = _Sets(joints, carriers)
-    for names in families.values():
-        sets.couple(names)
-    return sets.groups()
+    groups: dict[str, set[str]] = {}  # the same set for all of its members
+    for family in families.values():
+        group = _joints_between(family, depth, carriers)
+        for other in {id(groups[name]): groups[name] for name in group if name in groups}.values():
+            group |= other
+        groups.update(dict.fromkeys(group, group))
+    distinct = {id(group): group for group in groups.values()}
+    frozen = {key: frozenset(group) for key, group in distinct.items()}
+    return {name: frozen[id(group)] for name, group in groups.items()}
 
 
-class _Sets:
-    """Disjoint sets of joints, each with the one that carries it."""
-
-    def __init__(self, joints: Iterable[str], carriers: Mapping[str, str | None]) -> None:
-        self._carriers = carriers
-        self._place: dict[str | None, int] = {None: -1}
-        self._depth: dict[str | None, int] = {None: 0}
-        for k, name in enumerate(joints):
-            self._place[name], self._depth[name] = k, self._depth[carriers[name]] + 1
-        self._parent: dict[str, str] = {}
-        self._members: dict[str, list[str]] = {}
-        self._carrier: dict[str, str | None] = {}
-
-    def _of(self, name: str) -> str:
-        """The set of a joint, which is its own where it has not been in any yet."""
-        if name not in self._parent:
-            self._parent[name], self._members[name], self._carrier[name] = name, [name], self._carriers[name]
-        while self._parent[name] != name:
-            self._parent[name] = self._parent[self._parent[name]]
-            name = self._parent[name]
-        return name
-
-    def _join(self, a: str, b: str) -> str:
-        """Make one of two sets of which one is carried by the other, or both by the same joint; returns it."""
-        carrier = min(self._carrier[a], self._carrier[b], key=self._depth.__getitem__)
-        large, small = (a, b) if len(self._members[a]) >= len(self._members[b]) else (b, a)
-        self._parent[small] = large
-        self._members[large] += self._members.pop(small)
-        self._carrier[large] = carrier
-        return large
-
-    def _entry(self, one: str) -> tuple[int, int, str]:
-        carrier = self._carrier[one]
-        return -self._depth[carrier], self._place[carrier], one
-
-    def couple(self, names: Iterable[str]) -> None:
-        """Merge the sets of some joints and of all joints between them; the set with the deepest carrier goes on first."""
-        heap = [self._entry(one) for one in {self._of(name) for name in names}]
-        heapify(heap)
-        while len(heap) > 1:
-            entry = heappop(heap)
-            one, other = entry[-1], heap[0][-1]
-            if one == other or entry != self._entry(self._of(one)):
-                continue  # merged already: another entry stands for this set
-            if heap[0] != self._entry(self._of(other)):
-                heapreplace(heap, entry)  # an outdated entry on top: take it out, and look again
-                continue
-            carrier = self._carrier[one]
-            if carrier is None or carrier == self._carrier[other]:  # None: that of both, for the deepest one goes first
-                heappop(heap)
+def _joints_between(family: list[str], depth: Mapping[str | None, int], carriers: Mapping[str, str | None]) -> set[str]:
+    """Return the joints of a family, and all joints between them and the lowest joint that carries all of them."""
+    found = {family[0]}
+    carrier = carriers[family[0]]  # of all joints that were found
+    for name in family[1:]:
+        found.add(name)
+        other = carriers[name]
+        while carrier != other and other not in found:
+            if depth[carrier] >= depth[other]:
+                assert carrier is not None  # the world alone has depth 0
+                found.add(carrier)
+                carrier = carriers[carrier]
             else:
-                other = self._of(carrier)
-            heappush(heap, self._entry(self._join(one, other)))
-
-    def groups(self) -> dict[str, frozenset[str]]:
-        """The set of each joint that is in one."""
-        found: dict[str, frozenset[str]] = {}
-        for members in self._members.values():
-            found.update(dict.fromkeys(members, frozenset(members)))
-        return found
+                assert other is not None
+                found.add(other)
+                other = carriers[other]
+    return found
