@@ -6,6 +6,7 @@
 import numpy as np
 
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
+from diag_dynamics.rigid_body import parallel_axes
 
 TRIANGLE = np.tril_indices(3)  # Ixx, Ixy, Iyy, Ixz, Iyz, Izz: the order of the parameters
 SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of these in the 3x3 inertia
@@ -15,7 +16,7 @@ FLOOR = 1e-3  # smallest variance of a body's mass along an axis, relative to th
 def of_body(mass, centre, about_centre):
     """Return ten parameters, given mass, centre of mass and 3x3 inertia about it."""
     c = np.asarray(centre, dtype=float)
-    rotational = np.asarray(about_centre) + mass * (c @ c * np.eye(3) - np.outer(c, c))
+    rotational = np.asarray(about_centre) + parallel_axes(mass, c)
     return np.r_[mass, mass * c, rotational[TRIANGLE]]
 
 
@@ -54,7 +55,7 @@ def about_centre(parameters):
     if mass == 0.0:
         return 0.0, np.zeros(3), rotational
     c = parameters[1:4] / mass
-    return mass, c, rotational - mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return mass, c, rotational - parallel_axes(mass, c)
 
 
 def is_physical(parameters):

@@ -3,13 +3,11 @@
 
 """State of a floating base from the pose and twist of another frame on it."""
 
-import math
-
 import numpy as np
 
+from diag_dynamics import rotations
 from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.sweeps.spatial import rotation_of_quaternion
 
 
 def base_state(model, link, position, quaternion, twist, twist_in_world=False):
@@ -44,7 +42,7 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     if abs(length - 1.0) > 1e-2:
         raise InputError(f"orientation of '{link}' is the quaternion {list(quaternion)} of length {length:.3g}, not 1.")
     attached = model.placement_in_root(link)
-    R = np.array(rotation_of_quaternion.py_func(*map(float, quaternion)))
+    R = rotations.from_quaternion(*map(float, quaternion))
     linear, angular = np.asarray(twist[:3], dtype=float), np.asarray(twist[3:], dtype=float)
     if twist_in_world:
         linear, angular = R.T @ linear, R.T @ angular
@@ -53,20 +51,4 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     linear = turn @ linear - np.cross(angular, offset)
     root = R @ turn.T
     x, y, z = np.asarray(position, dtype=float) - root @ offset
-    return np.array([x, y, z, *quaternion_of(root)]), np.concatenate([linear, angular])
-
-
-def quaternion_of(R):
-    """Return the quaternion x y z w of a rotation matrix, by its largest component."""
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    # The largest of four squares is at least a quarter (Shepperd 1978).
-    squares = (a + e + i, a - e - i, e - a - i, i - a - e)
-    k = squares.index(max(squares))
-    largest = 0.5 * math.sqrt(1.0 + squares[k])
-    n = 0.25 / largest
-    return (
-        ((h - f) * n, (c - g) * n, (d - b) * n, largest),
-        (largest, (b + d) * n, (c + g) * n, (h - f) * n),
-        ((b + d) * n, largest, (f + h) * n, (c - g) * n),
-        ((c + g) * n, (f + h) * n, largest, (d - b) * n),
-    )[k]
+    return np.array([x, y, z, *rotations.to_quaternion(root)]), np.concatenate([linear, angular])

@@ -7,6 +7,8 @@ import math
 
 import numpy as np
 
+from diag_dynamics.rotations import wrap_angle
+
 
 class Followers:
     """Positions of followers by their leaders, and efforts of followers on their leaders.
@@ -67,8 +69,7 @@ class Followers:
             return []
         expected = self.positions(position)
         distance = np.abs(np.where(np.isfinite(own), own, math.nan) - expected)
-        around = np.abs(np.remainder(distance + np.pi, 2.0 * np.pi) - np.pi)
-        distance = np.where(self.turns, around, distance)
+        distance = np.where(self.turns, np.abs(wrap_angle(distance)), distance)
         return [self.disagreement(k, own[k], expected[k]) for k in np.flatnonzero(distance > self.tolerance)]
 
     def disagreement(self, k, own, expected):

@@ -15,6 +15,7 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import LARGEST, placement_of
+from diag_dynamics.rigid_body import RigidBody
 
 KINDS = {
     "box": {"size": 3},
@@ -132,8 +133,7 @@ def solid_of(shape: Shape, meshes: Meshes) -> Solid:
     volume, centre, inertia, corners, of = _measured(shape, meshes)
     if not volume > 0.0:
         raise UrdfError(f"{of} encloses no volume.")
-    R, r = shape.placement[:3, :3], shape.placement[:3, 3]
-    return Solid(volume, R @ centre + r, R @ inertia @ R.T, corners @ R.T + r, (of,))
+    return moved(Solid(volume, centre, inertia, corners, (of,)), shape.placement)
 
 
 def _measured(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array, str]:
@@ -179,19 +179,20 @@ def _mesh(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array, str
 
 
 def united(solids: Iterable[Solid]) -> Solid:
-    """Several solids as one; where they overlap, the volume counts as often."""
+    """Return several solids as one; where they overlap, the volume counts as often."""
     parts = list(solids)
-    volume = sum(part.volume for part in parts)
-    centre = sum((part.volume * part.centre for part in parts), np.zeros(3)) / volume
-    inertia = np.zeros((3, 3))
-    for part in parts:
-        c = part.centre - centre
-        inertia = inertia + part.inertia + part.volume * (c @ c * np.eye(3) - np.outer(c, c))
+    body = RigidBody.union(*map(_body, parts))
     corners = np.concatenate([part.corners for part in parts])
-    return Solid(volume, centre, inertia, corners, tuple(of for part in parts for of in part.of))
+    return Solid(body.mass, body.centre, body.inertia, corners, tuple(of for part in parts for of in part.of))
 
 
 def moved(solid: Solid, placement: Array) -> Solid:
-    """A solid in other axes, in which those that it is in have this placement (4x4)."""
-    R, r = placement[:3, :3], placement[:3, 3]
-    return solid._replace(centre=R @ solid.centre + r, inertia=R @ solid.inertia @ R.T, corners=solid.corners @ R.T + r)
+    """Return a solid in the axes in which its own ones have this placement (4x4)."""
+    body = _body(solid).moved(placement)
+    corners = solid.corners @ placement[:3, :3].T + placement[:3, 3]
+    return solid._replace(centre=body.centre, inertia=body.inertia, corners=corners)
+
+
+def _body(solid: Solid) -> RigidBody:
+    """Return a solid as a body of density 1."""
+    return RigidBody(solid.volume, solid.centre, solid.inertia)

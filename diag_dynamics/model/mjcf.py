@@ -15,6 +15,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
 from diag_dynamics.model.options import warn
 from diag_dynamics.model.parameters import of_joints, parameters_of
@@ -491,7 +492,7 @@ class _Writer:
             if self._slides(j):  # at `ref` the body is where the file has it
                 place = place - ref * (turn @ axis)
             else:
-                turn = turn @ _about(axis, -ref)
+                turn = turn @ rotations.about_axis(axis, -ref)
             self._joint(self._name("joint", j), self._kind(j), parent, child, place, turn, self._of_joint(j))
             parent, place, turn, anchor = child, np.zeros(3), np.eye(3), m.jnt_pos[j]
             self.armature[self._name("joint", j)] = float(self._armature[m.jnt_dofadr[j]])
@@ -529,9 +530,10 @@ class _Writer:
         self._elements.append(f"<link name={quoteattr(name)}>{inertial}</link>")
 
     def _joint(self, name, kind, parent, child, place, turn, more):
+        rpy = _text(rotations.to_rpy(turn))
         self._elements.append(
             f"<joint name={quoteattr(name)} type={quoteattr(kind)}><parent link={quoteattr(parent)}/>"
-            f'<child link={quoteattr(child)}/><origin xyz="{_text(place)}" rpy="{_text(_rpy(turn))}"/>{more}</joint>'
+            f'<child link={quoteattr(child)}/><origin xyz="{_text(place)}" rpy="{rpy}"/>{more}</joint>'
         )
 
 
@@ -548,18 +550,3 @@ def _rotation(mujoco, quaternion):
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, quaternion)
     return matrix.reshape(3, 3)
-
-
-def _about(axis, angle):
-    """Rotation about a unit axis."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
-
-
-def _rpy(R):
-    """Roll, pitch and yaw of a rotation matrix; at a pitch of ±90°, where roll and yaw are one, with a roll of 0."""
-    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
-    if np.hypot(R[0, 0], R[1, 0]) < 1e-9:
-        return 0.0, pitch, np.arctan2(-R[0, 1], R[1, 1])
-    return np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import UrdfError
 
@@ -83,37 +84,8 @@ def placement_of(element: Any, where: str) -> Array:
         if not any(given["quat_xyzw"]):
             shown = f"{where}: <{element.tag} quat_xyzw={short(element.get('quat_xyzw'))}>"
             raise UrdfError(f"{shown} is no rotation; expected a quaternion x y z w of length 1.")
-        turn[:3, :3] = _of_quaternion(*given["quat_xyzw"])
+        largest = max(map(abs, given["quat_xyzw"]))
+        turn[:3, :3] = rotations.from_quaternion(*(number / largest for number in given["quat_xyzw"]))
     elif "rpy" in given:
-        turn[:3, :3] = _of_angles(*given["rpy"])
+        turn[:3, :3] = rotations.from_rpy(*given["rpy"])
     return placement @ turn
-
-
-def _of_quaternion(*quaternion: float) -> Array:
-    """Rotation matrix of a quaternion x y z w of any length but zero."""
-    largest = max(map(abs, quaternion))
-    x, y, z, w = (number / largest for number in quaternion)
-    scale = 2.0 / (x * x + y * y + z * z + w * w)
-    return np.array(
-        [
-            [1.0 - scale * (y * y + z * z), scale * (x * y - z * w), scale * (x * z + y * w)],
-            [scale * (x * y + z * w), 1.0 - scale * (x * x + z * z), scale * (y * z - x * w)],
-            [scale * (x * z - y * w), scale * (y * z + x * w), 1.0 - scale * (x * x + y * y)],
-        ]
-    )
-
-
-def _of_angles(roll: float, pitch: float, yaw: float) -> Array:
-    """Rotation matrix Rz(yaw) Ry(pitch) Rx(roll)."""
-    (sr, sp, sy), (cr, cp, cy) = (
-        tuple(function(angle) for angle in (roll, pitch, yaw)) for function in (math.sin, math.cos)
-    )
-    # Products in this order have the bits of yourdfpy's.
-    cc, cs, sc, ss = cr * cy, cr * sy, sr * cy, sr * sy
-    return np.array(
-        [
-            [cp * cy, sp * sc - cs, sp * cc + ss],
-            [cp * sy, sp * ss + cc, sp * cs - sc],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )

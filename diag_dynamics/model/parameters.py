@@ -21,6 +21,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.options import LARGEST, Payload, checked_inertia, friction_velocity_of, not_physical
 from diag_dynamics.model.tree import Tree
+from diag_dynamics.rigid_body import RigidBody, symmetric
 from diag_dynamics.yaml_files import read_yaml, yaml_text
 
 
@@ -156,10 +157,10 @@ class Parameters:
             joints[name] = joints.get(name, JointParameters())._replace(**known)
         payloads = {link: payload for link, payload in self.payloads.items() if link not in later.links}
         for link, payload in later.payloads.items():
-            both = _together(payloads[link], payload) if link in payloads else payload
+            both = _together(_rigid(payloads[link]), _rigid(payload)) if link in payloads else _rigid(payload)
             if both is None:
                 raise InputError(f"parameters: two payloads of link '{link}' have no mass together, and so no centre.")
-            payloads[link] = both
+            payloads[link] = Payload(both.mass, both.centre, both.inertia)
         return Parameters(
             MappingProxyType(joints),
             MappingProxyType({**self.links, **later.links}),
@@ -305,28 +306,22 @@ def _carrying(link: Any, payload: Payload | None) -> Any:
     if own is None or own.mass is None or own.inertia is None:
         return _of_inertia(link, payload)
     place = np.eye(4) if own.origin is None else own.origin
-    both = _together(Payload(own.mass, place[:3, 3], place[:3, :3] @ own.inertia @ place[:3, :3].T), payload)
+    both = _together(RigidBody(own.mass, place[:3, 3], place[:3, :3] @ own.inertia @ place[:3, :3].T), _rigid(payload))
     if both is None:
         raise InputError(
             f"parameters: the payload of {payload.mass:g} kg leaves link '{link.name}' without mass. Give it as links: "
             f"{link.name}: {{mass: 0}}."
         )
-    return _of_inertia(link, both)
+    return _of_inertia(link, Payload(both.mass, both.centre, both.inertia))
 
 
-def _together(*parts: Payload) -> Payload | None:
-    """Two bodies as one; None if that has no mass, and so no centre."""
-    masses = [part.mass for part in parts]
-    mass = sum(masses)
-    if abs(mass) <= NOTHING * abs(masses[-1]):
-        return None
-    centres = [np.asarray(part.com, float) for part in parts]
-    centre = np.dot(masses, centres) / mass
-    inertia = np.zeros((3, 3))
-    for m, c, part in zip(masses, centres, parts, strict=True):
-        d = c - centre
-        inertia += np.asarray(part.inertia, float) + m * (d @ d * np.eye(3) - np.outer(d, d))
-    return Payload(mass, centre, inertia)
+def _together(first: RigidBody, second: RigidBody) -> RigidBody | None:
+    """Return two bodies as one; None if that has no mass, and so no centre."""
+    return None if abs(first.mass + second.mass) <= NOTHING * abs(second.mass) else RigidBody.union(first, second)
+
+
+def _rigid(payload: Payload) -> RigidBody:
+    return RigidBody(payload.mass, np.asarray(payload.com, float), np.asarray(payload.inertia, float))
 
 
 NOTHING = 1e-9
@@ -339,14 +334,11 @@ def refuse_too_light(tree: Tree, names: Iterable[str], origin: Mapping[str, Any]
     of_link = {link.name: body for link, body, _ in tree.links}
     for name in names:
         body = bodies[of_link[name]]
-        mass, moment, about_origin = float(body["mass"]), body["first_moment"], np.zeros((3, 3))
-        about_origin[np.triu_indices(3)] = body["inertia"]
-        about_origin += np.triu(about_origin, 1).T
+        mass = float(body["mass"])
         reason = f"which leaves {mass:.3g} kg"
         if mass > 0.0:
-            centre = moment / mass
-            inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-            unphysical = not_physical(inertia, mass)
+            whole = RigidBody.about_origin(mass, body["first_moment"], symmetric(body["inertia"]))
+            unphysical = not_physical(whole.inertia, mass)
             reason = f"which leaves {mass:.3g} kg {unphysical}" if unphysical else ""
         if reason:
             raise InputError(

@@ -7,9 +7,11 @@ from collections import Counter
 
 import numpy as np
 
+from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import coupled_groups
+from diag_dynamics.rigid_body import parallel_axes
 from diag_dynamics.sweeps import BODY, LINK
 
 _UPPER = np.triu_indices(3)
@@ -196,7 +198,7 @@ class Tree:
         """Bodies of a moving joint, in a frame whose z is its axis; returns the last, and the link's placement in it."""
         turn = np.eye(4)
         if freedom.kind != "floating":
-            turn[:3, :3] = _frame_about(freedom.joint.axis)
+            turn[:3, :3] = rotations.frame_about(freedom.joint.axis)
         placement = origin @ turn
         directions = [direction for _, direction in freedom.type.freedoms]
         first, follows = len(self._records), freedom.name in self.mimics
@@ -324,10 +326,10 @@ class Tree:
         return {name for name, body in self._body.items() if body in bodies}
 
 
-def _about_origin(centre, mass, about_centre):
-    """Mass, first moment and inertia about the origin of a rigid body, given the 4x4 placement of its centre."""
+def _about_origin(centre, mass, inertia):
+    """Return mass, first moment and inertia about the origin, given the 4x4 placement of the centre of mass."""
     R, c = centre[:3, :3], centre[:3, 3]
-    return mass, mass * c, R @ about_centre @ R.T + mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return mass, mass * c, R @ inertia @ R.T + parallel_axes(mass, c)
 
 
 def _translation(vector):
@@ -344,18 +346,7 @@ def _displacement(joint, position):
     if joint.type not in ("revolute", "continuous"):
         raise InputError(f"joint '{joint.name}' cannot be locked: it is {joint.type}.")
     turn = np.eye(4)
-    frame = _frame_about(axis)
+    frame = rotations.frame_about(axis)
     c, s = np.cos(position), np.sin(position)
     turn[:3, :3] = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ frame.T
     return turn
-
-
-def _frame_about(axis):
-    """Rotation matrix whose third column is the axis; exact for axes along x, y or z."""
-    z = np.asarray(axis, dtype=float) / np.abs(axis).max()
-    z /= np.linalg.norm(z)
-    x = np.zeros(3)
-    x[np.argmin(np.abs(z))] = 1.0
-    x -= (x @ z) * z
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])

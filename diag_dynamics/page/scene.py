@@ -13,6 +13,7 @@ from diag_dynamics.model.geometry import floats, shape_of
 from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
+from diag_dynamics.rigid_body import RigidBody, symmetric
 
 MIN_MASS = 1e-3
 """Minimum mass of a link that has an ellipsoid, as a fraction of the robot's. Lighter ones are often mere frames."""
@@ -95,13 +96,12 @@ def _ellipsoid(record, placement, bones, origin):
     A link that has these at its origin is as large as its distance from the joint before it.
     """
     mass, R = float(record["mass"]), placement[:3, :3]
-    c, (xx, xy, xz, yy, yz, zz) = record["first_moment"] / mass, record["inertia"]
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (c @ c * np.eye(3) - np.outer(c, c))
-    moments, axes = np.linalg.eigh(R.T @ inertia @ R)
+    body = RigidBody.about_origin(mass, record["first_moment"], symmetric(record["inertia"]))
+    moments, axes = np.linalg.eigh(R.T @ body.inertia @ R)
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     # A solid ellipsoid has I_x = m (b² + c²) / 5.
     half_axes = np.sqrt(np.maximum(2.5 / mass * (moments.sum() - 2.0 * moments), 0.0))
-    centre = R.T @ (c - placement[:3, 3])
+    centre = R.T @ (body.centre - placement[:3, 3])
     size = max(float(np.linalg.norm(point)) for point in [*bones, centre])
     size = size if size > MIN_LENGTH else float(np.linalg.norm(origin))
     if not size > MIN_LENGTH:

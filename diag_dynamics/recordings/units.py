@@ -11,6 +11,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.single_joints import places, sliding_dofs
+from diag_dynamics.rotations import wrap_angle
 
 MIN_R2 = 0.9  # squared correlation of Δq and ∫q̇dt that determines a ratio
 RATIO_ERROR = 1.1  # factor up to which a ratio is a known one
@@ -38,7 +39,7 @@ MIN_TRAVEL, NEAR = 0.01, 1.2  # least range of a joint with a ratio, and factor 
 def position_changes(position, continuous, out=None):
     """Return changes of positions from row to row, shape (T − 1, n); those of continuous joints are within ±π."""
     changes = np.subtract(position[1:], position[:-1], out=out)
-    changes[:, continuous] = (changes[:, continuous] + np.pi) % (2.0 * np.pi) - np.pi
+    changes[:, continuous] = wrap_angle(changes[:, continuous])
     return changes
 
 

@@ -14,13 +14,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.model.base import quaternion_of
 from diag_dynamics.model.meshes import find_mesh
 from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.support.messages import to_time
 from diag_dynamics.page.scene import links_of
 from diag_dynamics.page.tree import links_of_dofs
+from diag_dynamics.rotations import to_quaternion
 from diag_dynamics.text import plain
 
 COLD, HOT = np.array([0.55, 0.60, 0.66]), np.array([0.84, 0.37, 0.0])
@@ -201,5 +201,5 @@ def _vector(x):
 
 
 def _pose(X):
-    x, y, z, w = quaternion_of(X[:3, :3])
+    x, y, z, w = to_quaternion(X[:3, :3])
     return Pose(position=_point(X[:3, 3]), orientation=Quaternion(x=x, y=y, z=z, w=w))

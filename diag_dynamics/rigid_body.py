@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rigid bodies as values: mass, centre of mass and inertia about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+
+
+def parallel_axes(mass: float, c: Array) -> Array:
+    """Return m (c·c 1 − ccᵀ) [kg m²], the inertia of a point mass at c."""
+    return mass * (c @ c * np.eye(3) - np.outer(c, c))
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """A rigid body, in the axes of some frame.
+
+    Attributes
+    ----------
+    mass : float
+        [kg].
+    centre : ndarray, shape (3,)
+        Centre of mass from the frame's origin [m].
+    inertia : ndarray, shape (3, 3)
+        About the centre [kg m²].
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+
+    @classmethod
+    def about_origin(cls, mass: float, first_moment: Array, inertia: Array) -> RigidBody:
+        """Return the body with this mass, first moment [kg m] and inertia about the frame's origin; mass is not zero."""
+        centre = first_moment / mass
+        return cls(mass, centre, inertia - parallel_axes(mass, centre))
+
+    @property
+    def inertia_about_origin(self) -> Array:
+        """Inertia about the frame's origin [kg m²]."""
+        return self.inertia + parallel_axes(self.mass, self.centre)
+
+    def moved(self, placement: Array) -> RigidBody:
+        """Return the body in the frame in which its own one has this placement (4, 4)."""
+        R, r = placement[:3, :3], placement[:3, 3]
+        return RigidBody(self.mass, R @ self.centre + r, R @ self.inertia @ R.T)
+
+    @classmethod
+    def union(cls, *bodies: RigidBody) -> RigidBody:
+        """Return several bodies as one; their masses may be negative, and have a sum other than zero."""
+        masses = [body.mass for body in bodies]
+        mass = sum(masses)
+        centre = np.dot(masses, [body.centre for body in bodies]) / mass
+        inertia = np.zeros((3, 3))
+        for body in bodies:
+            inertia += body.inertia + parallel_axes(body.mass, body.centre - centre)
+        return cls(mass, centre, inertia)
+
+
+def symmetric(upper: Array) -> Array:
+    """Return the matrix (3, 3) of xx, xy, xz, yy, yz, zz, as the records of bodies and links hold an inertia."""
+    xx, xy, xz, yy, yz, zz = upper
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
