@@ -16,7 +16,7 @@ from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.dynamics.one_state import OneState, friction_of, given, memory_of
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model.wrenches import wrenches_on_links_of_many
-from diag_dynamics.results import BatchEvaluation, BatchMemory
+from diag_dynamics.results import BatchEvaluation, BatchMemory, add_power
 
 
 class ManyStates(OneState):
@@ -73,12 +73,12 @@ class ManyStates(OneState):
         rates = batch.states("QD", QD, model.dof_names, count)
         efforts = self._zero[None] if TAU is None else batch.states("TAU", TAU, model.dof_names, count)
         if out is None:
-            memory = BatchMemory.of(model, count)
+            memory = BatchMemory.allocate(model, count)
         else:
             memory = memory_of(out, BatchEvaluation, model, "new_batch(T)")
             if len(out) != count:
                 raise InputError(f"out has room for {len(out)} states, expected {count}: a row for each state of Q.")
-            states, rates, efforts = memory.apart(states), memory.apart(rates), memory.apart(efforts)
+            states, rates, efforts = memory.detach(states), memory.detach(rates), memory.detach(efforts)
         try:
             # Before anything is written: wrenches may lie in `out`.
             pushing = self._efforts_of_wrenches(states, f_ext, frame, threads) if given(f_ext) else None
@@ -89,7 +89,9 @@ class ManyStates(OneState):
             if friction:
                 resisting = self._working_moments(states, friction_of(model, rates), "friction or QD are", threads)
             if external is not None or resisting is not None:
-                _check_powers(memory.results[sweeps.NU], external, resisting)
+                power = memory.numbers[sweeps.POWER - sweeps.KINETIC_ENERGY]
+                add_power(memory.results[sweeps.NU], power, external, resisting)
+                _check_powers(power)
         except BaseException:  # a Ctrl-C, too
             if out is not None:
                 for part in memory:
@@ -121,7 +123,7 @@ class ManyStates(OneState):
         """
         if not (isinstance(count, (int, np.integer)) and count >= 0):
             raise InputError(f"count is {count!r}, expected a whole number >= 0.")
-        memory = BatchMemory.of(self.model, int(count))
+        memory = BatchMemory.allocate(self.model, int(count))
         for part in memory:
             part.fill(np.nan)
         return BatchEvaluation(self.model, memory, False, keep=True)
@@ -364,13 +366,8 @@ def _require_finite(name: str, values: Array, names: Sequence[str]) -> None:
         raise InputError(f"state {t}: {name} of joint '{names[k]}' is {values[t, k]}, expected a finite number.")
 
 
-def _check_powers(nu: Array, *terms: Array | None) -> None:
-    """Refuse what wrenches or friction make of the power, which the sweep has found finite without them."""
-    power = np.zeros(len(nu))
-    with np.errstate(over="ignore", invalid="ignore"):
-        for term in terms:
-            if term is not None:
-                power += np.einsum("tk,tk->t", nu, term)
+def _check_powers(power: Array) -> None:
+    """Refuse a power that wrenches or friction have made infinite, naming the state."""
     finite = np.isfinite(power)
     if not finite.all():
         raise InputError(f"state {int(np.argmin(finite))}: QD, f_ext or friction are too large: the power overflows.")

@@ -18,7 +18,7 @@ from diag_dynamics.dynamics.sweeping import ARRAY, FLOAT
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.wrenches import wrenches_on_links
-from diag_dynamics.results import Evaluation, Factors, reused_evaluation
+from diag_dynamics.results import Evaluation, Factors, add_power, new_evaluation, write_rates
 
 
 class OneState(Links):
@@ -95,7 +95,7 @@ class OneState(Links):
         Evaluation
             Its results are NaN until something has been evaluated into it.
         """
-        return reused_evaluation(self.model, self._shape)
+        return new_evaluation(self.model, self._shape)
 
     def _evaluate(
         self,
@@ -117,14 +117,17 @@ class OneState(Links):
             effort = self._zero if tau is None else self._vector("tau", tau)
             wrenches = wrenches_on_links(model, f_ext, frame) if given(f_ext) else None  # copied: they may lie in `out`
             self._checked(sweeps.evaluate(self._robot, q, rate, effort, state), q, qd=rate, tau=effort)
-            nu, rate = state[sweeps.NU, : self._nv], state[sweeps.RATES, : self._nv]
+            rows, power, rate = state[:, : self._nv], state[sweeps.POWER, :1], state[sweeps.RATES, : self._nv]
             if wrenches is not None:
                 external = self.epsilon_from_tau(q, self._effort_of(q, wrenches, frame))
                 external.setflags(write=False)
             if friction:
                 resisting = self.epsilon_from_tau(q, self.friction_torque(rate))
                 resisting.setflags(write=False)
-            _check_power(nu, external, resisting)
+            write_rates(rows, external, resisting)
+            add_power(rows[sweeps.NU], power, external, resisting)
+            if not np.isfinite(power[0]):
+                raise InputError("qd, f_ext or friction are too large: the power overflows.")
         except Exception:
             if out is not None:
                 state.fill(np.nan)
@@ -349,14 +352,6 @@ def _check_sum(tau: Array, friction: bool, f_ext: Wrenches | None) -> None:
     """Refuse what only wrenches or friction have made infinite."""
     if (friction or given(f_ext)) and not np.isfinite(tau).all():
         raise InputError("tau, f_ext or friction are not finite or too large: their sum is not a finite number.")
-
-
-def _check_power(nu: Array, *terms: Array | None) -> None:
-    """Refuse what wrenches or friction make of the power, which the sweep has found finite without them."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        power = sum(float(nu @ term) for term in terms if term is not None)
-    if not np.isfinite(power):
-        raise InputError("qd, f_ext or friction are too large: the power overflows.")
 
 
 def given(f_ext: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:

@@ -91,6 +91,7 @@ from diag_dynamics.sweeps.spatial import (
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,
+    BASE_ENERGY,
     CORIOLIS,
     CORIOLIS_UNNORMALIZED,
     EFFORT_POWER,
@@ -101,9 +102,12 @@ from diag_dynamics.sweeps.workspace import (
     KINETIC_ENERGY,
     MISFIT,
     NU,
+    NU_DOT,
     POSITIONS,
+    POWER,
     RATES,
     XI,
+    XI_DOT,
     clear,
     fit,
     opened,
@@ -134,15 +138,19 @@ def _fill(out, k, root, xi, kappa, without_xi, gravity, D, D_rate):
 
     `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half; `gravity` is ε_g.
     """
+    epsilon, coriolis = kappa / root, (without_xi + 0.5 * D_rate * xi) / root
+    unnormalized, nu_dot = without_xi + D_rate * xi, epsilon - coriolis - gravity
     out[NU, k] = root * xi
     out[XI, k] = xi
-    out[EPSILON, k] = kappa / root
+    out[EPSILON, k] = epsilon
     out[KAPPA, k] = kappa
-    out[CORIOLIS, k] = (without_xi + 0.5 * D_rate * xi) / root
-    out[CORIOLIS_UNNORMALIZED, k] = without_xi + D_rate * xi
+    out[CORIOLIS, k] = coriolis
+    out[CORIOLIS_UNNORMALIZED, k] = unnormalized
     out[GRAVITY, k] = gravity
     out[ARTICULATED_INERTIA, k] = D
     out[ARTICULATED_INERTIA_RATE, k] = D_rate
+    out[NU_DOT, k] = nu_dot
+    out[XI_DOT, k] = (root * (nu_dot + coriolis) - unnormalized) / D
 
 
 @kernel
@@ -273,7 +281,7 @@ def _is_base(bodies, last):
 @kernel
 def _complete(out, n):
     """Fill the rows of energies; return whether they and all other results are finite."""
-    energy, power = nought(out), nought(out)
+    energy, base, power = nought(out), nought(out), nought(out)
     for k in range(n):
         rows = out[XI, k] + out[EPSILON, k] + out[KAPPA, k] + out[CORIOLIS, k] + out[CORIOLIS_UNNORMALIZED, k]
         rows += out[GRAVITY, k] + out[ARTICULATED_INERTIA, k] + out[ARTICULATED_INERTIA_RATE, k]
@@ -282,9 +290,12 @@ def _complete(out, n):
         share = 0.5 * out[NU, k] * out[NU, k]
         out[ENERGY_SHARE, k] = share
         energy += share
+        if k < 6:
+            base = energy
         power += out[NU, k] * (out[EPSILON, k] - out[GRAVITY, k])
     if out.shape[1] > 0:
-        out[KINETIC_ENERGY, 0], out[EFFORT_POWER, 0] = energy, power
+        out[KINETIC_ENERGY, 0], out[BASE_ENERGY, 0] = energy, base
+        out[EFFORT_POWER, 0] = out[POWER, 0] = power
     return math.isfinite(energy) and math.isfinite(power)
 
 
@@ -314,7 +325,7 @@ def evaluate(robot, q, qd, tau, out):
     """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
     Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on:
-    then come ½ν_k², K and νᵀ(ε − ε_g), and the last two receive q and q̇. Vectors that lie in `out`, and would change
+    then come ν̇, ξ̇ and ½ν_k², four numbers, and the last two receive q and q̇. Vectors that lie in `out`, and would change
     meanwhile, are no fit: MISFIT.
     """
     if overlap(q, out) or overlap(qd, out) or overlap(tau, out):

@@ -13,7 +13,7 @@ from diag_dynamics.sweeps.factorization import (
     working_moments_inward,
 )
 from diag_dynamics.sweeps.joints import are_finite, are_positions
-from diag_dynamics.sweeps.workspace import EFFORT_POWER, KINETIC_ENERGY, RESULTS, copy, opened_wide
+from diag_dynamics.sweeps.workspace import KINETIC_ENERGY, NUMBERS, RESULTS, copy, opened_wide
 
 
 @kernel
@@ -31,8 +31,9 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 
     The robot is that of a WideWorkspace. Without efforts TAU has one row, of zeros. `results`, of shape (RESULTS, T, nv),
-    receives the rows from NU on, `numbers`, (2, T), K and νᵀ(ε − ε_g), `positions` and `rates` copies of Q and QD. It returns
-    the end of what has been evaluated: all, or what comes before the first :data:`~lanes.WIDTH` of which one fails.
+    receives the rows from NU on, `numbers`, (NUMBERS, T), those from KINETIC_ENERGY on, `positions` and `rates` copies of
+    Q and QD. It returns the end of what has been evaluated: all, or what comes before the first
+    :data:`~lanes.WIDTH` of which one fails.
     """
     at = opened_wide(robot)
     q, qd, tau, work, table, out, lanes = at.q, at.qd, at.tau, at.wide_work, at.wide_table, at.out, at.out_numbers
@@ -50,10 +51,8 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
                 for k in range(len(qd)):
                     results[row, t, k] = lanes[row, k, t - first]
         for t in range(first, last):
-            if len(qd) > 0:
-                numbers[0, t], numbers[1, t] = lanes[KINETIC_ENERGY, 0, t - first], lanes[EFFORT_POWER, 0, t - first]
-            else:
-                numbers[0, t] = numbers[1, t] = 0.0
+            for k in range(NUMBERS):
+                numbers[k, t] = lanes[KINETIC_ENERGY + k, 0, t - first] if len(qd) > 0 else 0.0
             copy(Q[t], positions[t])
             copy(QD[t], rates[t])
     return end

@@ -18,10 +18,16 @@ NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RESULTS = range(7, 10)
 
-ENERGY_SHARE, KINETIC_ENERGY, EFFORT_POWER, SWEPT = range(9, 13)
-"""Further rows that a sweep fills. Of the two numbers, K and νᵀ(ε − ε_g), the row has the first entry only."""
+ENERGY_SHARE, NU_DOT, XI_DOT = range(9, 12)
+"""Further rows that a sweep fills."""
 
-POSITIONS, RATES, ROWS = range(12, 15)
+KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, POWER, SWEPT = range(12, 17)
+"""Rows with a first entry only: K, the share of the first six total rates in it, and νᵀ(ε − ε_g) twice."""
+
+NUMBERS = SWEPT - KINETIC_ENERGY
+"""Count of these numbers."""
+
+POSITIONS, RATES, ROWS = range(16, 19)
 """Rows of a single state that receive q and q̇, and the number of all rows."""
 
 MISFIT = -2
