@@ -1,22 +1,20 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control in (ν, ε): laws, and what their commands pass through on the way to the robot. No ROS.
+"""Control in (ν, ε) without ROS: laws, filters of their commands, and the control loop.
 
-A law takes a state to a :class:`Command`; filters take commands to commands. Put together in this order: law, soft position
-limits, energy limiter, contact limiter, effort saturation, effort rate.
+A law returns a :class:`Command` for a state; filters return changed commands, in this order: law, soft position limits,
+energy limiter, contact limiter, effort saturation, effort rate.
 
-command: what laws and filters hand on. damping, pose, tracking: the laws; law: what they share. energy, contact_limit,
-limits: the filters.
+laws, pose: laws. limits, contact_limit: filters. observer: external torque. references, trajectory: desired motions.
+modes, efforts, supervisor, loop: the control loop.
 """
 
 from diag_dynamics.control.command import Command, PoseError
 from diag_dynamics.control.contact_limit import ContactLimiter
-from diag_dynamics.control.damping import GravityCompensation, RateDamping
-from diag_dynamics.control.energy import EnergyLimiter
-from diag_dynamics.control.limits import EffortRateLimiter, EffortSaturation, PositionRepulsion
+from diag_dynamics.control.laws import GravityCompensation, JointTracking, RateDamping
+from diag_dynamics.control.limits import EffortRateLimiter, EffortSaturation, EnergyLimiter, PositionRepulsion
 from diag_dynamics.control.pose import PoseRegulation
-from diag_dynamics.control.tracking import JointTracking
 
 __all__ = [
     "Command",

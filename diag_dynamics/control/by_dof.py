@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers and orders of a robot's joints from lists of parameters."""
+"""Vectors and orders of a robot's joints from lists of parameters."""
 
 from diag_dynamics.checks import per_name
 from diag_dynamics.entries import ALL, assignments
@@ -9,19 +9,12 @@ from diag_dynamics.exceptions import InputError
 
 
 def by_dof(parameter, entries, names, default=None):
-    """One positive number for each name from entries such as ``joint=5.0`` and ``*=3.0``.
-
-    Raises
-    ------
-    InputError
-        An entry is malformed or names no joint, a joint has none and `default` is None, or a number is not positive.
-    """
+    """Return a positive number for each name from entries such as ``joint=5.0`` and ``*=3.0``, or its default."""
     values = assignments(parameter, entries)
     for name in values:
         if name != ALL and name not in names:
-            raise InputError(
-                f"parameter '{parameter}' names '{name}', which is no joint to control: {', '.join(names)}."
-            )
+            joints = ", ".join(names)
+            raise InputError(f"parameter '{parameter}' names '{name}', which is no joint to control: {joints}.")
     missing = [name for name in names if name not in values]
     if missing and ALL not in values and default is None:
         raise InputError(f"parameter '{parameter}' has no entry for joint '{missing[0]}', and none for * (all others).")
@@ -31,58 +24,35 @@ def by_dof(parameter, entries, names, default=None):
 
 
 def effort_limits(entries, model):
-    """Largest effort of each joint [N m, N], of entries as :func:`by_dof` reads them; the URDF's where there is none.
-
-    Raises
-    ------
-    InputError
-        As by :func:`by_dof`; or a limit is above the URDF's, which is what the joint can bear.
-    """
+    """Return the effort limits [N m, N] from entries as of :func:`by_dof`, at most and by default those of the URDF."""
     limits = by_dof("effort_limit", entries, model.dof_names, model.effort_limit)
-    for name, limit, bearable in zip(model.dof_names, limits, model.effort_limit, strict=True):
-        if limit > bearable > 0.0:
+    for name, limit, maximum in zip(model.dof_names, limits, model.effort_limit, strict=True):
+        if limit > maximum > 0.0:
             raise InputError(
-                f"parameter 'effort_limit' of '{name}' is {limit:g}, expected no more than the {bearable:g} of the URDF: "
+                f"parameter 'effort_limit' of '{name}' is {limit:g}, expected no more than the {maximum:g} of the URDF: "
                 "if that is wrong, correct it there."
             )
     return limits
 
 
 def command_order(entries, names):
-    """Places, in the robot's order, of a command's entries.
-
-    Raises
-    ------
-    InputError
-        A name is no joint of the robot, or there twice, or a joint has no place: every joint needs its effort.
-    """
-    joints = [name for name in entries if name] or list(names)
-    place, seen = {name: k for k, name in enumerate(names)}, set()
-    for name in joints:
-        if name not in place:
-            raise InputError(
-                f"parameter 'command_joints' names '{name}', which is no joint to control: {', '.join(names)}."
-            )
-        if name in seen:
-            raise InputError(f"parameter 'command_joints' names '{name}' twice.")
-        seen.add(name)
+    """Return the joints of a command's entries, each of the robot's once, and their indices in the robot's order."""
+    joints, parameter = tuple(name for name in entries if name) or tuple(names), "parameter 'command_joints'"
+    for k, name in enumerate(joints):
+        if name not in names:
+            raise InputError(f"{parameter} names '{name}', which is no joint to control: {', '.join(names)}.")
+        if name in joints[:k]:
+            raise InputError(f"{parameter} names '{name}' twice.")
     for name in names:
-        if name not in seen:
+        if name not in joints:
             raise InputError(
-                f"parameter 'command_joints' lacks joint '{name}', which nothing would drive: name it, or lock it "
-                "(locked_joints)."
+                f"{parameter} lacks joint '{name}', which nothing would drive: name it, or lock it (locked_joints)."
             )
-    return tuple(joints), [place[name] for name in joints]
+    return joints, [list(names).index(name) for name in joints]
 
 
 def require_same_joints(own, theirs, controller):
-    """Compare the order of commands with that which an effort controller has.
-
-    Raises
-    ------
-    InputError
-        They differ; the first entry that does is named.
-    """
+    """Raise InputError if the order of commands differs from an effort controller's; name the first different entry."""
     if list(own) == list(theirs):
         return
     if len(own) != len(theirs):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What laws and filters hand on."""
+"""Output of laws and filters."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from diag_dynamics.arrays import Array
 
 
 class PoseError(NamedTuple):
-    """How far a frame is from where it should be, in the root link's axes.
+    """Error of a frame's pose in the root link's axes; a part that is not regulated is None.
 
     Attributes
     ----------
     position : ndarray, shape (3,), or None
-        Desired less actual position [m]; None if it is not regulated.
+        Desired less actual position [m].
     orientation : ndarray, shape (3,), or None
-        Rotation vector from the actual to the desired orientation [rad]; None if it is not regulated.
+        Rotation vector from the actual to the desired orientation [rad].
     """
 
     position: Array | None
@@ -26,28 +26,28 @@ class PoseError(NamedTuple):
 
 
 class Command(NamedTuple):
-    """Efforts for the robot, and why: one evaluation of a law. Arrays have shape (nv,) and are the caller's own.
+    """Joint efforts and their reasons: one evaluation of a law. Arrays have shape (nv,) and are the caller's own.
 
     Attributes
     ----------
     tau : ndarray
-        Joint efforts to apply [N m, N], τ = m(ε + ε_g).
+        Joint efforts [N m, N], τ = m(ε + ε_g).
     epsilon : ndarray
-        Working moments ε that move the robot [J^½/s]: gravity is not among them.
+        Working moments ε that move the robot [J^½/s], without gravity.
     gravity_torque : ndarray
-        g(q) [N m, N], the part of tau that holds the robot. A robot that compensates its own gravity gets tau less this.
+        g(q) [N m, N], the part of tau that holds the robot. A robot with gravity compensation of its own receives tau − g.
     nu : ndarray
         Total joint rates ν [J^½].
     lyapunov : float
         Lyapunov function V of the law [J].
     lyapunov_rate : float
-        dV/dt [W] that the law promises where nothing else acts: no filter, no push, no friction, and a target at rest.
+        dV/dt [W] by the law alone: without filters, pushes and friction, for a target at rest.
     error : ndarray, PoseError or None
-        What the law drives to zero: q_d − q of a joint-space target, a :class:`PoseError`, or nothing.
+        Error that the law reduces: q_d − q of a joint-space target, a :class:`PoseError`, or None.
     scale : float
-        What the part of tau that moves the robot has been multiplied with to respect effort limits; 1 unless it had to be.
+        Factor in [0, 1] on the part of tau that moves the robot, which respects the effort limits.
     limited : tuple of str
-        Degrees of freedom whose limits made it so.
+        Degrees of freedom at their effort limits.
     """
 
     tau: Array

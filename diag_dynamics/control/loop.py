@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One cycle of control after the other: from a state, or the want of one, to efforts."""
+"""Control loop: one call per cycle, with or without a valid state; see :mod:`supervisor` for its states."""
 
 from typing import NamedTuple
 
@@ -9,46 +9,44 @@ import numpy as np
 
 from diag_dynamics.checks import number
 from diag_dynamics.control.command import Command
-from diag_dynamics.control.filters import Efforts
+from diag_dynamics.control.efforts import Efforts
 from diag_dynamics.control.modes import DAMPING, LAWS, highest_speeds
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
-BEYOND = 0.05
-"""How far outside of its limits a joint may be where a law begins [rad, m]: at a stop, as its encoder sees it."""
+MAX_BEYOND_LIMITS = 0.05
+"""Maximum distance of a joint outside of its limits where a law begins [rad, m], for the encoder of a joint at its stop."""
 
 SLOW = 0.1
-"""Part of its highest speed at which a robot may move when a law takes it up."""
+"""Fraction of its maximum speed below which every joint is slow enough for a law to begin."""
 
-PATIENCE = 1.0
-"""How long it is waited for that, once efforts carry it [s]: by a load that is not known it may sink for ever."""
+START_TIMEOUT = 1.0
+"""Timeout for the arm to slow down while the efforts carry it [s]; with an unknown load it never may."""
 
 
 class Sent(NamedTuple):
-    """What one cycle sends, and why.
+    """Effort of one cycle, and its reasons.
 
     Attributes
     ----------
     effort : ndarray, shape (nv,)
-        As sent, after every limit [N m, N], in the robot's order; without gravity if the robot adds that itself.
+        After every limit [N m, N], in the robot's order; without gravity if the robot compensates that itself.
     saturated : tuple of str
         Joints whose effort or effort rate was limited.
     stamp : int
-        Of the state the command was computed from [ns]; of the last one while there is none.
+        Stamp of the command's state, or of the last valid one [ns].
     age : float
-        That state's age [s].
+        Age of that state [s].
     command : Command or None
-        What the law and the energy limiter asked for; None without a valid state.
-    energy_limited : bool
-        Whether the energy limiter took power out of it.
-    contact_limited : bool
-        Whether the contact limiter did.
+        Command of the law after the energy and contact limiters; None without a valid state.
+    energy_limited, contact_limited : bool
+        Whether the limiter removed power.
     lyapunov_rate : float or None
-        dV/dt from this state and the one before [W]; None where there is no such one for the same target.
+        dV/dt from the state before to this one [W]; None unless both have the same target.
     lost : str
-        Why the target was given up for the robot's position; empty if it was not.
+        Why the robot's position replaced the target; empty if it did not.
     """
 
     effort: np.ndarray
@@ -63,7 +61,7 @@ class Sent(NamedTuple):
 
 
 class ControlLoop:
-    """Laws, filters and safety for one robot: what the controller node runs, in anybody's loop.
+    """Laws, filters and safety of one robot, without ROS.
 
     Parameters
     ----------
@@ -71,39 +69,30 @@ class ControlLoop:
     values : dict
         Values of parameters.controller.PARAMETERS.
     compensated : bool
-        Whether the robot adds what carries its weight to what it is sent.
+        Whether the robot adds gravity compensation to the efforts that it receives.
     points : ContactPoints, optional
-        Where contacts are bounded.
+        Points with contact limits.
 
     Attributes
     ----------
     dynamics : DiagonalDynamics
     supervisor : Supervisor
+    efforts : Efforts
     modes : dict
-        A :class:`~modes.Mode` by name, of those that the parameters allow.
-    mode : str
-        Name of the one in force.
-    taking_up : bool
-        Whether the robot is only damped yet, until efforts carry it.
+        The :class:`~modes.Mode` objects that the parameters allow, by name.
     state : RobotState or None
-        The last valid one.
+        Last valid state.
     energy : float
         Its kinetic energy [J].
-    efforts : Efforts
-
-    Raises
-    ------
-    InputError, UnsupportedError
-        The values do not fit the robot; or it has an unactuated base.
     """
 
     def __init__(self, model, values, compensated, points=None):
         self.dynamics = dynamics = DiagonalDynamics(model)
         self.efforts = Efforts(dynamics, values, compensated, points)
-        self._scale_timeout, self._scaled = values["contact.scale_timeout"], None  # scale, and when it came [ns]
-        self._lacks = {name: kind.missing(values) for name, kind in LAWS.items()}
-        self.modes = {name: kind.of(dynamics, values) for name, kind in LAWS.items() if not self._lacks[name]}
-        self._highest = highest_speeds(model)
+        self._scale_timeout, self._scale = values["contact.scale_timeout"], None  # scale, and its time [ns]
+        self._missing = {name: kind.missing(values) for name, kind in LAWS.items()}
+        self.modes = {name: kind(dynamics, values) for name, kind in LAWS.items() if not self._missing[name]}
+        self._slow = SLOW * highest_speeds(model)
         gain = values["observer_gain"]
         self._observer = DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
         if values["hold_time"] < 2.0 * values["max_state_age"]:
@@ -116,16 +105,15 @@ class ControlLoop:
         self.forget()
 
     def forget(self):
-        """Begin anew with the next valid state, in the initial mode.
+        """Start anew with the next valid state in the initial mode.
 
-        Efforts go on from what was sent last, as far as that carries the robot: it may have been moved meanwhile.
+        Efforts go on from the part of the last one that carries the robot, which may have been moved meanwhile.
         """
         self.supervisor.forget()
-        self._mode, self.state = self._initial_mode, None
+        self._mode, self.state, self.energy = self._initial_mode, None, 0.0
         self.efforts.begin()
         self._origin = None  # time of the first state [ns]
-        self.taking_up, self._carried = True, None  # and since when efforts carry the robot meanwhile [ns]
-        self.energy = 0.0
+        self._carried_since = None  # stamp from which the efforts carry a starting robot [ns]
         self._mode.void()
 
     # --- Modes and targets ---
@@ -135,219 +123,173 @@ class ControlLoop:
         """Name of the mode in force."""
         return self._mode.name
 
+    @property
+    def taking_up(self):
+        """Whether the robot is damped until the efforts carry it."""
+        return self.supervisor.starting
+
     def _mode_of(self, name):
         if name not in LAWS:
             raise InputError(f"mode is '{name}', expected one of {', '.join(LAWS)}.")
-        if lacks := self._lacks[name]:
-            raise InputError(lacks)
+        if missing := self._missing[name]:
+            raise InputError(missing)
         return self.modes[name]
 
     def switch(self, mode):
-        """Put another law in force, from the next state on, with that state as its target.
+        """Put a mode in force from the next state on, with that state as its target; this starts a stopped loop again.
 
-        Efforts stay continuous: they go to those of the law at the effort rate. A robot that was given up is taken up again.
-
-        Raises
-        ------
-        InputError
-            There is no such law, or no valid state to take the robot up again.
+        Efforts approach those of the new law at the effort rate.
         """
         chosen = self._mode_of(mode)
         self.supervisor.release()
         self._mode = chosen
         chosen.void()
 
-    def require(self, what):
-        """Refuse a target, named by its topic, that is not taken now.
-
-        Raises
-        ------
-        InputError
-            It is for another mode, or there is no law in force yet.
-        """
-        if what not in self._mode.targets:
-            others = " or ".join(name for name, kind in LAWS.items() if what in kind.targets)
-            raise InputError(f"{what} is for mode {others}, but {self.mode} is in force.")
+    def require(self, target):
+        """Raise InputError unless a target, by the name of its topic, is accepted now."""
+        if target not in self._mode.targets:
+            others = " or ".join(name for name, kind in LAWS.items() if target in kind.targets)
+            raise InputError(f"{target} is for mode {others}, but {self.mode} is in force.")
         if self.supervisor.phase != ACTIVE:
-            raise InputError(f"{what} comes while the law is not in force: {self.supervisor.reason}.")
+            raise InputError(f"{target} comes while the law is not in force: {self.supervisor.reason}.")
         if self.taking_up:
-            raise InputError(f"{what} comes while the robot is taken up: it is damped until efforts carry it.")
+            raise InputError(f"{target} comes while the robot is taken up: it is damped until efforts carry it.")
 
     def take_pose(self, link, position, orientation):
-        """Go to a pose; see :func:`aimed` and :class:`PoseTarget`. It replaces the target before.
+        """Go to a pose; see :class:`PoseTarget`. It replaces the target before.
 
         Parameters
         ----------
         link : str
-            In whose axes, from whose origin it is.
+            Link in whose axes and from whose origin, where they are now, the pose is given.
         position : array_like, shape (3,)
             [m].
         orientation : array_like, shape (4,) or (3, 3)
             Unit quaternion x y z w, or rotation matrix.
-
-        Raises
-        ------
-        InputError
-            It is no valid pose, or poses are not regulated now.
         """
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
 
     def take_trajectory(self, waypoints, stamp, now):
-        """Follow a trajectory from where the robot should be; see :class:`Trajectory`. It replaces the target before.
+        """Follow a trajectory from the desired position on; see :class:`Trajectory`. It replaces the target before.
 
         Parameters
         ----------
         waypoints : Waypoints
+            Within position and velocity limits.
         stamp : int
-            When it starts [ns]; 0: with the last state.
+            Start [ns]; 0: the last state.
         now : int
-            The time [ns].
-
-        Raises
-        ------
-        InputError
-            It is no valid trajectory, beyond a position or velocity limit, or over by now; or joints are not tracked now.
+            Present time [ns], before the end of the trajectory.
         """
         self.require("trajectory")
         self._mode.take_trajectory(self.state, waypoints, stamp, now)
 
     def take_set_point(self, position):
-        """Go to positions; see :class:`SetPoint`. They replace the target before.
-
-        Parameters
-        ----------
-        position : array_like, shape (nv,)
-            [rad, m].
-
-        Raises
-        ------
-        InputError
-            It is no valid set-point or beyond a position limit, or joints are not tracked now.
-        """
+        """Go to positions [rad, m], shape (nv,), within limits; see :class:`SetPoint`. They replace the target before."""
         self.require("set_point")
         self._mode.take_set_point(self.state, position)
 
     def take_scale(self, scale, now):
-        """Scale what contacts are bounded by: the part of the allowed speeds, from 0 to 1, from the time `now` [ns] on.
-
-        Raises
-        ------
-        InputError
-            It is no such number, or contacts are not bounded.
-        """
+        """Set the fraction of the allowed contact speeds, from 0 to 1, at the time `now` [ns]."""
         if self.efforts.contact_limiter is None:
             raise InputError("contact_scale is given, and contacts are not bounded: see contact.limits_file.")
-        self._scaled = number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0), now
+        self._scale = number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0), now
 
     def _scale_contact(self, now):
-        """Where a scale is waited for, none and one that is too old stand for 0."""
-        limiter, longest = self.efforts.contact_limiter, self._scale_timeout
+        """Set the scale of the contact limiter; with a timeout, a missing or stale scale counts as 0."""
+        limiter, timeout = self.efforts.contact_limiter, self._scale_timeout
         if limiter is None:
             return
-        if self._scaled is None:
-            limiter.scale = 0.0 if longest else 1.0
-        else:
-            scale, then = self._scaled
-            limiter.scale = 0.0 if longest and not 0.0 <= (now - then) * 1e-9 <= longest else scale
+        scale, time = self._scale or (1.0, None)
+        fresh = not timeout or (time is not None and 0.0 <= (now - time) * 1e-9 <= timeout)
+        limiter.scale = scale if fresh else 0.0
 
     # --- Cycles ---
 
     def step(self, state, now):
-        """The command for a state that has come at the time `now` [ns]; None before the first valid one.
-
-        Parameters
-        ----------
-        state : RobotState
-        now : int
-        """
+        """Return what to send for a RobotState at the time `now` [ns]; None before the first valid state."""
+        supervisor = self.supervisor
         if problem := self.age_problem(state, now):
             return self.without_state(now, problem)
-        if self.supervisor.latched:
-            return self._idle(state, now)
-        if self.supervisor.anew:
-            if problem := self._outside(state.position):
+        if supervisor.latched:
+            return self._stopped(state, now)
+        if supervisor.anew:
+            if problem := self._outside_limits(state.position):
                 return self.without_state(now, problem)
-            self.taking_up, self._carried = True, None
-        held = self.supervisor.phase == HOLDING
-        if self.supervisor.anew or not self._follows(state):
+            self._carried_since = None
+        if supervisor.anew or not self._follows(state):
             self._mode.void()
         before, self.state = self.state, state
         self._mode.begin(state)
         external = self._observed(state)
-        q, qd = state.position, state.velocity
-        if self.taking_up:
-            command, lost = self._take_up(state, before, external), ""
-        if not self.taking_up:
-            command, lost = self._mode.followed(state, held)
-        self.energy = 0.5 * float(command.nu @ command.nu)
-        elapsed = (state.newest - before.newest) * 1e-9 if before is not None else 0.0
-        rate = None if self.taking_up else self._mode.measured_rate(command, elapsed)
         self._scale_contact(now)
-        filtered = self.efforts.filtered(q, qd, command, external, state.newest)
-        effort, waited = self.efforts.ramped(filtered.effort, state.newest)
-        at_limit = filtered.command.limited
-        late = tuple(name for name in waited if name not in at_limit)
-        self.supervisor.valid(now)  # not before there is a command: a law that fails is no reason to hold for ever
-        by = filtered.energy_limited, filtered.contact_limited
-        return Sent(effort, at_limit + late, state.newest, self._age(now), filtered.command, *by, rate, lost)
+        starting, lost = supervisor.anew or self.taking_up, ""
+        if starting:
+            command, filtered, starting = self._start(state, before, external)
+        if not starting:
+            command, lost = self._mode.followed(state, supervisor.phase == HOLDING)
+            filtered = self.efforts.filtered(state, command, external)
+        self.energy = 0.5 * float(command.nu @ command.nu)
+        rate = None if starting else self._mode.measured_rate(command, state.newest)
+        effort, waiting = self.efforts.ramped(filtered.effort, state.newest)
+        supervisor.valid(now, not starting)  # after the command: a law that fails must not prolong the hold
+        limited = filtered.command.limited
+        saturated = limited + tuple(name for name in waiting if name not in limited)
+        return Sent(effort, saturated, state.newest, self._age(now), *filtered[1:], rate, lost)
 
-    def _outside(self, q):
-        """What is wrong about positions outside of their limits, None if nothing is: springs would throw such a joint."""
+    def _outside_limits(self, q):
+        """Return what is wrong with positions outside of their limits, from which springs would throw a joint."""
         model = self.dynamics.model
-        beyond = (q < model.lower - BEYOND) | (q > model.upper + BEYOND)
+        beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
         if not beyond.any():
             return None
         k = int(np.argmax(beyond))
-        return (
-            f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {model.lower[k]:g} … {model.upper[k]:g}: "
-            "no law begins there"
-        )
+        limits = f"{model.lower[k]:g} … {model.upper[k]:g}"
+        return f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}: no law begins there"
 
-    def _take_up(self, state, before, external):
-        """What damps a robot until efforts carry it and it is slow; then the law may begin, this state its target."""
-        q, qd = state.position, state.velocity
-        command = self.modes[DAMPING].law.command(q, qd)._replace(error=None)
-        asked = self.efforts.filtered(q, qd, command, external, state.newest).effort
+    def _start(self, state, before, external):
+        """Return damping, its effort, and whether the robot is still starting: not carried, or fast before the timeout."""
+        command = self.modes[DAMPING].law.command(state.position, state.velocity)
+        filtered = self.efforts.filtered(state, command, external)
         if before is None:
             self.efforts.carry_on()
-        if self._carried is None and self.efforts.carry(asked, state.newest):
-            self._carried = state.newest
-        if self._carried is not None:
-            slow = (np.abs(qd) <= SLOW * self._highest).all()
-            self.taking_up = not (slow or state.newest - self._carried > PATIENCE * 1e9)
+        if self._carried_since is None and self.efforts.carry(filtered.effort, state.newest):
+            self._carried_since = state.newest
         self._mode.void()
         self._mode.begin(state)
-        return command
+        if self._carried_since is None:
+            return command, filtered, True
+        timeout = state.newest - self._carried_since > START_TIMEOUT * 1e9
+        return command, filtered, not (timeout or (np.abs(state.velocity) <= self._slow).all())
 
-    def _idle(self, state, now):
-        """What is sent to a robot that has been given up while its states are valid: what goes to zero."""
+    def _stopped(self, state, now):
+        """Return what to send to a stopped robot with valid states: efforts on their way to zero."""
         self.supervisor.wait()
         self.state = state
         nu = self.dynamics.nu_from_qd(state.position, state.velocity)
         self.energy = 0.5 * float(nu @ nu)
-        effort, waited = self.efforts.ramped(self.at_rest, now)
-        return Sent(effort, waited, state.newest, self._age(now))
+        return Sent(*self.efforts.ramped(self.at_rest, now), state.newest, self._age(now))
 
     def age_problem(self, state, now):
-        """What is wrong about the age of a state at a time [ns], None if nothing is: no joint's values may be too old."""
+        """Return what is wrong with the age of a state's joints at a time [ns]; None if nothing is."""
         if state.stamp_is_receive_time:
             return "joint states without stamps: how old they are is not known"
-        judge = self.supervisor.age_problem
-        return judge(state.newest, now) or judge(state.oldest, now)
+        age_problem = self.supervisor.age_problem
+        return age_problem(state.newest, now) or age_problem(state.oldest, now)
 
     def _follows(self, state):
-        """Whether a state comes after the last one, and no later than the hold of that one would have been over."""
+        """Return whether a state follows the last one within the time of a hold."""
         if self.state is None:
             return False
         gap = (state.newest - self.state.newest) * 1e-9
         return 0.0 <= gap <= self.supervisor.max_age + self.supervisor.hold_time
 
     def without_state(self, now, reason):
-        """What is sent at the time `now` [ns] for want of a valid state; None before the first one.
+        """Return what to send at the time `now` [ns] without a valid state; None before the first one.
 
-        The last gravity torque, while it is held, and then zero; either is approached at the effort rate. Nothing is
-        damped: velocities that are not valid can drive what they should brake.
+        This is the last gravity torque during the hold, and then zero, both at the effort rate. There is no damping, because
+        invalid velocities can drive the robot.
         """
         self.supervisor.invalid(now, reason)
         if self.supervisor.phase == INACTIVE:
@@ -355,17 +297,16 @@ class ControlLoop:
         self._mode.forget_rate()
         if self._observer:
             self._observer.reset()
-        effort, waited = self.efforts.ramped(self.at_rest, now)
-        return Sent(effort, waited, self.state.newest, self._age(now))
+        return Sent(*self.efforts.ramped(self.at_rest, now), self.state.newest, self._age(now))
 
     @property
     def at_rest(self):
-        """What is sent where no law is in force: gravity while it is held, and zero after that."""
+        """Effort without a law [N m, N]: gravity compensation during the hold, and zero after it."""
         carrying = self.efforts.carrying
         return np.zeros_like(carrying) if self.supervisor.phase == RAMPING_DOWN else carrying
 
     def leave(self):
-        """What to send last, before nothing more is sent; None if nothing was."""
+        """Return the last effort before the loop ends, without rate limit; None if there was none."""
         if self.supervisor.phase == INACTIVE:
             return None
         self.efforts.reset(self.at_rest)
@@ -375,10 +316,10 @@ class ControlLoop:
         return (now - self.state.newest) * 1e-9
 
     def _observed(self, state):
-        """ε of what pushes from outside, as far as it is known."""
+        """Return ε of external forces by the observer; None without a result."""
         if self._observer is None:
             return None
-        if self._origin is None:  # seconds since 1970 leave a float no more than a quarter of a microsecond
+        if self._origin is None:  # a float of seconds since 1970 resolves a quarter of a microsecond
             self._origin = state.newest
         time = (state.newest - self._origin) * 1e-9
         return self._observer.update(time, state.position, state.velocity, self.efforts.acting).residual

@@ -1,67 +1,61 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The modes of a control loop: each is a law, with what it takes for a target, its command and its measured rate."""
+"""Modes of a control loop: a law, its targets and its Lyapunov rate."""
 
 import numpy as np
 
-from diag_dynamics.checks import vector
+from diag_dynamics.checks import numbers, vector
 from diag_dynamics.control.by_dof import by_dof
 from diag_dynamics.control.command import PoseError
-from diag_dynamics.control.damping import GravityCompensation, RateDamping
-from diag_dynamics.control.pose import PoseRegulation, rotation_vector
+from diag_dynamics.control.laws import GravityCompensation, JointTracking, RateDamping
+from diag_dynamics.control.pose import PoseRegulation, rotation_of, rotation_vector
 from diag_dynamics.control.references import PoseTarget, SetPoint, at_rest, nearest
-from diag_dynamics.control.targets import aimed, require_within
-from diag_dynamics.control.tracking import JointTracking
 from diag_dynamics.control.trajectory import Trajectory
 from diag_dynamics.exceptions import InputError
 
-LONGEST_WAIT = 10.0
-"""How long before its stamp a trajectory may come [s]: until then the robot goes towards its first point."""
+MAX_WAIT = 10.0
+"""Maximum time from the arrival of a trajectory to its start [s]; meanwhile the robot approaches its first point."""
 
-SPEED = 1.0
-"""Of a joint of which nobody says how fast it may be [rad/s, m/s]."""
+DEFAULT_SPEED = 1.0
+"""Speed limit of joints without one in the URDF [rad/s, m/s]."""
 
-STEP = 0.05
-"""How far from the robot's place, and from where it should be, a trajectory may begin, or go on after a hold [rad, m]."""
+MAX_STEP = 0.05
+"""Maximum distance of a trajectory from the robot and from its target at the start, and after a hold [rad, m]."""
 
-APPROACH = 10.0
-"""Rate at which the way to a pose decays in the end [1/s]."""
+POSE_RATE = 10.0
+"""Final decay rate of the distance to a pose [1/s]."""
 
-OVERSPEED = 1.1
-"""How much faster than its limit a joint may be between the points of a trajectory."""
+MAX_OVERSPEED = 1.1
+"""Maximum speed between the points of a trajectory, relative to the limit."""
 
 
 def velocity_limits(model):
-    """Velocity limits [rad/s, m/s]; inf where the URDF says nothing, or 0."""
+    """Return the velocity limits [rad/s, m/s]; inf where the URDF has none, or 0."""
     return np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)
 
 
 def highest_speeds(model):
-    """How fast joints may be [rad/s, m/s]: their limits, or :data:`SPEED` where there is none."""
+    """Return the velocity limits [rad/s, m/s], or :data:`DEFAULT_SPEED` where there is none."""
     limits = velocity_limits(model)
-    return np.where(np.isfinite(limits), limits, SPEED)
+    return np.where(np.isfinite(limits), limits, DEFAULT_SPEED)
 
 
 class Mode:
-    """A law in a control loop.
-
-    A new one is a subclass that is listed in :data:`LAWS`, beside the law's own file and its parameters.
+    """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
 
     Parameters
     ----------
     law : Law
     values : dict
-        Values of parameters.controller.PARAMETERS.
+        Values of parameters.controller.PARAMETERS. The constructors of subclasses take (dynamics, values).
 
     Attributes
     ----------
     name : str
-        By which it is chosen, as the parameter initial_mode and by the service ~/mode/<name>.
+        Name in the parameter initial_mode and in the service ~/mode/<name>.
     targets : tuple of str
-        Topics of what it takes for a target: take_pose is for "target", take_trajectory for "trajectory", take_set_point for
-        "set_point".
-    law : Law
+        Topics of its targets: take_pose accepts "target", take_trajectory "trajectory", take_set_point "set_point".
     """
 
     name = ""
@@ -69,282 +63,263 @@ class Mode:
 
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
-        self._longest, self._most_behind = values["max_state_age"], values["following_energy"] or np.inf
+        self._max_period, self._max_error = values["max_state_age"], values["following_energy"] or np.inf
+        self._target = None
         self.void()
-
-    @classmethod
-    def of(cls, dynamics, values):
-        """The mode of a robot, by parameters.
-
-        Raises
-        ------
-        InputError
-            They do not fit it.
-        """
-        raise NotImplementedError
 
     @staticmethod
     def missing(values):
-        """What parameters lack for this mode, empty if they lack nothing."""
+        """Return which parameter is missing for this mode; empty if none is."""
         return ""
 
     # --- Target
 
     def void(self):
-        """Have targets begin at the next state."""
-        self._begun, self._behind = False, 0.0
+        """Make the next state the target."""
+        self._begun, self._error = False, 0.0
         self.forget_rate()
 
     def begin(self, state):
-        """Take a state for the target, unless that has been done since targets were void."""
+        """Make a state the target, if targets are void."""
         if not self._begun:
             self._begun = True
             self._stay(state)
 
     def _stay(self, state):
-        """Have the robot's position in a state for the target; what has no target has nothing to do."""
+        """Make the position of a state the target."""
 
     @property
-    def on_its_way(self):
+    def is_moving(self):
         """Whether the target moves, and V with it."""
         return False
 
     # --- Every cycle
 
     def followed(self, state, held):
-        """The law's command for a state, and why the target was given up, if it was; `held`: there was a hold before."""
+        """Return the command for a state, and why the target was given up, if it was; `held`: after a hold."""
         return self.command(state), ""
 
     def command(self, state):
-        """The law's command for a state."""
+        """Return the command of the law for a state."""
         return self.law.command(state.position, state.velocity)
 
     @property
     def _lag(self):
-        """How far the robot is behind the target, as V in parts of what is tolerated."""
-        return self._behind / self._most_behind
+        """V of the last command relative to following_energy."""
+        return self._error / self._max_error
 
-    def measured_rate(self, command, elapsed):
-        """dV/dt from the last command and this one, `elapsed` seconds later; None if they are not of one target."""
-        self._behind = command.lyapunov
-        last, self._lyapunov = self._lyapunov, None if self.on_its_way else command.lyapunov
-        return (command.lyapunov - last) / elapsed if last is not None and elapsed > 0.0 else None
+    def measured_rate(self, command, time):
+        """Return dV/dt from the last command to this one at a time [ns]; None unless both have the same target."""
+        V, self._error, last = command.lyapunov, command.lyapunov, self._last
+        self._last = None if self.is_moving else (V, time)
+        if last is None or time <= last[1]:
+            return None
+        return (V - last[0]) / ((time - last[1]) * 1e-9)
 
     def forget_rate(self):
-        """Measure no rate from the last command to the next: something has come between them."""
-        self._lyapunov = None
+        """Measure no rate from the last command to the next one."""
+        self._last = None  # V and time of the last command for the present target
 
 
 class GravityCompensationMode(Mode):
-    """The robot weighs nothing, and is led by hand."""
+    """Gravity compensation: the robot is guided by hand."""
 
     name = "gravity_compensation"
 
-    @classmethod
-    def of(cls, dynamics, values):
-        """See :meth:`Mode.of`."""
-        return cls(GravityCompensation(dynamics), values)
+    def __init__(self, dynamics, values):
+        super().__init__(GravityCompensation(dynamics), values)
 
 
 class DampingMode(Mode):
-    """The robot is braked."""
+    """Damping: the robot is braked."""
 
     name = "damping"
 
-    @classmethod
-    def of(cls, dynamics, values):
-        """See :meth:`Mode.of`."""
-        return cls(RateDamping(dynamics, by_dof("damping", values["damping"], dynamics.model.dof_names)), values)
+    def __init__(self, dynamics, values):
+        gain = by_dof("damping", values["damping"], dynamics.model.dof_names)
+        super().__init__(RateDamping(dynamics, gain), values)
 
 
 class PoseMode(Mode):
-    """A link goes to a pose, at bounded speed.
-
-    Attributes
-    ----------
-    aim : tuple of ndarray
-        Position [m] and axes at which the law aims, on its way to the target.
-    """
+    """Pose regulation of a link, whose springs pull to a pose that moves to the target at bounded speed."""
 
     name = "pose"
     targets = ("target",)
 
-    def __init__(self, law, values):
-        super().__init__(law, values)
+    def __init__(self, dynamics, values):
+        gain = by_dof("pose_damping", values["pose_damping"], dynamics.model.dof_names)
+        stiffness = values["position_stiffness"], values["orientation_stiffness"]
+        super().__init__(PoseRegulation(dynamics, values["controlled_link"], gain, *stiffness), values)
         self._speed = np.array([values["position_speed"], values["orientation_speed"]])
-        self.aim = self._target = None
-
-    @classmethod
-    def of(cls, dynamics, values):
-        """See :meth:`Mode.of`."""
-        law = PoseRegulation(
-            dynamics,
-            values["controlled_link"],
-            by_dof("pose_damping", values["pose_damping"], dynamics.model.dof_names),
-            values["position_stiffness"],
-            values["orientation_stiffness"],
-        )
-        return cls(law, values)
+        self._aim = None  # position [m] and axes to which the springs pull
 
     @staticmethod
     def missing(values):
         """See :meth:`Mode.missing`."""
-        return (
-            "" if values["controlled_link"] else "parameter 'controlled_link' is empty: there is no pose to regulate."
-        )
+        if values["controlled_link"]:
+            return ""
+        return "parameter 'controlled_link' is empty: there is no pose to regulate."
 
     def _stay(self, state):
-        self.aim, self._target = self.law.pose(state.position), None
-        self.law.aim(*self.aim)
+        self._aim, self._target = self.law.pose(state.position), None
+        self.law.aim(*self._aim)
 
     @property
-    def on_its_way(self):
-        """Whether it aims elsewhere than at the target yet."""
+    def is_moving(self):
+        """See :meth:`Mode.is_moving`."""
         return self._target is not None
 
     def take_pose(self, state, link, position, orientation):
         """See :meth:`ControlLoop.take_pose`."""
-        goal = aimed(link, position, orientation, self.law.dynamics, state.position)
+        position = numbers("position", position, (3,), "three finite numbers [m]")
+        axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
+        goal = X[:3, :3] @ position + X[:3, 3], _orthonormal(X[:3, :3] @ axes)
         self.begin(state)
-        rate = np.full(2, APPROACH)
-        self._target = PoseTarget(goal, state.newest, self.aim, self._speed, rate, self._longest, self._target)
+        rate, before = np.full(2, POSE_RATE), self._target
+        self._target = PoseTarget(goal, state.newest, self._aim, self._speed, rate, self._max_period, before)
         self.forget_rate()
 
     def command(self, state):
-        """Springs pull to where the aim has come on its way to the target; the error is from the target."""
-        q, law, target = state.position, self.law, self._target
+        """Return the command towards the aim, with the error from the target."""
+        target = self._target
         if target is None:
-            return law.command(q, state.velocity)
-        self.aim = target.sample(state.newest, self._lag)
-        law.aim(*self.aim)
-        command = law.command(q, state.velocity)
+            return super().command(state)
+        self._aim = target.sample(state.newest, self._lag)
+        self.law.aim(*self._aim)
+        command = super().command(state)
         if target.arrived:
             self._target = None
             return command
         self.forget_rate()
-        position, axes = law.pose(q)
+        position, axes = self.law.pose(state.position)
         return command._replace(error=PoseError(target.goal[0] - position, rotation_vector(target.goal[1] @ axes.T)))
 
 
 class TrackingMode(Mode):
-    """Joints go to set-points, or follow trajectories.
-
-    Attributes
-    ----------
-    desired : Desired
-        Where the robot should be.
-    """
+    """Tracking of set-points and trajectories."""
 
     name = "tracking"
     targets = ("trajectory", "set_point")
 
-    def __init__(self, law, values):
-        super().__init__(law, values)
-        model = self._model
-        self._limits, self._highest = velocity_limits(model), highest_speeds(model)
-        self._speed = values["set_point_speed"] * self._highest
-        self._turns = np.array([name in model.continuous_joints for name in model.dof_names])
-        self.desired = self._target = None
-
-    @classmethod
-    def of(cls, dynamics, values):
-        """See :meth:`Mode.of`."""
-        names = dynamics.model.dof_names
-        law = JointTracking(
-            dynamics,
-            by_dof("tracking_gain", values["tracking_gain"], names),
-            by_dof("tracking_convergence", values["tracking_convergence"], names),
-            velocity_limits(dynamics.model),
-        )
-        return cls(law, values)
+    def __init__(self, dynamics, values):
+        model, names = dynamics.model, dynamics.model.dof_names
+        gain = by_dof("tracking_gain", values["tracking_gain"], names)
+        convergence = by_dof("tracking_convergence", values["tracking_convergence"], names)
+        super().__init__(JointTracking(dynamics, gain, convergence, velocity_limits(model)), values)
+        self._max_speed = highest_speeds(model)
+        self._speed = values["set_point_speed"] * self._max_speed
+        self._continuous = np.array([name in model.continuous_joints for name in names])
+        self._desired = None
 
     def _stay(self, state):
-        self.desired = at_rest(state.position)
-        self._target = self._to(state.position, state)
+        self._desired = at_rest(state.position)
+        self._target = self._set_point(state.position, state)
 
-    def _to(self, position, state):
-        """A set-point that is gone to from where the robot should be."""
-        here, moving, model = self.desired.position, self.desired.velocity, self._model
+    def _set_point(self, position, state):
+        """Return a set-point that starts from the desired motion."""
+        here, moving, model = self._desired.position, self._desired.velocity, self._model
         room = np.where(moving > 0.0, model.upper - here, here - model.lower)
         rate, time = self.law.convergence, state.newest
-        return SetPoint(position, time, self.desired, self._speed, rate, self._turns, self._longest, room)
+        return SetPoint(position, time, self._desired, self._speed, rate, self._continuous, self._max_period, room)
 
     def take_set_point(self, state, position):
         """See :meth:`ControlLoop.take_set_point`."""
         position = vector("set_point.position", position, self._model.dof_names)
-        require_within("set_point.position", position, self._model)
+        self._require_within_limits("set_point.position", position)
         self.begin(state)
-        self._target = self._to(position, state)
+        self._target = self._set_point(position, state)
         self.forget_rate()
 
     def take_trajectory(self, state, waypoints, stamp, now):
         """See :meth:`ControlLoop.take_trajectory`."""
         trajectory = Trajectory(waypoints, self._model.dof_names, self._model.continuous_joints, stamp)
-        require_within("trajectory.points[{}].positions", trajectory.positions, self._model)
+        self._require_within_limits("trajectory.points[{}].positions", trajectory.positions)
         wait = (stamp - now) * 1e-9
-        if wait > LONGEST_WAIT:
+        if wait > MAX_WAIT:
             raise InputError(
-                f"trajectory.header.stamp is {wait:.6g} s in the future, expected no more than {LONGEST_WAIT:g} s."
+                f"trajectory.header.stamp is {wait:.6g} s in the future, expected no more than {MAX_WAIT:g} s."
             )
         if trajectory.ends_before(now):
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
         self.begin(state)
-        trajectory.begin(state.newest, self.desired.position, self.desired.velocity)
+        trajectory.begin(state.newest, self._desired.position, self._desired.velocity)
         self._require_near(trajectory.sample(state.newest).position, state)
         self._require_speed(trajectory)
         self._target = trajectory
         self.forget_rate()
 
-    def _way(self, there, here):
-        """From one position to another [rad, m], the shorter way where joints turn round."""
-        return nearest(there, here, self._turns) - here
+    def _require_within_limits(self, what, positions):
+        """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""
+        model, positions = self._model, np.atleast_2d(positions)
+        beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
+        if beyond.size:
+            row, k = beyond[0]
+            raise InputError(
+                f"{what.format(row)} of joint '{model.dof_names[k]}' is {positions[row, k]:.6g}, expected within its "
+                f"limits {model.lower[k]:g} … {model.upper[k]:g}."
+            )
+
+    def _distance(self, there, here):
+        """Return the distance between positions [rad, m], the shorter way round for continuous joints."""
+        return np.abs(nearest(there, here, self._continuous) - here)
 
     def _require_near(self, position, state):
-        away = [np.abs(self._way(position, place)) for place in (state.position, self.desired.position)]
-        away = np.minimum(*away)
-        if (away > STEP).any():
+        away = np.minimum(*(self._distance(position, here) for here in (state.position, self._desired.position)))
+        if (away > MAX_STEP).any():
             k = int(np.argmax(away))
             raise InputError(
                 f"trajectory begins {away[k]:.3g} from where joint '{self._model.dof_names[k]}' is and should be, "
-                f"expected no more than {STEP:g}."
+                f"expected no more than {MAX_STEP:g}."
             )
 
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
-        beyond = ~(fastest <= OVERSPEED * self._highest) | ~np.isfinite(fastest)
+        beyond = ~(fastest <= MAX_OVERSPEED * self._max_speed) | ~np.isfinite(fastest)
         if beyond.any():
             k = int(np.argmax(beyond))
-            limit = f"its limit {self._highest[k]:g}"
-            if np.isinf(self._limits[k]):
-                limit = f"{self._highest[k]:g}, as the URDF has no velocity limit for it"
-            raise InputError(
-                f"trajectory has joint '{self._model.dof_names[k]}' move at {fastest[k]:.6g}, expected no more than {limit}."
-            )
+            name, limit = self._model.dof_names[k], f"its limit {self._max_speed[k]:g}"
+            if not self._model.velocity_limit[k] > 0.0:
+                limit = f"{self._max_speed[k]:g}, as the URDF has no velocity limit for it"
+            raise InputError(f"trajectory has joint '{name}' move at {fastest[k]:.6g}, expected no more than {limit}.")
 
     def followed(self, state, held):
-        """The law's command, and why the target was given up, if it was: the robot stays where it is then."""
-        before = self.desired.position
+        """Return the command, and why the robot's position replaced the target, if it did."""
+        before = self._desired.position
         command = self.command(state)
-        names, went = self._model.dof_names, np.abs(self._way(self.desired.position, before))
-        if command.lyapunov > self._most_behind:
-            k = int(np.argmax(np.abs(command.error)))
-            lost = f"V is {command.lyapunov:.3g} J, expected no more than following_energy = {self._most_behind:g} J; joint "
-            lost += f"'{names[k]}' is {abs(command.error[k]):.3g} behind"
-        elif held and (went > STEP).any():
-            k = int(np.argmax(went))
-            lost = (
-                f"that of joint '{names[k]}' has gone on by {went[k]:.3g} during a hold, expected no more than {STEP:g}"
-            )
-        else:
+        lost = self._lost(command, self._distance(self._desired.position, before), held)
+        if not lost:
             return command, ""
         self.void()
         self.begin(state)
         return self.command(state), f"target given up: {lost}"
 
+    def _lost(self, command, moved, held):
+        """Return why the target, which has moved by a distance, is to be given up; empty if it is not."""
+        names = self._model.dof_names
+        if command.lyapunov > self._max_error:
+            k = int(np.argmax(np.abs(command.error)))
+            return (
+                f"V is {command.lyapunov:.3g} J, expected no more than following_energy = {self._max_error:g} J; joint "
+                f"'{names[k]}' is {abs(command.error[k]):.3g} behind"
+            )
+        if held and (moved > MAX_STEP).any():
+            k = int(np.argmax(moved))
+            return (
+                f"that of joint '{names[k]}' has gone on by {moved[k]:.3g} during a hold, expected no more than "
+                f"{MAX_STEP:g}"
+            )
+        return ""
+
     def command(self, state):
-        """Drive the joints to where they should be now."""
-        self.desired = self._target.sample(state.newest, self._lag)
-        return self.law.command(state.position, state.velocity, *self.desired)
+        """Return the command towards the desired motion of now."""
+        self._desired = self._target.sample(state.newest, self._lag)
+        return self.law.command(state.position, state.velocity, *self._desired)
+
+
+def _orthonormal(R):
+    """Return the rotation nearest to one with rounding errors of a URDF's angles."""
+    U, _, V = np.linalg.svd(R)
+    return U @ V
 
 
 LAWS = {mode.name: mode for mode in (GravityCompensationMode, DampingMode, PoseMode, TrackingMode)}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External torque without differentiating M: a disturbance observer on total joint rates."""
+"""Disturbance observer on total joint rates: external torque without the derivative of M."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from diag_dynamics.exceptions import InputError
 
 
 class Disturbance(NamedTuple):
-    """What the observer says after one sample. Arrays have shape (nv,) and are the caller's own.
+    """Result of the observer for one sample. Arrays have shape (nv,) and are the caller's own.
 
     Attributes
     ----------
     valid : bool
-        Whether there is a result: False on the first sample, after a reset, and while efforts are missing.
+        Whether there is a result: False for the first sample, after a reset, and without efforts.
     reason : str
-        Why not; empty otherwise.
+        Why there is none; empty otherwise.
     residual : ndarray or None
         r, which follows ε_ext = ℓτ_ext [J^½/s]; None if not valid.
     external_torque : ndarray or None
-        m r, which follows τ_ext [N m, N], what the surroundings apply to the robot; None if not valid.
+        m r, which follows the external torque τ_ext [N m, N]; None if not valid.
     norm : float
         |r| [J^½/s]; |r|² follows τ_extᵀM⁻¹τ_ext. 0 if not valid.
     collision : bool
-        Whether the norm has risen above the threshold, and not fallen below the release threshold since.
+        Whether the norm has exceeded the threshold, and not fallen below the release threshold since.
     """
 
     valid: bool
@@ -44,13 +44,13 @@ class Disturbance(NamedTuple):
 
     @property
     def torque_norm(self) -> float:
-        """‖m r‖ of all joints together [N m, and N of what slides]; 0 if not valid."""
+        """‖m r‖ of all joints together [N m, N of prismatic joints]; 0 if not valid."""
         torque = self.external_torque
         return 0.0 if torque is None else math.sqrt(torque @ torque)
 
 
 class _Sample(NamedTuple):
-    """What is kept of a sample until the next one: its time [s], q, ν, C + ε_g + ε_fric, and ε."""
+    """Last sample: time [s], q, ν, C + ε_g + ε_fric, and ε."""
 
     time: float
     q: Array
@@ -60,39 +60,32 @@ class _Sample(NamedTuple):
 
 
 class DisturbanceObserver:
-    """Observer ṙ = K_O(ε_ext − r) of what is not in ε = ℓτ, from r = K_O[ν − ν₀ − ∫(ε − C − ε_g − ε_fric + r)dt].
+    """Observer ṙ = K_O(ε_ext − r) of working moments beyond ε = ℓτ, from r = K_O[ν − ν₀ − ∫(ε − C − ε_g − ε_fric + r)dt].
 
-    No acceleration, no derivative of M. Each component of r is a filter of first order of its own, and |r|² has the same
-    unit whatever joints the robot has: one threshold serves all. A constant τ_ext on a moving arm makes a changing ε_ext,
-    which r follows with a lag of 1/K_O.
+    It needs no acceleration and no derivative of M. Each component of r is a first-order filter of its own. |r|² has the same
+    unit for all joints, so that one threshold serves them. A constant τ_ext on a moving arm is a varying ε_ext, which r
+    follows with a lag of 1/K_O.
 
-    Between two samples, at any interval, Δν − ∫(ε − C − ε_g − ε_fric)dt is the impulse of ε_ext, by the trapezoidal rule, and
-    r the exact response to it spread evenly: stable however large K_O dt is, where an Euler step would ask for K_O dt < 0.5.
+    The impulse of ε_ext between two samples is Δν − ∫(ε − C − ε_g − ε_fric)dt by the trapezoidal rule. r is the exact
+    response to it spread evenly: stable for any K_O dt, where an Euler step needs K_O dt < 0.5.
 
     Parameters
     ----------
     dynamics : DiagonalDynamics
-        Used at every sample, and thereby its workspace: one thread.
+        Its workspace is used at every sample: one thread.
     gain : float or array_like, shape (nv,)
-        K_O [1/s], one for all components or one for each.
+        K_O > 0 [1/s], one for all components or one for each.
     threshold : float
         |r| above which `collision` is set [J^½/s]; by default never.
     release : float, optional
-        |r| below which it is taken back [J^½/s], by default half of the threshold.
+        |r| below which `collision` is reset [J^½/s], at most the threshold; by default half of it.
     effort : {"sampled", "held"}
-        Whether `tau` was measured with the state, or has been held on the joints since the last sample, as a controller
-        that knows its own command can tell.
+        Whether `tau` was measured with the state, or was held on the joints since the last sample, as a command is.
     friction : bool
-        Whether to take the friction of the model into account, where it has any: see
-        :meth:`DiagonalDynamics.friction_torque`. What friction holds a joint that stands still is not known, and remains in
-        r.
+        Whether to use the friction of the model, if any: see :meth:`DiagonalDynamics.friction_torque`. Static friction is
+        unknown and remains in r.
     max_gap : float
-        Longest interval that is integrated over [s]; a longer one resets.
-
-    Raises
-    ------
-    InputError
-        An argument has a wrong value.
+        Maximum interval of the integration [s]; a longer one resets.
     """
 
     def __init__(
@@ -119,13 +112,7 @@ class DisturbanceObserver:
         self.use(dynamics)
 
     def use(self, dynamics: DiagonalDynamics) -> None:
-        """Go on with another model of the same degrees of freedom, one with a payload say: m has jumped, so it resets.
-
-        Raises
-        ------
-        InputError
-            They are not the same.
-        """
+        """Reset, and use another model of the same degrees of freedom, one with a payload for instance."""
         if dynamics.model.dof_names != self._names:
             raise InputError(
                 f"dynamics have the degrees of freedom {', '.join(dynamics.model.dof_names)}, expected those that the "
@@ -136,37 +123,32 @@ class DisturbanceObserver:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: r starts from zero at the next sample."""
+        """Reset r to zero; the next sample is the first one."""
         self._sample: _Sample | None = None
         self._residual: Array = np.zeros(len(self._names))
         self._collision = False
         self._last = Disturbance(False, "no sample since the reset")
 
     def update(self, time: float, q: VectorLike, qd: VectorLike, tau: VectorLike | None) -> Disturbance:
-        """Take a sample.
+        """Update r by a sample; after an InputError the observer is unchanged.
 
-        A time before the last one, or more than `max_gap` after it, resets. A sample at the very time of the last one is
-        passed over. One without efforts counts as lost: the next one integrates over the gap.
+        A time before the last one, or more than `max_gap` after it, resets. A sample at the time of the last one is ignored.
+        One without efforts counts as lost: the next one integrates over the gap.
 
         Parameters
         ----------
         time : float
-            When the state was measured [s].
+            Time of the state [s].
         q : array_like, shape (nq,)
             Positions [rad, m].
         qd : array_like, shape (nv,)
             Rates [rad/s, m/s].
         tau : array_like, shape (nv,), or None
-            Joint efforts [N m, N], gravity included; entries that are not known are nan, None means all of them.
+            Joint efforts [N m, N], gravity included; nan where unknown, None if all are.
 
         Returns
         -------
         Disturbance
-
-        Raises
-        ------
-        InputError
-            A vector is wrong, or a time, position or rate not finite; the observer is as it was before.
         """
         time = number("time", time, "a finite number [s]")
         if tau is None:
@@ -185,13 +167,7 @@ class DisturbanceObserver:
         resisting, applied = s.coriolis + s.gravity, cast(Array, s.epsilon)  # there are efforts
         if s.friction is not None:
             resisting += s.friction
-        reason = ""
-        if before is None:
-            reason = "first sample"
-        elif interval < 0.0:
-            reason = f"time went back by {-interval:g} s"
-        elif interval > self.max_gap:
-            reason = f"no sample for {interval:g} s"
+        reason = self._gap(before, interval)
         if before is None or reason:
             self.reset()
             self._last = Disturbance(False, reason)
@@ -204,27 +180,35 @@ class DisturbanceObserver:
         self._sample = _Sample(time, np.array(q, dtype=float), s.nu, resisting, applied)
         return self._last
 
+    def _gap(self, before: _Sample | None, interval: float) -> str:
+        """Return why a sample does not continue the one before; empty if it does."""
+        if before is None:
+            return "first sample"
+        if interval < 0.0:
+            return f"time went back by {-interval:g} s"
+        return f"no sample for {interval:g} s" if interval > self.max_gap else ""
+
     def _result(self, q: VectorLike) -> Disturbance:
         r = self._residual
         with np.errstate(over="ignore", invalid="ignore"):
             norm = math.sqrt(r @ r)
-        if not math.isfinite(norm):  # nor will it ever be again
+        if not math.isfinite(norm):  # an overflow does not recover
             self.reset()
             return Disturbance(False, "the residual was larger than any number")
         self._collision = norm >= self.release if self._collision else norm > self.threshold
         return Disturbance(True, "", r.copy(), self._dynamics.tau_from_epsilon(q, r), norm, self._collision)
 
     def _missing(self, tau: VectorLike) -> str:
-        """Names of the degrees of freedom whose effort is not known."""
+        """Return the names of the degrees of freedom without effort."""
         try:
             unknown = np.isnan(np.asarray(tau))
         except TypeError:
-            return ""  # no vector of numbers: evaluate says so
+            return ""  # no numbers: evaluate rejects them
         if np.shape(unknown) != (len(self._names),) or not unknown.any():
             return ""
         return ", ".join(f"'{name}'" for name, is_unknown in zip(self._names, unknown, strict=True) if is_unknown)
 
 
 def _threshold(name: str, value: float) -> float:
-    """A positive number, or inf."""
+    """Return a positive number, or inf."""
     return np.inf if value == np.inf else positive(name, value, "[J^½/s]")

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Regulation of the pose of a frame of the robot."""
+"""Pose regulation of a frame of the robot, and rotations."""
 
 from __future__ import annotations
 
@@ -13,40 +13,38 @@ import numpy as np
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import numbers, per_name, positive
 from diag_dynamics.control.command import Command, PoseError
-from diag_dynamics.control.law import Law
+from diag_dynamics.control.laws import Law
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
 ORTHOGONAL = 1e-6
-"""How far RᵀR of a desired orientation may be from the identity, and a quaternion's length from 1."""
+"""Maximum deviation of RᵀR of a desired orientation from the identity."""
+
+UNIT = 1e-3
+"""Maximum deviation of a quaternion's length from 1."""
 
 
 class PoseRegulation(Law):
     """Pose regulation ε = −c₁ν + ℓJᵀC₂e (Control 8.2, with the sign that converges): springs pull a frame to its target.
 
     e = Y_d − Y(q), Y the frame's position and its three axes a_j, and JᵀC₂e = J₆ᵀ[c_p; Σ a_j × c_j] with c = C₂e, a wrench
-    at the frame. V = ½|ν|² + ½eᵀC₂e falls at −νᵀc₁ν: what a redundant arm moves without moving the frame is damped as well.
-    It comes to rest where the wrench does nothing, ℓJᵀC₂e = 0: at the target; at a singularity of the arm or a target out of
-    reach; and where the orientation is wrong by exactly 180°, if its stiffness is the same about all axes.
+    at the frame. V = ½|ν|² + ½eᵀC₂e falls at −νᵀc₁ν, which includes the null space of a redundant arm. The robot comes to
+    rest where ℓJᵀC₂e = 0: at the target; at a singularity or a target out of reach; and at an orientation error of exactly
+    180°, if its stiffness is the same about all axes.
 
     Parameters
     ----------
     dynamics : DiagonalDynamics
     link : str
-        Link the frame belongs to.
+        Link of the frame.
     damping : float or array_like, shape (nv,)
-        c₁ [1/s], one for all total rates or one for each.
+        c₁ > 0 [1/s], one for all total rates or one for each.
     position_stiffness : float or array_like, shape (3,)
-        C₂ of the position [N/m], one number or one for each of the root link's axes.
+        C₂ of the position, > 0 [N/m], one number or one for each of the root link's axes.
     orientation_stiffness : float
-        Of each axis, such that a small rotation is resisted with this [N m/rad]: twice the weight C₂ of an axis.
+        Stiffness against small rotations, > 0 [N m/rad]: twice the weight C₂ of an axis.
     point : array_like, shape (3,)
         Origin of the frame, from the link's origin in the link's axes [m]; the axes are the link's.
-
-    Raises
-    ------
-    InputError, UnsupportedError
-        No such link, a gain is not a positive number; or see :class:`Law`.
     """
 
     METHODS = (*Law.METHODS, "placement", "epsilon_from_wrench")
@@ -72,7 +70,7 @@ class PoseRegulation(Law):
         self._axes: Array | None = None
 
     def aim(self, position: VectorLike | None = None, orientation: MatrixLike | None = None) -> None:
-        """Set the target; the first is needed before any command. What is None is left free.
+        """Set the target, which a command requires; a part that is None is not regulated.
 
         Parameters
         ----------
@@ -80,11 +78,6 @@ class PoseRegulation(Law):
             In the root link's axes, from its origin [m].
         orientation : array_like, shape (3, 3) or (4,), optional
             Rotation matrix with the frame's axes as columns, or unit quaternion (x, y, z, w), in the root link's axes.
-
-        Raises
-        ------
-        InputError
-            Not such numbers, or nothing to aim at.
         """
         if position is None and orientation is None:
             raise InputError("position and orientation are both None: there is nothing to aim at.")
@@ -93,57 +86,45 @@ class PoseRegulation(Law):
         self._axes = axes
 
     def pose(self, q: VectorLike) -> tuple[Array, Array]:
-        """Where the frame is at q: position [m], shape (3,), and axes as columns, shape (3, 3), in the root link's axes."""
+        """Return the frame's position [m], shape (3,), and axes as columns, shape (3, 3), at q in the root link's axes."""
         X = self.dynamics.placement(q, self.link)
         return X[:3, :3] @ self.point + X[:3, 3], X[:3, :3]
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """Command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,); its error is a PoseError.
-
-        Raises
-        ------
-        InputError
-            A vector is wrong, or there is no target yet.
-        """
+        """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
         if self._position is None and self._axes is None:
             raise InputError("PoseRegulation has no target: call aim first.")
         nu = self.dynamics.nu_from_qd(q, qd)
         position, axes = self.pose(q)
-        wrench, stored, away, turn = np.zeros(6), 0.0, None, None
+        wrench, stored, distance, rotation = np.zeros(6), 0.0, None, None
         if self._position is not None:
-            away = self._position - position
-            wrench[:3] = self.position_stiffness * away
-            stored += 0.5 * float(wrench[:3] @ away)
+            distance = self._position - position
+            wrench[:3] = self.position_stiffness * distance
+            stored += 0.5 * float(wrench[:3] @ distance)
         if self._axes is not None:
-            weight, turned = 0.5 * self.orientation_stiffness, self._axes @ axes.T
-            wrench[3:] = weight * _vee(turned)  # Σ a_j × (a_dj − a_j)
-            stored += weight * (3.0 - float(np.trace(turned)))  # ½ Σ |a_dj − a_j|²
-            turn = rotation_vector(turned)
+            weight, R = 0.5 * self.orientation_stiffness, self._axes @ axes.T
+            wrench[3:] = weight * _vee(R)  # Σ a_j × (a_dj − a_j)
+            stored += weight * (3.0 - float(np.trace(R)))  # ½ Σ |a_dj − a_j|²
+            rotation = rotation_vector(R)
         spring = self.dynamics.epsilon_from_wrench(q, self.link, wrench, self.point, "world")
         damped = self.damping * nu
         lyapunov, rate = 0.5 * float(nu @ nu) + stored, -float(nu @ damped)
-        return self._command(q, nu, spring - damped, lyapunov, rate, PoseError(away, turn))
+        return self._command(q, nu, spring - damped, lyapunov, rate, PoseError(distance, rotation))
 
 
 def rotation_of(orientation: Any) -> Array:
-    """Rotation matrix of one, or of a unit quaternion (x, y, z, w).
-
-    Raises
-    ------
-    InputError
-        It is neither.
-    """
+    """Return the rotation matrix of a unit quaternion (x, y, z, w) or a rotation matrix."""
     expected = "a rotation matrix or a unit quaternion (x, y, z, w)"
     try:
         shape = np.shape(orientation)
     except ValueError:
         shape = None
-    given = numbers("orientation", orientation, (4,) if shape == (4,) else (3, 3), expected)
+    array = numbers("orientation", orientation, (4,) if shape == (4,) else (3, 3), expected)
     if shape == (4,):
-        length = math.sqrt(float(given @ given))
-        if abs(length - 1.0) > 1e-3:
-            raise InputError(f"orientation is {given.tolist()}, of length {length:.6g}, expected {expected}.")
-        x, y, z, w = given / length
+        length = math.sqrt(float(array @ array))
+        if abs(length - 1.0) > UNIT:
+            raise InputError(f"orientation is {array.tolist()}, of length {length:.6g}, expected {expected}.")
+        x, y, z, w = array / length
         return np.array(
             [
                 [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -151,18 +132,18 @@ def rotation_of(orientation: Any) -> Array:
                 [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
             ]
         )
-    if np.abs(given.T @ given - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(given) < 0.0:
-        raise InputError(f"orientation is {given.tolist()}, expected {expected}.")
-    return given
+    if np.abs(array.T @ array - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(array) < 0.0:
+        raise InputError(f"orientation is {array.tolist()}, expected {expected}.")
+    return array
 
 
 def _vee(R: Array) -> Array:
-    """2 sin(angle) times the axis of a rotation: Σ a_j × R a_j for any orthonormal a."""
+    """Return 2 sin(angle) times the axis of a rotation: Σ a_j × R a_j for any orthonormal a."""
     return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
 
 
 def rotation_vector(R: Array) -> Array:
-    """Angle [rad] times axis of a rotation matrix, shape (3,); the angle is in [0, π]."""
+    """Return angle [rad] times axis of a rotation matrix, shape (3,); the angle is in [0, π]."""
     twice = _vee(R)
     sine, cosine = 0.5 * math.sqrt(float(twice @ twice)), 0.5 * (float(np.trace(R)) - 1.0)
     angle = math.atan2(sine, cosine)

@@ -1,62 +1,133 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether the law may act: what becomes of the command while the state of the robot is not known."""
+"""States of the control loop as a table of states and events, and the timeout of a hold."""
 
 import time
+from enum import IntEnum
 
 from diag_dynamics.exceptions import InputError
 
 INACTIVE, ACTIVE, HOLDING, RAMPING_DOWN = range(4)
-"""Phases, numbered as in ControllerStatus."""
+"""Phases as ControllerStatus reports them."""
 
-STANDSTILL = 1.0
-"""How long the clock may stand still, at least, before a hold is over by the time of the machine [s]."""
+MIN_STANDSTILL = 1.0
+"""Minimum time of the machine for which the clock stands still before a hold ends [s]."""
+
+
+class State(IntEnum):
+    """States of the loop; each determines the command."""
+
+    WAITING = 0  # no valid state yet: no command
+    STARTING = 1  # damping until the efforts carry the robot
+    ACTIVE = 2  # the law
+    HOLDING_START = 3  # gravity compensation without a valid state, returns to STARTING
+    HOLDING = 4  # gravity compensation without a valid state, returns to ACTIVE
+    RAMPING_DOWN = 5  # zero without a valid state
+    STOPPED = 6  # zero with valid states, until somebody chooses a mode
+    RELEASED = 7  # zero until the next valid state, which starts the chosen mode
+
+
+class Event(IntEnum):
+    """Events of the loop."""
+
+    VALID = 0  # a valid state, while the efforts do not carry the robot yet
+    CARRIED = 1  # a valid state, and the efforts carry the robot
+    INVALID = 2  # no valid state
+    TIMEOUT = 3  # no valid state for longer than the hold time
+    SWITCH = 4  # somebody chooses a mode
+
+
+_S = State
+# fmt: off
+TRANSITIONS = {
+    #                  VALID        CARRIED     INVALID           TIMEOUT           SWITCH
+    _S.WAITING:       (_S.STARTING, _S.ACTIVE,  _S.WAITING,       _S.WAITING,       _S.WAITING),
+    _S.STARTING:      (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN,  _S.STARTING),
+    _S.ACTIVE:        (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN,  _S.ACTIVE),
+    _S.HOLDING_START: (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN,  _S.HOLDING_START),
+    _S.HOLDING:       (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN,  _S.HOLDING),
+    _S.RAMPING_DOWN:  (_S.STOPPED,  _S.STOPPED, _S.RAMPING_DOWN,  _S.RAMPING_DOWN,  None),
+    _S.STOPPED:       (_S.STOPPED,  _S.STOPPED, _S.RAMPING_DOWN,  _S.RAMPING_DOWN,  _S.RELEASED),
+    _S.RELEASED:      (_S.STARTING, _S.ACTIVE,  _S.RAMPING_DOWN,  _S.RAMPING_DOWN,  _S.RELEASED),
+}
+# fmt: on
+"""Next state by state and event; None refuses the event."""
+
+RESUMING = (_S.STARTING, _S.ACTIVE, _S.RAMPING_DOWN, _S.RAMPING_DOWN, _S.RAMPING_DOWN)
+"""Row of RAMPING_DOWN for a loop that resumes by itself."""
+
+_PHASES = {
+    _S.WAITING: INACTIVE,
+    _S.STARTING: ACTIVE,
+    _S.ACTIVE: ACTIVE,
+    _S.HOLDING_START: HOLDING,
+    _S.HOLDING: HOLDING,
+}
 
 
 class Supervisor:
-    """Takes the law out of force while the state is not valid, and decides for how long gravity is held.
+    """State of a control loop by validity and age of the robot's states.
 
-    The law acts on valid states alone. Without one the robot is held by its last gravity torque for at most `hold_time`,
-    and after that given up in an orderly way. Before the first valid state nothing is commanded. A robot that has been given
-    up is not taken up again by itself, unless `resumes`: a cable that comes and goes would let an arm sink and catch it,
-    again and again, and somebody may be at work on it by then.
+    Without a valid state the loop holds the last gravity torque for at most `hold_time`, and then ramps the efforts down to
+    zero. Valid states then do not put the law in force, unless `resumes`: a loose cable would drop and catch an arm again
+    and again, and somebody may be at work on it by then.
 
     Parameters
     ----------
     max_age : float
-        Largest distance of a state's stamp from the clock [s], into the past or the future.
+        Maximum difference of a state's stamp and the clock [s], in both directions.
     hold_time : float
-        How long gravity is held [s].
+        Maximum time of the hold [s].
     resumes : bool
-        Whether a valid state puts the law in force again after that.
+        Whether a valid state ends the ramp.
     machine_time : callable
-        Time of the machine [s], which counts where the clock stands still.
+        Monotonic time of the machine [s], which ends a hold where the clock stands still.
 
     Attributes
     ----------
-    phase : int
+    state : State
     reason : str
         Why the law is not in force; empty if it is.
     """
 
     def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
         self.max_age, self.hold_time = max_age, hold_time
-        self._resumes, self._machine_time = resumes, machine_time
+        self._machine_time = machine_time
+        self._transitions = TRANSITIONS | ({State.RAMPING_DOWN: RESUMING} if resumes else {})
         self.forget()
 
     def forget(self):
-        """Wait for the first state."""
-        self.phase, self.reason = INACTIVE, "no valid state yet"
-        self._given_up, self._ready, self._released = "", False, False
-        self._without = 0  # how long there has been no valid state, less how long there has been one since [ns]
-        self._last = self._moved = (
-            None  # when that was asked last [ns], and when the clock has moved, by the machine's [s]
-        )
-        self._good = None  # time of the last valid state, if that was the last one [ns]
+        """Wait for the first valid state."""
+        self.state, self.reason, self._cause = State.WAITING, "no valid state yet", ""
+        self._outage = 0  # outage time less the time of valid states since [ns]
+        self._last, self._moved = 0, 0.0  # clock at the last event [ns], and machine time when it moved [s]
+
+    def _next(self, event):
+        return self._transitions[self.state][event]
+
+    @property
+    def phase(self):
+        """Phase that ControllerStatus reports."""
+        return _PHASES.get(self.state, RAMPING_DOWN)
+
+    @property
+    def anew(self):
+        """Whether a valid state is the first one, or comes after the end of a hold: earlier targets are void."""
+        return self.phase in (INACTIVE, RAMPING_DOWN)
+
+    @property
+    def latched(self):
+        """Whether a valid state leaves the loop stopped."""
+        return self._next(Event.VALID) == State.STOPPED
+
+    @property
+    def starting(self):
+        """Whether the efforts do not carry the robot yet."""
+        return self.state in (State.STARTING, State.HOLDING_START)
 
     def age_problem(self, stamp, now):
-        """What is wrong about the age of a state, both times in nanoseconds; None if nothing is."""
+        """Return what is wrong with the age of a state, both times in nanoseconds; None if nothing is."""
         age = (now - stamp) * 1e-9
         if abs(age) <= self.max_age:
             return None
@@ -66,67 +137,46 @@ class Supervisor:
             return f"the state is {-age:.6g} s in the future, expected no more than max_state_age = {self.max_age:g} s"
         return f"the state is {age:.6g} s old, expected no more than max_state_age = {self.max_age:g} s"
 
-    @property
-    def anew(self):
-        """Whether targets of before are void with the next valid state: it is the first one, or the hold is over."""
-        return self.phase in (INACTIVE, RAMPING_DOWN)
+    def valid(self, now, carried=True):
+        """Accept a valid state for which there is a command, at a time [ns].
 
-    def valid(self, now):
-        """Note a valid state, for which a command was found, at a time [ns].
-
-        A hold that is over is forgotten no faster than valid states come: of a link that is dead nearly all the time single
-        states would else prolong the hold for ever.
+        The outage shrinks no faster than valid states come: else single states of a link that is dead nearly all the time
+        would prolong the hold without end.
         """
-        if self.phase != ACTIVE and self.anew:
-            self._without = 0
-        elif self._good is not None:
-            self._without = max(self._without - max(now - self._good, 0), 0)
-        self.phase, self.reason = ACTIVE, ""
-        self._released, self._last, self._good = False, None, now
+        if self.anew:
+            self._outage = 0
+        elif self.phase == ACTIVE:
+            self._outage = max(self._outage - max(now - self._last, 0), 0)
+        self.state = self._next(Event.CARRIED if carried else Event.VALID)
+        self.reason, self._last = "", now
 
     def invalid(self, now, reason):
-        """Note at a time [ns] that there is no valid state, and why."""
+        """Accept that there is no valid state at a time [ns], and why."""
         self.reason = reason
-        self._ready = self._released = False
-        if self._good is not None:  # for as long as that state was good
-            fresh = min(max(now - self._good, 0), round(self.max_age * 1e9))
-            self._without, self._good = max(self._without - fresh, 0), None
-        if self.phase == INACTIVE:
+        if self.state == State.WAITING:
             return
-        machine = self._machine_time()
-        if now != self._last:
+        machine, elapsed = self._machine_time(), now - self._last
+        if self.phase == ACTIVE:  # the last state was valid while it was fresh
+            self._outage = max(self._outage - min(max(elapsed, 0), round(self.max_age * 1e9)), 0)
+        else:  # a clock that goes back does not shorten the outage
+            self._outage += max(elapsed, 0)
+        if elapsed or self.phase == ACTIVE:
             self._moved = machine
-        if self._last is not None:  # a clock that goes back takes nothing from it, however often
-            self._without += max(now - self._last, 0)
         self._last = now
-        if self.phase == RAMPING_DOWN:
-            return
-        stands_still = machine - self._moved > max(self.hold_time, STANDSTILL)
-        over = self._without * 1e-9 >= self.hold_time or stands_still
-        self.phase = RAMPING_DOWN if over else HOLDING
-        if over:
-            self._given_up = f"{reason}; the clock stands still" if stands_still else reason
-
-    @property
-    def latched(self):
-        """Whether the robot has been given up, and not even a valid state puts the law in force."""
-        return self.phase == RAMPING_DOWN and not (self._resumes or self._released)
+        stands_still = machine - self._moved > max(self.hold_time, MIN_STANDSTILL)
+        timeout = stands_still or self._outage * 1e-9 >= self.hold_time
+        if timeout and self.phase != RAMPING_DOWN:
+            self._cause = f"{reason}; the clock stands still" if stands_still else reason
+        self.state = self._next(Event.TIMEOUT if timeout else Event.INVALID)
 
     def wait(self):
-        """Note a valid state while the robot is given up."""
-        self._ready = True
-        self.reason = f"states are valid again; choose a mode to go on. The robot was given up: {self._given_up}"
+        """Accept a valid state while the loop is stopped."""
+        self.state = State.STOPPED
+        self.reason = f"states are valid again; choose a mode to go on. The robot was given up: {self._cause}"
 
     def release(self):
-        """Have the next valid state put the law in force, where the robot was given up.
-
-        Raises
-        ------
-        InputError
-            There is no valid state yet.
-        """
-        if not self.latched:
-            return
-        if not self._ready:
+        """Accept the choice of a mode; raise InputError while a stopped loop has no valid state."""
+        after = self._next(Event.SWITCH)
+        if after is None:
             raise InputError(f"the robot was given up, and there is no valid state yet: {self.reason}.")
-        self._released = True
+        self.state = after

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joint trajectories, interpolated as ros2_control's joint trajectory controller does."""
+"""Joint trajectories, interpolated like those of ros2_control's joint trajectory controller."""
 
 from typing import NamedTuple
 
@@ -10,14 +10,14 @@ import numpy as np
 from diag_dynamics.control.references import Desired, at_rest, nearest
 from diag_dynamics.exceptions import InputError
 
-ABSURD = 1e8
-"""Largest number that a point may hold: with greater ones polynomials overflow."""
+MAX_NUMBER = 1e8
+"""Maximum number in a point; polynomials of larger ones overflow."""
 
-LOOKS = 9
-"""Places of each stretch at which its velocity is looked at."""
+SAMPLES = 9
+"""Samples of the velocity in each segment."""
 
-COAST = 0.3
-"""How far what is left of the robot's motion may carry it off its way to the first point [rad, m]."""
+MAX_COAST = 0.3
+"""Maximum distance by which the robot's motion carries it off its way to the first point [rad, m]."""
 
 
 class Waypoints(NamedTuple):
@@ -26,11 +26,11 @@ class Waypoints(NamedTuple):
     Attributes
     ----------
     times : ndarray, shape (points,)
-        From the start [s], increasing.
+        Times from the start [s], increasing.
     positions, velocities, accelerations : ndarray, shape (points, nv)
-        [rad, m], [rad/s, m/s], [rad/s², m/s²]; the latter two are zero at points without.
+        [rad, m], [rad/s, m/s], [rad/s², m/s²]; the latter two are zero where a point has none.
     with_velocity, with_acceleration : ndarray of bool, shape (points,)
-        Which points have them.
+        Whether a point has them.
     """
 
     times: np.ndarray
@@ -42,111 +42,91 @@ class Waypoints(NamedTuple):
 
 
 class Trajectory:
-    """A trajectory for the joints of a robot.
+    """Trajectory of the joints of a robot.
 
-    Between two points that both have accelerations the positions are a quintic of time, where both have velocities a
-    cubic, else linear. What comes before the first point starts where the robot is when the trajectory begins; after the last
-    one the robot rests there. A continuous joint goes to the first point the shorter way round, and from point to point as
-    they say.
+    The positions between two points are a quintic of time if both have accelerations, a cubic if both have velocities, else
+    linear. The approach to the first point starts from the robot's motion at the start; the robot rests at the last point. A
+    continuous joint goes to the first point the shorter way round.
 
     Parameters
     ----------
     waypoints : Waypoints
+        Times increase, numbers are finite and at most :data:`MAX_NUMBER`, and the last velocity is zero.
     names : sequence of str
         Joints of the robot, in its order.
     continuous : sequence of str
-        Those of them that turn round.
+        Continuous joints.
     stamp : int
-        When it starts [ns]; 0: with the first state.
-
-    Attributes
-    ----------
-    positions : ndarray, shape (points, nv)
-        Of the points [rad, m].
-    stamp : int
-
-    Raises
-    ------
-    InputError
-        Times do not increase, a number is not finite or absurd, or the robot would have to rest while it moves.
+        Start [ns]; 0: the first state.
     """
 
     def __init__(self, waypoints, names, continuous=(), stamp=0):
-        self.stamp, self._turns = stamp, np.array([name in continuous for name in names])
-        self._times, self.positions = waypoints.times, waypoints.positions
+        self._stamp, self._continuous = stamp, np.array([name in continuous for name in names])
+        self._points, self._times, self.positions = waypoints, waypoints.times, waypoints.positions
         _require_order(self._times)
         for field in ("positions", "velocities", "accelerations"):
-            _require_sane(field, getattr(waypoints, field), names)
-        self._velocities = waypoints.velocities, waypoints.with_velocity
-        self._accelerations = waypoints.accelerations, waypoints.with_acceleration
+            _require_numbers(field, getattr(waypoints, field), names)
         _require_rest(waypoints.velocities[-1], names)
-        self._stretches = self._between_points()
-        self._start = None
+        self._segments = self._between_points()
 
     def _between_points(self):
-        """Coefficients of the polynomials from point to point, shape (points − 1, 6, nv)."""
-        (v, with_v), (a, with_a) = self._velocities, self._accelerations
-        with_v, with_a = with_v[:-1] & with_v[1:], with_a[:-1] & with_a[1:]
-        q, T = self.positions, np.diff(self._times)
-        return _polynomials(T, q[:-1], v[:-1], a[:-1], q[1:], v[1:], a[1:], with_v, with_v & with_a)
-
-    @property
-    def begun(self):
-        """Whether it has a beginning yet."""
-        return self._start is not None
+        """Return the coefficients of the polynomials from point to point, shape (points − 1, 6, nv)."""
+        q, v, a = self.positions, self._points.velocities, self._points.accelerations
+        has_v, has_a = (has[:-1] & has[1:] for has in (self._points.with_velocity, self._points.with_acceleration))
+        return _polynomials(np.diff(self._times), q[:-1], v[:-1], a[:-1], q[1:], v[1:], a[1:], has_v, has_v & has_a)
 
     def ends_before(self, time):
-        """Whether a trajectory that has a start of its own is over at a time [ns]."""
-        return bool(self.stamp) and self.stamp + round(self._times[-1] * 1e9) < time
+        """Return whether a trajectory with a stamp ends before a time [ns]."""
+        return bool(self._stamp) and self._stamp + round(self._times[-1] * 1e9) < time
 
     def begin(self, time, position, velocity):
-        """Start at a time [ns], or at that of its stamp, from where the robot is and how it moves at that time.
+        """Start at a time [ns], or at the stamp, from the position and velocity at that time.
 
-        A first point far ahead would let a cubic follow that motion a long way before it turns: :data:`COAST` bounds that.
+        A cubic to a first point far ahead would follow that velocity a long way before it turns: :data:`MAX_COAST` bounds it.
         """
-        self._start = self.stamp or time
-        first, start = self.positions[:1], np.array(position, dtype=float)
-        start = nearest(start, first[0], self._turns)
+        self._start = self._stamp or time
+        first, v = self.positions[:1], self._points.velocities[:1]
+        start = nearest(np.array(position, dtype=float), first[0], self._continuous)
         self._begin = (time - self._start) * 1e-9
         T = np.maximum(self._times[:1] - self._begin, 1e-9)
-        fastest = COAST * 27.0 / 4.0 / T
-        (v, with_v), none = self._velocities, np.zeros_like(first)
-        no = np.zeros(1, dtype=bool)
-        moving = np.clip(velocity, -fastest, fastest)[None]
-        self._approach = _polynomials(T, start[None], moving, none, first, v[:1], none, with_v[:1], no)
+        max_speed = MAX_COAST * 27.0 / 4.0 / T
+        moving, zero = np.clip(velocity, -max_speed, max_speed)[None], np.zeros_like(first)
+        has_v, has_a = self._points.with_velocity[:1], np.zeros(1, dtype=bool)
+        self._approach = _polynomials(T, start[None], moving, zero, first, v, zero, has_v, has_a)
 
     def fastest(self):
-        """Highest velocities [rad/s, m/s], shape (stretches, nv), in each stretch that is left once it has begun."""
-        T, table = np.diff(self._times), self._stretches
+        """Return the maximum speeds [rad/s, m/s], shape (segments, nv), of each segment that is left after the start."""
+        T, table = np.diff(self._times), self._segments
         if self._begin < self._times[0]:
             T, table = np.append(self._times[0] - self._begin, T), np.concatenate([self._approach, table])
         else:
             T, table = T[self._times[1:] > self._begin], table[self._times[1:] > self._begin]
-        s = (T[:, None] * np.linspace(0.0, 1.0, LOOKS))[..., None]
-        c = table[:, :, None, :]
-        velocity = c[:, 1] + s * (2.0 * c[:, 2] + s * (3.0 * c[:, 3] + s * (4.0 * c[:, 4] + s * 5.0 * c[:, 5])))
-        return np.abs(velocity).max(axis=1)
+        s = (T[:, None] * np.linspace(0.0, 1.0, SAMPLES))[..., None]
+        return np.abs(_velocity(np.moveaxis(table, 1, 0)[:, :, None], s)).max(axis=1)
 
     def over(self, time):
-        """Whether the last point has been reached at a time [ns]."""
+        """Return whether the last point has been reached at a time [ns]."""
         return (time - self._start) * 1e-9 >= self._times[-1]
 
     def sample(self, time, lag=0.0):
-        """Where the robot should be at a time [ns], however far it is behind."""
+        """Return the desired motion at a time [ns], whatever the lag of the robot."""
         t = (time - self._start) * 1e-9
         k = int(np.searchsorted(self._times, t, side="right"))
         if k == len(self._times):
             return at_rest(self.positions[-1])
-        c, s = (self._stretches[k - 1], t - self._times[k - 1]) if k else (self._approach[0], t - self._begin)
-        return Desired(
-            c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5])))),
-            c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5]))),
-            2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5])),
-        )
+        c, s = (self._segments[k - 1], t - self._times[k - 1]) if k else (self._approach[0], t - self._begin)
+        position = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
+        acceleration = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]))
+        return Desired(position, _velocity(c, s), acceleration)
+
+
+def _velocity(c, s):
+    """Return the derivative of polynomials with six coefficients at a time [s]."""
+    return c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])))
 
 
 def _require_order(times):
-    """Refuse times [s] that do not increase, or begin before the start."""
+    """Reject times [s] that do not increase, or begin before the start."""
     if times[0] < 0.0:
         raise InputError(f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0.")
     backward = np.flatnonzero(np.diff(times) <= 0.0)
@@ -158,14 +138,14 @@ def _require_order(times):
         )
 
 
-def _require_sane(field, table, names):
-    """Refuse numbers that are not finite, or absurd."""
-    strange = np.argwhere(~(np.abs(table) <= ABSURD))
-    if strange.size:
-        k, joint = strange[0]
+def _require_numbers(field, table, names):
+    """Reject numbers that are not finite, or larger than MAX_NUMBER."""
+    wrong = np.argwhere(~(np.abs(table) <= MAX_NUMBER))
+    if wrong.size:
+        k, joint = wrong[0]
         raise InputError(
             f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number "
-            f"of no more than {ABSURD:g}."
+            f"of no more than {MAX_NUMBER:g}."
         )
 
 
@@ -179,7 +159,7 @@ def _require_rest(velocity, names):
 
 
 def _polynomials(T, q, v, a, q1, v1, a1, with_velocity, with_acceleration):
-    """Coefficients from points to the ones after them, T [s] later: quintic, cubic or linear, shape (points, 6, nv)."""
+    """Return the coefficients from points to the next ones, T [s] later: quintic, cubic or linear, shape (points, 6, nv)."""
     c = np.zeros((len(T), 6, q.shape[1]))
     c[:, 0], step, T = q, q1 - q, T[:, None]
     c[:, 1] = step / T

@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Filters of the control loop in their order, for robots with and without gravity compensation of their own."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.control import limits
+from diag_dynamics.control.by_dof import by_dof, effort_limits
+from diag_dynamics.control.command import Command
+from diag_dynamics.control.contact_limit import ContactLimiter
+
+MAX_RAMP_TIME = 0.1
+"""Maximum time in which efforts reach gravity compensation without a warning [s]."""
+
+FIRST_PERIOD = 1e-3
+"""Assumed length of the first cycle [s]."""
+
+
+class Filtered(NamedTuple):
+    """Effort to send [N m, N], shape (nv,), before the rate limit; its command; which limiters removed power."""
+
+    effort: np.ndarray
+    command: Command
+    energy_limited: bool
+    contact_limited: bool
+
+
+class Efforts:
+    """Filters of one robot, and the last effort.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+    values : dict
+        Values of parameters.controller.PARAMETERS.
+    compensated : bool
+        Whether the robot adds gravity compensation to the efforts that it receives.
+    points : ContactPoints, optional
+        Points with contact limits.
+
+    Attributes
+    ----------
+    energy_limiter : EnergyLimiter or None
+    contact_limiter : ContactLimiter or None
+    sent : ndarray, shape (nv,)
+        Last effort [N m, N].
+    scale : float
+        Factor of the effort limits on the last command.
+    """
+
+    def __init__(self, dynamics, values, compensated, points=None):
+        model = dynamics.model
+        self._names, self._compensated, self._max_period = model.dof_names, compensated, values["max_state_age"]
+        self._springs = self.energy_limiter = self.contact_limiter = None
+        if margin := values["limit_margin"]:
+            springs = values["limit_stiffness"], values["limit_damping"]
+            self._springs = limits.PositionRepulsion(dynamics, margin, *springs)
+        if limit := values["energy_limit"]:
+            self.energy_limiter = limits.EnergyLimiter(dynamics, limit, values["energy_rate"])
+        if points is not None:
+            self.contact_limiter = ContactLimiter(dynamics, points, values["contact.rate"])
+        self._saturation = limits.EffortSaturation(model, effort_limits(values["effort_limit"], model))
+        self.sent = np.zeros(model.nv)
+        # The rate is that of the command, not of the total torque: a robot with gravity compensation is released by zero.
+        rate = by_dof("effort_rate", values["effort_rate"], model.dof_names)
+        self._ramp = limits.EffortRateLimiter(model, rate, self.sent)
+        self.begin()
+
+    def begin(self):
+        """Start anew from the last effort."""
+        self._gravity, self._time, self.scale = np.zeros_like(self.sent), None, 1.0  # time of the last command [ns]
+
+    def filtered(self, state, command, external):
+        """Return the effort for a command at a state, before the rate limit; `external` is the observer's ε, or None."""
+        q, qd = state.position, state.velocity
+        self._gravity = g = command.gravity_torque
+        if self._springs:
+            command = self._springs.filter(q, qd, command)
+        unlimited = command
+        if self.energy_limiter:
+            command = self.energy_limiter.filter(q, command, external)
+        slower = command
+        if self.contact_limiter:
+            period = self._elapsed(state.newest) or FIRST_PERIOD
+            command = self.contact_limiter.filter(q, qd, command, period, external)
+        saturated = self._saturation.filter(command)
+        effort, self.scale = saturated.tau, saturated.scale
+        if self._compensated:  # a weight beyond the limit is left to the robot, and never increased
+            bound = np.maximum(self._saturation.limit, np.abs(g))
+            effort = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
+        limited = command._replace(scale=self.scale, limited=saturated.limited)
+        return Filtered(effort, limited, slower is not unlimited, command is not slower)
+
+    def ramped(self, effort, time):
+        """Return the effort to send at a time [ns] and the joints that wait for their rate.
+
+        After a stall efforts change by no more than within the longest cycle.
+        """
+        self.sent, waiting = self._ramp.filter(effort, self._elapsed(time))
+        back = self._time is not None and time - self._time < -self._max_period * 1e9
+        self._time = time if self._time is None or back else max(time, self._time)
+        return self.sent, waiting
+
+    def _elapsed(self, time):
+        """Return the time since the last command [s], no more than the longest cycle."""
+        elapsed = 0.0 if self._time is None else (time - self._time) * 1e-9
+        return min(max(elapsed, 0.0), self._max_period)
+
+    def reset(self, sent):
+        """Start from an effort that has been sent, whatever its rate."""
+        self.sent = sent
+        self._ramp.reset(sent)
+
+    def carry_on(self):
+        """Start from the part of the last effort that carries the robot as it is now."""
+        carrying = self.carrying
+        self.reset(np.clip(self.sent, np.minimum(carrying, 0.0), np.maximum(carrying, 0.0)))
+
+    def carry(self, effort, time):
+        """Return whether one more rate-limited step reaches gravity compensation, or is between that and an effort."""
+        carrying = self.carrying
+        between = np.clip(self.sent, np.minimum(carrying, effort), np.maximum(carrying, effort))
+        return bool((np.abs(between - self.sent) <= self._ramp.rate * self._elapsed(time) + 1e-9).all())
+
+    @property
+    def carrying(self):
+        """Effort of gravity compensation in the last state [N m, N]; zero for a robot with its own."""
+        if self._compensated:
+            return np.zeros_like(self._gravity)
+        return np.clip(self._gravity, -self._saturation.limit, self._saturation.limit)
+
+    @property
+    def acting(self):
+        """Effort on the joints since the last command [N m, N], gravity compensation included."""
+        return self.sent + self._gravity if self._compensated else self.sent
+
+    @property
+    def unlimited(self):
+        """Joints without effort limit."""
+        return self._named(np.isinf(self._saturation.limit))
+
+    @property
+    def heavy(self):
+        """Joints whose gravity torque exceeds HEAVY of their effort limit in the last state."""
+        return self._named(np.abs(self._gravity) > limits.HEAVY * self._saturation.limit)
+
+    @property
+    def slow(self):
+        """Joints that need more than MAX_RAMP_TIME for gravity compensation in the last state."""
+        return self._named(np.abs(self.carrying) > MAX_RAMP_TIME * self._ramp.rate)
+
+    def _named(self, mask):
+        return tuple(name for name, is_in in zip(self._names, mask, strict=True) if is_in)

@@ -1,0 +1,426 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Decision table of the control loop: next state and command for every state and event; its clocks and timeouts."""
+
+import re
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from arm import gravity_of, state_at
+from described import MS, UR5, S, robot
+from diag_dynamics.control import supervisor
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, TRACKING
+from diag_dynamics.control.supervisor import State, Supervisor
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.parameters.controller import PARAMETERS
+
+Q, REST, MOVING = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.zeros(6), np.full(6, 0.9)
+AGE, HOLD, RATE = 20, 300, 400.0
+"""max_state_age and hold_time [ms], effort_rate [N m/s]."""
+
+EVENTS = "valid", "carried", "invalid", "timeout", "switch"
+REFUSED = "refused"
+TABLE = """
+                valid          carried      invalid        timeout        switch
+WAITING         STARTING       ACTIVE       WAITING        WAITING        WAITING
+STARTING        STARTING       ACTIVE       HOLDING_START  RAMPING_DOWN   STARTING
+ACTIVE          ACTIVE         ACTIVE       HOLDING        RAMPING_DOWN   ACTIVE
+HOLDING_START   STARTING       ACTIVE       HOLDING_START  RAMPING_DOWN   HOLDING_START
+HOLDING         ACTIVE         ACTIVE       HOLDING        RAMPING_DOWN   HOLDING
+RAMPING_DOWN    STOPPED        STOPPED      RAMPING_DOWN   RAMPING_DOWN   refused
+STOPPED         STOPPED        STOPPED      RAMPING_DOWN   RAMPING_DOWN   RELEASED
+RELEASED        STARTING       ACTIVE       RAMPING_DOWN   RAMPING_DOWN   RELEASED
+RESUMING        STARTING       ACTIVE       RAMPING_DOWN   RAMPING_DOWN   RAMPING_DOWN
+"""
+ROWS = [line.split() for line in TABLE.strip().splitlines()[1:]]
+CASES = [(row[0], event, after) for row in ROWS for event, after in zip(EVENTS, row[1:], strict=True)]
+
+PATHS = {
+    "WAITING": [],
+    "STARTING": ["valid"],
+    "ACTIVE": ["carried"],
+    "HOLDING_START": ["valid", "invalid"],
+    "HOLDING": ["carried", "invalid"],
+    "RAMPING_DOWN": ["carried", "timeout"],
+    "STOPPED": ["carried", "timeout", "carried"],
+    "RELEASED": ["carried", "timeout", "carried", "switch"],
+    "RESUMING": ["carried", "timeout"],
+}
+"""Events from the beginning to each state; RESUMING is RAMPING_DOWN with resume_after_ramp."""
+
+PHASES = {"WAITING": 0, "STARTING": 1, "ACTIVE": 1, "HOLDING_START": 2, "HOLDING": 2}
+"""As in ControllerStatus; all others have 3."""
+
+
+@pytest.fixture(scope="module")
+def strong():
+    """Return a UR5 that is strong enough for anything."""
+    return dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf))
+
+
+class Driven:
+    """A loop that is driven by events; `sent` is the answer to the last one."""
+
+    def __init__(self, arm, resumes=False, compensated=False, mode=DAMPING, hold=HOLD):
+        defaults = {name: spec.default for name, spec in PARAMETERS.items()}
+        values = {"hold_time": hold * 1e-3, "resume_after_ramp": resumes, "initial_mode": mode}
+        values |= {"effort_rate": [f"*={RATE}"], "limit_margin": 0.0}
+        self.loop, self.now, self.sent = ControlLoop(arm, defaults | values, compensated), S, None
+        self.machine, self.hold = 0.0, hold
+        self.loop.supervisor._machine_time = lambda: self.machine
+
+    @property
+    def state(self):
+        return self.loop.supervisor.state.name
+
+    def carry(self, q=Q):
+        """Make the last effort that which carries the arm."""
+        self.loop.efforts.reset(gravity_of(q))
+
+    def step(self, q=Q, qd=REST, period=MS):
+        self.now += period
+        self.sent = self.loop.step(state_at(self.now, q, qd), self.now)
+
+    def without(self, period=MS):
+        self.now += period
+        self.machine += abs(period) * 1e-9
+        self.sent = self.loop.without_state(self.now, "NaN")
+
+    def go(self, event):
+        """Let an event happen."""
+        before = self.loop.state
+        if event == "valid":  # efforts are far from gravity compensation: no step reaches it
+            self.loop.efforts.reset(np.zeros(6) if before is None else -gravity_of(Q))
+            self.step()
+        elif event == "carried":
+            self.carry()
+            self.step()
+        elif event == "invalid":
+            self.without()
+        elif event == "timeout":
+            self.without()
+            self.without(self.hold * MS)
+        else:
+            self.loop.switch(DAMPING)
+
+    def reach(self, name):
+        for event in PATHS[name]:
+            self.go(event)
+        assert self.state == name.replace("RESUMING", "RAMPING_DOWN")
+        return self
+
+
+def driven(arm, name, **options):
+    return Driven(arm, resumes=name == "RESUMING", **options).reach(name)
+
+
+@pytest.mark.parametrize(("name", "event", "after"), CASES)
+def test_states_and_events(strong, name, event, after):
+    one = driven(strong, name)
+    if after == REFUSED:
+        with pytest.raises(InputError, match="no valid state yet: NaN"):
+            one.go(event)
+        after = name
+    else:
+        one.go(event)
+    assert one.state == after
+    assert one.loop.supervisor.phase == PHASES.get(after, 3)
+    assert one.loop.taking_up == (after in ("STARTING", "HOLDING_START"))
+    assert bool(one.loop.supervisor.reason) == (one.loop.supervisor.phase != 1)
+
+
+@pytest.mark.parametrize("compensated", [False, True])
+@pytest.mark.parametrize("name", [row[0] for row in ROWS])
+def test_commands_of_states(strong, name, compensated):
+    """Each state sends nothing, damping, the law, gravity compensation or zero; efforts go there at their rate."""
+    compensated = compensated and "START" not in name  # such an arm needs no start
+    one = driven(strong, name, compensated=compensated, mode=GRAVITY_COMPENSATION, hold=3000)
+    gravity, law = gravity_of(Q), name in ("STARTING", "ACTIVE")
+    for _ in range(2 + int(np.abs(gravity).max() / RATE * 1000)):
+        if name == "STARTING":
+            one.go("valid")
+        elif name in ("ACTIVE", "STOPPED"):
+            one.step(qd=MOVING)
+        else:
+            one.without()
+    if name == "WAITING":
+        assert one.sent is None
+        return
+    if name != "STARTING":
+        goal = gravity * (name in ("ACTIVE", "HOLDING", "HOLDING_START") and not compensated)
+        np.testing.assert_allclose(one.sent.effort, goal, atol=1e-9)
+    assert (one.sent.command is not None) == law
+    if name == "STARTING":  # brakes a moving arm, whatever the mode
+        one.step(qd=0.1 * MOVING)
+        assert one.sent.command.nu @ one.sent.command.epsilon < 0.0
+    elif law:
+        assert not one.sent.command.epsilon.any()
+
+
+def test_each_event_has_an_entry_in_the_table():
+    """The table of the code has as many rows and columns as that of this test."""
+    assert {name.replace("RESUMING", "RAMPING_DOWN") for name, *_ in ROWS} == {state.name for state in State}
+    assert len(supervisor.Event) == len(EVENTS) and set(supervisor.TRANSITIONS) == set(State)
+
+
+# --- Start
+
+
+def test_a_start_lasts_until_the_efforts_carry_a_slow_arm(strong):
+    """Not before they carry it; then until no joint is faster than a tenth of its limit, at most for a second."""
+    limit = strong.velocity_limit
+    for factor, after in ((0.099, "ACTIVE"), (-0.099, "ACTIVE"), (0.101, "STARTING"), (-0.101, "STARTING")):
+        one = Driven(strong)
+        one.carry()
+        one.step(qd=factor * limit)
+        assert one.state == after
+    for _ in range(1000):
+        one.carry()
+        one.step(qd=0.2 * limit)
+    assert one.state == "STARTING"
+    one.step(qd=0.2 * limit)
+    assert one.state == "ACTIVE"
+
+
+def test_a_start_takes_the_rate_of_efforts(strong):
+    """From zero on, the law begins when one step reaches gravity compensation; the arm that needs none is not damped."""
+    one, cycles = Driven(strong, mode=GRAVITY_COMPENSATION), 0
+    while not cycles or one.state == "STARTING":
+        one.step()
+        cycles += 1
+        assert np.abs(one.sent.effort).max() <= RATE * 1e-3 * (cycles - 1) + 1e-9
+    assert cycles == pytest.approx(np.abs(gravity_of(Q)).max() / RATE * 1e3, abs=2)
+    one = Driven(strong, compensated=True)
+    one.step()
+    assert one.state == "ACTIVE"
+
+
+def test_a_start_goes_on_after_a_hold(strong):
+    """The time for which the efforts carry the arm goes on, too; targets are refused until it is over."""
+    one, fast = Driven(strong, mode=TRACKING), 0.2 * strong.velocity_limit
+    one.carry()
+    one.step(qd=fast)
+    one.without()
+    assert one.state == "HOLDING_START"
+    with pytest.raises(InputError, match="while the law is not in force: NaN"):
+        one.loop.take_set_point(Q)
+    one.carry()
+    one.step(qd=fast)
+    with pytest.raises(InputError, match="while the robot is taken up"):
+        one.loop.take_set_point(Q)
+    assert one.state == "STARTING" and one.sent.command.error is None and one.sent.lyapunov_rate is None
+    for _ in range(998):
+        one.carry()
+        one.step(qd=fast)
+    assert one.state == "STARTING"
+    one.step(qd=fast)
+    assert one.state == "ACTIVE"
+
+
+def test_a_start_after_the_ramp_is_a_new_one(strong):
+    """The arm may have been moved: the time of an earlier start does not count."""
+    one, fast = Driven(strong, resumes=True), 0.2 * strong.velocity_limit
+    one.carry()
+    one.step(qd=fast)
+    one.go("timeout")
+    one.without(2 * S)
+    one.carry()
+    one.step(qd=fast)
+    assert one.state == "STARTING"
+
+
+@pytest.mark.parametrize("name", ["WAITING", "RELEASED", "RESUMING"])
+def test_no_start_outside_of_limits(strong, name):
+    """A position beyond its limit counts as no valid state where a law would begin, and there alone."""
+    for end, side in ((strong.upper, 1.0), (strong.lower, -1.0)):
+        at_stop, beyond = Q.copy(), Q.copy()
+        at_stop[2], beyond[2] = end[2] + side * 0.049, end[2] + side * 0.051
+        one = driven(strong, name)
+        one.step(beyond)
+        assert one.loop.supervisor.phase == (0 if name == "WAITING" else 3)
+        assert "'elbow_joint'" in one.loop.supervisor.reason
+        one = driven(strong, name)
+        one.step(at_stop)
+        assert one.loop.supervisor.phase == 1
+        one = driven(strong, "ACTIVE")
+        one.step(beyond)
+        assert one.state == "ACTIVE"
+
+
+# --- Mode switches
+
+
+@pytest.mark.parametrize("name", ["HOLDING", "HOLDING_START", "RELEASED"])
+def test_a_mode_chosen_without_a_state(strong, name):
+    """It is in force from the next state on, which is its target; without one it changes no effort."""
+    one = driven(strong, name)
+    before = one.loop.efforts.sent.copy()
+    one.loop.switch(TRACKING)
+    assert one.state == name and (one.loop.efforts.sent == before).all() and one.loop.mode == TRACKING
+    one.carry(Q + 0.2)
+    one.step(Q + 0.2)
+    assert one.state == "ACTIVE" and not one.sent.command.error.any() and one.sent.lyapunov_rate is None
+
+
+def test_a_missing_state_revokes_the_choice_of_a_stopped_loop(strong):
+    one = driven(strong, "RELEASED")
+    one.without()
+    one.carry()
+    one.step()
+    assert (
+        one.state == "STOPPED" and "choose a mode to go on. The robot was given up: NaN" in one.loop.supervisor.reason
+    )
+
+
+def test_an_unknown_mode_releases_nothing(strong):
+    one = driven(strong, "STOPPED")
+    for mode in ("wing", "pose"):
+        with pytest.raises(InputError, match=r"mode is 'wing'|'controlled_link' is empty"):
+            one.loop.switch(mode)
+    assert one.state == "STOPPED"
+
+
+# --- Clocks and timeouts of an outage
+
+
+def outage(*events, hold=0.3, age=0.02, machine=lambda: 0.0):
+    """Return a supervisor after (time [ms], is valid) events."""
+    one = Supervisor(age, hold, machine_time=machine)
+    for time, is_valid in events:
+        if is_valid:
+            one.valid(time * MS)
+        else:
+            one.invalid(time * MS, "late")
+    return one
+
+
+VALID, NONE = True, False
+
+
+@pytest.mark.parametrize(
+    ("events", "state"),
+    [
+        ([(1000, VALID), (1020, NONE), (1319, NONE)], State.HOLDING),
+        ([(1000, VALID), (1020, NONE), (1320, NONE)], State.RAMPING_DOWN),
+        ([(1000, VALID), (1500, NONE)], State.HOLDING),  # the hold begins with the first event without a state
+        # A valid state ends the hold, and shortens the outage by no more than its largest age.
+        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1361, NONE)], State.RAMPING_DOWN),
+        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1360, NONE)], State.HOLDING),
+        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2028, NONE)], State.HOLDING),
+        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2029, NONE)], State.RAMPING_DOWN),
+        # Valid states in a row shorten it by their time.
+        (
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1611, VALID), (1612, NONE), (1911, NONE)],
+            State.HOLDING,
+        ),
+        (
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1611, VALID), (1612, NONE), (1912, NONE)],
+            State.RAMPING_DOWN,
+        ),
+        # A clock that goes back adds nothing and removes nothing, in a hold and between valid states.
+        ([(1000, VALID), (1020, NONE), (1300, NONE), (20, NONE), (39, NONE)], State.HOLDING),
+        ([(1000, VALID), (1020, NONE), (1300, NONE), (20, NONE), (40, NONE)], State.RAMPING_DOWN),
+        (
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (11, VALID), (11, NONE), (21, NONE)],
+            State.RAMPING_DOWN,
+        ),
+        (
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (11, VALID), (11, NONE), (20, NONE)],
+            State.HOLDING,
+        ),
+        # Nothing ends the ramp, and nothing before the first state begins a hold.
+        ([(1000, VALID), (1020, NONE), (1320, NONE), (1, NONE)], State.RAMPING_DOWN),
+        ([(0, NONE), (9000, NONE)], State.WAITING),
+    ],
+)
+def test_the_time_of_an_outage(events, state):
+    assert outage(*events).state == state
+
+
+def test_a_whole_hold_after_the_ramp():
+    one = outage((1000, VALID), (1020, NONE), (1320, NONE))
+    one.wait()
+    one.release()
+    one.valid(1400 * MS)
+    for time, state in ((1401, State.HOLDING), (1700, State.HOLDING), (1701, State.RAMPING_DOWN)):
+        one.invalid(time * MS, "late")
+        assert one.state == state
+
+
+@pytest.mark.parametrize(("hold", "timeout"), [(0.3, 1.0), (2.5, 2.5)])
+def test_a_clock_that_stands_still(hold, timeout):
+    """The hold ends by the time of the machine: after the hold time, and no less than a second; a tick begins it anew."""
+    machine = [0.0]
+    one = Supervisor(0.02, hold, machine_time=lambda: machine[0])
+    one.valid(S)
+    machine[0] = 50.0
+    one.invalid(S, "late")
+    machine[0] += timeout
+    one.invalid(S, "late")
+    assert one.state == State.HOLDING
+    one.invalid(S + 1, "late")
+    machine[0] += timeout
+    one.invalid(S + 1, "late")
+    assert one.state == State.HOLDING
+    machine[0] += 0.01
+    one.invalid(S + 1, "late")
+    assert one.state == State.RAMPING_DOWN
+    one.wait()
+    assert "late; the clock stands still" in one.reason
+
+
+def test_a_clock_that_goes_back(strong):
+    """Targets are void; efforts go on from the last one, at their rate."""
+    one = driven(strong, "ACTIVE", mode=TRACKING)
+    one.loop.take_set_point(Q + 0.2)
+    for _ in range(50):
+        one.step()
+    assert one.sent.command.error.any()
+    before = one.sent.effort
+    one.step(period=-S // 2)
+    assert one.state == "ACTIVE" and not one.sent.command.error.any() and one.sent.lyapunov_rate is None
+    np.testing.assert_allclose(one.sent.effort, before, atol=1e-12)
+    one.step()
+    assert 0.0 < np.abs(one.sent.effort - before).max() <= RATE * 1e-3 + 1e-9
+
+
+@pytest.mark.parametrize(("late", "phase"), [(-21, 2), (-20, 1), (20, 1), (21, 2)])
+def test_the_age_of_a_state(strong, late, phase):
+    one = driven(strong, "ACTIVE")
+    one.now += 100 * MS
+    one.loop.step(state_at(one.now - late * MS, Q), one.now)
+    assert one.loop.supervisor.phase == phase
+
+
+def test_an_outage_within_the_hold_keeps_the_target(strong):
+    """And the start of the outage is no step of V."""
+    one = driven(strong, "ACTIVE", mode=TRACKING)
+    one.loop.take_set_point(Q + 0.01)
+    for _ in range(20):
+        one.step()
+    for _ in range(100):
+        one.without()
+        assert one.sent.lyapunov_rate is None and one.sent.command is None
+    one.step()
+    assert one.state == "ACTIVE" and one.sent.command.error.any() and one.sent.lyapunov_rate is None
+
+
+# --- The end
+
+
+@pytest.mark.parametrize("compensated", [False, True])
+@pytest.mark.parametrize(
+    ("name", "carries"), [("ACTIVE", True), ("STARTING", True), ("HOLDING", True), ("RAMPING_DOWN", False)]
+)
+def test_the_last_effort(strong, name, carries, compensated):
+    """It is gravity compensation at once, zero for an arm with its own, or after the ramp; none before the first state."""
+    assert Driven(strong).loop.leave() is None
+    one = driven(strong, name, compensated=compensated and name != "STARTING")
+    carries = carries and not (compensated and name != "STARTING")
+    np.testing.assert_allclose(one.loop.leave(), gravity_of(Q) * carries, atol=1e-9)
+    one.loop.forget()
+    assert one.state == "WAITING" and one.loop.state is None and one.loop.without_state(one.now, "late") is None
