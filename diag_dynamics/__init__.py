@@ -12,68 +12,32 @@ __path__ = _extend_path(__path__, __name__)
 
 __version__ = "0.2.0"
 
-# Loaded when first asked for: who imports only a message shall not wait for a compiler and a URDF library.
-_HOME = {
-    "load_mjcf": "model",
-    "load_robot": "model",
-    "load_urdf": "model",
-    "JointParameters": "model",
-    "Mimic": "model",
-    "Parameters": "model",
-    "Payload": "model",
-    "RobotModel": "model",
-    "DiagonalDynamics": "dynamics",
-    "BatchEvaluation": "results",
-    "Evaluation": "results",
-    "Factors": "results",
-    "DiagDynamicsError": "exceptions",
-    "InputError": "exceptions",
-    "ModelError": "exceptions",
-    "ModelWarning": "exceptions",
-    "MasslessLinkError": "exceptions",
-    "InertiaWarning": "exceptions",
-    "MimicJointError": "exceptions",
-    "SingularMassMatrixError": "exceptions",
-    "UnsupportedError": "exceptions",
-    "UrdfError": "exceptions",
-    "BodyRegion": "contact",
-    "Contact": "contact",
-    "ContactLimits": "contact",
-    "ContactPoint": "contact",
-    "ContactPoints": "contact",
-    "Impact": "contact",
-    "link_geometry": "contact",
-    "CompliantLimits": "simulation",
-    "EnergyAudit": "simulation",
-    "Simulation": "simulation",
-    "ContactLimiter": "control",
-    "EffortRateLimiter": "control",
-    "EffortSaturation": "control",
-    "EnergyLimiter": "control",
-    "GravityCompensation": "control",
-    "JointTracking": "control",
-    "PoseRegulation": "control",
-    "PositionRepulsion": "control",
-    "RateDamping": "control",
-    "DisturbanceObserver": "control.observer",
-    "AlarmDetector": "collision.detector",
-    "AlarmThresholds": "collision.detector",
-    "Recording": "recordings.recording",
-    "read_recording": "recordings.recording",
-    "stream_recording": "recordings.recording",
-    "analyse_fleet": "recordings.fleet",
-    "Identification": "identification.result",
-    "Excitation": "identification.excite",
-    "excite": "identification.excite",
-    "identify": "identification.identify",
-    "Observed": "recordings.observer",
-    "observe": "recordings.observer",
-    "Calibration": "collision.calibration",
-    "calibrate": "recordings.calibration",
+# Imported when first used: a program that imports only a message does not wait for a compiler.
+_NAMES = {
+    "model": "JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
+    "dynamics": "DiagonalDynamics",
+    "results": "BatchEvaluation Evaluation Factors",
+    "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError ModelError ModelWarning "
+    "SingularMassMatrixError UnsupportedError UrdfError",
+    "contact": "BodyRegion Contact ContactLimits ContactPoint ContactPoints Impact link_geometry",
+    "simulation": "CompliantLimits EnergyAudit Simulation",
+    "control": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter GravityCompensation JointTracking "
+    "PoseRegulation PositionRepulsion RateDamping",
+    "control.observer": "DisturbanceObserver",
+    "collision.detector": "AlarmDetector AlarmThresholds",
+    "collision.calibration": "Calibration",
+    "recordings.recording": "Recording read_recording stream_recording",
+    "recordings.fleet": "analyse_fleet",
+    "recordings.observer": "Observed observe",
+    "recordings.calibration": "calibrate",
+    "identification.result": "Identification",
+    "identification.excite": "Excitation excite",
+    "identification.identify": "identify",
 }
-_ROOMS = ("plot",)  # what is public as a module, with names of its own
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
+_MODULES = ("plot",)  # public modules
 
-if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothing else of this module
+if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics import plot as plot
     from diag_dynamics.collision.calibration import Calibration as Calibration
     from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
@@ -132,10 +96,10 @@ if _typing.TYPE_CHECKING:  # editors and type checkers look here, and see nothin
     from diag_dynamics.simulation import EnergyAudit as EnergyAudit
     from diag_dynamics.simulation import Simulation as Simulation
 else:
-    __all__ = sorted((*_HOME, *_ROOMS))
+    __all__ = sorted((*_HOME, *_MODULES))
 
     def __getattr__(name):
-        if name in _ROOMS:
+        if name in _MODULES:
             return _import_module(f"{__name__}.{name}")
         if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -22,9 +22,9 @@ _Kind = TypeVar("_Kind")
 
 
 def array_of(value: object) -> Array | None:
-    """A value as a new float64 array; None if it is not of numbers, as texts, truth values and ragged lists are not.
+    """Return a value as a new float64 array; None of texts, truth values and ragged lists.
 
-    What has names is none either: taken by position, a reordered Series would be other joints' numbers. See :func:`in_order`.
+    None of a Series with names, too: by position, a reordered one would be other joints' numbers. See :func:`in_order`.
     """
     if has_names(value):
         return None
@@ -38,49 +38,36 @@ def array_of(value: object) -> Array | None:
 
 
 def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
-    """The value, if it is an object of a class."""
+    """Return the value if it is an object of a class."""
     if not isinstance(value, kind):
         raise InputError(f"{name} is {value!r}, expected a {kind.__name__}.")
     return value
 
 
 def choice(name: str, value: object, choices: Iterable[object]) -> None:
-    """Refuse a value that is none of the choices."""
+    """Reject a value that is not one of the choices."""
     if value not in choices:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
 
 
 def mapping(name: str, value: object) -> Mapping[Any, Any]:
-    """The value, if it is a dict."""
+    """Return the value if it is a dict."""
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is {value!r}, expected a dict by name.")
     return value
 
 
 def whole(name: str, value: object) -> int:
-    """A whole number from one on, as an int."""
+    """Return an integer >= 1."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
         raise InputError(f"{name} is {value!r}, expected a whole number >= 1.")
     return int(value)
 
 
-# --- One number
-
-
 def number(
     name: str, value: object, expected: str, valid: Callable[[float], bool] = math.isfinite, unit: str = ""
 ) -> float:
-    """A finite number, as a float.
-
-    Parameters
-    ----------
-    expected : str
-        What was expected, with its unit.
-    valid : callable
-        Whether a finite number will do.
-    unit : str
-        Put behind the value that is refused.
-    """
+    """Return a finite number for which `valid` is true; `expected` and `unit` are for the error."""
     x = value if type(value) is float else _single(value)
     if not (math.isfinite(x) and valid(x)):
         raise InputError(f"{name} is {value!r}{unit}, expected {expected}.")
@@ -93,26 +80,17 @@ def _single(value: object) -> float:
 
 
 def positive(name: str, value: object, unit: str) -> float:
-    """A finite number above zero, as a float."""
+    """Return a finite number > 0."""
     return number(name, value, f"a finite number > 0 {unit}", lambda x: x > 0.0)
 
 
 def not_negative(name: str, value: object, unit: str) -> float:
-    """A finite number of zero or above, as a float."""
+    """Return a finite number >= 0."""
     return number(name, value, f"a finite number >= 0 {unit}", lambda x: x >= 0.0)
 
 
-# --- Several numbers
-
-
 def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, most: float = np.inf) -> Array:
-    """Finite numbers of a shape, as a new array; none is beyond ±`most`.
-
-    Parameters
-    ----------
-    expected : str
-        What was expected, with its unit.
-    """
+    """Return finite numbers of a shape within ±`most` as a new array; `expected` is for the error."""
     array = array_of(value)
     if array is None or array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"{name} is {value!r}, expected {expected}.")
@@ -122,7 +100,7 @@ def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, mos
 
 
 def unit(name: str, value: object) -> Array:
-    """Unit vector along three finite numbers, not all zero, as a new array."""
+    """Return the unit vector along three finite numbers that are not all zero."""
     u = numbers(name, value, (3,), "three finite numbers, not all zero")
     largest = np.abs(u).max()
     if not largest > 0.0:
@@ -132,10 +110,7 @@ def unit(name: str, value: object) -> Array:
 
 
 def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
-    """A dict, a pandas Series or the columns of a DataFrame by name, in the order of the names; anything else as it is.
-
-    A Series without names, numbered from 0, is taken by position.
-    """
+    """Return the numbers of a dict, Series or DataFrame in the order of the names; anything else as it is."""
     if isinstance(value, Mapping):
         given = dict(value)
     elif has_names(value):
@@ -164,29 +139,26 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
 
 
 def has_names(value: Any) -> bool:
-    """Whether a value is a Series or DataFrame of pandas with names, not numbered from 0."""
+    """Return whether a value is a Series or DataFrame of pandas with names, not numbered from 0."""
     if is_pandas(value, "Series"):
         return not is_pandas(value.index, "RangeIndex")
     return is_pandas(value, "DataFrame") and not is_pandas(value.columns, "RangeIndex")
 
 
 def is_pandas(value: Any, kind: str) -> bool:
-    """Whether a value is of a class of pandas, which need not be installed."""
+    """Return whether a value is of a class of pandas, which need not be installed."""
     pandas = sys.modules.get("pandas")
     # While another thread imports pandas, it is there without its classes, and nobody has one of them.
     return isinstance(value, getattr(pandas, kind, ()))
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:
-    """Names in a row, the first of them if there are many."""
+    """Return names in a row, the first of them if there are many."""
     return ", ".join(names[:most]) + (", …" if len(names) > most else "")
 
 
 def vector(name: str, value: object, names: Sequence[str]) -> Array:
-    """A finite number for each degree of freedom, as a new array; the first wrong one is named by its joint.
-
-    They may also be a dict or a pandas Series by name.
-    """
+    """Return a finite number for each degree of freedom as a new array; they may be a dict or a Series by name."""
     array = array_of(in_order(name, value, names))
     if array is None or array.shape != (len(names),):
         raise InputError(f"{name} is {value!r}, expected {len(names)} finite numbers, one for each degree of freedom.")
@@ -203,16 +175,9 @@ def per_name(
     expected: str = "a finite number > 0",
     valid: Callable[[float], bool] = lambda x: 0.0 < x < np.inf,
 ) -> Array:
-    """One number for all of the names, or one for each, as a new read-only vector; the first wrong one is named.
+    """Return one number for all names, or one for each, as a read-only vector; they may be a dict or a Series by name.
 
-    They may also be a dict or a pandas Series by name.
-
-    Parameters
-    ----------
-    expected : str
-        What was expected of each, with its unit.
-    valid : callable
-        Whether a number will do.
+    `expected` and `valid` are for each number.
     """
     array, n = array_of(in_order(name, value, names)), len(names)
     if array is None or array.shape not in ((), (n,)):
