@@ -17,7 +17,7 @@ REACH = 1.0
 
 
 def random_positions(model, rng):
-    """Positions drawn evenly within the limits, orientations evenly of all; shape (nq,)."""
+    """Return positions drawn evenly within the limits, orientations evenly of all."""
     if not isinstance(rng, np.random.Generator):
         try:
             rng = np.random.default_rng(rng)
@@ -38,16 +38,16 @@ def random_positions(model, rng):
 
 
 def integrated(model, q, v):
-    """Positions reached from q along v."""
+    """Return the positions reached from q along v."""
     result = np.empty(model.nq)
     q, v = positions(model, "q", q), vector("v", v, model.dof_names)
-    own = model.workspace  # held while the sweep runs: it is told of the memory by its address
+    own = model.workspace  # referenced while the sweep runs, which has its address only
     _check(sweeps.integrate(own.robot, q, v, result), "q and v")
     return result
 
 
 def difference(model, q0, q1):
-    """What integrates to q1 from q0."""
+    """Return the v that leads from q0 to q1."""
     v = np.empty(model.nv)
     q0, q1 = positions(model, "q0", q0), positions(model, "q1", q1)
     own = model.workspace
@@ -56,7 +56,7 @@ def difference(model, q0, q1):
 
 
 def positions(model, name, q):
-    """Positions, checked, as a new array."""
+    """Return positions as a new array; each quaternion has length 1."""
     q = vector(name, q, model.coordinate_names)
     for k, component in enumerate(model.orientations):
         quaternion = q[k - 3 : k + 1]
@@ -74,17 +74,16 @@ def _check(status, what):
 
 
 def _angles(model):
-    """Whether each position coordinate is an angle."""
+    """Return whether each position coordinate is an angle."""
     angles = np.array([name.endswith("/theta") for name in model.coordinate_names], dtype=bool)
     bodies = model.bodies
-    single = bodies[
-        (bodies["dofs"] == 1) & (bodies["owner"] == np.arange(len(bodies)))
-    ]  # a follower has its leader's q
+    leads = bodies["owner"] == np.arange(len(bodies))  # a mimic joint has its leader's q
+    single = bodies[(bodies["dofs"] == 1) & leads]
     angles[single["q"][single["direction"] >= ANGULAR_X]] = True
     return angles
 
 
 def _turning(model):
-    """1 for each degree of freedom that is a continuous joint's and leads no other: a turn of it is no motion at all."""
+    """Return 1 for each continuous joint that leads no other one: a whole turn of it is no motion."""
     turning = set(model.continuous_joints) - {mimic.leader for mimic in model.mimics.values()}
     return np.array([1.0 if name in turning else 0.0 for name in model.dof_names])

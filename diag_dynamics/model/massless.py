@@ -11,7 +11,7 @@ from diag_dynamics.model.options import negative_moments
 
 
 def massless_freedoms(model):
-    """Degrees of freedom that move no inertia in any of a few configurations, and the smallest D of every one.
+    """Return the degrees of freedom that move no inertia in any of four configurations, and the smallest D of each one.
 
     At a single configuration M may be merely singular there.
     """
@@ -29,13 +29,12 @@ def massless_freedoms(model):
     return np.flatnonzero(massless), smallest
 
 
-def _joints_of_dofs(tree):
-    """The joint of each degree of freedom."""
-    return [joint for joint in tree.joints for _ in joint.dof_names]
-
-
-MOST_LISTED = 50
+MAX_LISTED = 50
 """Largest number of joints that a message lists."""
+
+
+def _joints_of_dofs(tree):
+    return [joint for joint in tree.joints for _ in joint.dof_names]
 
 
 def refuse_massless(model, tree, found):
@@ -44,25 +43,30 @@ def refuse_massless(model, tree, found):
     if not len(massless):
         return
     joints = _joints_of_dofs(tree)
-    heavy = tree.joints_with_inertia()
-    lines = []
-    for k in massless[:MOST_LISTED]:
+    negative = {k: links for k in massless if (links := _negative_links(tree, joints[k]))}
+    text = _negative_text(model, smallest, negative) if negative else _massless_text(model, tree, joints, *found)
+    which = list(negative or massless)
+    raise MasslessLinkError(text, [model.dof_names[k] for k in which], smallest[which])
+
+
+def _negative_text(model, smallest, negative):
+    links = list(dict.fromkeys(text for found in negative.values() for text in found))[:MAX_LISTED]
+    names = ", ".join(f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in list(negative)[:MAX_LISTED])
+    return (
+        f"robot '{model.name}': {'; '.join(links)}. Expected positive moments, because the mass matrix is not positive "
+        f"definite with these, at the joint(s) {names}. Correct the inertia in the URDF."
+    )
+
+
+def _massless_text(model, tree, joints, massless, smallest):
+    heavy, lines = tree.joints_with_inertia(), []
+    for k in massless[:MAX_LISTED]:
         joint = joints[k]
         link = joint.joint.child if joint.joint else model.root_link
         why = "has little inertia about that axis" if joint.name in heavy else "has no <inertial>"
         lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
-    if len(massless) > MOST_LISTED:
-        lines.append(f"… and {len(massless) - MOST_LISTED} more")
-    negative = {k: found for k in massless if (found := _negative(tree, joints[k]))}
-    if negative:
-        links = "; ".join(list(dict.fromkeys(text for found in negative.values() for text in found))[:MOST_LISTED])
-        names = ", ".join(f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in list(negative)[:MOST_LISTED])
-        raise MasslessLinkError(
-            f"robot '{model.name}': {links}. Expected positive moments, because the mass matrix is not positive definite "
-            f"with these, at the joint(s) {names}. Correct the inertia in the URDF.",
-            [model.dof_names[k] for k in negative],
-            smallest[list(negative)],
-        )
+    if len(massless) > MAX_LISTED:
+        lines.append(f"… and {len(massless) - MAX_LISTED} more")
     advice = "Give the link mass and inertia in the URDF, or make the joint fixed."
     single = next((joints[k].name for k in massless if joints[k].is_single), None)
     if single is not None:
@@ -70,21 +74,19 @@ def refuse_massless(model, tree, found):
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."
         )
-    raise MasslessLinkError(
+    return (
         f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix "
-        f"singular: {'; '.join(lines)}. {advice}",
-        [model.dof_names[k] for k in massless],
-        smallest[massless],
+        f"singular: {'; '.join(lines)}. {advice}"
     )
 
 
-def _negative(tree, moved):
-    """Links that a joint moves and whose inertia has negative principal moments, with these, in words."""
-    outboard = {moved.joint.child} if moved.joint else {link.name for link in tree.robot.links}
+def _negative_links(tree, moved):
+    """Return texts on the links that a joint moves and whose inertia has negative principal moments."""
     children = {}
     for joint in tree.robot.joints:
         children.setdefault(joint.parent, []).append(joint.child)
-    ahead = list(outboard)
+    ahead = [moved.joint.child if moved.joint else tree.root]
+    outboard = set(ahead)
     while ahead:
         ahead += (more := children.get(ahead.pop(), []))
         outboard.update(more)
@@ -98,7 +100,7 @@ def _negative(tree, moved):
 
 
 def positions_to_hold(model, tree, found):
-    """Positions at which joints that move no inertia are locked: zero, or their limit next to it."""
+    """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
     joints, at = _joints_of_dofs(tree), {name: k for k, name in enumerate(model.coordinate_names)}
     held = {}
     for k in found[0]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External wrenches on links, as records for the sweeps."""
+"""External wrenches on links, as records :data:`sweeps.WRENCH`."""
 
 import numpy as np
 
@@ -9,61 +9,37 @@ from diag_dynamics import sweeps
 from diag_dynamics.checks import array_of, choice, mapping, numbers
 from diag_dynamics.exceptions import InputError
 
+_NUMBERS = "six finite numbers, force [N] then moment [N m]"
+
 
 def wrenches_on_links(model, f_ext, frame):
-    """Records of external wrenches for the sweeps: see :data:`sweeps.WRENCH`.
-
-    Parameters
-    ----------
-    f_ext : dict
-        Force [N] and moment [N m] at the link's origin, six numbers, by link name.
-    frame : {"link", "world"}
-        Axes they are in.
-    """
-    choice("frame", frame, ("link", "world"))
-    mapping("f_ext", f_ext)
-    records = np.zeros(len(f_ext), sweeps.WRENCH)
-    for k, (name, wrench) in enumerate(f_ext.items()):
-        if name not in model.link_names:
-            raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
-        wrench = numbers(f"f_ext on link '{name}'", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
-        records[k] = wrenches_at(model, name, wrench[None], (0.0, 0.0, 0.0), frame)[0]
-    return records
+    """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world"."""
+    return _records(model, f_ext, frame, (), _NUMBERS)
 
 
 def wrenches_on_links_of_many(model, f_ext, frame, count):
-    """Records of external wrenches at many states, those of each state next to each other; see :func:`wrenches_on_links`.
+    """Return the records of many states, state by state; six numbers for all of them, or an array of shape (count, 6)."""
+    expected = f"{_NUMBERS}, or ({count}, 6) of them: a row for each state"
+    return _records(model, f_ext, frame, (count,), expected)
 
-    Parameters
-    ----------
-    f_ext : dict
-        By link name, six numbers for all states, or an array of shape (count, 6).
-    """
+
+def _records(model, f_ext, frame, states, expected):
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)
-    records = np.zeros((count, len(f_ext)), sweeps.WRENCH)
+    records = np.zeros((*(states or (1,)), len(f_ext)), sweeps.WRENCH)
     for k, (name, given) in enumerate(f_ext.items()):
         if name not in model.link_names:
             raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
         array = array_of(given)
-        if array is None or array.shape not in ((6,), (count, 6)) or not np.isfinite(array).all():
-            expected = f"six finite numbers, force [N] then moment [N m], or ({count}, 6) of them: a row for each state"
+        if array is None or array.shape not in ((6,), (*states, 6)) or not np.isfinite(array).all():
             raise InputError(f"f_ext on link '{name}' is {given!r}, expected {expected}.")
-        wrenches = np.broadcast_to(array, (count, 6))
+        wrenches = np.broadcast_to(array, (len(records), 6))
         records[:, k] = wrenches_at(model, name, wrenches, (0.0, 0.0, 0.0), frame)
     return records.reshape(-1)
 
 
 def wrenches_at(model, link, wrenches, point, frame):
-    """Records of wrenches, shape (number, 6), that act at a point of one link: see :data:`sweeps.WRENCH`.
-
-    Parameters
-    ----------
-    point : array_like, shape (3,)
-        From the link's origin, in its axes [m].
-    frame : {"link", "world"}
-        Axes of the wrenches.
-    """
+    """Return records of wrenches, shape (number, 6), at a point of one link [m], from its origin and in its axes."""
     choice("frame", frame, ("link", "world"))
     point = numbers("point", point, (3,), "three finite numbers [m]")
     body, placement = model.placement_in_body(link)
