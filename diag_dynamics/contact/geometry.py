@@ -14,7 +14,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
-from diag_dynamics.contact.point import ContactPoint
+from diag_dynamics.contact.points import ContactPoint
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import Meshes

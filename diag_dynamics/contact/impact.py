@@ -1,18 +1,56 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ν before and after an impact along one direction at one point."""
+"""Contact of two masses: the transient one against a spring, and the impact that is over at once.
+
+The transient model is that of ISO/TS 15066, now in ISO 10218-2. A robot of reflected mass m_u comes with the speed v along
+u to a body region of the mass m_H, free to move, with a stiffness k. In the frame of the common centre of mass the energy is
+½μv², 1/μ = 1/m_u + 1/m_H; the spring takes it up: ½F²/k = ½μv².
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import number, positive
-from diag_dynamics.contact.transient import reduced_mass
+
+
+def reduced_mass(reflected_mass: Any, mass: Any = np.inf) -> Any:
+    """Return μ = (1/m_u + 1/m_H)⁻¹ [kg]; a mass of inf is clamped."""
+    with np.errstate(divide="ignore"):
+        return 1.0 / (1.0 / np.asarray(reflected_mass, float) + 1.0 / np.asarray(mass, float))
+
+
+def contact_force(speed: Any, reflected_mass: Any, stiffness: Any, mass: Any = np.inf) -> Any:
+    """Return the largest force v√(μk) [N] of a transient contact of speed v [m/s] against a stiffness k [N/m]."""
+    return np.asarray(speed, float) * np.sqrt(reduced_mass(reflected_mass, mass) * stiffness)
+
+
+def contact_energy(force: Any, stiffness: Any) -> Any:
+    """Return the energy E = F²/2k [J] of a spring k [N/m] at the force F [N]."""
+    return np.asarray(force, float) ** 2 / (2.0 * np.asarray(stiffness, float))
+
+
+def speed_of_force(force: Any, reflected_mass: Any, stiffness: Any, mass: Any = np.inf) -> Any:
+    """Return the speed F/√(μk) [m/s] at which a transient contact reaches the force F [N]."""
+    return np.asarray(force, float) / np.sqrt(reduced_mass(reflected_mass, mass) * stiffness)
+
+
+def speed_of_energy(energy: Any, reflected_mass: Any) -> Any:
+    """Return the speed √(2E/m_u) [m/s] at which the transferable energy ½m_u v² is E [J]."""
+    return np.sqrt(2.0 * np.asarray(energy, float) / np.asarray(reflected_mass, float))
+
+
+def simplified_mass(moving_mass: float, payload: float = 0.0) -> float:
+    """Return m_R = M/2 + m_L [kg] of ISO/TS 15066: half the mass of the moving parts, and the payload.
+
+    For comparison: independent of pose and direction, it can be too small as well as too large.
+    """
+    return 0.5 * moving_mass + payload
 
 
 class Impact(NamedTuple):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Body regions and what they bear, and which of them a link may meet. The user enters all numbers: none is built in."""
+"""Limits of body regions, and the regions that each link may meet. The user enters all numbers: none is built in."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diag_dynamics.checks import listed, mapping, positive
-from diag_dynamics.contact.point import ContactPoint
+from diag_dynamics.contact.points import ContactPoint
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.yaml_files import read_yaml
 
 CLAMPED = "clamped"
-"""What a file has for the mass of a body region that cannot give way."""
+"""Mass, in a file, of a body region that cannot give way."""
 
-SOFTEST = 500.0
-"""Stiffness [N/m] below which one is taken for one in N/mm, as tables have it: no part of a body is so soft."""
+MIN_STIFFNESS = 500.0
+"""Smallest stiffness accepted [N/m]: no part of a body is so soft, but tables have N/mm."""
 
 
 @dataclass(frozen=True)
 class BodyRegion:
-    """A part of the body, and what it bears.
+    """A part of the body, and the limits of contact with it.
 
     Parameters
     ----------
@@ -50,20 +50,20 @@ class BodyRegion:
             object.__setattr__(self, name, value if value == math.inf else positive(name, value, unit))
         if self.stiffness != 0.0 or self.force != math.inf:
             object.__setattr__(self, "stiffness", positive("stiffness", self.stiffness, "[N/m]"))
-            if self.stiffness < SOFTEST:
+            if self.stiffness < MIN_STIFFNESS:
                 raise InputError(
                     f"stiffness is {self.stiffness:g} N/m, softer than any part of a body; is it in N/mm, as tables have it? "
-                    f"1 N/mm is 1000 N/m; expected {SOFTEST:g} at least."
+                    f"1 N/mm is 1000 N/m; expected {MIN_STIFFNESS:g} at least."
                 )
 
     @property
     def is_limited(self) -> bool:
-        """Whether it has a limit at all."""
+        """Whether it has any limit."""
         return self.force < math.inf or self.energy < math.inf
 
     @property
     def row(self) -> tuple[float, float, float, float]:
-        """1/m_H, k, and both limits, as sweeps take them."""
+        """1/m_H, k, and both limits, a row of the table for sweeps."""
         return 1.0 / self.mass, self.stiffness, self.force, self.energy
 
 
@@ -117,7 +117,7 @@ class ContactLimits:
         return tuple(names)
 
     def of(self, point: ContactPoint) -> tuple[str, ...]:
-        """Names of the body regions that a point may meet."""
+        """Return the names of the body regions that a point may meet."""
         own = self.points.get(point.name, {})
         if own.get("link") == point.link and "regions" in own:
             return tuple(own["regions"])
@@ -133,7 +133,7 @@ class ContactLimits:
         return ContactLimits(regions, (*(self.default or ()), name), links, points)
 
     def contact_points(self) -> tuple[ContactPoint, ...]:
-        """The points beside those of links."""
+        """Return the points beside those of links."""
         return tuple(
             ContactPoint(name, of["link"], of.get("xyz", (0.0, 0.0, 0.0)), of.get("direction"))
             for name, of in self.points.items()

@@ -1,30 +1,57 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points of links at which contact is looked at, as sweeps take them."""
+"""Points of links at which contact is predicted, and the table of them for sweeps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from diag_dynamics import sweeps
-from diag_dynamics.arrays import Array
+from diag_dynamics.arrays import Array, PointLike, RowsLike
 from diag_dynamics.checks import array_of, choice, unit
 from diag_dynamics.compiled.tables import Addresses
-from diag_dynamics.contact.limits import ContactLimits
-from diag_dynamics.contact.point import ContactPoint
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+
+if TYPE_CHECKING:
+    from diag_dynamics.contact.limits import ContactLimits
 
 WorstBy = Literal["energy", "force", "limit"]
 
 _BY = {"energy": sweeps.BY_ENERGY, "force": sweeps.BY_FORCE, "limit": sweeps.BY_LIMIT}
 
-FARTHEST = 1e6
-"""How far from the link's origin a point may be [m]."""
+MAX_DISTANCE = 1e6
+"""Largest coordinate of a point in the link's axes [m]."""
+
+
+@dataclass(frozen=True)
+class ContactPoint:
+    """A point of a link, or several of which the worst counts.
+
+    Parameters
+    ----------
+    name : str
+        Its name in results.
+    link : str
+        Name of the link.
+    points : array_like, shape (3,) or (number, 3)
+        From the link's origin in the link's axes [m].
+    direction : array_like, shape (3,), optional
+        Direction of contact; by default that of the motion of each point.
+    frame : {"link", "root"}
+        Axes of the direction.
+    """
+
+    name: str
+    link: str
+    points: PointLike | RowsLike = (0.0, 0.0, 0.0)
+    direction: PointLike | None = None
+    frame: Literal["link", "root"] = "link"
 
 
 class ContactPoints:
@@ -38,9 +65,8 @@ class ContactPoints:
     limits : ContactLimits, optional
         Without it there is no force, and no limit.
     worst_by : {"energy", "force", "limit"}
-        Which of an entry's points is the worst: that of the largest transferable energy along its motion, of the largest
-        force against any of the entry's body regions, or that whose speed is the largest part of the allowed one. Where an
-        entry has no such thing, it is the energy.
+        The worst of an entry's points has the largest transferable energy along its motion, the largest force against any of
+        the entry's body regions, or the largest ratio of speed to allowed speed. Without regions or limits it is the energy.
 
     Attributes
     ----------
@@ -107,7 +133,7 @@ class ContactPoints:
 
     @property
     def table(self) -> int:
-        """Address of the table that sweeps take; it is there as long as this object."""
+        """Address of the table for sweeps; valid as long as this object."""
         return self._table.at
 
     @property
@@ -116,7 +142,7 @@ class ContactPoints:
         return sum(map(len, self.points))
 
     def region_name(self, index: int) -> str:
-        """Name of a body region by its place in the table; empty of -1."""
+        """Return the name of a body region by its row in the table; empty for -1."""
         return self._region_names[index] if index >= 0 else ""
 
     def __len__(self) -> int:
@@ -126,7 +152,7 @@ class ContactPoints:
         return f"<ContactPoints of '{self.model.name}': {len(self)} entries, {self.count} points, worst by {self.worst_by}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self._given  # addresses would be those of the original
+        return type(self), self._given  # an address is valid in one process
 
 
 def _rows(point: ContactPoint) -> Array:
@@ -135,15 +161,15 @@ def _rows(point: ContactPoint) -> Array:
         raise InputError(
             f"points of '{point.name}' are {point.points!r}, expected three numbers [m], or rows of three."
         )
-    if not (np.abs(array) <= FARTHEST).all():
+    if not (np.abs(array) <= MAX_DISTANCE).all():
         raise InputError(
-            f"points of '{point.name}' are {point.points!r}, expected finite numbers within ±{FARTHEST:g} m."
+            f"points of '{point.name}' are {point.points!r}, expected finite numbers within ±{MAX_DISTANCE:g} m."
         )
     return array.reshape(-1, 3)
 
 
 def _direction(point: ContactPoint, placement: Array) -> tuple[int, Array]:
-    """Which direction an entry has, and it as a unit vector in the axes that sweeps take."""
+    """Return the kind of an entry's direction, and a unit vector along it in the axes of that kind."""
     choice("frame", point.frame, ("link", "root"))
     if point.direction is None:
         return sweeps.ALONG_MOTION, np.zeros(3)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What contact at the points of a robot could transfer, at one state or many."""
+"""Predicted contact at the points of a robot, at one state or many."""
 
 from __future__ import annotations
 
@@ -11,21 +11,11 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.contact.points import ContactPoints
-from diag_dynamics.sweeps.contacts import (
-    ALLOWED,
-    DIRECTION,
-    FORCE,
-    MASS,
-    POINT,
-    POSITION,
-    REGION,
-    SPEED,
-    TRANSFERABLE,
-)
+from diag_dynamics.sweeps.contacts import ALLOWED, DIRECTION, FORCE, MASS, POINT, POSITION, REGION, SPEED, TRANSFERABLE
 
 
 class Contact:
-    """What a touch at each entry of :class:`ContactPoints` could transfer, at the worst of its points; read-only.
+    """Predicted contact at the worst point of each entry of :class:`ContactPoints`; read-only.
 
     Arrays have an entry for each of `names`; of many states, a row of them for each state.
 
@@ -44,7 +34,7 @@ class Contact:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the entries are called."""
+        """Names of the entries."""
         return self.points.names
 
     @property

@@ -15,8 +15,7 @@ from diag_dynamics import batch, sweeps
 from diag_dynamics.arrays import Array, Frame, MatrixLike, PointLike, VectorLike
 from diag_dynamics.checks import unit
 from diag_dynamics.contact.impact import Impact, impact
-from diag_dynamics.contact.point import ContactPoint
-from diag_dynamics.contact.points import ContactPoints
+from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
 from diag_dynamics.dynamics.many_states import ManyStates, threads_of
 from diag_dynamics.exceptions import InputError

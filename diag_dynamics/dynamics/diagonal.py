@@ -11,7 +11,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.compiled.progress import steps
-from diag_dynamics.contact.point import ContactPoint
+from diag_dynamics.contact.points import ContactPoint
 from diag_dynamics.dynamics.contacts import Contacts
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 
