@@ -32,7 +32,7 @@ MAX_OVERSPEED = 1.1
 
 def velocity_limits(model):
     """Return the velocity limits [rad/s, m/s]; inf where the URDF has none, or 0."""
-    return np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)
+    return model.velocity_bound
 
 
 def highest_speeds(model):

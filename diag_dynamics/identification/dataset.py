@@ -174,7 +174,7 @@ def _any_since(rows, kept):
 
 def _find_fast(model, velocity, finite):
     """Return which states are faster than joints can be; raise InputError if many are, as of another unit."""
-    limit = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf)  # 0: none
+    limit = model.velocity_bound
     beyond = finite[:, None] & (np.abs(velocity) > MAX_VELOCITY * limit)
     share = beyond.sum(axis=0) / finite.sum()
     k = int(np.argmax(share))

@@ -248,7 +248,7 @@ class _Series:
     def __init__(self, model, moving, limits, period, time):
         self._model, self._dynamics, self._time, self._moving = model, DiagonalDynamics(model), time, moving
         self._fastest, self._low, self._high, effort = limits
-        self._limit = effort * np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)
+        self._limit = effort * model.effort_bound
         self._worst = np.full(model.nv, np.inf)  # smallest fraction of the effort that trials need
         w = 2.0 * np.pi / period * np.arange(1, HARMONICS + 1)
         # Velocities a cos wt + b sin wt and their slopes begin at zero: two coefficients fewer.

@@ -196,6 +196,16 @@ class RobotModel:
         return reflected
 
     @property
+    def velocity_bound(self) -> Array:
+        """Velocity limits, infinite where the URDF has 0, as authors write who know none; shape (nv,) [rad/s, m/s]."""
+        return np.where(self.velocity_limit > 0.0, self.velocity_limit, np.inf)
+
+    @property
+    def effort_bound(self) -> Array:
+        """Effort limits, infinite where the URDF has 0; shape (nv,) [N m, N]."""
+        return np.where(self.effort_limit > 0.0, self.effort_limit, np.inf)
+
+    @property
     def neutral(self) -> Array:
         """Positions of zero, floating joints at the identity; shape (nq,)."""
         return np.array([1.0 if orientation == 3 else 0.0 for orientation in self.orientations])
