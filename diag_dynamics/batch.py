@@ -16,7 +16,6 @@ import numpy as np
 from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, MatrixLike
 from diag_dynamics.checks import has_names, in_order
-from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.exceptions import InputError
 
 PIECES = 4
@@ -65,7 +64,7 @@ class Workspaces:
         try:
             return self._idle.pop()
         except IndexError:
-            return sweeps.WideWorkspace(self._model.bodies, self._model.gravity)
+            return sweeps.BatchWorkspace(self._model.bodies, self._model.gravity, sweeps.ROW_NUMBERS)
 
     def give_back(self, workspace):
         """Say that a workspace is not in use any more."""
@@ -92,7 +91,7 @@ def evaluate(workspaces, Q, QD, TAU, memory, threads):
     def sweep(robot, first, last):
         return sweeps.evaluate_many(robot, Q, QD, TAU, first, last, *memory)
 
-    return in_pieces(workspaces, len(Q), sweep, threads, WIDTH)
+    return in_pieces(workspaces, len(Q), sweep, threads, sweeps.WIDTH)
 
 
 def in_pieces(workspaces, count, sweep, threads, width=1):

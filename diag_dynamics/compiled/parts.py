@@ -27,7 +27,7 @@ from numba.core.typed_passes import (
 
 from diag_dynamics.compiled.lowering import KernelLower, MayFailError, PartLower, called
 
-OPTIMIZED = 1
+OPTIMIZED = 3
 """Level of LLVM's passes over an entry. At 3 they take 3 of 36 CPU-seconds longer, and what they make is no faster."""
 
 
@@ -121,8 +121,11 @@ class Entry(_Library):
 
     def _optimize_final_module(self):
         # Kernels are inlined first: inlined by the passes that follow, they take five times as long.
-        for options in ({"opt": 0, "cost": "cheap"}, {"opt": OPTIMIZED}):
-            passes, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, **options)
+        for options in (
+            {"opt": 0, "cost": "cheap", "loop_vectorize": False},
+            {"opt": OPTIMIZED, "loop_vectorize": True},
+        ):
+            passes, builder = self._codegen._module_pass_manager(slp_vectorize=False, **options)
             passes.run(self._final_module, builder)
 
 

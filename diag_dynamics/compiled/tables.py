@@ -11,16 +11,13 @@ import numba
 import numpy as np
 
 from diag_dynamics.compiled.arrays import table_at
-from diag_dynamics.compiled.lanes import EIGHT, WIDTH, record_of_lanes
 
 
 class Array(NamedTuple):
-    """Field of a Table: an array. See :func:`array` and :func:`lanes`."""
+    """Field of a Table: an array. See :func:`array`."""
 
     dtype: np.dtype
     """What it holds, in Python."""
-    inner: tuple
-    """Its last dimensions in Python, which make one element of what the kernel has."""
     kind: numba.types.Type
     """That element."""
     ndim: int
@@ -31,19 +28,7 @@ class Array(NamedTuple):
 
 def array(dtype, ndim=1, last=None):
     """Field of a Table: a C-contiguous array. Its `last` extent, if known beforehand, is a constant to the compiler."""
-    return Array(np.dtype(dtype), (), numba.from_dtype(np.dtype(dtype)), ndim, last)
-
-
-def lanes(dtype, ndim=1):
-    """Field of a Table: an array that has lanes where one of `dtype` has numbers.
-
-    In Python it is of float64. Its last dimension is that of the lanes; where `dtype` has fields, the last but one is that of
-    an element's numbers.
-    """
-    dtype = np.dtype(dtype)
-    if dtype.fields:
-        return Array(np.dtype(float), (dtype.itemsize // 8, WIDTH), record_of_lanes(dtype, EIGHT), ndim)
-    return Array(np.dtype(float), (WIDTH,), EIGHT, ndim)
+    return Array(np.dtype(dtype), numba.from_dtype(np.dtype(dtype)), ndim, last)
 
 
 class Table:
@@ -132,9 +117,8 @@ def _check(name, field, entry):
     """Refuse what a kernel would misread."""
     if not isinstance(entry, np.ndarray) or entry.dtype != field.dtype:
         raise TypeError(f"{name} is an array of {field.dtype}, not {getattr(entry, 'dtype', type(entry).__name__)}")
-    inner = entry.shape[field.ndim :]
-    if entry.ndim != field.ndim + len(field.inner) or inner != field.inner:
-        raise TypeError(f"{name} has {field.ndim} dimensions, and then {field.inner}, not the shape {entry.shape}")
+    if entry.ndim != field.ndim:
+        raise TypeError(f"{name} has {field.ndim} dimensions, not the shape {entry.shape}")
     if field.last not in (None, *entry.shape[field.ndim - 1 : field.ndim]):
         raise TypeError(f"the last extent of {name} is {field.last}, not that of the shape {entry.shape}")
     if not entry.flags.c_contiguous:

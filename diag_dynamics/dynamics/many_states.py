@@ -12,7 +12,6 @@ import numpy as np
 
 from diag_dynamics import batch, sweeps
 from diag_dynamics.arrays import Array, Frame, ManyWrenches, MatrixLike, RowsLike
-from diag_dynamics.compiled.lanes import WIDTH
 from diag_dynamics.dynamics.one_state import OneState, friction_of, given, memory_of
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model.wrenches import wrenches_on_links_of_many
@@ -257,12 +256,12 @@ class ManyStates(OneState):
     def epsilon_from_tau_batch(self, Q: MatrixLike, TAU: MatrixLike, *, threads: int | None = None) -> Array:
         """ε = ℓτ [J^½/s], shape (T, nv): :meth:`epsilon_from_tau` of each row."""
         arguments = self._states(Q=Q, TAU=TAU)
-        return self._moments(True, self.epsilon_from_tau, *arguments, threads=threads_of(threads))
+        return self._each(sweeps.EPSILON_FROM_TAU, self.epsilon_from_tau, *arguments, threads=threads_of(threads))
 
     def tau_from_epsilon_batch(self, Q: MatrixLike, EPSILON: MatrixLike, *, threads: int | None = None) -> Array:
         """τ = mε [N m, N], shape (T, nv): :meth:`tau_from_epsilon` of each row."""
         arguments = self._states(Q=Q, EPSILON=EPSILON)
-        return self._moments(False, self.tau_from_epsilon, *arguments, threads=threads_of(threads))
+        return self._each(sweeps.TAU_FROM_EPSILON, self.tau_from_epsilon, *arguments, threads=threads_of(threads))
 
     # --- Between Python and the sweeps ---
 
@@ -285,18 +284,7 @@ class ManyStates(OneState):
         def too_large(q: Array, tau: Array) -> None:
             raise InputError(f"{what} too large: a result overflows.")
 
-        return self._moments(True, too_large, Q, tau, threads=threads)
-
-    def _moments(self, working: bool, single: Callable[..., Any], Q: Array, A: Array, *, threads: int) -> Array:
-        """ε = ℓτ or τ = mε of each state, several side by side; `single` does the same for one, and says what is wrong."""
-        results = np.empty((len(Q), self.model.nv))
-
-        def sweep(robot: int, begin: int, end: int) -> int:
-            return sweeps.moments_many(robot, working, Q, A, begin, end, results)
-
-        failing = batch.in_pieces(self._workspaces, len(Q), sweep, threads, WIDTH)
-        self._refuse_state(failing, lambda t: single(Q[t], A[t]))
-        return results
+        return self._each(sweeps.EPSILON_FROM_TAU, too_large, Q, tau, threads=threads)
 
     def _each(
         self,

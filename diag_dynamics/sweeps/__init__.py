@@ -21,12 +21,24 @@ A sweep takes a robot as :class:`Workspace` holds it: `bodies` are the records o
 body i has no articulated inertia, -1 if an input is not finite or no orientation, or is so large that a result is not
 finite, MISFIT if a vector has not the robot's length.
 
-bodies: the records that sweeps work on; workspace: their memory. joints: steps that sweeps share; inertias: P handed on to
-the parent. groups: degrees of freedom that are eliminated together. evaluation, factorization, factors, classical,
-derivatives, kinematics, mobilities: the sweeps; contacts: what a touch at points could transfer. many: evaluation of many
-states; each: other sweeps of many. motions: positions that move along a twist, and joints that are held.
+bodies: the records that sweeps work on; workspace: their memory. joints: steps that sweeps share. groups: degrees of freedom
+that are eliminated together. evaluation, factorization, factors, classical, derivatives, kinematics, mobilities: the sweeps;
+contacts: contact at points. batch: sweeps over many states. motions: positions that move along a twist, and locked joints.
 """
 
+from diag_dynamics.sweeps.batch import (
+    EPSILON_FROM_TAU,
+    FORWARD,
+    INVERSE,
+    NU_FROM_QD,
+    QD_FROM_NU,
+    ROW_NUMBERS,
+    TAU_FROM_EPSILON,
+    effort_of_wrenches_each,
+    evaluate_many,
+    mass_matrix_each,
+    sweep_each,
+)
 from diag_dynamics.sweeps.bodies import (
     BODY,
     LINK,
@@ -64,15 +76,6 @@ from diag_dynamics.sweeps.derivatives import (
     mass_matrix_rate,
     mass_matrix_rate_times,
 )
-from diag_dynamics.sweeps.each import (
-    FORWARD,
-    INVERSE,
-    NU_FROM_QD,
-    QD_FROM_NU,
-    effort_of_wrenches_each,
-    mass_matrix_each,
-    sweep_each,
-)
 from diag_dynamics.sweeps.evaluation import (
     evaluate,
     friction_power,
@@ -92,7 +95,6 @@ from diag_dynamics.sweeps.factors import factors
 from diag_dynamics.sweeps.groups import owns
 from diag_dynamics.sweeps.joints import SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.kinematics import jacobian, motion, placement
-from diag_dynamics.sweeps.many import evaluate_many, moments_many
 from diag_dynamics.sweeps.mobilities import FRAME, mobilities
 from diag_dynamics.sweeps.motions import chart_rates, difference, displace, hold, integrate
 from diag_dynamics.sweeps.workspace import (
@@ -116,9 +118,10 @@ from diag_dynamics.sweeps.workspace import (
     RATES,
     RESULTS,
     ROWS,
+    WIDTH,
     XI,
     XI_DOT,
-    WideWorkspace,
+    BatchWorkspace,
     Workspace,
     clear,
     copy,
@@ -142,6 +145,7 @@ __all__ = [
     "EFFORT_POWER",
     "ENERGY_SHARE",
     "EPSILON",
+    "EPSILON_FROM_TAU",
     "FORWARD",
     "FRAME",
     "GRAVITY",
@@ -162,14 +166,17 @@ __all__ = [
     "RATES",
     "RESULTS",
     "ROWS",
+    "ROW_NUMBERS",
     "SINGULAR",
+    "TAU_FROM_EPSILON",
     "UNIT_TOLERANCE",
+    "WIDTH",
     "WORK",
     "WRENCH",
     "WRENCHES",
     "XI",
     "XI_DOT",
-    "WideWorkspace",
+    "BatchWorkspace",
     "Workspace",
     "accelerations_with_added_inertia",
     "articulated_inertias",
@@ -206,7 +213,6 @@ __all__ = [
     "mass_matrix_rate",
     "mass_matrix_rate_times",
     "mobilities",
-    "moments_many",
     "motion",
     "nu_from_qd",
     "opened",

@@ -9,7 +9,7 @@ from numba import types
 
 from diag_dynamics.compiled.arrays import array_at
 from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.sweeps.spatial import Force, Inertia, Motion, Placement, add, add_force
+from diag_dynamics.sweeps.spatial import Force, Inertia, Motion, Placement, add_force, add_inertia
 
 REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
 """Kinds of joints: which one a body belongs to. Several may have as many degrees of freedom, so that number does not say."""
@@ -58,57 +58,42 @@ LINK = np.dtype(
 )
 """One link with inertia, in the frame of the body it belongs to."""
 
-INERTIA, RATE = 72, 4
-"""Numbers that P and Ṗ of a body take together, and the distance of Ṗ from P.
+SWEPT_FIELDS = {
+    "rotation": 9,
+    "translation": 3,
+    "V": 6,
+    "acceleration": 6,
+    "P": 21,
+    "P_rate": 21,
+    "y": 6,
+    "z": 6,
+    "magnitude": 2,
+    "total": 2,
+}
+"""Fields of a body's workspace that the evaluation works on, and their lengths.
 
-Row by row, each entry of the 3x3 blocks A, B and C of P, a gap, those of Ṗ, a gap: eight numbers that are next to each other
-make one vector register (see inertias).
+From P on they are what a body accumulates from its children. P and Ṗ are symmetric: xx xy xz yy yz zz of the block A, the
+nine entries of B, and C as A.
 """
 
-
-def _work():
-    """Fields of a body's workspace, each where a vector register may start."""
-    fields = {"P": ((np.float64, INERTIA - RATE), 0), "P_rate": ((np.float64, INERTIA - RATE), 8 * RATE)}
-    end = 8 * INERTIA
-    for name, length in (
-        ("rigid", INERTIA // 2),
-        ("sine", None),
-        ("cosine", None),
-        ("rotation", 9),
-        ("translation", 3),
-        ("V", 6),
-        ("acceleration", 6),
-        ("y", 6),
-        ("z", 6),
-        ("magnitude", 2),
-        ("total", 2),
-        ("armature", None),
-        ("D", None),
-        ("size", None),
-        ("G", 6),
-        ("u", 6),
-        ("orientation", 9),
-        ("W", 6),
-        ("W_rate", 6),
-        ("zeta", 6),
-        ("bias", 6),
-    ):
-        fields[name] = (np.float64 if length is None else (np.float64, length)), end
-        end += 8 * (length or 1)
-    return np.dtype(
-        {
-            "names": list(fields),
-            "formats": [format_ for format_, _ in fields.values()],
-            "offsets": [offset for _, offset in fields.values()],
-            "itemsize": -(-end // 64) * 64,
-        },
-        align=True,
-    )
-
-
-WORK = _work()
+WORK = np.dtype(
+    [
+        *((name, "f8", length) for name, length in SWEPT_FIELDS.items()),
+        ("armature", "f8"),
+        ("D", "f8"),
+        ("size", "f8"),
+        ("G", "f8", 6),
+        ("u", "f8", 6),
+        ("orientation", "f8", 9),
+        ("W", "f8", 6),
+        ("W_rate", "f8", 6),
+        ("zeta", "f8", 6),
+        ("bias", "f8", 6),
+    ],
+    align=True,
+)
 """Workspace of one body; which fields are alive depends on the sweep. D, size, G and u belong to the degree of freedom
-that the body owns; rigid is its own inertia, as P holds it; sine and cosine are those of its joint's angle."""
+that the body owns."""
 
 WRENCH = np.dtype(
     [("body", "i8"), ("point", "f8", 3), ("force", "f8", 3), ("moment", "f8", 3)],
@@ -158,9 +143,9 @@ def force_of(a):
 def inertia_of(a):
     """Inertia of the field P or P_rate."""
     return Inertia(
-        ((a[0], a[8], a[16]), (a[8], a[32], a[40]), (a[16], a[40], a[64])),
-        ((a[1], a[9], a[17]), (a[25], a[33], a[41]), (a[49], a[57], a[65])),
-        ((a[2], a[10], a[18]), (a[10], a[34], a[42]), (a[18], a[42], a[66])),
+        ((a[0], a[1], a[2]), (a[1], a[3], a[4]), (a[2], a[4], a[5])),
+        ((a[6], a[7], a[8]), (a[9], a[10], a[11]), (a[12], a[13], a[14])),
+        ((a[15], a[16], a[17]), (a[16], a[18], a[19]), (a[17], a[19], a[20])),
     )
 
 
@@ -212,23 +197,23 @@ def set_placement(w, X):
 
 
 @kernel
+def set_symmetric(a, first, M):
+    """Write the upper triangle of a symmetric matrix."""
+    a[first], a[first + 1], a[first + 2] = M[0]
+    a[first + 3], a[first + 4], a[first + 5] = M[1][1], M[1][2], M[2][2]
+
+
+@kernel
 def set_inertia(a, P):
     """Write an Inertia."""
-    for row in range(3):
-        for column in range(3):
-            k = 24 * row + 8 * column
-            a[k], a[k + 1], a[k + 2] = P.A[row][column], P.B[row][column], P.C[row][column]
+    set_symmetric(a, 0, P.A)
+    set_vector(a, 6, P.B[0])
+    set_vector(a, 9, P.B[1])
+    set_vector(a, 12, P.B[2])
+    set_symmetric(a, 15, P.C)
 
 
 @kernel
 def add_to_inertia(a, P):
     """Add an Inertia to the numbers of P."""
-    Q = inertia_of(a)
-    set_inertia(
-        a,
-        Inertia(
-            (add(Q.A[0], P.A[0]), add(Q.A[1], P.A[1]), add(Q.A[2], P.A[2])),
-            (add(Q.B[0], P.B[0]), add(Q.B[1], P.B[1]), add(Q.B[2], P.B[2])),
-            (add(Q.C[0], P.C[0]), add(Q.C[1], P.C[1]), add(Q.C[2], P.C[2])),
-        ),
-    )
+    set_inertia(a, add_inertia(inertia_of(a), P))

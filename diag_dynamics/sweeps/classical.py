@@ -38,7 +38,6 @@ from diag_dynamics.sweeps.groups import (
     is_grouped,
     owns,
 )
-from diag_dynamics.sweeps.inertias import hand_on
 from diag_dynamics.sweeps.joints import (
     accelerate_world,
     are_finite,
@@ -53,10 +52,10 @@ from diag_dynamics.sweeps.joints import (
     pass_size,
     place,
     place_all,
+    propagate_inertia,
     rest_at_world,
     start,
     start_inertia,
-    turn,
     zeta,
 )
 from diag_dynamics.sweeps.spatial import (
@@ -102,7 +101,7 @@ def _spend(bodies, i, direction, qd, work, qdd):
         y_plus = add_force(y, scale_force(G, remainder - power(column, zeta)))  # P⁺ζ = Pζ − G (P S)ᵀζ
         y_plus = add_force(y_plus, inertia_times(P, zeta))
         pass_size(w, X, parent)
-        hand_on(w, G, column, X, parent)
+        propagate_inertia(w, G, column, X, parent)
         add_to_force(parent.y, force_to_parent(X, y_plus))
     return 0
 
@@ -149,7 +148,6 @@ def accelerations(bodies, gravity, q, qd, tau, added, work, Q, qdd):
     """
     n = len(bodies)
     rest_at_world(work)
-    turn(bodies, q, work)
     for i in range(1, n):
         body, w = bodies[i], work[i]
         place(body, q, w)
@@ -213,7 +211,6 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     n = len(bodies)
     rest_at_world(work)
     accelerate_world(gravity, weight, work)
-    turn(bodies, q, work)
     for i in range(1, n):
         body, w, parent = bodies[i], work[i], work[bodies[i].parent]
         X = place(body, q, w)
@@ -242,7 +239,6 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
         return -1
     n = len(bodies)
     set_matrix(work[0].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
-    turn(bodies, q, work)
     for i in range(1, n):
         X = place(bodies[i], q, work[i])
         set_matrix(work[i].orientation, product(matrix_of(work[bodies[i].parent].orientation), X.rotation))

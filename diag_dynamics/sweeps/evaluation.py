@@ -19,13 +19,13 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.compiled.lanes import nought
 from diag_dynamics.sweeps.bodies import (
     BODIES,
     LINKS,
     WORK,
     WORKS,
     add_to_force,
+    add_to_inertia,
     force_of,
     inertia_of,
     motion_of,
@@ -49,12 +49,10 @@ from diag_dynamics.sweeps.groups import (
     momentum_rate,
     owns,
 )
-from diag_dynamics.sweeps.inertias import hand_on_with_rate
 from diag_dynamics.sweeps.joints import (
     are_finite,
     are_orientations,
     is_singular,
-    joint_inertia,
     magnitude_along,
     momentum,
     move,
@@ -63,14 +61,15 @@ from diag_dynamics.sweeps.joints import (
     place,
     rest_at_world,
     start_inertia,
-    turn,
 )
 from diag_dynamics.sweeps.spatial import (
     ANGULAR_Z,
     LINEAR_Z,
+    NO_MOTION,
     ZERO,
     Motion,
     add_force,
+    add_inertia,
     add_motion,
     along,
     apply_transposed,
@@ -80,6 +79,9 @@ from diag_dynamics.sweeps.spatial import (
     dot,
     force_to_parent,
     inertia_times,
+    inertia_to_parent,
+    less_rank_one,
+    less_rank_two,
     motion_along,
     motion_to_child,
     power,
@@ -87,6 +89,7 @@ from diag_dynamics.sweeps.spatial import (
     scale_force,
     subtract_force,
     subtract_motion,
+    transport_along_z,
 )
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
@@ -106,6 +109,7 @@ from diag_dynamics.sweeps.workspace import (
     POSITIONS,
     POWER,
     RATES,
+    RESULTS,
     XI,
     XI_DOT,
     clear,
@@ -114,57 +118,62 @@ from diag_dynamics.sweeps.workspace import (
 )
 
 
-@large_kernel
-def _outward(bodies, gravity, q, qd, work):
-    """V, gravity's acceleration, and what the inward sweep starts from."""
-    world = work[0]
-    rest_at_world(work)
+@kernel
+def start_at_world(gravity, world):
+    """V and gravity's acceleration of the world."""
+    set_motion(world.V, NO_MOTION)
     set_vector(world.acceleration, 0, scale(vector_of(gravity), -1.0))
-    turn(bodies, q, work)
-    for i in range(1, len(bodies)):
-        body, w, parent = bodies[i], work[i], work[bodies[i].parent]
-        X = place(body, q, w)
-        V = add_motion(motion_to_child(X, motion_of(parent.V)), own_motion(body, qd))
-        set_motion(w.V, V)
-        set_vector(w.acceleration, 0, apply_transposed(X.rotation, vector_of(parent.acceleration)))
-        start_inertia(body, w)
-        set_force(w.y, cross_force(V, momentum(body, V)))
-        clear(w.z)
 
 
 @kernel
-def _fill(out, k, root, xi, kappa, without_xi, gravity, D, D_rate):
-    """Write the results of one degree of freedom: the only place where they are listed.
+def outward_step(bodies, i, q, qd, work):
+    """V, gravity's acceleration, and what the inward sweep starts from at a body."""
+    body, w, parent = bodies[i], work[i], work[bodies[i].parent]
+    X = place(body, q, w)
+    V = add_motion(motion_to_child(X, motion_of(parent.V)), own_motion(body, qd))
+    set_motion(w.V, V)
+    set_vector(w.acceleration, 0, apply_transposed(X.rotation, vector_of(parent.acceleration)))
+    start_inertia(body, w)
+    set_force(w.y, cross_force(V, momentum(body, V)))
+    clear(w.z)
+
+
+@large_kernel
+def _outward(bodies, gravity, q, qd, work):
+    start_at_world(gravity, work[0])
+    for i in range(1, len(bodies)):
+        outward_step(bodies, i, q, qd, work)
+
+
+@kernel
+def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
+    """Results of one degree of freedom, by row: the only place where they are listed.
 
     `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half; `gravity` is ε_g.
     """
-    epsilon, coriolis = kappa / root, (without_xi + 0.5 * D_rate * xi) / root
-    unnormalized, nu_dot = without_xi + D_rate * xi, epsilon - coriolis - gravity
-    out[NU, k] = root * xi
-    out[XI, k] = xi
-    out[EPSILON, k] = epsilon
-    out[KAPPA, k] = kappa
-    out[CORIOLIS, k] = coriolis
-    out[CORIOLIS_UNNORMALIZED, k] = unnormalized
-    out[GRAVITY, k] = gravity
-    out[ARTICULATED_INERTIA, k] = D
-    out[ARTICULATED_INERTIA_RATE, k] = D_rate
-    out[NU_DOT, k] = nu_dot
-    out[XI_DOT, k] = (root * (nu_dot + coriolis) - unnormalized) / D
+    coriolis = (without_xi + 0.5 * D_rate * xi) / root
+    return root * xi, xi, kappa / root, kappa, coriolis, without_xi + D_rate * xi, gravity, D, D_rate
 
 
 @kernel
-def _axis(bodies, i, direction, qd, tau, work, out):
-    """The inward step at a joint of one degree of freedom; the direction is a constant, for the compiler's sake."""
-    body, w = bodies[i], work[i]
-    k = body.dof
-    rate = qd[k]
-    V, P, P_rate, y, z = motion_of(w.V), inertia_of(w.P), inertia_of(w.P_rate), force_of(w.y), force_of(w.z)
+def write_outputs(out, k, results):
+    """Write the results of one degree of freedom, ν̇ and ξ̇."""
+    out[NU, k], out[XI, k], out[EPSILON, k], out[KAPPA, k] = results[0], results[1], results[2], results[3]
+    out[CORIOLIS, k], out[CORIOLIS_UNNORMALIZED, k], out[GRAVITY, k] = results[4], results[5], results[6]
+    out[ARTICULATED_INERTIA, k], out[ARTICULATED_INERTIA_RATE, k] = results[7], results[8]
+    root, nu_dot = math.sqrt(results[7]), results[2] - results[4] - results[6]
+    out[NU_DOT, k], out[XI_DOT, k] = nu_dot, (root * (nu_dot + results[4]) - results[5]) / results[7]
 
-    D, column, G = joint_inertia(direction, w, P)
-    w.D = D
-    if is_singular(magnitude_along(body, w), D):
-        return i
+
+@kernel
+def inward_joint(direction, armature, rate, tau, V, acceleration, P, P_rate, y, z):
+    """The inward step at a joint of one degree of freedom: its results, and P⁺, Ṗ⁺, y⁺ and z⁺ in its own frame.
+
+    One state and many take this step. The direction is a constant, for the compiler's sake.
+    """
+    column = column_along(direction, P)
+    D = along(direction, column) + armature
+    G = scale_force(column, 1.0 / D)
     root = math.sqrt(D)
 
     # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
@@ -176,21 +185,50 @@ def _axis(bodies, i, direction, qd, tau, work, out):
     D_rate = along(direction, u)
     without_xi = along(direction, y) - power(u, V)
 
-    kappa = tau[k] - along(direction, z)
-    weight = dot(column.force, vector_of(w.acceleration)) / root
-    _fill(out, k, root, xi, kappa, without_xi, weight, D, D_rate)
+    kappa = tau - along(direction, z)
+    weight = dot(column.force, acceleration) / root
 
+    # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
+    zeta = cross_along_z(direction, V, rate)
+    y_plus = subtract_force(y, scale_force(G, along(direction, y) + power(column, zeta)))
+    y_plus = add_force(y_plus, inertia_times(P, zeta))
+    z_plus = add_force(z, scale_force(G, kappa))
+
+    # P⁺ = P − G (P S)ᵀ;  Ṗ⁺ = Ṗ − G hᵀ − h Gᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×), h = Ṗ S − ½ Ḋ G
+    P_plus = less_rank_one(P, G, column)
+    h = subtract_force(u, scale_force(G, 0.5 * D_rate))
+    rate_plus = add_inertia(less_rank_two(P_rate, G, h), transport_along_z(direction, rate, P_plus))
+    return outputs(root, xi, kappa, without_xi, weight, D, D_rate), (P_plus, rate_plus, y_plus, z_plus)
+
+
+@kernel
+def _axis(bodies, i, direction, qd, tau, work, out):
+    """The inward step of one state at a joint of one degree of freedom."""
+    body, w = bodies[i], work[i]
+    k, P = body.dof, inertia_of(w.P)
+    results, plus = inward_joint(
+        direction,
+        w.armature,
+        qd[k],
+        tau[k],
+        motion_of(w.V),
+        vector_of(w.acceleration),
+        P,
+        inertia_of(w.P_rate),
+        force_of(w.y),
+        force_of(w.z),
+    )
+    w.D = results[ARTICULATED_INERTIA]
+    if is_singular(magnitude_along(body, w), w.D):
+        return i
+    write_outputs(out, k, results)
     if body.parent > 0:
-        # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
         X, parent = placement_of(w), work[body.parent]
-        zeta = cross_along_z(direction, V, rate)
-        y_plus = subtract_force(y, scale_force(G, along(direction, y) + power(column, zeta)))
-        y_plus = add_force(y_plus, inertia_times(P, zeta))
-        z_plus = add_force(z, scale_force(G, kappa))
         pass_size(w, X, parent)
-        hand_on_with_rate(w, direction, rate, G, column, subtract_force(u, scale_force(G, 0.5 * D_rate)), X, parent)
-        add_to_force(parent.y, force_to_parent(X, y_plus))
-        add_to_force(parent.z, force_to_parent(X, z_plus))
+        add_to_inertia(parent.P, inertia_to_parent(X, plus[0]))
+        add_to_inertia(parent.P_rate, inertia_to_parent(X, plus[1]))
+        add_to_force(parent.y, force_to_parent(X, plus[2]))
+        add_to_force(parent.z, force_to_parent(X, plus[3]))
     return 0
 
 
@@ -220,7 +258,8 @@ def _group(bodies, last, qd, tau, work, table, out):
         G, D, D_rate = force_of(w.G), w.D, Q_rate[k, k - start]
         root, xi = math.sqrt(D), qd[k] + induced_rate(bodies, i, V_A, qd, Q, G)
         without_xi = -bias[k] - momentum_rate(bodies, i, V_A, qd, work, Q_rate)
-        _fill(out, k, root, xi, kappa[k], without_xi, root * power(G, acceleration), D, D_rate)
+        weight = root * power(G, acceleration)
+        write_outputs(out, k, outputs(root, xi, kappa[k], without_xi, weight, D, D_rate))
         eliminate_rate(bodies, first, i, work, Q, Q_rate)
     if bodies[first].parent > 0:
         add_to_force(carrier.y, y)
@@ -268,7 +307,8 @@ def _base(bodies, last, qd, tau, work, table, out):
                 Q[a, b - start] -= g_a * Q[b, c - start]
                 Q_rate[a, b - start] -= g_a * (u - g * D_rate) + Q_rate[a, c - start] * g
         without_xi = bias[c] - momentum_rate
-        _fill(out, c, root, xi, kappa[c], without_xi, gravity[c] / root, D, D_rate)
+        weight = gravity[c] / root
+        write_outputs(out, c, outputs(root, xi, kappa[c], without_xi, weight, D, D_rate))
     return 0
 
 
@@ -278,14 +318,23 @@ def _is_base(bodies, last):
     return bodies[bodies[last].first].parent == 0 and bodies[last].dofs == last - bodies[last].first + 1
 
 
+@large_kernel
+def inward_group(bodies, last, qd, tau, work, table, out):
+    """The inward step of one state at degrees of freedom that are eliminated together."""
+    if _is_base(bodies, last):
+        return _base(bodies, last, qd, tau, work, table, out)
+    return _group(bodies, last, qd, tau, work, table, out)
+
+
 @kernel
 def _complete(out, n):
     """Fill the rows of energies; return whether they and all other results are finite."""
-    energy, base, power = nought(out), nought(out), nought(out)
+    energy = base = power = 0.0
     for k in range(n):
-        rows = out[XI, k] + out[EPSILON, k] + out[KAPPA, k] + out[CORIOLIS, k] + out[CORIOLIS_UNNORMALIZED, k]
-        rows += out[GRAVITY, k] + out[ARTICULATED_INERTIA, k] + out[ARTICULATED_INERTIA_RATE, k]
-        if not math.isfinite(rows):
+        total = 0.0
+        for row in range(XI, RESULTS):
+            total += out[row, k]
+        if not math.isfinite(total):
             return False
         share = 0.5 * out[NU, k] * out[NU, k]
         out[ENERGY_SHARE, k] = share
@@ -306,10 +355,8 @@ def sweep(bodies, gravity, q, qd, tau, work, table, out):
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
-        if is_grouped(bodies[i]) and _is_base(bodies, i):
-            status = _base(bodies, i, qd, tau, work, table, out)
-        elif is_grouped(bodies[i]):
-            status = _group(bodies, i, qd, tau, work, table, out)
+        if is_grouped(bodies[i]):
+            status = inward_group(bodies, i, qd, tau, work, table, out)
         elif bodies[i].direction == ANGULAR_Z:
             status = _axis(bodies, i, ANGULAR_Z, qd, tau, work, out)
         else:
@@ -407,7 +454,6 @@ def link_energy(bodies, links, work, state, energy):
 @kernel
 def _link_energies_at(bodies, links, work, q, qd, energy):
     rest_at_world(work)
-    turn(bodies, q, work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         place(body, q, w)

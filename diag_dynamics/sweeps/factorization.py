@@ -37,7 +37,6 @@ from diag_dynamics.sweeps.groups import (
     unfilter_moments,
     working_moments_of_wrench,
 )
-from diag_dynamics.sweeps.inertias import hand_on
 from diag_dynamics.sweeps.joints import (
     are_finite,
     are_positions,
@@ -48,6 +47,7 @@ from diag_dynamics.sweeps.joints import (
     orientation,
     pass_inertia,
     pass_size,
+    propagate_inertia,
     rest_at_world,
     start,
     start_inertia,
@@ -87,7 +87,7 @@ def take_out(body, w, parent, pass_over):
         else:
             X = placement_of(w)
             pass_size(w, X, parent)
-            hand_on(w, G, column, X, parent)
+            propagate_inertia(w, G, column, X, parent)
     return True
 
 

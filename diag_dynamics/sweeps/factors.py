@@ -1,11 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The factors of the mass matrix, filled row by row in one inward sweep, eight columns side by side."""
+"""The factors of the mass matrix, filled row by row in one inward sweep over columns that are next to each other.
+
+Columns are kept in blocks of WIDTH, number f of column c at ``block[f * WIDTH + c % WIDTH]``: the loop over a block is made
+vector instructions by the compiler, as batch describes.
+"""
 
 import math
 
-from diag_dynamics.compiled.arrays import flat
 from diag_dynamics.compiled.kernel import (
     FILLED_STATES,
     FILLED_VECTOR,
@@ -15,15 +18,24 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.compiled.lanes import EIGHT, WIDTH, from_lane, lanes_at, set_lanes, set_lanes_from, spreader
+from diag_dynamics.sweeps import joints
+from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.bodies import force_of, placement_of
 from diag_dynamics.sweeps.factorization import take_out, take_out_group
 from diag_dynamics.sweeps.groups import is_grouped, owns
-from diag_dynamics.sweeps.joints import are_positions, start
-from diag_dynamics.sweeps.spatial import Force, add_force, force_to_parent, scale_force, subtract_force
-from diag_dynamics.sweeps.workspace import MISFIT, clear, fit_positions, opened, opened_columns
-
-_eight = spreader(EIGHT)
+from diag_dynamics.sweeps.workspace import (
+    ARTICULATED,
+    KAPPA_COLUMN,
+    MISFIT,
+    MOMENT_COLUMN,
+    RIGID,
+    ROOT,
+    WIDTH,
+    clear,
+    columns_of,
+    fit_positions,
+    opened,
+)
 
 
 @entry_kernel(ROBOT, VECTOR, FILLED_STATES, FILLED_VECTOR)
@@ -32,16 +44,18 @@ def factors(robot, q, m_l_unit, D):
 
     A unit working moment at joint j leaves G of j behind; rigid transport of it up the tree gives column j of the unit
     factor, transport through the articulated joints that of its inverse. One inward sweep transports all columns and fills
-    row by row: those of what a body carries are next to each other, so that eight of them go side by side.
+    row by row.
     """
     if not fit_positions(robot, q):
         return MISFIT
     bodies, _, work, table = opened(robot)
-    if not are_positions(bodies, q):
+    if not joints.are_positions(bodies, q):
         return -1
-    start(bodies, q, work)
-    columns = opened_columns(robot)
-    clear(flat(m_l_unit))
+    joints.start(bodies, q, work)
+    columns = columns_of(robot)
+    for factor in range(3):
+        for row in range(len(D)):
+            clear(m_l_unit[factor, row])
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
@@ -49,67 +63,104 @@ def factors(robot, q, m_l_unit, D):
             status = take_out_group(bodies, i, work, table[0], False)
             if status != 0:
                 return status
-            _fill_rows_of_group(robot, i, m_l_unit, D)
-            i = body.first - 1
-            continue
-        if not take_out(body, work[i], work[body.parent], False):
+            _fill_rows_of_group(bodies, i, work, table[0], columns, m_l_unit, D)
+        elif not take_out(body, work[i], work[body.parent], False):
             return i
-        _fill_row(body, work[i], columns.spans[i, 1], columns, m_l_unit, D)
-        i -= 1
+        elif body.direction == sp.ANGULAR_Z:
+            _fill_row(sp.ANGULAR_Z, body, work[i], columns.spans[i, 1], columns.blocks, m_l_unit, D)
+        else:
+            _fill_row(sp.LINEAR_Z, body, work[i], columns.spans[i, 1], columns.blocks, m_l_unit, D)
+        i = body.first - 1
     return 0
 
 
 @kernel
-def _fill_row(body, w, end, columns, m_l_unit, D):
-    """The row of a body that is in no group; the forces of the columns before `end` go to its parent.
+def _force(block, f, b):
+    """Force of the rigid or the articulated joints in a column of a block."""
+    return sp.Force(
+        (block[f * WIDTH + b], block[(f + 1) * WIDTH + b], block[(f + 2) * WIDTH + b]),
+        (block[(f + 3) * WIDTH + b], block[(f + 4) * WIDTH + b], block[(f + 5) * WIDTH + b]),
+    )
 
-    Eight at a time from the last on: what is left over is filled up with columns that begin further inboard, of which there
-    is nothing to keep yet, or with none at all.
-    """
+
+@kernel
+def _set_force(block, f, b, F):
+    block[f * WIDTH + b], block[(f + 1) * WIDTH + b], block[(f + 2) * WIDTH + b] = F.force
+    block[(f + 3) * WIDTH + b], block[(f + 4) * WIDTH + b], block[(f + 5) * WIDTH + b] = F.moment
+
+
+@kernel
+def _chosen(chosen, F, H):
+    """F if it is chosen, else H, without a branch."""
+    f, h, m, n = F.force, H.force, F.moment, H.moment
+    return sp.Force(
+        (f[0] if chosen else h[0], f[1] if chosen else h[1], f[2] if chosen else h[2]),
+        (m[0] if chosen else n[0], m[1] if chosen else n[1], m[2] if chosen else n[2]),
+    )
+
+
+@kernel
+def _fill_row(direction, body, w, end, blocks, m_l_unit, D):
+    """The row of a body that is in no group; the forces of the columns before `end` go to its parent."""
     X, G, row, root = placement_of(w), force_of(w.G), body.dof, math.sqrt(w.D)
-    inverse_root = 1.0 / root
-    D[row], columns.roots[row + WIDTH] = w.D, root
-    own, own_articulated = _in_every_lane(G), _in_every_lane(scale_force(G, -1.0))
-    for k in range(end, row, -WIDTH):
-        after = row + 1 + WIDTH - k
-        moment, kappa = lanes_at(columns.rigid[body.direction], k), lanes_at(columns.articulated[body.direction], k)
-        _set_row(m_l_unit, row, k, after, moment, kappa, lanes_at(columns.roots, k), inverse_root)
-        if body.parent > 0:
-            F = _forces_from(after, _forces_at(columns.rigid, k), own)
-            _set_forces(columns.rigid, k, force_to_parent(X, F))
-            F = add_force(_forces_at(columns.articulated, k), scale_force(own_articulated, kappa))
-            _set_forces(columns.articulated, k, force_to_parent(X, _forces_from(after, F, own_articulated)))
+    inverse_root, minus_G = 1.0 / root, sp.scale_force(G, -1.0)
+    for k in range((row + 1) // WIDTH, (end + WIDTH - 1) // WIDTH if end > row + 1 else 0):
+        block, start = blocks[k], k * WIDTH
+        for b in range(WIDTH):
+            rigid, articulated = _force(block, RIGID, b), _force(block, ARTICULATED, b)
+            kappa = sp.along(direction, articulated)
+            block[MOMENT_COLUMN * WIDTH + b] = sp.along(direction, rigid)
+            block[KAPPA_COLUMN * WIDTH + b] = kappa
+            carried = (row < start + b) & (start + b < end)
+            passed = sp.add_force(articulated, sp.scale_force(minus_G, kappa))
+            _set_force(block, RIGID, b, _chosen(carried, sp.force_to_parent(X, rigid), rigid))
+            _set_force(block, ARTICULATED, b, _chosen(carried, sp.force_to_parent(X, passed), articulated))
+        for c in range(max(row + 1, start), min(end, start + WIDTH)):
+            b = c - start
+            moment, kappa = block[MOMENT_COLUMN * WIDTH + b], block[KAPPA_COLUMN * WIDTH + b]
+            _set_entries(m_l_unit, row, c, moment, kappa, block[ROOT * WIDTH + b], inverse_root)
+    D[row] = w.D
     m_l_unit[0, row, row], m_l_unit[1, row, row], m_l_unit[2, row, row] = root, inverse_root, 1.0
+    block, b = blocks[row // WIDTH], row % WIDTH
+    block[ROOT * WIDTH + b] = root
+    _set_force(block, RIGID, b, sp.force_to_parent(X, G))
+    _set_force(block, ARTICULATED, b, sp.force_to_parent(X, minus_G))
+
+
+@kernel
+def _set_entries(m_l_unit, row, c, moment, kappa, root, inverse_root):
+    """Write an entry of each factor."""
+    m_l_unit[0, row, c], m_l_unit[1, row, c], m_l_unit[2, row, c] = moment * root, kappa * inverse_root, moment
 
 
 @large_kernel
-def _fill_rows_of_group(robot, last, m_l_unit, D):
+def _fill_rows_of_group(bodies, last, work, Q, columns, m_l_unit, D):
     """The rows of a group; the forces of its columns, and of those it carries, go to its carrier.
 
     groups.filter_moments does the same with one column. A group's own columns begin as those of the identity, without force.
     """
-    bodies, _, work, table = opened(robot)
-    columns, Q = opened_columns(robot), table[0]
     first, start = bodies[last].first, bodies[last].start
     stop, end = _start_columns(bodies, first, last, work, Q, columns)
     for i in range(last, first - 1, -1):
-        _add_moments(bodies[i], work[i], columns.spans[i], columns, bodies[i].dof - start)
+        for c in range(columns.spans[i, 0], columns.spans[i, 1]):
+            block, b = columns.blocks[c // WIDTH], c % WIDTH
+            _add_moment(bodies[i], work[i], block, RIGID, b, columns.moments[c])
+            _add_moment(bodies[i], work[i], block, ARTICULATED, b, columns.kappas[c])
     for i in range(last, first - 1, -1):
         if not owns(bodies, i):
             continue
-        b, G = bodies[i].dof, _in_every_lane(force_of(work[i].G))
-        moments, kappas = columns.moments[b - start], columns.kappas[b - start]
-        D[b], inverse_root = work[i].D, 1.0 / columns.roots[b + WIDTH]
-        for k in range(end, start, -WIDTH):
-            kappa = lanes_at(kappas, k)
-            for c in range(stop - 1, b, -1):
-                kappa = kappa - Q[b, c - start] * lanes_at(columns.kappas[c - start], k)
-            set_lanes(kappas, k, kappa)
-            moment, roots = lanes_at(moments, k), lanes_at(columns.roots, k)
-            _set_row(m_l_unit, b, k, start + WIDTH - k, moment, kappa, roots, inverse_root)
+        row, G, D[bodies[i].dof] = bodies[i].dof, force_of(work[i].G), work[i].D
+        inverse_root = 1.0 / math.sqrt(work[i].D)
+        for c in range(start, end):
+            block, b, moments, kappas = columns.blocks[c // WIDTH], c % WIDTH, columns.moments[c], columns.kappas[c]
+            kappa = kappas[row - start]
+            for k in range(stop - 1, row, -1):
+                kappa = kappa - Q[row, k - start] * kappas[k - start]
+            kappas[row - start] = kappa
+            _set_entries(m_l_unit, row, c, moments[row - start], kappa, block[ROOT * WIDTH + b], inverse_root)
             if bodies[first].parent > 0:
-                F = subtract_force(_forces_at(columns.articulated, k), scale_force(G, kappa))
-                _set_forces(columns.articulated, k, F)
+                F = sp.subtract_force(_force(block, ARTICULATED, b), sp.scale_force(G, kappa))
+                _set_force(block, ARTICULATED, b, F)
 
 
 @kernel
@@ -118,80 +169,29 @@ def _start_columns(bodies, first, last, work, Q, columns):
     start = stop = end = bodies[first].start
     for i in range(first, last + 1):
         end = max(end, columns.spans[i, 1])
-    for k in range(end, start, -WIDTH):
-        for b in range(len(columns.moments)):
-            set_lanes(columns.moments[b], k, _eight(0.0))
-            set_lanes(columns.kappas[b], k, _eight(0.0))
+        if owns(bodies, i):
+            stop = bodies[i].dof + 1
+    end = max(end, stop)
+    for c in range(start, end):
+        clear(columns.moments[c])
+        clear(columns.kappas[c])
     for i in range(first, last + 1):
         if owns(bodies, i):
-            c, k, stop = bodies[i].dof, bodies[i].dof + WIDTH, bodies[i].dof + 1
-            columns.roots[k] = math.sqrt(work[i].D)
-            for b in range(start, c):
-                columns.moments[b - start, k] = Q[b, c - start]
-            columns.moments[c - start, k] = columns.kappas[c - start, k] = 1.0
-            if bodies[first].parent > 0:
-                for row in range(6):
-                    columns.rigid[row, k], columns.articulated[row, k] = work[i].G[row], 0.0
+            c = bodies[i].dof
+            block, b = columns.blocks[c // WIDTH], c % WIDTH
+            block[ROOT * WIDTH + b] = math.sqrt(work[i].D)
+            for k in range(start, c):
+                columns.moments[c, k - start] = Q[k, c - start]
+            columns.moments[c, c - start] = columns.kappas[c, c - start] = 1.0
+            _set_force(block, RIGID, b, force_of(work[i].G))
+            _set_force(block, ARTICULATED, b, sp.NO_FORCE)
     return stop, end
 
 
 @kernel
-def _add_moments(body, w, span, columns, row):
-    """Add the moments of forces on a body of a group along its degree of freedom; the forces go to its parent."""
-    X = placement_of(w)
-    for k in range(span[1], span[0], -WIDTH):
-        begin = span[0] + WIDTH - k  # earlier columns are those of another body of the group
-        _add_moment(body, X, columns.rigid, columns.moments[row], k, begin)
-        _add_moment(body, X, columns.articulated, columns.kappas[row], k, begin)
-
-
-@kernel
-def _add_moment(body, X, forces, moments, k, begin):
-    """The same of rigid or articulated joints, in as many columns as there are lanes."""
-    moment, others = body.multiplier * lanes_at(forces[body.direction], k), lanes_at(moments, k)
-    set_lanes(moments, k, from_lane(begin, others + moment, others))
+def _add_moment(body, w, block, f, b, moments):
+    """Add the moment of a column's force on a body of a group along its degree of freedom; the force goes to its parent."""
+    F = _force(block, f, b)
+    moments[body.dof - body.start] += body.multiplier * sp.along(body.direction, F)
     if body.rank == 0 and body.parent > 0:
-        F = _forces_at(forces, k)
-        _set_forces(forces, k, _forces_from(begin, force_to_parent(X, F), F))
-
-
-@kernel
-def _set_row(m_l_unit, row, k, begin, moment, kappa, roots, inverse_root):
-    """Write the lanes from `begin` on, of the eight columns before k, to a row of every factor."""
-    set_lanes_from(m_l_unit[0, row], k - WIDTH, moment * roots, begin)
-    set_lanes_from(m_l_unit[1, row], k - WIDTH, kappa * inverse_root, begin)
-    set_lanes_from(m_l_unit[2, row], k - WIDTH, moment, begin)
-
-
-@kernel
-def _forces_at(forces, k):
-    """Forces of the eight columns before k."""
-    return Force(
-        (lanes_at(forces[0], k), lanes_at(forces[1], k), lanes_at(forces[2], k)),
-        (lanes_at(forces[3], k), lanes_at(forces[4], k), lanes_at(forces[5], k)),
-    )
-
-
-@kernel
-def _set_forces(forces, k, F):
-    """Write forces of the eight columns before k."""
-    for row in range(3):
-        set_lanes(forces[row], k, F.force[row])
-        set_lanes(forces[row + 3], k, F.moment[row])
-
-
-@kernel
-def _forces_from(lane, F, H):
-    """F from a lane on, H before."""
-    f, h, m, n = F.force, H.force, F.moment, H.moment
-    return Force(
-        (from_lane(lane, f[0], h[0]), from_lane(lane, f[1], h[1]), from_lane(lane, f[2], h[2])),
-        (from_lane(lane, m[0], n[0]), from_lane(lane, m[1], n[1]), from_lane(lane, m[2], n[2])),
-    )
-
-
-@kernel
-def _in_every_lane(F):
-    """One force in every lane."""
-    f, m = F.force, F.moment
-    return Force((_eight(f[0]), _eight(f[1]), _eight(f[2])), (_eight(m[0]), _eight(m[1]), _eight(m[2])))
+        _set_force(block, f, b, sp.force_to_parent(placement_of(w), F))

@@ -46,8 +46,8 @@ from diag_dynamics.sweeps.joints import (
     pass_inertia,
 )
 from diag_dynamics.sweeps.spatial import (
-    ZERO,
-    Force,
+    NO_FORCE,
+    NO_MOTION,
     add_force,
     add_motion,
     along,
@@ -60,16 +60,12 @@ from diag_dynamics.sweeps.spatial import (
     less_rank_one,
     less_rank_two,
     motion_to_child,
-    no_force,
-    no_motion,
     power,
     scale_force,
     subtract_force,
     transport,
 )
 from diag_dynamics.sweeps.workspace import clear
-
-NOTHING = Force(ZERO, ZERO)
 
 
 @kernel
@@ -94,7 +90,7 @@ def compose(bodies, first, last, work, Q):
     for i in range(first, last + 1):
         if owns(bodies, i):
             work[i].size = 0.0
-            set_force(work[i].G, NOTHING)
+            set_force(work[i].G, NO_FORCE)
             clear(Q[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
@@ -138,7 +134,7 @@ def eliminate(bodies, first, last, work, Q, pass_over):
                 return i
             for b in range(start, c + 1):
                 Q[b, c - start] = 0.0
-            set_force(w.G, NOTHING)
+            set_force(w.G, NO_FORCE)
             continue
         inverse = 1.0 / D
         G = scale_force(column, inverse)
@@ -162,7 +158,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
     start = bodies[first].start
     for i in range(first, last + 1):
         if owns(bodies, i):
-            set_force(work[i].u, NOTHING)
+            set_force(work[i].u, NO_FORCE)
             clear(Q_rate[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
@@ -240,7 +236,7 @@ def induced_rate(bodies, i, V_A, qd, Q, G):
 @kernel
 def filter_moments(bodies, first, last, work, Q, moments):
     """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the carrier."""
-    F = no_force(moments)
+    F = NO_FORCE
     for i in range(last, first - 1, -1):
         if owns(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
@@ -253,7 +249,7 @@ def filter_moments(bodies, first, last, work, Q, moments):
 @kernel
 def unfilter_moments(bodies, first, last, work, Q, moments):
     """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the carrier."""
-    F = no_force(moments)
+    F = NO_FORCE
     for i in range(first, last + 1):
         if owns(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
@@ -298,7 +294,7 @@ def gather(bodies, first, last, work, forces, sign, moments):
 
     The wrenches are summed inboard, and the one on the carrier returned.
     """
-    F = no_force(moments)
+    F = NO_FORCE
     for i in range(last, first - 1, -1):
         body = bodies[i]
         f = force_of(forces[i])
@@ -319,7 +315,7 @@ def gather_bias(bodies, first, last, qd, work, V, sign, moments):
     """
     for i in range(first, last + 1):
         body, w = bodies[i], work[i]
-        A = zeta = no_motion(moments)
+        A = zeta = NO_MOTION
         if body.parent >= first:
             A = motion_outboard(body, w, motion_of(work[body.parent].bias))
         if body.rank == 0:
@@ -328,7 +324,7 @@ def gather_bias(bodies, first, last, qd, work, V, sign, moments):
             )
         set_motion(w.zeta, zeta)
         set_motion(w.bias, add_motion(A, zeta))
-    F = no_force(moments)
+    F = NO_FORCE
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, y = inertia_of(w.P), force_of(w.y)

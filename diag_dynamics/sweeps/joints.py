@@ -5,29 +5,27 @@
 
 import math
 
-from numba import types
-from numba.extending import overload
-
-from diag_dynamics.compiled.kernel import INLINED, kernel, large_kernel
-from diag_dynamics.compiled.lanes import WIDTH
-from diag_dynamics.compiled.trigonometry import sine_and_cosine
+from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.sweeps.bodies import (
     FLOATING,
     PLANAR,
     PRISMATIC,
     REVOLUTE,
     add_to_inertia,
+    inertia_of,
     matrix_of,
     motion_of,
     placement_of,
+    set_inertia,
     set_motion,
     set_placement,
     symmetric_of,
     vector_of,
 )
-from diag_dynamics.sweeps.inertias import start_own
 from diag_dynamics.sweeps.spatial import (
     ANGULAR_X,
+    NO_INERTIA,
+    NO_MOTION,
     ZERO,
     Motion,
     Placement,
@@ -40,16 +38,18 @@ from diag_dynamics.sweeps.spatial import (
     dot,
     force_to_parent,
     inertia_to_parent,
+    less_rank_one,
     motion_along,
     motion_to_child,
-    no_motion,
     product,
+    rigid_inertia,
     rigid_momentum,
     rotation_of_quaternion,
     scale,
     scale_force,
     turned_about_z,
 )
+from diag_dynamics.sweeps.trigonometry import sine_and_cosine
 
 UNIT_TOLERANCE = 1e-3
 """Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
@@ -66,62 +66,16 @@ nothing but rounding, 1e-14 of that inertia, D is judged by this."""
 
 @kernel
 def _position(body, q):
-    """Angle or displacement of the joint of a body; of one of several degrees of freedom the angle of a planar joint."""
-    if body.dofs == 1:
-        return body.multiplier * q[body.q] + body.offset
-    return q[body.q + 2]
-
-
-@kernel
-def _turn_one_by_one(bodies, q, work):
-    for i in range(1, len(bodies)):
-        work[i].sine, work[i].cosine = sine_and_cosine(_position(bodies[i], q))
-
-
-if WIDTH > 1:
-    from diag_dynamics.compiled.registers import numbers_of, side_by_side
-
-    @kernel
-    def _turn_side_by_side(bodies, q, work):
-        last = len(bodies) - 1
-        for i in range(1, last + 1, WIDTH):
-            a, b, c, d = i, min(i + 1, last), min(i + 2, last), min(i + 3, last)
-            e, f, g, h = min(i + 4, last), min(i + 5, last), min(i + 6, last), min(i + 7, last)
-            angles = (
-                _position(bodies[a], q),
-                _position(bodies[b], q),
-                _position(bodies[c], q),
-                _position(bodies[d], q),
-                _position(bodies[e], q),
-                _position(bodies[f], q),
-                _position(bodies[g], q),
-                _position(bodies[h], q),
-            )
-            sine, cosine = sine_and_cosine(side_by_side(angles))
-            sines, cosines = numbers_of(sine), numbers_of(cosine)
-            side = (a, b, c, d, e, f, g, h)
-            for k in range(WIDTH):
-                work[side[k]].sine, work[side[k]].cosine = sines[k], cosines[k]
-
-
-def turn(bodies, q, work):
-    """Sine and cosine of all joints' angles, kept for :func:`place`: of one number eight joints are as fast as one."""
-
-
-@overload(turn, jit_options=INLINED)
-def _(bodies, q, work):
-    form = _turn_side_by_side if WIDTH > 1 and isinstance(q.dtype, types.Float) else _turn_one_by_one
-    return lambda bodies, q, work: form(bodies, q, work)
+    """Angle or displacement of the joint of a body, of one degree of freedom."""
+    return body.multiplier * q[body.q] + body.offset
 
 
 @kernel
 def place(body, q, w):
-    """X of the body at the positions q, kept in its workspace; the later bodies of a joint are where the first is.
-
-    After :func:`turn`.
-    """
+    """X of the body at the positions q, kept in its workspace; the later bodies of a joint are where the first is."""
     if body.kind == REVOLUTE:
-        rotation = turned_about_z(matrix_of(body.rotation), w.sine, w.cosine)
+        sine, cosine = sine_and_cosine(_position(body, q))
+        rotation = turned_about_z(matrix_of(body.rotation), sine, cosine)
         set_placement(w, Placement(rotation, vector_of(body.translation)))
     else:
         _place_rarer(body, q, w)
@@ -138,7 +92,8 @@ def _place_rarer(body, q, w):
         k = body.q
         if body.kind == PLANAR:
             translation = add(translation, apply(rotation, (q[k], q[k + 1], 0.0)))
-            rotation = turned_about_z(rotation, w.sine, w.cosine)
+            sine, cosine = sine_and_cosine(q[k + 2])
+            rotation = turned_about_z(rotation, sine, cosine)
         else:
             translation = add(translation, apply(rotation, (q[k], q[k + 1], q[k + 2])))
             rotation = product(rotation, rotation_of_quaternion(q[k + 3], q[k + 4], q[k + 5], q[k + 6]))
@@ -148,7 +103,6 @@ def _place_rarer(body, q, w):
 @kernel
 def place_all(bodies, q, work):
     """X of every body."""
-    turn(bodies, q, work)
     for i in range(1, len(bodies)):
         place(bodies[i], q, work[i])
 
@@ -166,7 +120,6 @@ def orientation(bodies, i, work):
 @kernel
 def start(bodies, q, work):
     """X of every body and P before any child has been added."""
-    turn(bodies, q, work)
     for i in range(1, len(bodies)):
         place(bodies[i], q, work[i])
         start_inertia(bodies[i], work[i])
@@ -219,7 +172,7 @@ def joint_motion(bodies, i, rates):
     """v_J, the motion of the frame of body i against its parent's; zero for the later bodies of a joint."""
     if bodies[i].dofs == 1:
         return own_motion(bodies[i], rates)
-    v_J = no_motion(rates)
+    v_J = NO_MOTION
     if bodies[i].rank == 0:
         for j in range(i, i + bodies[i].dofs):
             v_J = add_motion(v_J, own_motion(bodies[j], rates))
@@ -235,7 +188,7 @@ def zeta(bodies, i, rates, work):
 @kernel
 def rest_at_world(work):
     """V of the world."""
-    set_motion(work[0].V, Motion(ZERO, ZERO))
+    set_motion(work[0].V, NO_MOTION)
 
 
 @kernel
@@ -264,7 +217,9 @@ def momentum(body, V):
 @kernel
 def start_inertia(body, w):
     """P of a body before its children have been added, and the magnitudes that D will be judged by."""
-    start_own(body, w)
+    own = rigid_inertia(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia))
+    set_inertia(w.P, own)
+    set_inertia(w.P_rate, NO_INERTIA)
     w.magnitude[0] = 3.0 * body.mass
     w.magnitude[1] = body.inertia[0] + body.inertia[3] + body.inertia[5]
     w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
@@ -286,7 +241,13 @@ def magnitude_along(body, w):
     These are what the joints outboard have left over; where that is nothing but rounding, a part of all inertia outboard.
     """
     k = 0 if body.direction < ANGULAR_X else 1
-    return max(w.magnitude[k], REMOTE * w.total[k])
+    return inertia_scale(w.magnitude[k], w.total[k])
+
+
+@kernel
+def inertia_scale(magnitude, total):
+    """The size of inertias from that of what the children hand on, and that of all inertia outboard."""
+    return max(magnitude, REMOTE * total)
 
 
 @kernel
@@ -296,15 +257,27 @@ def is_singular(size, D):
 
 
 @kernel
+def scales_to_parent(X, P, total):
+    """Sizes of the linear and the angular part of P seen in the parent, and of all inertia outboard."""
+    linear, angular = P.A[0][0] + P.A[1][1] + P.A[2][2], P.C[0][0] + P.C[1][1] + P.C[2][2]
+    lever = dot(X.translation, X.translation)
+    return linear, angular + linear * lever, total[0], total[1] + total[0] * lever
+
+
+@kernel
 def pass_size(w, X, parent):
     """Add the size of P to the parent's magnitudes."""
-    P = w.P
-    linear, angular = P[0] + P[32] + P[64], P[2] + P[34] + P[66]
-    lever = dot(X.translation, X.translation)
+    linear, angular, all_linear, all_angular = scales_to_parent(X, inertia_of(w.P), (w.total[0], w.total[1]))
     parent.magnitude[0] += linear
-    parent.magnitude[1] += angular + linear * lever
-    parent.total[0] += w.total[0]
-    parent.total[1] += w.total[1] + w.total[0] * lever
+    parent.magnitude[1] += angular
+    parent.total[0] += all_linear
+    parent.total[1] += all_angular
+
+
+@kernel
+def propagate_inertia(w, G, column, X, parent):
+    """Add Xᵀ τ̄P X to the parent's P, with τ̄P = P − G (P S)ᵀ (Algorithm 4.1)."""
+    add_to_inertia(parent.P, inertia_to_parent(X, less_rank_one(inertia_of(w.P), G, column)))
 
 
 @kernel

@@ -15,7 +15,6 @@ from diag_dynamics.sweeps.joints import (
     place,
     place_all,
     rest_at_world,
-    turn,
     zeta,
 )
 from diag_dynamics.sweeps.spatial import (
@@ -91,7 +90,6 @@ def motion(robot, q, qd, qdd, body, result):
         return -1
     rest_at_world(work)
     accelerate_world(gravity, 0.0, work)
-    turn(bodies, q, work)
     for i in range(1, body + 1):
         one, w, parent = bodies[i], work[i], work[bodies[i].parent]
         X = place(one, q, w)

@@ -19,18 +19,15 @@ import math
 
 import numba
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from diag_dynamics.compiled.kernel import FILLED_STATES, INLINED, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
-from diag_dynamics.compiled.lanes import WIDTH
+from diag_dynamics.compiled.kernel import FILLED_STATES, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.sweeps.bodies import force_of, inertia_of, matrix_of, placement_of, set_inertia, vector_of
 from diag_dynamics.sweeps.factorization import place_and_factorize
 from diag_dynamics.sweeps.groups import filter_moments, is_grouped, owns
 from diag_dynamics.sweeps.joints import force_inboard
 from diag_dynamics.sweeps.spatial import (
     ANGULAR_Z,
-    NOTHING,
+    NO_INERTIA,
     ZERO,
     Force,
     Inertia,
@@ -43,13 +40,11 @@ from diag_dynamics.sweeps.spatial import (
     inertia_to_parent,
     power,
     scale,
+    subtract,
     subtract_force,
     transpose,
 )
-from diag_dynamics.sweeps.workspace import MISFIT, fit_positions, opened, opened_columns
-
-if WIDTH > 1:
-    from diag_dynamics.sweeps.stacks import stack_to_parent
+from diag_dynamics.sweeps.workspace import MISFIT, columns_of, fit_positions, opened
 
 FRAME = np.dtype(
     [("body", "i8"), ("same", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)],
@@ -58,6 +53,11 @@ FRAME = np.dtype(
 """A frame that is fixed to a body: its axes and origin in those of the body, and whether they are the body's own."""
 
 FRAMES = numba.from_dtype(FRAME)[::1]
+
+PLACES = np.zeros((6, 6), np.int64)
+"""Where the field P has an entry of the symmetric matrix, by row and column."""
+
+PLACES[np.triu_indices(6)] = [0, 1, 2, 6, 7, 8, 3, 4, 9, 10, 11, 5, 12, 13, 14, 15, 16, 17, 18, 19, 20]
 
 # --- Between one frame and the next -------------------------------------------------------------------------
 
@@ -69,25 +69,9 @@ def inverse_placement(X):
 
 
 @kernel
-def _to_child(source, target, X):
-    set_inertia(target, inertia_to_parent(inverse_placement(X), inertia_of(source)))
-
-
-if WIDTH > 1:
-
-    @kernel
-    def _stack_to_child(source, target, X):
-        stack_to_parent(source, target, inverse_placement(X))
-
-
-def to_child(source, target, X):
-    """X Υ Xᵀ from the field P of a body to that of one that has the placement X in it."""
-
-
-@overload(to_child, jit_options=INLINED)
-def _(source, target, X):
-    form = _stack_to_child if WIDTH > 1 and isinstance(source.dtype, types.Float) else _to_child
-    return lambda source, target, X: form(source, target, X)
+def to_child(X, Y):
+    """X Υ Xᵀ: Υ of a frame that has the placement X in the one of this Υ."""
+    return inertia_to_parent(inverse_placement(X), Y)
 
 
 @kernel
@@ -109,29 +93,25 @@ def mobility_of(w):
 
 
 @kernel
-def _at(row, column):
-    """Where an entry of the blocks of P is in its field."""
-    return 24 * row + 8 * column
-
-
-@kernel
-def _let_joint_move(body, w):
-    """Υ of a body from Υ⁺, which its field has: only the row and the column of S change."""
+def _let_joint_move(body, w, Y):
+    """Υ of a body from Υ⁺: only the row and the column of S change."""
     G = force_of(w.G)
-    g = moved_by(inertia_of(w.P), G)
-    c, Y = power(G, g) + 1.0 / w.D, w.P
+    g = moved_by(Y, G)
+    c = power(G, g) + 1.0 / w.D
+    A, B, C = Y.A, Y.B, Y.C
+    v, w_ = g.linear, g.angular
     if body.direction == ANGULAR_Z:
-        for k in range(3):
-            Y[_at(2, k)] -= g.angular[k]
-            Y[_at(2, k) + 1] -= g.linear[k]
-        Y[_at(2, 2)] += c - g.angular[2]
-        Y[_at(0, 2)], Y[_at(1, 2)] = Y[_at(2, 0)], Y[_at(2, 1)]
-    else:
-        for k in range(3):
-            Y[_at(2, k) + 2] -= g.linear[k]
-            Y[_at(k, 2) + 1] -= g.angular[k]
-        Y[_at(2, 2) + 2] += c - g.linear[2]
-        Y[_at(0, 2) + 2], Y[_at(1, 2) + 2] = Y[_at(2, 0) + 2], Y[_at(2, 1) + 2]
+        last = (A[2][0] - w_[0], A[2][1] - w_[1], A[2][2] - w_[2] + (c - w_[2]))
+        A = ((A[0][0], A[0][1], last[0]), (A[1][0], A[1][1], last[1]), last)
+        return Inertia(A, (B[0], B[1], subtract(B[2], v)), C)
+    last = (C[2][0] - v[0], C[2][1] - v[1], C[2][2] - v[2] + (c - v[2]))
+    C = ((C[0][0], C[0][1], last[0]), (C[1][0], C[1][1], last[1]), last)
+    B = (
+        (B[0][0], B[0][1], B[0][2] - w_[0]),
+        (B[1][0], B[1][1], B[1][2] - w_[1]),
+        (B[2][0], B[2][1], B[2][2] - w_[2]),
+    )
+    return Inertia(A, B, C)
 
 
 @large_kernel
@@ -151,7 +131,7 @@ def _left_on_carrier(bodies, i, work, Q, F, kappa):
 def _group_mobility(robot, i):
     """Υ of a body of a group."""
     bodies, _, work, table = opened(robot)
-    Q, kappa = table[0], opened_columns(robot).rigid
+    Q, kappa = table[0], columns_of(robot).scratch
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     left = (
         _left_on_carrier(bodies, i, work, Q, Force(ZERO, x), kappa[0]),
@@ -161,33 +141,27 @@ def _group_mobility(robot, i):
         _left_on_carrier(bodies, i, work, Q, Force(y, ZERO), kappa[4]),
         _left_on_carrier(bodies, i, work, Q, Force(z, ZERO), kappa[5]),
     )
-    first, last, Y = bodies[i].first, bodies[i].last, work[i].P
-    carrier = inertia_of(work[bodies[first].parent].P)
+    carrier = inertia_of(work[bodies[bodies[i].first].parent].P)
     for a in range(6):
         V = moved_by(carrier, left[a])
         for b in range(a, 6):
             entry = power(left[b], V)
-            for j in range(first, last + 1):
+            for j in range(bodies[i].first, bodies[i].last + 1):
                 if owns(bodies, j):
                     entry += kappa[a, bodies[j].dof] * kappa[b, bodies[j].dof] / work[j].D
-            if b < 3:
-                Y[_at(a, b)] = Y[_at(b, a)] = entry
-            elif a < 3:
-                Y[_at(a, b - 3) + 1] = entry
-            else:
-                Y[_at(a - 3, b - 3) + 2] = Y[_at(b - 3, a - 3) + 2] = entry
+            work[i].P[PLACES[a, b]] = entry
 
 
 @large_kernel
 def mobilities_outward(robot):
     """Υ of every body that carries links, in its field P; the bodies are factorized."""
     bodies, _, work, _ = opened(robot)
-    set_inertia(work[0].P, Inertia(NOTHING, NOTHING, NOTHING))
+    set_inertia(work[0].P, NO_INERTIA)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if not is_grouped(body):
-            to_child(work[body.parent].P, w.P, placement_of(w))
-            _let_joint_move(body, w)
+            Y = to_child(placement_of(w), inertia_of(work[body.parent].P))
+            set_inertia(w.P, _let_joint_move(body, w, Y))
         elif body.rank == body.dofs - 1:
             _group_mobility(robot, i)
 
@@ -196,14 +170,12 @@ def mobilities_outward(robot):
 def _write(Y, mobility):
     """Υ as 6x6 numbers, its linear part first; whether all of them are finite."""
     together = 0.0
-    for row in range(3):
-        for column in range(3):
-            k = _at(row, column)
-            mobility[3 + row, 3 + column] = Y[k]
-            mobility[3 + row, column] = Y[k + 1]
-            mobility[column, 3 + row] = Y[k + 1]
-            mobility[row, column] = Y[k + 2]
-            together += Y[k] + Y[k + 1] + Y[k + 2]
+    for row in range(6):
+        for column in range(row, 6):
+            entry = Y[PLACES[row, column]]
+            a, b = (row + 3) % 6, (column + 3) % 6
+            mobility[a, b] = mobility[b, a] = entry
+            together += entry
     return math.isfinite(together)
 
 
@@ -221,7 +193,8 @@ def mobilities(robot, q, frames, results):
         frame = frames[k]
         Y = work[frame.body].P
         if frame.same == 0 and frame.body > 0:
-            to_child(Y, work[0].P_rate, Placement(matrix_of(frame.rotation), vector_of(frame.translation)))
+            X = Placement(matrix_of(frame.rotation), vector_of(frame.translation))
+            set_inertia(work[0].P_rate, to_child(X, inertia_of(Y)))
             Y = work[0].P_rate
         if not _write(Y, results[k]):
             return -1

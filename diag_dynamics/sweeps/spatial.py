@@ -12,7 +12,6 @@ import math
 from collections import namedtuple
 
 from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.compiled.lanes import nought
 
 Motion = namedtuple("Motion", ["linear", "angular"])
 """Twist or spatial acceleration about the frame's origin."""
@@ -31,7 +30,9 @@ LINEAR_X, LINEAR_Y, LINEAR_Z, ANGULAR_X, ANGULAR_Y, ANGULAR_Z = range(6)
 
 ZERO = (0.0, 0.0, 0.0)
 
-NOTHING = (ZERO, ZERO, ZERO)
+NO_MOTION, NO_FORCE = Motion(ZERO, ZERO), Force(ZERO, ZERO)
+
+NO_INERTIA = Inertia(3 * (ZERO,), 3 * (ZERO,), 3 * (ZERO,))
 
 # --- 3-vectors and 3x3 matrices ---------------------------------------------------------------------------
 
@@ -296,40 +297,23 @@ def along(direction, F):
 @kernel
 def motion_along(direction, rate):
     """S rate."""
-    zero = nought(rate)
-    nothing = (zero, zero, zero)
     if direction == ANGULAR_Z:
-        return Motion(nothing, (zero, zero, rate))
+        return Motion(ZERO, (0.0, 0.0, rate))
     if direction == LINEAR_Z:
-        return Motion((zero, zero, rate), nothing)
+        return Motion((0.0, 0.0, rate), ZERO)
     axis = direction if direction < ANGULAR_X else direction - ANGULAR_X
-    x, y = rate if axis == LINEAR_X else zero, rate if axis == LINEAR_Y else zero
-    return Motion((x, y, zero), nothing) if direction < ANGULAR_X else Motion(nothing, (x, y, zero))
+    x, y = rate if axis == LINEAR_X else 0.0, rate if axis == LINEAR_Y else 0.0
+    return Motion((x, y, 0.0), ZERO) if direction < ANGULAR_X else Motion(ZERO, (x, y, 0.0))
 
 
 @kernel
 def cross_along_z(direction, V, rate):
     """V × S rate for a joint motion about or along z."""
-    zero = nought(rate)
-    if direction == ANGULAR_Z:
-        v, w = V.linear, V.angular
-        return Motion((v[1] * rate, -(v[0] * rate), zero), (w[1] * rate, -(w[0] * rate), zero))
     w = V.angular
-    return Motion((w[1] * rate, -(w[0] * rate), zero), (zero, zero, zero))
-
-
-@kernel
-def no_motion(like):
-    """Motion of zeros, of the kind of number that an array holds."""
-    zero = nought(like)
-    return Motion((zero, zero, zero), (zero, zero, zero))
-
-
-@kernel
-def no_force(like):
-    """Force of zeros, of an array's type of number: lanes or a scalar."""
-    zero = nought(like)
-    return Force((zero, zero, zero), (zero, zero, zero))
+    if direction == ANGULAR_Z:
+        v = V.linear
+        return Motion((v[1] * rate, -(v[0] * rate), 0.0), (w[1] * rate, -(w[0] * rate), 0.0))
+    return Motion((w[1] * rate, -(w[0] * rate), 0.0), ZERO)
 
 
 @kernel

@@ -3,14 +3,12 @@
 
 """Memory that sweeps work in, and the addresses by which they find it."""
 
-import math
 from collections import namedtuple
 
 import numpy as np
 
 from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.compiled.lanes import WIDTH
-from diag_dynamics.compiled.tables import Addresses, Table, array, lanes
+from diag_dynamics.compiled.tables import Addresses, Table, array
 from diag_dynamics.sweeps.bodies import BODY, POSITIONS_OF, WORK
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
@@ -34,6 +32,9 @@ MISFIT = -2
 """Status of a sweep: a vector has not the robot's length."""
 
 
+WIDTH = 8
+"""States or columns that loops take side by side: the registers of AVX-512 hold as many, those of AVX2 half."""
+
 ROBOT = Table(
     "Robot",
     bodies=array(BODY),  # of RobotModel
@@ -42,29 +43,24 @@ ROBOT = Table(
     table=array(float, 3),  # matrices 𝓜 and 𝓜̇ of groups, see groups
     nv=int,
     nq=int,
-    spans=array(int, 2),  # first and end of the columns that a body carries in all, less those of its group
-    rigid=array(float, 2),  # these and the following: see Columns
-    articulated=array(float, 2),
+    spans=array(int, 2),  # these and the following: see Columns
+    blocks=array(float, 2),
     moments=array(float, 2),
     kappas=array(float, 2),
-    roots=array(float),
+    scratch=array(float, 2),
 )
 """The robot, and memory to work in, by the address of this table."""
 
-WIDE = ROBOT.extended(
-    "WideRobot",
-    wide_work=lanes(WORK),
-    wide_table=lanes(float, 3),
-    q=lanes(float),
-    qd=lanes(float),
-    tau=lanes(float),
-    out=lanes(float, 2),
-    q_numbers=array(float, 2, WIDTH),  # the same memory as that of q, and so on
-    qd_numbers=array(float, 2, WIDTH),
-    tau_numbers=array(float, 2, WIDTH),
-    out_numbers=array(float, 3, WIDTH),
+BATCH = ROBOT.extended(
+    "BatchRobot",
+    records=array(float, 2),  # the memory of `work` as numbers
+    rows=array(float, 2),  # see batch
+    out=array(float, 2),  # results of one state
 )
-"""Likewise, with memory for as many states as there are lanes."""
+"""Likewise, with memory for WIDTH states."""
+
+RIGID, ARTICULATED, ROOT, MOMENT_COLUMN, KAPPA_COLUMN, COLUMN_NUMBERS = 0, 6, 12, 13, 14, 15
+"""Numbers of a column of the factors: forces of rigid and of articulated joints, the root of D, and moments."""
 
 
 class Workspace:
@@ -86,12 +82,8 @@ class Workspace:
         grouped = own & (moving["last"] > moving["first"])
         nv, widest = int(own.sum()), int(np.bincount(moving["first"][grouped]).max(initial=1))
         self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
-        self.work, self.table = aligned(len(bodies), WORK), np.zeros((2, nv, widest))
-        for k, block in enumerate(_rigid_blocks(self.bodies)):
-            self.work["rigid"][:, k::4] = block.reshape(-1, 9)
+        self.work, self.table = np.zeros(len(bodies), WORK), np.zeros((2, nv, widest))
         nq = max((int(body["q"]) + POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
-        # A vector register's width of nothing comes before the first column.
-        columns = np.zeros((2 * (6 + widest) + 1, nv + WIDTH))
         self._locate(
             ROBOT,
             bodies=self.bodies,
@@ -101,11 +93,10 @@ class Workspace:
             nv=nv,
             nq=nq,
             spans=_spans(self.bodies, nv),
-            rigid=columns[:6],
-            articulated=columns[6:12],
-            moments=columns[12 : 12 + widest],
-            kappas=columns[12 + widest : -1],
-            roots=columns[-1],
+            blocks=np.zeros((nv // WIDTH + 1, COLUMN_NUMBERS * WIDTH)),
+            moments=np.zeros((nv, widest)),
+            kappas=np.zeros((nv, widest)),
+            scratch=np.zeros((6, nv)),
         )
 
     def _locate(self, table, /, **entries):
@@ -116,29 +107,22 @@ class Workspace:
         return type(self), (self.bodies, self.gravity)  # addresses would be those of the original
 
 
-class WideWorkspace(Workspace):
-    """Robot and memory for a sweep over as many states as there are lanes: its table is as :data:`WIDE` has it."""
+class BatchWorkspace(Workspace):
+    """Robot and memory for the evaluation of WIDTH states side by side: its table is as :data:`BATCH` has it.
 
-    def __init__(self, bodies, gravity):
+    `numbers` is how many numbers of one state the row of a body holds.
+    """
+
+    def __init__(self, bodies, gravity, numbers):
         super().__init__(bodies, gravity)
-        nv, nq = self._entries["nv"], self._entries["nq"]
-        shapes = {
-            "wide_work": (len(self.work), WORK.itemsize // 8),
-            "wide_table": self.table.shape,
-            **{"q": (nq,), "qd": (nv,), "tau": (nv,), "out": (SWEPT, nv)},
-        }
-        ends = np.cumsum([math.prod(shape) * WIDTH for shape in shapes.values()])
-        parts = np.split(aligned(int(ends[-1]), np.dtype(np.float64)), ends[:-1])
-        memory = {name: part.reshape(*shapes[name], WIDTH) for name, part in zip(shapes, parts, strict=True)}
-        numbers = {f"{name}_numbers": memory[name] for name in ("q", "qd", "tau", "out")}
-        self._locate(WIDE, **self._entries, **memory, **numbers)
+        self._numbers = numbers
+        records = self.work.view(np.float64).reshape(len(self.work), -1)
+        rows = np.zeros((len(self.work), numbers * WIDTH))
+        out = np.zeros((SWEPT, max(1, self._entries["nv"])))
+        self._locate(BATCH, **self._entries, records=records, rows=rows, out=out)
 
-
-def aligned(count, dtype):
-    """Zeros that begin where a vector register may."""
-    memory = np.zeros(count * dtype.itemsize + 64, np.uint8)
-    start = -memory.ctypes.data % 64
-    return memory[start : start + count * dtype.itemsize].view(dtype)
+    def __reduce__(self):
+        return type(self), (self.bodies, self.gravity, self._numbers)
 
 
 def _spans(bodies, nv):
@@ -157,16 +141,7 @@ def _spans(bodies, nv):
     return np.ascontiguousarray(np.transpose([first, end]))
 
 
-def _rigid_blocks(bodies):
-    """A, B and C of the bodies' own inertias, shape (number, 3, 3) each."""
-    x, y, z = bodies["first_moment"].T
-    zero = np.zeros_like(x)
-    A = bodies["mass"][:, None, None] * np.eye(3)
-    B = np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
-    return A, B, bodies["inertia"][:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
-
-
-_robot_at, opened_wide = ROBOT.opened, WIDE.opened
+_robot_at, batch_of = ROBOT.opened, BATCH.opened
 
 Opened = namedtuple("Opened", ["bodies", "gravity", "work", "table"])
 
@@ -178,16 +153,19 @@ def opened(robot):
     return Opened(at.bodies, at.gravity, at.work, at.table)
 
 
-Columns = namedtuple("Columns", ["spans", "rigid", "articulated", "moments", "kappas", "roots"])
-"""Forces of rigid and of articulated joints, moments along a group's degrees of freedom, and roots of D, by column, one for
-each degree of freedom; and which of them each body carries."""
+Columns = namedtuple("Columns", ["spans", "blocks", "moments", "kappas", "scratch"])
+"""Columns of the factors, one for each degree of freedom.
+
+`spans` are the first and the end of those that each body carries in all, less those of its group. `blocks` have WIDTH columns
+each, see factors; `moments` and `kappas` those of a column along the degrees of freedom of a group. `scratch` is (6, nv).
+"""
 
 
 @kernel
-def opened_columns(robot):
+def columns_of(robot):
     """The columns of a :class:`Workspace`."""
     at = _robot_at(robot)
-    return Columns(at.spans, at.rigid, at.articulated, at.moments, at.kappas, at.roots)
+    return Columns(at.spans, at.blocks, at.moments, at.kappas, at.scratch)
 
 
 @kernel

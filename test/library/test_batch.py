@@ -4,16 +4,21 @@
 """Many states at once: the numbers of single calls, on any number of threads, in bounded memory."""
 
 import os
+import platform
+import re
 import sys
 import threading
 import tracemalloc
 
+import numba
 import numpy as np
 import pytest
 
 import diag_dynamics as dd
 from diag_dynamics import batch
 from diag_dynamics.results import NAMES
+from diag_dynamics.sweeps import batch as kernels
+from diag_dynamics.sweeps import spatial
 from examples import shortened
 from robots import KINDS, SEVERAL, TwoLinkArm, random_tree, robot_path
 
@@ -126,7 +131,7 @@ def test_wrenches_and_friction(dyn, frame):
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
 def test_any_number_of_states(two, count):
-    """Batches shorter and longer than the registers and pieces of the kernels."""
+    """Batches shorter and longer than WIDTH and the pieces of threads."""
     Q, QD, TAU, _ = states(two, count)
     many = two.evaluate_batch(Q, QD, TAU, threads=2)
     assert len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
@@ -134,6 +139,22 @@ def test_any_number_of_states(two, count):
         np.testing.assert_array_equal(many.coriolis[t], two.evaluate(Q[t], QD[t], TAU[t]).coriolis)
     assert two.forward_dynamics_batch(Q, QD, TAU).shape == (count, 2)
     assert two.mass_matrix_batch(Q).shape == (count, 2, 2)
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names of instructions are those of x86-64")
+def test_steps_side_by_side_are_vectorized():
+    """Scalar instructions would give the same numbers in more than twice the time."""
+
+    @numba.njit("(int64,)", error_model="numpy")
+    def steps(robot):
+        at = kernels.batch_of(robot)
+        body, row, parent = at.bodies[1], at.rows[1], at.rows[0]
+        kernels._outward_joint(spatial.ANGULAR_Z, body, row, parent)
+        kernels._inward_joint(spatial.ANGULAR_Z, body, row, parent)
+
+    code = "\n".join(steps.inspect_asm().values())
+    packed, scalar = (len(re.findall(rf"v?(?:add|sub|mul){kind}\s", code)) for kind in ("pd", "sd"))
+    assert packed > 1000 and scalar < 0.05 * packed
 
 
 def test_large_angles_equal_reduced_ones(two):

@@ -31,7 +31,7 @@ from diag_dynamics.compiled.kernel import (
     entry_kernel,
     kernel,
 )
-from diag_dynamics.compiled.trigonometry import LARGEST, sine_and_cosine
+from diag_dynamics.sweeps.trigonometry import LARGEST, sine_and_cosine
 
 PACKAGE = Path(dd.__file__).parent
 
@@ -404,7 +404,7 @@ for name, options in (("ur5", {}), ("panda", {}), ("go2", {"floating_base": True
 sys.stdout.buffer.write(pickle.dumps((found, sorted(sys.modules))))
 """
 
-PRIVATE = {"native", "lent", "parts", "store", "registers", "addressed"}
+PRIVATE = {"native", "lent", "parts", "store", "addressed"}
 """Modules that use undocumented parts of numba."""
 
 

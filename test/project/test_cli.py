@@ -396,7 +396,7 @@ def test_compile_in_this_process(run, tmp_path, monkeypatch):
     assert status == 1 and "no folder to keep compiled code in" in error and "%" not in error
 
 
-LONG = {"sweeps.motions": 1, "simulation.steps": 14, "sweeps.each": 9, "sweeps.many": 8}
+LONG = {"sweeps.motions": 1, "simulation.steps": 14, "sweeps.batch": 9, "sweeps.classical": 8}
 """Units of which two are under way when the first is done."""
 
 

@@ -19,7 +19,7 @@ from diag_dynamics.compiled.kernel import (
     large_kernel,
 )
 from diag_dynamics.sweeps.bodies import motion_of, set_motion
-from diag_dynamics.sweeps.joints import accelerate_world, move, place, rest_at_world, turn
+from diag_dynamics.sweeps.joints import accelerate_world, move, place, rest_at_world
 from diag_dynamics.sweeps.spatial import add, cross, cross_motion, dot, motion_along, motion_to_child
 from diag_dynamics.sweeps.workspace import clear, opened
 
@@ -44,7 +44,6 @@ def propagate_directions(bodies, gravity, q, qd, work, directions):
     """
     rest_at_world(work)
     accelerate_world(gravity, 1.0, work)
-    turn(bodies, q, work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         X = place(body, q, w)
