@@ -13,23 +13,21 @@ Joints of several degrees of freedom move on a manifold: over a step their posit
 the twist u, whose rate is q̇ but for terms of the commutator (Munthe-Kaas, Applied Numerical Mathematics 29, 1999).
 Quaternions so keep their length and the method its order.
 
-Order 1 is there for speed: semi-implicit Euler on (q, q̇), as most simulators have it, damping implicit here too. A step
-costs one forward dynamics, which adds hd to the armature.
+Order 1 is for speed: semi-implicit Euler on (q, q̇) with implicit damping. A step costs one forward dynamics, which adds hd
+to the armature.
 
-Friction and limits are not smooth. While a joint slides, sticks, rests at a stop or leans on a spring the equations are: a
-joint that sticks is held, as by a rotor that nothing moves, and every sweep takes the robot for one that is locked there.
-friction_and_limits says which joints do what, and steps finds, at order 4, the instants in which joints stop and come to
-limits; which break away is seen where a step begins. At order 1 all that is decided there.
+Friction and limits are not smooth. While no joint changes its mode (it slides, sticks, rests at a hard limit or leans on a
+compliant one) the equations are: a joint that sticks is locked, and each sweep sees a robot with that joint locked. A step
+in which a joint changes its mode is taken again at order 1, in sub-steps.
 
-layout: records and memory, found by name. tableau: the method. smooth: a step in which nothing changes its mode.
-friction_and_limits: what changes it. steps: all of it. states, resistance: what is given to it, checked. audit: where the
-energy went. plant: what users call. wave: something to do.
+memory: parameters, state and scratch. modes: which joint has which mode. tableau, runge_kutta: order 4. euler: order 1 and
+impacts. steps: the choice between them. options: checked arguments. audit: energy. plant, drives, sensors, pace, lockstep:
+the robot of the simulator node. wave: a motion for demonstrations.
 """
 
-from diag_dynamics.simulation.audit import EnergyAudit
-from diag_dynamics.simulation.resistance import CompliantLimits
+from diag_dynamics.simulation.audit import EnergyAudit, potential_energy
+from diag_dynamics.simulation.options import CompliantLimits, rest_position
 from diag_dynamics.simulation.simulation import Simulation
-from diag_dynamics.simulation.states import potential_energy, rest_position
 from diag_dynamics.simulation.tableau import EXPLICIT, IMPLICIT, STAGES, WEIGHTS
 from diag_dynamics.simulation.wave import Wave
 

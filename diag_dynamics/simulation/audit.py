@@ -1,18 +1,31 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Audit of energy: the work of each force, and the change of what is stored."""
+"""Potential energy, and the audit of energy: the work of each force and the change of what is stored."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics import sweeps
+from diag_dynamics.checks import numbers
+
+
+def potential_energy(model, q):
+    """Return the energy of the robot in the field of gravity [J], −g·Σ m_i c_i in the world's axes; q of shape (nq,)."""
+    workspace, moment = sweeps.Workspace(model.bodies, model.gravity), np.zeros(3)
+    q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
+    sweeps.first_moment(workspace.robot, q, moment)
+    return -float(model.gravity @ moment)
 
 
 class EnergyAudit(NamedTuple):
     """Work on a robot and change of its energy since it was put into its state [J].
 
     The work of each force is integrated by the rule that integrates the motion; the work of an impulse is the energy that
-    it takes. So the residual is the error of the method, and falls with the step as its order says.
+    it takes. The residual is the error of the method, and falls with the step as its order says.
 
     Attributes
     ----------
@@ -23,8 +36,8 @@ class EnergyAudit(NamedTuple):
     damping, friction : float
         Work of joint damping and Coulomb friction; neither is ever positive.
     limits : float
-        Work of position limits, without what they store: impacts and dampers. Of hard limits that of bringing a joint back
-        to the limit is in it, too; at order 4 there is none, for impacts are at the limit.
+        Work of position limits, without what they store: impacts and dampers. Of hard limits it includes the work of
+        bringing a joint back to the limit.
     exchanged : float
         Energy that came with another model: see :meth:`Simulation.change_model`.
     kinetic, potential, elastic : float
@@ -48,5 +61,5 @@ class EnergyAudit(NamedTuple):
         return self.kinetic + self.potential + self.elastic - work
 
     def since(self, earlier: EnergyAudit) -> EnergyAudit:
-        """Audit of the time from an earlier audit to this one."""
+        """Return the audit of the time from an earlier audit to this one."""
         return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Drives: they hold an effort command until it times out, then let go or brake."""
+"""Inputs of a simulated robot: effort commands and external wrenches, held until a timeout in simulated time [s]."""
 
 from collections import Counter
 
@@ -18,8 +18,35 @@ ROUNDING = 1e-9
 WAITING, DRIVEN, TIMED_OUT = "waiting for a command", "driven", "timed out"
 
 
-class Drives:
-    """Drives of all joints that take an effort each and hold it until the next one comes.
+class _Inputs:
+    """Received values of one kind, each held for `timeout` [s of simulated time]; 0: until the next one.
+
+    Attributes
+    ----------
+    counts : Counter
+        Values received, rejected by cause, and timed out.
+    last_rejection : str
+    """
+
+    def __init__(self, kind, timeout):
+        self._kind, self.timeout = kind, timeout
+        self.counts, self.last_rejection = Counter(), ""
+        self.forget()
+
+    def _receive(self):
+        self.counts[f"{self._kind} received"] += 1
+
+    def _is_expired(self, since, time):
+        return bool(self.timeout) and time - since >= self.timeout - ROUNDING
+
+    def _rejected(self, cause, message):
+        self.counts[f"{self._kind} rejected: {cause}"] += 1
+        self.last_rejection = message
+        return RejectedError(cause, message)
+
+
+class Drives(_Inputs):
+    """Drives of all joints: each takes an effort. Attributes: those of its inputs.
 
     Parameters
     ----------
@@ -28,15 +55,8 @@ class Drives:
     joints : sequence of str
         The order of a command's entries; a joint that is not there has no effort of its own.
     timeout : float
-        How long a command holds in simulated time [s]; 0: for ever.
     without : {"zero", "brake"}
         Behaviour before the first command, and after one has timed out.
-
-    Attributes
-    ----------
-    counts : Counter
-        Commands received, rejected by cause, and times that one has timed out.
-    last_rejection : str
 
     Raises
     ------
@@ -46,36 +66,32 @@ class Drives:
 
     def __init__(self, names, joints, timeout, without):
         joints = [name for name in joints if name] or list(names)
-        place, seen = {name: k for k, name in enumerate(names)}, set()
-        for name in joints:
-            if name not in place:
+        for k, name in enumerate(joints):
+            if name not in names:
                 raise InputError(
                     f"parameter 'command_joints' names '{name}', which is no joint that can be driven; these are "
                     f"{', '.join(names)}."
                 )
-            if name in seen:
+            if name in joints[:k]:
                 raise InputError(f"parameter 'command_joints' names '{name}' twice.")
-            seen.add(name)
-        self._joints, self._at = tuple(joints), np.array([place[name] for name in joints], dtype=int)
-        self.timeout, self.without = timeout, without
-        self._effort = np.zeros(len(names))
-        self.counts, self.last_rejection = Counter(), ""
-        self.forget()
+        self._joints, self._at = tuple(joints), np.array([list(names).index(name) for name in joints], dtype=int)
+        self.without, self._effort = without, np.zeros(len(names))
+        super().__init__("commands", timeout)
 
     def forget(self):
-        """Have no command, as before the first one."""
+        """Drop the command: the phase is that before the first one."""
         self._effort[:] = 0.0
         self._since, self._timed_out = None, False
 
     def command(self, data, time):
-        """Take a command over at a simulated time [s]; one that is refused leaves the last one in force.
+        """Accept a command at a simulated time [s]. A rejected one leaves the last one in force.
 
         Raises
         ------
         RejectedError
-            It has another length, or an entry is not finite.
+            Wrong length, or an entry is not finite.
         """
-        self.counts["commands received"] += 1
+        self._receive()
         if len(data) != len(self._joints):
             raise self._rejected(
                 "wrong length",
@@ -91,15 +107,9 @@ class Drives:
         self._effort[self._at] = effort
         self._since, self._timed_out = time, False
 
-    def _rejected(self, cause, message):
-        self.counts[f"commands rejected: {cause}"] += 1
-        self.last_rejection = message
-        return RejectedError(cause, message)
-
     def effort(self, time):
-        """Commanded efforts at a simulated time [s], zero without a command; shape (number of drives,)."""
-        late = self._since is not None and self.timeout and time - self._since >= self.timeout - ROUNDING
-        if late and not self._timed_out:
+        """Return the commanded efforts at a simulated time [s], zero without a command; shape (number of drives,)."""
+        if self._since is not None and not self._timed_out and self._is_expired(self._since, time):
             self._timed_out = True
             self._effort[:] = 0.0
             self.counts["commands timed out"] += 1
@@ -116,3 +126,38 @@ class Drives:
     def braked(self):
         """Whether the brakes are closed."""
         return self.without == BRAKE and self.phase != DRIVEN
+
+
+class Pushes(_Inputs):
+    """External wrenches, each on one of the robot's `links`. Attributes: those of its inputs."""
+
+    def __init__(self, links, timeout):
+        self._links = frozenset(links)
+        super().__init__("wrenches", timeout)
+
+    def forget(self):
+        """Drop all wrenches."""
+        self._held = {}
+
+    def push(self, link, wrench, time):
+        """Accept a wrench on a link, force first, shape (6,), at a simulated time [s]; zeros end it.
+
+        Raises
+        ------
+        RejectedError
+            Unknown link, or a number is not finite. Nothing changes then.
+        """
+        self._receive()
+        wrench = np.array(wrench, dtype=float)
+        if link not in self._links:
+            raise self._rejected("unknown link", f"header.frame_id '{link}' is no link of this robot")
+        if not np.isfinite(wrench).all():
+            raise self._rejected("not finite", f"wrench on '{link}' is {wrench.tolist()}, expected finite numbers")
+        self._held.pop(link, None)
+        if wrench.any():
+            self._held[link] = wrench, time
+
+    def at(self, time):
+        """Return the wrenches by link at a simulated time [s], force first."""
+        self._held = {link: held for link, held in self._held.items() if not self._is_expired(held[1], time)}
+        return {link: wrench for link, (wrench, _) in self._held.items()}

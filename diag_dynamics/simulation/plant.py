@@ -11,8 +11,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.followers import Followers
 from diag_dynamics.model.single_joints import places, single_joints
 from diag_dynamics.simulation import CompliantLimits, Simulation, Wave
-from diag_dynamics.simulation.drives import Drives
-from diag_dynamics.simulation.pushes import Pushes
+from diag_dynamics.simulation.drives import Drives, Pushes
 from diag_dynamics.simulation.sensors import Errors, Sensors
 
 BRAKE = 2.0

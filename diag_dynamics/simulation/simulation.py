@@ -18,11 +18,11 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.wrenches import wrenches_on_links
 from diag_dynamics.results import Evaluation
+from diag_dynamics.simulation import options
 from diag_dynamics.simulation import steps as compiled
-from diag_dynamics.simulation.audit import EnergyAudit
-from diag_dynamics.simulation.layout import Arrays
-from diag_dynamics.simulation.resistance import CompliantLimits, effort_limits_of, limits_of, resistance
-from diag_dynamics.simulation.states import potential_energy, rest_position, with_unit_quaternions
+from diag_dynamics.simulation.audit import EnergyAudit, potential_energy
+from diag_dynamics.simulation.memory import Memory
+from diag_dynamics.simulation.options import CompliantLimits
 
 
 class Simulation:
@@ -72,7 +72,7 @@ class Simulation:
         effort_limits: bool | VectorLike = True,
         effort_offset: VectorLike | None = None,
     ) -> None:
-        self._arrays = Arrays(model.nq, model.nv)
+        self._memory = memory = Memory(model.nq, model.nv)
         self._use(model)
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
@@ -81,22 +81,22 @@ class Simulation:
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
         self.effort_offset = model.effort_offset if effort_offset is None else effort_offset
-        bounds, joints = self._arrays.bounds, self._arrays.joints
-        (bounds["lower"], bounds["upper"]), joints["stiffness"], joints["limit_damping"] = limits_of(limits, model)
-        self._may_lean = np.isfinite(joints["stiffness"]).any()
+        (memory["lower"][:], memory["upper"][:]), stiffness, limit_damping = options.limits_of(limits, model)
+        memory["stiffness"][:], memory["limit_damping"][:] = stiffness, limit_damping
+        self._compliant = np.isfinite(stiffness).any()
         self.effort_limits = effort_limits
         self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, sweeps.WRENCH)
-        self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
+        self.reset(options.rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
     def __copy__(self):
         """A simulation of its own: a shallow copy would share the state, and the robot."""
         return copy.deepcopy(self)
 
     def _use(self, model):
-        """Take a model."""
+        """Simulate this model from now on."""
         self.dynamics = DiagonalDynamics(model)
         self.model = model
-        self._arrays.use(model.bodies, model.gravity)
+        self._memory.use(model.bodies, model.gravity)
         # The limits' stiffness is that of degrees of freedom, their bounds those of coordinates.
         single = (model.bodies["dofs"] == 1) & (model.bodies["owner"] == np.arange(len(model.bodies)))
         self._limited, self._coordinate = model.bodies["dof"][single], model.bodies["q"][single]
@@ -116,13 +116,13 @@ class Simulation:
         InputError
             Wrong shape, not finite, or no orientation; the state is then as it was.
         """
-        state, record = self._arrays.state, self._arrays.record
+        memory = self._memory
         q, qd = in_order("q", q, self.model.coordinate_names), in_order("qd", qd, self.model.dof_names)
-        state.nu[:] = self.dynamics.nu_from_qd(q, qd)
-        state.q[:] = q if self._arrays.flat else with_unit_quaternions(self.model, q)
-        state.qd[:] = qd
+        memory["nu"][:] = self.dynamics.nu_from_qd(q, qd)
+        memory["q"][:] = q if memory.flat else options.with_unit_quaternions(self.model, q)
+        memory["qd"][:] = qd
         self._effort = self._wanted = self._no_effort
-        record["done"], record["taken"] = 0.0, 0
+        memory["accounts"][:], memory["steps"][:] = 0.0, 0
         self._exchanged = 0.0
         self._start, self._start_energies = (self.q, self.nu), None
 
@@ -151,36 +151,35 @@ class Simulation:
                 f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
                 f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
             )
-        state = self._arrays.state
-        nu = DiagonalDynamics(model).nu_from_qd(state.q, state.qd)
+        nu = DiagonalDynamics(model).nu_from_qd(self.q, self.qd)
         self._start_energies = self._energies_at_start()
-        before = self._energies(state.q, state.nu).sum()
+        before = self._energies(self.q, self.nu).sum()
         self._use(model)
-        state.nu[:] = nu
-        self._exchanged += float(self._energies(state.q, state.nu).sum() - before)
+        self._memory["nu"][:] = nu
+        self._exchanged += float(self._energies(self.q, self.nu).sum() - before)
 
     @property
     def time(self) -> float:
         """Simulated time since the last reset [s]: a whole number of steps."""
-        return float(self._arrays.record["taken"]) * self.step_size
+        return float(self._memory["steps"][0]) * self.step_size
 
     @property
     def damping(self) -> Array:
         """Joint damping in force [N m s/rad, N s/m], shape (nv,); a copy."""
-        return self._arrays.joints["damping"].copy()
+        return self._memory["damping"].copy()
 
     @damping.setter
     def damping(self, value: VectorLike | float) -> None:
-        self._arrays.joints["damping"] = resistance("damping", value, self.model.dof_names)
+        self._memory["damping"][:] = options.resistance("damping", value, self.model.dof_names)
 
     @property
     def friction(self) -> Array:
         """Coulomb friction in force [N m, N], shape (nv,); a copy."""
-        return self._arrays.joints["friction"].copy()
+        return self._memory["friction"].copy()
 
     @friction.setter
     def friction(self, value: VectorLike | float) -> None:
-        self._arrays.joints["friction"] = resistance("friction", value, self.model.dof_names)
+        self._memory["friction"][:] = options.resistance("friction", value, self.model.dof_names)
 
     @property
     def effort_offset(self) -> Array:
@@ -200,22 +199,22 @@ class Simulation:
 
     @effort_limits.setter
     def effort_limits(self, value: bool | VectorLike) -> None:
-        self._effort_limits = effort_limits_of(value, self.model)
+        self._effort_limits = options.effort_limits_of(value, self.model)
 
     @property
     def q(self) -> Array:
         """Positions [rad, m], shape (nq,); a copy."""
-        return self._arrays.state.q.copy()
+        return self._memory["q"].copy()
 
     @property
     def nu(self) -> Array:
         """Total joint rates [J^½], shape (nv,); a copy."""
-        return self._arrays.state.nu.copy()
+        return self._memory["nu"].copy()
 
     @property
     def qd(self) -> Array:
         """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,); a copy. Exactly zero where a joint sticks or rests at a stop."""
-        return self._arrays.state.qd.copy()
+        return self._memory["qd"].copy()
 
     @property
     def effort(self) -> Array:
@@ -231,15 +230,18 @@ class Simulation:
     def overspeed(self) -> tuple[str, ...]:
         """Names of the degrees of freedom that are faster than the URDF's velocity limit, where it has one above 0."""
         limit = self.model.velocity_limit
-        return self._named((limit > 0.0) & (np.abs(self._arrays.state.qd) > limit))
+        return self._named((limit > 0.0) & (np.abs(self._memory["qd"]) > limit))
 
     @property
     def at_limit(self) -> tuple[str, ...]:
         """Names of the joints at or beyond a position limit."""
-        at, bounds = np.zeros(self.model.nv, bool), self._arrays.bounds[self._coordinate]
-        q = self._arrays.state.q[self._coordinate]
-        at[self._limited] = (q <= bounds["lower"]) | (q >= bounds["upper"])
+        at, (q, lower, upper) = np.zeros(self.model.nv, bool), self._limited_positions()
+        at[self._limited] = (q <= lower) | (q >= upper)
         return self._named(at)
+
+    def _limited_positions(self):
+        """Return q and its limits of the degrees of freedom that can have limits."""
+        return [self._memory[name][self._coordinate] for name in ("q", "lower", "upper")]
 
     def _named(self, chosen):
         return tuple(self.model.dof_names[k] for k in np.flatnonzero(chosen))
@@ -282,11 +284,13 @@ class Simulation:
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(model, {} if f_ext is None else f_ext, frame)
         effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
-        arrays, h, in_world = self._arrays, self.step_size, frame == "world"
-        status = compiled.advance(arrays.at, self._order, h, steps, effort - self._effort_offset, wrenches, in_world)
+        memory, h, in_world = self._memory, self.step_size, frame == "world"
+        status = compiled.advance(
+            memory.address, self._order, h, steps, effort - self._effort_offset, wrenches, in_world
+        )
         self._effort, self._wanted = effort, wanted
         if status:
-            self.dynamics.refuse(status, arrays.workspace, arrays.state.q, nu=arrays.state.nu)
+            self.dynamics.refuse(status, memory.workspace, memory["q"], nu=memory["nu"])
 
     def evaluate(
         self, tau: VectorLike | None = None, f_ext: Wrenches | None = None, *, frame: Frame = "link"
@@ -297,25 +301,25 @@ class Simulation:
     @property
     def kinetic_energy(self) -> float:
         """K = ½νᵀν [J]."""
-        nu = self._arrays.state.nu
+        nu = self._memory["nu"]
         return 0.5 * float(nu @ nu)
 
     @property
     def potential_energy(self) -> float:
         """Energy in the field of gravity [J], zero where the centre of mass is level with the world's origin."""
-        return potential_energy(self.model, self._arrays.state.q)
+        return potential_energy(self.model, self._memory["q"])
 
     @property
     def elastic_energy(self) -> float:
         """Energy that compliant limits store [J]."""
-        return self._elastic_energy(self._arrays.state.q)
+        return self._elastic_energy(self._memory["q"])
 
     def _elastic_energy(self, q):
-        if not self._may_lean:
+        if not self._compliant:
             return 0.0
-        q, bounds = q[self._coordinate], self._arrays.bounds[self._coordinate]
-        depth = np.maximum(np.maximum(q - bounds["upper"], bounds["lower"] - q), 0.0)
-        stiffness = self._arrays.joints["stiffness"][self._limited]
+        q, (_, lower, upper) = q[self._coordinate], self._limited_positions()
+        depth = np.maximum(np.maximum(q - upper, lower - q), 0.0)
+        stiffness = self._memory["stiffness"][self._limited]
         leaning = np.isfinite(stiffness) & (depth > 0.0)
         return 0.5 * float(stiffness[leaning] @ depth[leaning] ** 2)
 
@@ -331,14 +335,14 @@ class Simulation:
     @property
     def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
-        state, done = self._arrays.state, self._arrays.record["done"]
-        kinetic, potential, elastic = (self._energies(state.q, state.nu) - self._energies_at_start()).tolist()
+        kinetic, potential, elastic = (self._energies(self.q, self.nu) - self._energies_at_start()).tolist()
+        effort, wrenches, damping, friction, limits = self._memory["accounts"].tolist()
         return EnergyAudit(
-            effort=float(done["effort"]),
-            wrenches=float(done["wrenches"]),
-            damping=float(done["damping"]),
-            friction=float(done["friction"]),
-            limits=float(done["limits"]),
+            effort=effort,
+            wrenches=wrenches,
+            damping=damping,
+            friction=friction,
+            limits=limits,
             exchanged=self._exchanged,
             kinetic=kinetic,
             potential=potential,

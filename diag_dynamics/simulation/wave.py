@@ -6,7 +6,7 @@
 import numpy as np
 
 from diag_dynamics.exceptions import UnsupportedError
-from diag_dynamics.simulation.states import rest_position
+from diag_dynamics.simulation.options import rest_position
 
 
 class Wave:

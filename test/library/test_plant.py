@@ -4,7 +4,6 @@
 """Parts of the simulator without a node: drives, sensors, pace, pushes, lockstep, and the plant of them."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +14,10 @@ import diag_dynamics as dd
 from described import PANDA, robot
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.parameters.simulator import PARAMETERS
-from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives
+from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives, Pushes
 from diag_dynamics.simulation.lockstep import Lockstep
 from diag_dynamics.simulation.pace import MOST_BEHIND, Pace
 from diag_dynamics.simulation.plant import Plant
-from diag_dynamics.simulation.pushes import Pushes
 from diag_dynamics.simulation.sensors import Errors, Sensors
 from examples import examples
 
@@ -125,25 +123,19 @@ def test_clock_that_jumps_back():
     assert pace.steps(10.02, 0.5 + 0.001 * taken) == pytest.approx(20, abs=10)
 
 
-def wrench(link, *six):
-    """Return the fields of a WrenchStamped."""
-    force, torque = (SimpleNamespace(x=v[0], y=v[1], z=v[2]) for v in (six[:3], six[3:]))
-    return SimpleNamespace(header=SimpleNamespace(frame_id=link), wrench=SimpleNamespace(force=force, torque=torque))
-
-
 def test_pushes():
     """Each link's last wrench holds for its time; zeros end it; a rejected wrench changes nothing."""
     pushes = Pushes(("hand", "arm"), 0.5)
     assert pushes.at(0.0) == {}
-    pushes.push(wrench("hand", 1, 2, 3, 4, 5, 6), 1.0)
-    pushes.push(wrench("arm", 0, 0, 1, 0, 0, 0), 1.2)
-    for bad, key in ((wrench("foot", *[1] * 6), "'foot' is no link"), (wrench("arm", math.nan, *[0] * 5), "'arm'")):
+    pushes.push("hand", (1, 2, 3, 4, 5, 6), 1.0)
+    pushes.push("arm", (0, 0, 1, 0, 0, 0), 1.2)
+    for link, bad, key in (("foot", [1] * 6, "'foot' is no link"), ("arm", (math.nan, 0, 0, 0, 0, 0), "'arm'")):
         with pytest.raises(RejectedError, match=key):
-            pushes.push(bad, 1.3)
+            pushes.push(link, bad, 1.3)
     held = {link: six.tolist() for link, six in pushes.at(1.49).items()}
     assert held == {"hand": [1, 2, 3, 4, 5, 6], "arm": [0, 0, 1, 0, 0, 0]}
     assert list(pushes.at(1.5)) == ["arm"]
-    pushes.push(wrench("arm", *[0] * 6), 1.6)
+    pushes.push("arm", [0] * 6, 1.6)
     assert pushes.at(1.6) == {}
     assert pushes.counts["wrenches received"] == 5
 

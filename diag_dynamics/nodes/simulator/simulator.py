@@ -233,8 +233,9 @@ class SimulatorNode(TableNode, Node):
         self._answer()
 
     def _take_wrench(self, message):
+        f, n = message.wrench.force, message.wrench.torque
         try:
-            self._plant.pushes.push(message, self._plant.time)
+            self._plant.pushes.push(message.header.frame_id, (f.x, f.y, f.z, n.x, n.y, n.z), self._plant.time)
         except RejectedError as error:
             self._log_rejected(WRENCHES, error)
 

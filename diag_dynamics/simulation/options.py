@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments about friction, damping and limits, checked."""
+"""Checked arguments of a simulation: start state, friction, damping and limits."""
 
 from typing import NamedTuple
 
@@ -10,6 +10,22 @@ import numpy as np
 from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import array_of, in_order, numbers
 from diag_dynamics.exceptions import InputError
+
+
+def rest_position(model):
+    """Return zero, or the middle of a joint's limits where zero lies outside them; [rad, m], shape (nq,)."""
+    lower, upper = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6)
+    outside = (lower > 0.0) | (upper < 0.0)
+    return np.where(outside, 0.5 * (lower + upper), model.neutral)
+
+
+def with_unit_quaternions(model, q):
+    """Return a copy of q with quaternions of unit length."""
+    q = np.array(q, dtype=float)
+    for k, component in enumerate(model.orientations):
+        if component == 3:
+            q[k - 3 : k + 1] /= np.linalg.norm(q[k - 3 : k + 1])
+    return q
 
 
 class CompliantLimits(NamedTuple):
@@ -30,7 +46,7 @@ class CompliantLimits(NamedTuple):
 
 
 def resistance(name, value, names):
-    """`value` as a new vector of finite numbers that are not negative, one for each name."""
+    """Return `value` as a new vector of numbers ≥ 0, one for each name."""
     value, length = in_order(name, value, names), len(names)
     array = numbers(name, value, (length,), f"{length} finite numbers")
     if (array < 0.0).any():
@@ -39,7 +55,7 @@ def resistance(name, value, names):
 
 
 def limits_of(value, model):
-    """Bounds, shape (2, nq), and stiffness and damping of the limits, shape (nv,) each."""
+    """Return the bounds, shape (2, nq), and stiffness and damping of the limits, shape (nv,) each."""
     nv, bounds = model.nv, np.array([model.lower, model.upper])
     if isinstance(value, (bool, np.bool_)):
         unlimited = np.array([[-np.inf], [np.inf]]) * np.ones(model.nq)
@@ -61,10 +77,9 @@ def limits_of(value, model):
 
 
 def effort_limits_of(value, model):
-    """Largest efforts, shape (nv,): those of the model, given ones, or inf.
+    """Return the largest efforts, shape (nv,): `value`, those of the model, or inf.
 
-    A URDF has to give every joint an effort limit. Authors who know none write 0, which would be a joint that nothing can
-    drive: 0 is taken for no limit.
+    A URDF must give each joint an effort limit. Authors who know none write 0, so 0 counts as no limit.
     """
     if isinstance(value, (bool, np.bool_)):
         own = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)

@@ -1,0 +1,246 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A step of order 1, semi-implicit Euler on (q, q̇), with friction, compliant limits and impacts at hard ones."""
+
+import math
+
+from diag_dynamics import sweeps
+from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
+from diag_dynamics.simulation.modes import HELD, classify_joints, is_limited, solve_stiction
+from diag_dynamics.simulation.runge_kutta import integrate, wrench_efforts
+
+UNMOVED = 1e-6
+"""Change of rate by an impact, relative to the largest one, below which a joint at rest stays at rest."""
+
+SHORT = 1e-2
+"""Fraction of a step: a joint that friction stops within it counts as not moved by an impact."""
+
+
+@large_kernel
+def euler_step(address, h, load, may_have_modes):
+    """Step (q, q̇), and add the work done to the accounts; ν is scratch. Return a status."""
+    sim = opened(address)
+    status = wrench_efforts(sim.robot, sim.q, load, sim.pushed)
+    if status != 0:
+        return status
+    if may_have_modes:
+        status = _step_with_modes(address, h, load.tau)
+    else:
+        status = _free_rates(address, h, load.tau)
+        if status == 0:
+            status = _move(address, h, load.tau)
+    if status == 0 and reaches_limit(sim.lower, sim.upper, sim.q) and is_beyond_hard_limit(address):
+        status = sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        if status == 0:
+            status = resolve_impacts(address, h)
+    return status
+
+
+@large_kernel
+def _step_with_modes(address, h, tau):
+    """Solve for the rates until no more joint comes to lean on a limit, then move."""
+    sim = opened(address)
+    sweeps.copy(sim.qd, sim.before)
+    sweeps.copy(sim.q, sim.first_q)
+    moded, leaning = classify_joints(address)
+    status, touching = 0, True
+    while touching and status == 0:
+        status = solve_stiction(address, h, tau) if moded or leaning else _free_rates(address, h, tau)
+        touching = status == 0 and _touches_spring(address, h)
+        leaning |= touching
+    if status == 0:
+        status = _move(address, h, tau)
+    if status == 0 and moded:
+        status = _book_friction(address, h)
+    book_springs(address)
+    return status
+
+
+@large_kernel
+def _free_rates(address, h, tau):
+    """Rates after a step of joints that only have dampers: (M + h d) q̈ = τ − d q̇ − c − g."""
+    sim = opened(address)
+    for k in range(len(tau)):
+        sim.effort[k] = tau[k] + sim.pushed[k] - sim.damping[k] * sim.qd[k]
+        sim.added[k] = h * sim.damping[k]
+    status = sweeps.accelerations_with_added_inertia(sim.robot, sim.q, sim.qd, sim.effort, sim.added, sim.qdd)
+    for k in range(len(tau)):
+        sim.after[k] = sim.qd[k] + h * sim.qdd[k]
+    return status
+
+
+@large_kernel
+def _touches_spring(address, h):
+    """Let joints that pass a compliant limit in the step lean on it; return whether there are any."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    found = False
+    for i in range(1, len(bodies)):
+        k, c = bodies[i].dof, bodies[i].q
+        if is_limited(bodies, i) and sim.spring[k] == 0.0 and math.isfinite(sim.stiffness[k]):
+            end = sim.q[c] + h * sim.after[k]
+            side = 1.0 if end > sim.upper[c] else -1.0 if end < sim.lower[c] else 0.0
+            if side * sim.after[k] > 0.0:
+                sim.spring[k], found = side, True
+                sim.depth[k] = sim.q[c] - (sim.upper[c] if side > 0.0 else sim.lower[c])
+    return found
+
+
+@large_kernel
+def _move(address, h, tau):
+    """Go to the end of the step with the rates `after`. Book all work but that of friction."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    for k in range(len(tau)):
+        sim.qd[k], sim.u[k] = sim.after[k], h * sim.after[k]
+    integrate(sim.flat, bodies, sim.q, sim.u, sim.q)
+    effort, damping, limits, wrenches = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(tau)):
+        qd, u = sim.qd[k], sim.u[k]
+        if not (math.isfinite(u) and math.isfinite(sim.q[k])):
+            return -1
+        effort += tau[k] * u
+        wrenches += sim.pushed[k] * u
+        damping -= sim.damping[k] * qd * u
+        if sim.spring[k] != 0.0:  # its work by the force at the end, and what it stores
+            stiffness, side, end = sim.stiffness[k], sim.spring[k], sim.depth[k] + u
+            limits -= (sim.limit_damping[k] * qd + stiffness * end) * u
+            limits += _stored(stiffness, side * end) - _stored(stiffness, side * sim.depth[k])
+    sim.accounts[EFFORT] += effort
+    sim.accounts[WRENCHES] += wrenches
+    sim.accounts[DAMPING] += damping
+    sim.accounts[LIMITS] += limits
+    return 0
+
+
+@large_kernel
+def _book_friction(address, h):
+    """Book the work of friction: its impulse times the mean rate; of stopped joints all kinetic energy that they lose."""
+    sim = opened(address)
+    stopping, work, stopped, status = False, 0.0, 0.0, 0
+    for k in range(len(sim.qd)):
+        before, mode = sim.before[k], sim.mode[k]
+        stopping |= mode == HELD and before != 0.0
+        if abs(mode) == 1.0:
+            mean = 0.5 * h * (before + sim.qd[k]) if before * mode >= 0.0 else sim.u[k]
+            work -= sim.friction[k] * mode * mean
+    if stopping:
+        status = sweeps.inverse_dynamics(sim.robot, sim.first_q, sim.zeros, sim.before, 0.0, sim.momentum)
+        for k in range(len(sim.qd)):
+            if sim.mode[k] == HELD:
+                stopped += 0.5 * sim.before[k] * (sim.needed[k] - sim.momentum[k])
+    sim.accounts[FRICTION] += work + min(0.0, stopped)
+    return status
+
+
+@kernel
+def _stored(stiffness, depth):
+    """Energy [J] of a compliant limit at a depth [rad, m]."""
+    return 0.5 * stiffness * depth * depth if depth > 0.0 else 0.0
+
+
+@large_kernel
+def book_springs(address):
+    """Book the energy of compliant limits that a joint has left as lost: they return without the joint."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    for i in range(1, len(bodies)):
+        k, c = bodies[i].dof, bodies[i].q
+        if is_limited(bodies, i) and sim.spring[k] == 0.0 and math.isfinite(sim.stiffness[k]):
+            now = max(sim.q[c] - sim.upper[c], sim.lower[c] - sim.q[c])
+            before = max(sim.first_q[c] - sim.upper[c], sim.lower[c] - sim.first_q[c])
+            sim.accounts[LIMITS] += _stored(sim.stiffness[k], now) - _stored(sim.stiffness[k], before)
+
+
+@kernel
+def kinetic_energy(nu):
+    """½νᵀν [J]."""
+    energy = 0.0
+    for k in range(len(nu)):
+        energy += 0.5 * nu[k] * nu[k]
+    return energy
+
+
+@large_kernel
+def _energy(address):
+    """Kinetic and potential energy [J], ½νᵀν − g·Σ m c."""
+    sim = opened(address)
+    _, gravity, _, _ = sweeps.opened(sim.robot)
+    sweeps.first_moment(sim.robot, sim.q, sim.moment)
+    potential = -(gravity[0] * sim.moment[0] + gravity[1] * sim.moment[1] + gravity[2] * sim.moment[2])
+    return kinetic_energy(sim.nu) + potential
+
+
+@kernel
+def reaches_limit(lower, upper, q):
+    """Whether a coordinate is at its limits or beyond them."""
+    for k in range(len(q)):
+        if q[k] <= lower[k] or q[k] >= upper[k]:
+            return True
+    return False
+
+
+@large_kernel
+def is_beyond_hard_limit(address):
+    """Whether a joint is beyond a hard limit."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    for i in range(1, len(bodies)):
+        k, c = bodies[i].dof, bodies[i].q
+        beyond = sim.q[c] < sim.lower[c] or sim.q[c] > sim.upper[c]
+        if beyond and is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
+            return True
+    return False
+
+
+@large_kernel
+def resolve_impacts(address, h):
+    """Bring joints beyond hard limits back to them, and end their outward motion by impulses. Needs ν; returns a status.
+
+    To stop one joint can move another one outward at its own limit: that one is stopped, too. No friction withstands an
+    impulse, so joints at rest can start to move; those that would hardly move, or only for a moment, stay at rest.
+    """
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    energy = _energy(address)
+    sweeps.clear(sim.locks)
+    sweeps.copy(sim.qd, sim.before)
+    for i in range(1, len(bodies)):
+        k, c = bodies[i].dof, bodies[i].q
+        if is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
+            sim.q[c] = min(max(sim.q[c], sim.lower[c]), sim.upper[c])
+    status = sweeps.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
+    while status == 0 and _lock_stopped(address, h):
+        status = sweeps.rates_with_added_inertia(sim.robot, sim.q, sim.nu, sim.locks, sim.zeros, sim.momentum, sim.qd)
+        for k in range(len(sim.qd)):
+            if sim.locks[k] != 0.0:
+                sim.qd[k] = 0.0
+        if status == 0:
+            status = sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+    sim.accounts[LIMITS] += _energy(address) - energy
+    return status
+
+
+@large_kernel
+def _lock_stopped(address, h):
+    """Mark in `locks` the joints that an impact stops; return whether there are new ones."""
+    sim = opened(address)
+    bodies, _, work, _ = sweeps.opened(sim.robot)
+    largest, found = 0.0, False
+    for k in range(len(sim.qd)):
+        largest = max(largest, abs(sim.qd[k] - sim.before[k]))
+    for i in range(1, len(bodies)):
+        k, c = bodies[i].dof, bodies[i].q
+        if not sweeps.owns(bodies, i) or sim.locks[k] != 0.0:
+            continue
+        rate, D = abs(sim.qd[k]), work[i].D  # the joint's inertia or more
+        stays = rate <= UNMOVED * largest or D * rate <= SHORT * h * sim.friction[k]
+        stopped = sim.before[k] == 0.0 and stays
+        if is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
+            stopped |= sim.q[c] == sim.lower[c] and sim.qd[k] < 0.0
+            stopped |= sim.q[c] == sim.upper[c] and sim.qd[k] > 0.0
+        if stopped:
+            sim.locks[k], found = math.inf, True
+    return found

@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Modes of joints: which slide, stick, rest at a hard limit or lean on a compliant one.
+
+A sliding joint of Coulomb friction f has the torque −f sign(q̇). A joint at rest sticks while less than f holds it. At a hard
+limit a joint rests while the limit pushes it back. Each degree of freedom has in a step
+
+* a mode: FREE, HELD, or 1 and −1, the direction in which it slides;
+* a spring: the side, 1 or −1, of the compliant limit on which it leans; 0 for none;
+* a depth: its distance beyond a limit, negative beyond the lower one [rad, m].
+"""
+
+import math
+
+from diag_dynamics import sweeps
+from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.simulation.memory import opened
+
+FREE, HELD = 0.0, 2.0
+
+ROUNDING = 1e-12
+"""Rounding error of an impulse, relative to the terms of which it is the difference."""
+
+NO_FORCE = 1e-9
+"""Force of a compliant limit, relative to its parts, that counts as zero."""
+
+ROUNDS_OF_ALL = 3
+"""Rounds that change the modes of all joints together. Later rounds change one joint each, because they must end."""
+
+
+@kernel
+def is_limited(bodies, i):
+    """Whether limits apply to a body's degree of freedom: its joint has one, and is no mimic joint."""
+    return bodies[i].dofs == 1 and sweeps.owns(bodies, i)
+
+
+@kernel
+def limit_violation(lower, upper, x):
+    """Side of the limit that a coordinate has reached (−1, 1; 0 for none), and the distance beyond, with that sign."""
+    if x >= upper:
+        return 1.0, x - upper
+    if x <= lower:
+        return -1.0, x - lower
+    return 0.0, 0.0
+
+
+@kernel
+def limit_force(stiffness, damping, side, depth, rate):
+    """Force of a compliant limit into the range, and the sum of the sizes of its parts."""
+    elastic, viscous = stiffness * side * depth, damping * side * rate
+    return elastic + viscous, elastic + abs(viscous)
+
+
+@large_kernel
+def classify_joints(address):
+    """Set mode, spring and depth of each joint from q and q̇; return whether a joint has a mode, and whether one leans."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    moded, leaning = False, False
+    for i in range(1, len(bodies)):
+        if not sweeps.owns(bodies, i):
+            continue
+        k, c = bodies[i].dof, bodies[i].q
+        rate, side = sim.qd[k], 0.0
+        sim.mode[k], sim.spring[k], sim.depth[k] = FREE, 0.0, 0.0
+        if is_limited(bodies, i):
+            side, sim.depth[k] = limit_violation(sim.lower[c], sim.upper[c], sim.q[c])
+            if side != 0.0 and math.isfinite(sim.stiffness[k]):
+                force, size = limit_force(sim.stiffness[k], sim.limit_damping[k], side, sim.depth[k], rate)
+                if force > NO_FORCE * size or (size == 0.0 and side * rate > 0.0):
+                    sim.spring[k], leaning = side, True
+                side = 0.0
+        if rate == 0.0 and (sim.friction[k] > 0.0 or side != 0.0):
+            sim.mode[k], moded = HELD, True
+        elif sim.friction[k] > 0.0:
+            sim.mode[k], moded = math.copysign(1.0, rate), True
+    return moded, leaning
+
+
+@large_kernel
+def solve_stiction(address, h, tau):
+    """Solve an implicit Euler step with friction: set `mode` and `after`, the rates after it. Return a status.
+
+    (M + A) q̇⁺ = M q̇ + h (τ + Jᵀf − c − g − k x) + λ with A = h d + h² k, dampers d and springs k. A held joint has q̇⁺ = 0
+    and an impulse |λ| ≤ h f; a sliding one moves in its direction with λ = −h f mode. A hard limit bounds λ on one side only.
+    This linear complementarity problem has a positive definite matrix; joints that violate their condition exchange it.
+    The last rounds only hold joints: friction then adds no energy, whatever rounding does.
+    """
+    sim = opened(address)
+    n, changed = len(tau), True
+    for k in range(n):
+        sim.qdd[k] = -sim.qd[k] / h
+    status = sweeps.inverse_dynamics(sim.robot, sim.q, sim.qd, sim.qdd, 1.0, sim.bias)
+    round_, last_release = 0, ROUNDS_OF_ALL + 2 * n
+    while changed and status == 0:
+        status = _solve_modes(address, h, tau)
+        changed = status == 0 and _exchange_modes(address, h, round_ < ROUNDS_OF_ALL, round_ < last_release)
+        round_ += 1
+    return status
+
+
+@large_kernel
+def _solve_modes(address, h, tau):
+    """Rates `after` of the present modes and, with joints held, `needed`, M q̇⁺; `momentum` is the right side."""
+    sim = opened(address)
+    holding = False
+    for k in range(len(tau)):
+        mode, added = sim.mode[k], h * sim.damping[k]
+        sim.impulse[k] = h * (tau[k] + sim.pushed[k] - sim.bias[k])
+        if sim.spring[k] != 0.0:
+            added += h * (sim.limit_damping[k] + h * sim.stiffness[k])
+            sim.impulse[k] -= h * sim.stiffness[k] * sim.depth[k]
+        if abs(mode) == 1.0:
+            sim.impulse[k] -= h * sim.friction[k] * mode
+        sim.added[k] = math.inf if mode == HELD else added
+        holding |= mode == HELD
+    status = sweeps.rates_with_added_inertia(
+        sim.robot, sim.q, sim.zeros, sim.added, sim.impulse, sim.momentum, sim.after
+    )
+    if status != 0 or not holding:
+        return status
+    for k in range(len(tau)):
+        if sim.mode[k] == HELD:
+            sim.after[k] = 0.0
+    return sweeps.inverse_dynamics(sim.robot, sim.q, sim.zeros, sim.after, 0.0, sim.needed)
+
+
+@large_kernel
+def _exchange_modes(address, h, all_together, may_release):
+    """Hold joints that slide backwards, release joints beyond their bounds; return whether a mode has changed."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    changed = False
+    for i in range(1, len(bodies)):
+        k, c = bodies[i].dof, bodies[i].q
+        if not sweeps.owns(bodies, i) or sim.mode[k] == FREE or (changed and not all_together):
+            continue
+        if sim.mode[k] != HELD:
+            if sim.mode[k] * sim.after[k] < 0.0:
+                sim.mode[k], changed = HELD, True
+        elif may_release:
+            low, high = -h * sim.friction[k], h * sim.friction[k]
+            if is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
+                high = math.inf if sim.q[c] <= sim.lower[c] else high
+                low = -math.inf if sim.q[c] >= sim.upper[c] else low
+            impulse = sim.needed[k] - sim.momentum[k]
+            slack = ROUNDING * (abs(sim.needed[k]) + abs(sim.momentum[k]))
+            if impulse > high + slack:
+                sim.mode[k], changed = -1.0, True
+            elif impulse < low - slack:
+                sim.mode[k], changed = 1.0, True
+    return changed
+
+
+@large_kernel
+def is_stopping(address):
+    """Whether the solved step stops or reverses a joint that slides."""
+    sim = opened(address)
+    for k in range(len(sim.qd)):
+        if sim.friction[k] > 0.0 and sim.qd[k] != 0.0 and sim.mode[k] * sim.qd[k] <= 0.0:
+            return True
+        if sim.mode[k] == HELD and sim.qd[k] != 0.0:
+            return True
+    return False
+
+
+@large_kernel
+def is_mode_left(address):
+    """Whether the step has taken a joint out of its mode: it slides backwards, has passed a limit, or left one."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    for i in range(1, len(bodies)):
+        if not sweeps.owns(bodies, i):
+            continue
+        k, c = bodies[i].dof, bodies[i].q
+        mode, rate, depth = sim.mode[k], sim.qd[k], sim.depth[k]
+        if mode == HELD:
+            continue
+        if sim.friction[k] > 0.0 and mode * rate < 0.0:
+            return True
+        if not is_limited(bodies, i):
+            continue
+        beyond = max(sim.q[c] - sim.upper[c], sim.lower[c] - sim.q[c])
+        if sim.spring[k] == 0.0 and (depth == 0.0 or not math.isfinite(sim.stiffness[k])):
+            if beyond > 0.0:
+                return True
+        else:
+            side = sim.spring[k] if sim.spring[k] != 0.0 else math.copysign(1.0, depth)
+            deep = sim.q[c] - (sim.upper[c] if side > 0.0 else sim.lower[c])
+            force, _ = limit_force(sim.stiffness[k], sim.limit_damping[k], side, deep, rate)
+            if sim.spring[k] != 0.0 and force < 0.0:
+                return True
+            if sim.spring[k] == 0.0 and side * deep > 0.0 and force > 0.0:
+                return True
+    return False
+
+
+@large_kernel
+def lock_joints(address):
+    """Lock the joints that are held, and no others; return whether there are any."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    holding = False
+    for k in range(len(sim.mode)):
+        sim.locks[k] = 1.0 if sim.mode[k] == HELD else 0.0
+        holding |= sim.mode[k] == HELD
+    sweeps.hold(bodies, sim.armature, sim.locks)
+    return holding
+
+
+@large_kernel
+def unlock_joints(address):
+    """Lock no joint."""
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    sweeps.clear(sim.locks)
+    sweeps.hold(bodies, sim.armature, sim.locks)
