@@ -30,26 +30,13 @@ IMMOBILE = 1e-9
 
 
 class ContactSeen(NamedTuple):
-    """Contact at a state, by its worst entry.
-
-    Attributes
-    ----------
-    contact : Contact
-    worst : int
-        Entry with the largest fraction of its allowed speed; -1 if nothing moves.
-    energy : float
-        Its transferable energy [J].
-    limit : float
-        Its limit [J]: the energy at the allowed speed, scaled; inf at rest or without a limit.
-    link : str
-        Its link; empty if nothing moves.
-    """
+    """Contact at a state, by its worst entry: that with the largest fraction of its allowed speed."""
 
     contact: Contact
-    worst: int
-    energy: float
-    limit: float
-    link: str
+    worst: int  # the entry; -1 if nothing moves
+    energy: float  # its transferable energy [J]
+    limit: float  # its limit [J]: the energy at the allowed speed, scaled; inf at rest or without a limit
+    link: str  # its link; empty if nothing moves
 
 
 class ContactLimiter:
@@ -120,21 +107,10 @@ class ContactLimiter:
     def filter(
         self, q: VectorLike, qd: VectorLike, command: Command, period: float, external: VectorLike | None = None
     ) -> Command:
-        """Return the command, or one that keeps the limits.
+        """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
 
-        Parameters
-        ----------
-        q, qd : array_like, shape (nv,)
-            Positions [rad, m] and rates [rad/s, m/s] of the command.
-        command : Command
-        period : float
-            h > 0, until the next command [s].
-        external : array_like, shape (nv,), optional
-            Working moments of external forces [J^½/s], such as a disturbance observer's residual.
-
-        Returns
-        -------
-        Command
+        `period` is h > 0, until the next command [s]; `external` are working moments of external forces [J^½/s], such as a
+        disturbance observer's residual.
         """
         dynamics, names = self.dynamics, self.dynamics.model.dof_names
         h = positive("period", period, "[s]")

@@ -29,26 +29,9 @@ class Filtered(NamedTuple):
 
 
 class Efforts:
-    """Filters of one robot, and the last effort.
+    """Filters of one robot, the last effort `sent` [N m, N], and the `scale` of the effort limits on the last command.
 
-    Parameters
-    ----------
-    dynamics : DiagonalDynamics
-    values : dict
-        Values of parameters.controller.PARAMETERS.
-    compensated : bool
-        Whether the robot adds gravity compensation to the efforts that it receives.
-    points : ContactPoints, optional
-        Points with contact limits.
-
-    Attributes
-    ----------
-    energy_limiter : EnergyLimiter or None
-    contact_limiter : ContactLimiter or None
-    sent : ndarray, shape (nv,)
-        Last effort [N m, N].
-    scale : float
-        Factor of the effort limits on the last command.
+    Arguments are those of :class:`ControlLoop`. `energy_limiter` and `contact_limiter` are None without limits.
     """
 
     def __init__(self, dynamics, values, compensated, points=None):

@@ -12,6 +12,7 @@ from diag_dynamics.checks import instance, per_name, vector
 from diag_dynamics.control.command import Command, PoseError
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
+from diag_dynamics.rotations import wrap_angle
 
 
 def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
@@ -139,7 +140,7 @@ class JointTracking(Law):
     ) -> Command:
         """Return the command at one state for the desired motion at this time.
 
-        A continuous joint takes the shorter way round.
+        V is ½|s|², and the error q_d − q, of a continuous joint the shorter way round.
 
         Parameters
         ----------
@@ -147,11 +148,6 @@ class JointTracking(Law):
             Positions [rad, m] and rates [rad/s, m/s].
         desired_q, desired_qd, desired_qdd : array_like, shape (nv,)
             Desired positions, rates and accelerations [rad/s², m/s²]; at rest by default.
-
-        Returns
-        -------
-        Command
-            V = ½|s|²; its error is q_d − q.
         """
         dynamics, names = self.dynamics, self.dynamics.model.dof_names
         q, qd = vector("q", q, names), vector("qd", qd, names)
@@ -175,6 +171,5 @@ class JointTracking(Law):
     def _error(self, desired_q: Array, q: Array) -> Array:
         error = desired_q - q
         if self._continuous.any():
-            angles = error[self._continuous]
-            error[self._continuous] = np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
+            error[self._continuous] = wrap_angle(error[self._continuous])
         return error

@@ -49,19 +49,9 @@ class EnergyLimiter:
         return max(0.0, power - self.rate * (self.limit - 0.5 * float(nu @ nu)))
 
     def filter(self, q: VectorLike, command: Command, external: VectorLike | None = None) -> Command:
-        """Return the command, or one of less power.
+        """Return the command at the positions q [rad, m], or one of less power.
 
-        Parameters
-        ----------
-        q : array_like, shape (nv,)
-            Positions of the command [rad, m].
-        command : Command
-        external : array_like, shape (nv,), optional
-            Working moments of external forces [J^½/s], such as a disturbance observer's residual.
-
-        Returns
-        -------
-        Command
+        `external` are working moments of external forces [J^½/s], such as a disturbance observer's residual.
         """
         excess = self.excess_power(command, external)
         if excess == 0.0:
@@ -76,9 +66,8 @@ class EffortSaturation:
     """Effort limits |τ_k| ≤ L_k that keep the direction of ε: τ = g + s(τ − g) with one s in [0, 1].
 
     Gravity compensation has priority over motion. One factor for the rest keeps the sign of its power νᵀε, where cuts joint
-    by joint can turn braking into driving. A joint whose gravity torque alone exceeds its limit has no s: its effort is its
-    limit, and the others are scaled without it. Between `HEAVY` of its limit and all of it the two cases are interpolated,
-    so that efforts stay continuous.
+    by joint can turn braking into driving. A joint whose gravity torque alone exceeds its limit is at its limit, and has no
+    part in s. Between `HEAVY` of its limit and all of it the two cases are interpolated.
 
     Parameters
     ----------
@@ -142,20 +131,7 @@ class EffortRateLimiter:
         self._last: Array | None = None if tau is None else vector("tau", tau, self._names)
 
     def filter(self, tau: VectorLike, dt: float) -> tuple[Array, tuple[str, ...]]:
-        """Return the efforts to send and the joints that are limited.
-
-        Parameters
-        ----------
-        tau : array_like, shape (nv,)
-            Requested efforts [N m, N].
-        dt : float
-            Time since the last call [s].
-
-        Returns
-        -------
-        tau : ndarray, shape (nv,)
-        limited : tuple of str
-        """
+        """Return the efforts for requested ones `tau` [N m, N], and the limited joints; `dt` since the last call [s]."""
         tau = vector("tau", tau, self._names)
         change = not_negative("dt", dt, "[s]") * self.rate
         limited: tuple[str, ...] = ()

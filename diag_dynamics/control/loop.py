@@ -27,37 +27,17 @@ START_TIMEOUT = 1.0
 
 
 class Sent(NamedTuple):
-    """Effort of one cycle, and its reasons.
+    """Effort of one cycle, and its reasons."""
 
-    Attributes
-    ----------
-    effort : ndarray, shape (nv,)
-        After every limit [N m, N], in the robot's order; without gravity if the robot compensates that itself.
-    saturated : tuple of str
-        Joints whose effort or effort rate was limited.
-    stamp : int
-        Stamp of the command's state, or of the last valid one [ns].
-    age : float
-        Age of that state [s].
-    command : Command or None
-        Command of the law after the energy and contact limiters; None without a valid state.
-    energy_limited, contact_limited : bool
-        Whether the limiter removed power.
-    lyapunov_rate : float or None
-        dV/dt from the state before to this one [W]; None unless both have the same target.
-    lost : str
-        Why the robot's position replaced the target; empty if it did not.
-    """
-
-    effort: np.ndarray
-    saturated: tuple
-    stamp: int
-    age: float
-    command: Command | None = None
-    energy_limited: bool = False
-    contact_limited: bool = False
-    lyapunov_rate: float | None = None
-    lost: str = ""
+    effort: np.ndarray  # after every limit [N m, N], shape (nv,); without gravity if the robot compensates that itself
+    saturated: tuple  # joints whose effort or effort rate was limited
+    stamp: int  # of the command's state, or of the last valid one [ns]
+    age: float  # of that state [s]
+    command: Command | None = None  # of the law, after the energy and contact limiters; None without a valid state
+    energy_limited: bool = False  # whether the energy limiter removed power
+    contact_limited: bool = False  # whether the contact limiter did
+    lyapunov_rate: float | None = None  # dV/dt since the state before [W]; None unless both have the same target
+    lost: str = ""  # why the robot's position replaced the target; empty if it did not
 
 
 class ControlLoop:
@@ -156,31 +136,17 @@ class ControlLoop:
             raise InputError(f"{target} comes while the robot is taken up: it is damped until efforts carry it.")
 
     def take_pose(self, link, position, orientation):
-        """Go to a pose; see :class:`PoseTarget`. It replaces the target before.
+        """Go to a position [m] and an orientation, as unit quaternion x y z w or rotation matrix; see :class:`PoseTarget`.
 
-        Parameters
-        ----------
-        link : str
-            Link in whose axes and from whose origin, where they are now, the pose is given.
-        position : array_like, shape (3,)
-            [m].
-        orientation : array_like, shape (4,) or (3, 3)
-            Unit quaternion x y z w, or rotation matrix.
+        They are in the axes of a link and from its origin, where these are now, and replace the target before.
         """
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
 
     def take_trajectory(self, waypoints, stamp, now):
-        """Follow a trajectory from the desired position on; see :class:`Trajectory`. It replaces the target before.
+        """Follow Waypoints within position and velocity limits; see :class:`Trajectory`. They replace the target before.
 
-        Parameters
-        ----------
-        waypoints : Waypoints
-            Within position and velocity limits.
-        stamp : int
-            Start [ns]; 0: the last state.
-        now : int
-            Present time [ns], before the end of the trajectory.
+        The trajectory starts from the desired position, at a stamp [ns] or, if that is 0, with the last state.
         """
         self.require("trajectory")
         self._mode.take_trajectory(self.state, waypoints, stamp, now)

@@ -9,10 +9,11 @@ from diag_dynamics.checks import numbers, vector
 from diag_dynamics.control.by_dof import by_dof
 from diag_dynamics.control.command import PoseError
 from diag_dynamics.control.laws import GravityCompensation, JointTracking, RateDamping
-from diag_dynamics.control.pose import PoseRegulation, rotation_of, rotation_vector
+from diag_dynamics.control.pose import PoseRegulation, rotation_of
 from diag_dynamics.control.references import PoseTarget, SetPoint, at_rest, nearest
 from diag_dynamics.control.trajectory import Trajectory
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.rotations import to_vector
 
 MAX_WAIT = 10.0
 """Maximum time from the arrival of a trajectory to its start [s]; meanwhile the robot approaches its first point."""
@@ -44,22 +45,11 @@ def highest_speeds(model):
 class Mode:
     """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
 
-    Parameters
-    ----------
-    law : Law
-    values : dict
-        Values of parameters.controller.PARAMETERS. The constructors of subclasses take (dynamics, values).
-
-    Attributes
-    ----------
-    name : str
-        Name in the parameter initial_mode and in the service ~/mode/<name>.
-    targets : tuple of str
-        Topics of its targets: take_pose accepts "target", take_trajectory "trajectory", take_set_point "set_point".
+    The constructors of subclasses take the dynamics and the values of parameters.controller.PARAMETERS.
     """
 
-    name = ""
-    targets = ()
+    name = ""  # in the parameter initial_mode and the service ~/mode/<name>
+    targets = ()  # topics: take_pose accepts "target", take_trajectory "trajectory", take_set_point "set_point"
 
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
@@ -192,7 +182,7 @@ class PoseMode(Mode):
             return command
         self.forget_rate()
         position, axes = self.law.pose(state.position)
-        return command._replace(error=PoseError(target.goal[0] - position, rotation_vector(target.goal[1] @ axes.T)))
+        return command._replace(error=PoseError(target.goal[0] - position, to_vector(target.goal[1] @ axes.T)))
 
 
 class TrackingMode(Mode):

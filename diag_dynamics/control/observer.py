@@ -17,30 +17,14 @@ from diag_dynamics.exceptions import InputError
 
 
 class Disturbance(NamedTuple):
-    """Result of the observer for one sample. Arrays have shape (nv,) and are the caller's own.
+    """Result of the observer for one sample. Arrays have shape (nv,) and are the caller's own."""
 
-    Attributes
-    ----------
-    valid : bool
-        Whether there is a result: False for the first sample, after a reset, and without efforts.
-    reason : str
-        Why there is none; empty otherwise.
-    residual : ndarray or None
-        r, which follows ε_ext = ℓτ_ext [J^½/s]; None if not valid.
-    external_torque : ndarray or None
-        m r, which follows the external torque τ_ext [N m, N]; None if not valid.
-    norm : float
-        |r| [J^½/s]; |r|² follows τ_extᵀM⁻¹τ_ext. 0 if not valid.
-    collision : bool
-        Whether the norm has exceeded the threshold, and not fallen below the release threshold since.
-    """
-
-    valid: bool
-    reason: str
-    residual: Array | None = None
-    external_torque: Array | None = None
-    norm: float = 0.0
-    collision: bool = False
+    valid: bool  # False for the first sample, after a reset, and without efforts
+    reason: str  # why there is no result; empty otherwise
+    residual: Array | None = None  # r, which follows ε_ext = ℓτ_ext [J^½/s]; None if not valid
+    external_torque: Array | None = None  # m r, which follows the external torque τ_ext [N m, N]; None if not valid
+    norm: float = 0.0  # |r| [J^½/s]; |r|² follows τ_extᵀM⁻¹τ_ext
+    collision: bool = False  # whether the norm has exceeded the threshold, and not fallen below `release` since
 
     @property
     def torque_norm(self) -> float:
@@ -139,16 +123,10 @@ class DisturbanceObserver:
         ----------
         time : float
             Time of the state [s].
-        q : array_like, shape (nq,)
-            Positions [rad, m].
-        qd : array_like, shape (nv,)
-            Rates [rad/s, m/s].
+        q, qd : array_like, shape (nq,) and (nv,)
+            Positions [rad, m] and rates [rad/s, m/s].
         tau : array_like, shape (nv,), or None
             Joint efforts [N m, N], gravity included; nan where unknown, None if all are.
-
-        Returns
-        -------
-        Disturbance
         """
         time = number("time", time, "a finite number [s]")
         if tau is None:

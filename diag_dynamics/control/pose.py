@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pose regulation of a frame of the robot, and rotations."""
+"""Pose regulation of a frame of the robot."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from diag_dynamics import rotations
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import numbers, per_name, positive
 from diag_dynamics.control.command import Command, PoseError
@@ -103,9 +104,9 @@ class PoseRegulation(Law):
             stored += 0.5 * float(wrench[:3] @ distance)
         if self._axes is not None:
             weight, R = 0.5 * self.orientation_stiffness, self._axes @ axes.T
-            wrench[3:] = weight * _vee(R)  # Σ a_j × (a_dj − a_j)
+            wrench[3:] = weight * rotations.vee(R)  # Σ a_j × (a_dj − a_j)
             stored += weight * (3.0 - float(np.trace(R)))  # ½ Σ |a_dj − a_j|²
-            rotation = rotation_vector(R)
+            rotation = rotations.to_vector(R)
         spring = self.dynamics.epsilon_from_wrench(q, self.link, wrench, self.point, "world")
         damped = self.damping * nu
         lyapunov, rate = 0.5 * float(nu @ nu) + stored, -float(nu @ damped)
@@ -124,34 +125,7 @@ def rotation_of(orientation: Any) -> Array:
         length = math.sqrt(float(array @ array))
         if abs(length - 1.0) > UNIT:
             raise InputError(f"orientation is {array.tolist()}, of length {length:.6g}, expected {expected}.")
-        x, y, z, w = array / length
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return rotations.from_quaternion(*array)
     if np.abs(array.T @ array - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(array) < 0.0:
         raise InputError(f"orientation is {array.tolist()}, expected {expected}.")
     return array
-
-
-def _vee(R: Array) -> Array:
-    """Return 2 sin(angle) times the axis of a rotation: Σ a_j × R a_j for any orthonormal a."""
-    return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-
-
-def rotation_vector(R: Array) -> Array:
-    """Return angle [rad] times axis of a rotation matrix, shape (3,); the angle is in [0, π]."""
-    twice = _vee(R)
-    sine, cosine = 0.5 * math.sqrt(float(twice @ twice)), 0.5 * (float(np.trace(R)) - 1.0)
-    angle = math.atan2(sine, cosine)
-    if sine > 1e-6:
-        return twice * (0.5 * angle / sine)
-    if cosine > 0.0:
-        return 0.5 * twice
-    column = int(np.argmax(np.diag(R)))  # a half turn: (R + 1)/2 = n nᵀ
-    axis = 0.5 * (R[:, column] + np.eye(3)[column])
-    axis /= math.sqrt(float(axis @ axis))
-    return angle * (axis if float(axis @ twice) >= 0.0 else -axis)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.control.pose import rotation_of, rotation_vector
+from diag_dynamics import rotations
 
 REACHED = 1e-6
 """Distance at which a pose counts as reached [m, rad]."""
@@ -48,22 +48,9 @@ class SetPoint:
     distance δ, for a braking acceleration a, up to the speed; near the target it is kδ. All joints slow down for a robot that
     lags behind.
 
-    Parameters
-    ----------
-    goal : ndarray, shape (nv,)
-        Position [rad, m].
-    time : int
-        Present time [ns].
-    desired : Desired
-        Desired motion at that time, from which this one goes on.
-    speed, rate : ndarray, shape (nv,)
-        Speed [rad/s, m/s], reached within :data:`WITHIN`, and k [1/s].
-    continuous : ndarray of bool, shape (nv,)
-        Continuous joints, which go the shorter way.
-    max_period : float
-        Maximum time of one step [s], after a stall.
-    room : ndarray, shape (nv,)
-        Distance in which the present motion must end [rad, m].
+    The motion goes on from the desired one at a time [ns]. `speed` [rad/s, m/s] is reached within :data:`WITHIN`, and `rate`
+    is k [1/s]. Continuous joints go the shorter way. After a stall a step takes `max_period` [s] at most. The present motion
+    ends within the distance `room` [rad, m]. All have shape (nv,).
     """
 
     def __init__(self, goal, time, desired, speed, rate, continuous, max_period=np.inf, room=np.inf):
@@ -100,21 +87,14 @@ class SetPoint:
 class PoseTarget:
     """Motion to a pose as of a :class:`SetPoint`: straight, and about the axis of the smallest rotation.
 
-    Parameters
-    ----------
-    goal, start : tuple of ndarray
-        Position [m], shape (3,), and axes as columns, shape (3, 3), at the end and now.
-    time : int
-        Present time [ns].
-    speed, rate, max_period
-        As those of a SetPoint, in m/s and rad/s; shape (2,).
-    before : PoseTarget or None
-        Replaced target, whose motion towards the goal goes on: targets may come in a stream.
+    `goal` and `start` are position [m], shape (3,), and axes as columns, shape (3, 3), at the end and at a time [ns]. `speed`
+    [m/s, rad/s] and `rate` [1/s] have shape (2,). The motion of the target `before` goes on as far as it leads to the goal,
+    because targets may come in a stream.
     """
 
     def __init__(self, goal, time, start, speed, rate, max_period, before=None):
         self.goal, self._start, self.arrived = goal, start, False
-        self._vectors = np.array([goal[0] - start[0], rotation_vector(goal[1] @ start[1].T)])
+        self._vectors = np.array([goal[0] - start[0], rotations.to_vector(goal[1] @ start[1].T)])
         self._lengths = np.array([np.linalg.norm(vector) for vector in self._vectors])
         moving = self._lengths[:, None] > REACHED
         self._directions = np.divide(self._vectors, self._lengths[:, None], out=np.zeros((2, 3)), where=moving)
@@ -138,6 +118,5 @@ class PoseTarget:
         fraction, turned = np.divide(done, self._lengths, out=np.ones(2), where=self._lengths > 0.0)
         R, angle = np.eye(3), self._lengths[1]
         if angle > REACHED:
-            half = 0.5 * turned * angle
-            R = rotation_of(np.append(np.sin(half) * (self._vectors[1] / angle), np.cos(half)))
+            R = rotations.about_axis(self._directions[1], turned * angle)
         return self._start[0] + fraction * self._vectors[0], R @ self._start[1]

@@ -73,22 +73,8 @@ class Supervisor:
     zero. Valid states then do not put the law in force, unless `resumes`: a loose cable would drop and catch an arm again
     and again, and somebody may be at work on it by then.
 
-    Parameters
-    ----------
-    max_age : float
-        Maximum difference of a state's stamp and the clock [s], in both directions.
-    hold_time : float
-        Maximum time of the hold [s].
-    resumes : bool
-        Whether a valid state ends the ramp.
-    machine_time : callable
-        Monotonic time of the machine [s], which ends a hold where the clock stands still.
-
-    Attributes
-    ----------
-    state : State
-    reason : str
-        Why the law is not in force; empty if it is.
+    `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions. `machine_time` returns a
+    monotonic time [s], which ends a hold where the clock stands still. `reason` says why the law is not in force.
     """
 
     def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):

@@ -21,24 +21,14 @@ MAX_COAST = 0.3
 
 
 class Waypoints(NamedTuple):
-    """Points of a trajectory, joints in the robot's order; at least one.
+    """Points of a trajectory, joints in the robot's order; at least one."""
 
-    Attributes
-    ----------
-    times : ndarray, shape (points,)
-        Times from the start [s], increasing.
-    positions, velocities, accelerations : ndarray, shape (points, nv)
-        [rad, m], [rad/s, m/s], [rad/s², m/s²]; the latter two are zero where a point has none.
-    with_velocity, with_acceleration : ndarray of bool, shape (points,)
-        Whether a point has them.
-    """
-
-    times: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray
-    accelerations: np.ndarray
-    with_velocity: np.ndarray
-    with_acceleration: np.ndarray
+    times: np.ndarray  # from the start [s], increasing, shape (points,)
+    positions: np.ndarray  # [rad, m], shape (points, nv)
+    velocities: np.ndarray  # [rad/s, m/s], shape (points, nv); zero where a point has none
+    accelerations: np.ndarray  # [rad/s², m/s²], shape (points, nv); zero where a point has none
+    with_velocity: np.ndarray  # of bool, shape (points,)
+    with_acceleration: np.ndarray  # of bool, shape (points,)
 
 
 class Trajectory:
@@ -48,16 +38,8 @@ class Trajectory:
     linear. The approach to the first point starts from the robot's motion at the start; the robot rests at the last point. A
     continuous joint goes to the first point the shorter way round.
 
-    Parameters
-    ----------
-    waypoints : Waypoints
-        Times increase, numbers are finite and at most :data:`MAX_NUMBER`, and the last velocity is zero.
-    names : sequence of str
-        Joints of the robot, in its order.
-    continuous : sequence of str
-        Continuous joints.
-    stamp : int
-        Start [ns]; 0: the first state.
+    Times of waypoints increase, numbers are finite and at most :data:`MAX_NUMBER`, and the last velocity is zero. `names` are
+    the joints of the robot in its order, and `stamp` is the start [ns]; 0: the first state.
     """
 
     def __init__(self, waypoints, names, continuous=(), stamp=0):

@@ -16,8 +16,9 @@ import pytest
 import diag_dynamics as dd
 import robots
 from described import subject
-from diag_dynamics.control.pose import rotation_of, rotation_vector
+from diag_dynamics.control.pose import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.rotations import to_vector as rotation_vector
 
 RANDOM = {robot.id: robot for robot in robots.random_robots()}
 PANDA = robots.robot("panda_description/urdf/panda.urdf")

@@ -373,6 +373,24 @@ def test_a_clock_that_stands_still(hold, timeout):
     assert "late; the clock stands still" in one.reason
 
 
+@pytest.mark.parametrize("name", ["RAMPING_DOWN", "STOPPED", "RELEASED"])
+def test_the_ramp_of_a_clock_that_stood_still_goes_on(name):
+    """A clock that moves again does not end it, though it never counted a whole hold."""
+    machine = [0.0]
+    one = Supervisor(0.02, 0.3, machine_time=lambda: machine[0])
+    one.valid(S)
+    one.invalid(S, "late")
+    machine[0] = 1.1
+    one.invalid(S, "late")
+    if name != "RAMPING_DOWN":
+        one.wait()
+    if name == "RELEASED":
+        one.release()
+    assert one.state.name == name
+    one.invalid(S + MS, "late")
+    assert one.state == State.RAMPING_DOWN
+
+
 def test_a_clock_that_goes_back(strong):
     """Targets are void; efforts go on from the last one, at their rate."""
     one = driven(strong, "ACTIVE", mode=TRACKING)
