@@ -31,14 +31,9 @@ MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
 
 
-def velocity_limits(model):
-    """Return the velocity limits [rad/s, m/s]; inf where the URDF has none, or 0."""
-    return model.velocity_bound
-
-
 def highest_speeds(model):
     """Return the velocity limits [rad/s, m/s], or :data:`DEFAULT_SPEED` where there is none."""
-    limits = velocity_limits(model)
+    limits = model.velocity_bound
     return np.where(np.isfinite(limits), limits, DEFAULT_SPEED)
 
 
@@ -195,7 +190,7 @@ class TrackingMode(Mode):
         model, names = dynamics.model, dynamics.model.dof_names
         gain = by_dof("tracking_gain", values["tracking_gain"], names)
         convergence = by_dof("tracking_convergence", values["tracking_convergence"], names)
-        super().__init__(JointTracking(dynamics, gain, convergence, velocity_limits(model)), values)
+        super().__init__(JointTracking(dynamics, gain, convergence, model.velocity_bound), values)
         self._max_speed = highest_speeds(model)
         self._speed = values["set_point_speed"] * self._max_speed
         self._continuous = np.array([name in model.continuous_joints for name in names])
