@@ -237,14 +237,24 @@ def _store(at, i, b):
         row[f * WIDTH + b] = record[f]
 
 
+@kernel
+def _first_used(bodies, last):
+    """First body of a group whose row its elimination reads: of a joint that the world carries, the last one alone."""
+    return last if evaluation.is_base(bodies, last) else bodies[last].first
+
+
 @large_kernel
 def _outward_several(at, i, Q, QD, first, last):
     """As evaluation.outward_step, at all bodies of a joint."""
+    end = i + at.bodies[i].dofs
+    used = max(i, _first_used(at.bodies, end - 1))
     for b in range(WIDTH):
         t = min(first + b, last - 1)
-        _load(at, at.bodies[i].parent, b)
-        for j in range(i, i + at.bodies[i].dofs):
+        if at.bodies[i].parent > 0:
+            _load(at, at.bodies[i].parent, b)
+        for j in range(i, end):
             evaluation.outward_step(at.bodies, j, Q[t], QD[t], at.work)
+        for j in range(used, end):
             _store(at, j, b)
 
 
@@ -252,10 +262,14 @@ def _outward_several(at, i, Q, QD, first, last):
 def _inward_group(at, i, QD, TAU, first, last):
     """As evaluation.inward_group."""
     start, carrier, out = at.bodies[i].first, at.bodies[at.bodies[i].first].parent, at.out
+    used = _first_used(at.bodies, i)
+    for j in range(start, used):
+        at.work[j].armature = at.bodies[j].armature
     for b in range(WIDTH):
         t = min(first + b, last - 1)
-        _load(at, carrier, b)
-        for j in range(start, i + 1):
+        if carrier > 0:
+            _load(at, carrier, b)
+        for j in range(used, i + 1):
             _load(at, j, b)
         status = evaluation.inward_group(at.bodies, i, QD[t], TAU[min(t, len(TAU) - 1)], at.work, at.table, out)
         if status != 0:
@@ -275,6 +289,7 @@ def _inward_group(at, i, QD, TAU, first, last):
 @kernel
 def _outward(at, Q, QD, TAU, first, last):
     bodies, world = at.bodies, at.rows[0]
+    evaluation.start_at_world(at.gravity, at.work[0])
     for b in range(WIDTH):
         _set_pair(world, V, b, sp.NO_MOTION)
         _set_vector(world, ACCELERATION, b, sp.scale(vector_of(at.gravity), -1.0))

@@ -313,7 +313,7 @@ def _base(bodies, last, qd, tau, work, table, out):
 
 
 @kernel
-def _is_base(bodies, last):
+def is_base(bodies, last):
     """Whether a group is one joint, carried by the world."""
     return bodies[bodies[last].first].parent == 0 and bodies[last].dofs == last - bodies[last].first + 1
 
@@ -321,7 +321,7 @@ def _is_base(bodies, last):
 @large_kernel
 def inward_group(bodies, last, qd, tau, work, table, out):
     """The inward step of one state at degrees of freedom that are eliminated together."""
-    if _is_base(bodies, last):
+    if is_base(bodies, last):
         return _base(bodies, last, qd, tau, work, table, out)
     return _group(bodies, last, qd, tau, work, table, out)
 
