@@ -5,7 +5,7 @@
 
 from typing import NamedTuple
 
-from diag_dynamics.sweeps.bodies import FLOATING, PLANAR, PRISMATIC, REVOLUTE
+from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
 from diag_dynamics.sweeps.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
 
 

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.sweeps.bodies import FLOATING, PLANAR, PRISMATIC, REVOLUTE
+from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
 
 KINDS = {REVOLUTE: "revolute", PRISMATIC: "prismatic", PLANAR: "planar", FLOATING: "floating"}
 

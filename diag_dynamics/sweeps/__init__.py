@@ -39,14 +39,6 @@ from diag_dynamics.sweeps.batch import (
     mass_matrix_each,
     sweep_each,
 )
-from diag_dynamics.sweeps.bodies import (
-    BODY,
-    LINK,
-    WORK,
-    WRENCH,
-    WRENCHES,
-    links_at,
-)
 from diag_dynamics.sweeps.classical import (
     accelerations_with_added_inertia,
     effort_of_wrenches,
@@ -97,6 +89,14 @@ from diag_dynamics.sweeps.joints import SINGULAR, UNIT_TOLERANCE
 from diag_dynamics.sweeps.kinematics import jacobian, motion, placement
 from diag_dynamics.sweeps.mobilities import FRAME, mobilities
 from diag_dynamics.sweeps.motions import chart_rates, difference, displace, hold, integrate
+from diag_dynamics.sweeps.records import (
+    BODY,
+    LINK,
+    WORK,
+    WRENCH,
+    WRENCHES,
+    links_at,
+)
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,

@@ -26,10 +26,8 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.sweeps import classical, evaluation, factorization, joints
+from diag_dynamics.sweeps import classical, evaluation, factorization, groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.bodies import SWEPT_FIELDS, WRENCHES, matrix_of, symmetric_of, vector_of
-from diag_dynamics.sweeps.groups import is_grouped, owns
 from diag_dynamics.sweeps.trigonometry import LARGEST, near_sine_and_cosine, sine_and_cosine
 from diag_dynamics.sweeps.workspace import ARTICULATED_INERTIA as D
 from diag_dynamics.sweeps.workspace import EPSILON, GRAVITY, NU, NUMBERS, RESULTS, WIDTH, batch_of, copy
@@ -40,7 +38,7 @@ K, BASE, POWER, NET_POWER = range(NUMBERS)
 # --- The row of a body ---
 
 ROTATION, TRANSLATION, V, ACCELERATION, P, P_RATE, Y, Z, MAGNITUDE, TOTAL, SWEPT = itertools.accumulate(
-    SWEPT_FIELDS.values(), initial=0
+    records.SWEPT_FIELDS.values(), initial=0
 )
 """First numbers of the fields that the row shares with a body's record."""
 
@@ -154,8 +152,8 @@ def _outward_joint(direction, body, row, parent):
     """As evaluation.outward_step."""
     for k in range(9 * WIDTH):
         row[V_PARENT * WIDTH + k] = parent[V * WIDTH + k]
-    rotation, translation = matrix_of(body.rotation), vector_of(body.translation)
-    mass, first_moment, inertia = body.mass, vector_of(body.first_moment), symmetric_of(body.inertia)
+    rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
+    mass, first_moment, inertia = body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia)
     own, angular = sp.rigid_inertia(mass, first_moment, inertia), body.inertia[0] + body.inertia[3] + body.inertia[5]
     if direction == sp.ANGULAR_Z:
         _fill_sine_and_cosine(row)
@@ -277,7 +275,7 @@ def _inward_group(at, i, QD, TAU, first, last):
         if carrier > 0:
             _store(at, carrier, b)
         for j in range(start, i + 1):
-            if owns(at.bodies, j):
+            if groups.owns(at.bodies, j):
                 for k in range(RESULTS):
                     at.rows[j, (OUTPUT + k) * WIDTH + b] = out[k, at.bodies[j].dof]
     return 0
@@ -292,7 +290,7 @@ def _outward(at, Q, QD, TAU, first, last):
     evaluation.start_at_world(at.gravity, at.work[0])
     for b in range(WIDTH):
         _set_pair(world, V, b, sp.NO_MOTION)
-        _set_vector(world, ACCELERATION, b, sp.scale(vector_of(at.gravity), -1.0))
+        _set_vector(world, ACCELERATION, b, sp.scale(records.vector_of(at.gravity), -1.0))
     for i in range(1, len(bodies)):
         body, row, parent = bodies[i], at.rows[i], at.rows[bodies[i].parent]
         if body.dofs > 1:
@@ -312,7 +310,7 @@ def _inward(at, QD, TAU, first, last):
     bodies, i = at.bodies, len(at.bodies) - 1
     while i > 0:
         body, row, parent = bodies[i], at.rows[i], at.rows[bodies[i].parent]
-        if is_grouped(body):
+        if groups.is_grouped(body):
             singular = _inward_group(at, i, QD, TAU, first, last)
         elif body.direction == sp.ANGULAR_Z:
             singular = _inward_joint(sp.ANGULAR_Z, body, row, parent)
@@ -332,7 +330,7 @@ def _write(at, first, last, results, numbers):
         for j in range(NUMBERS):
             numbers[j, t] = 0.0
     for i in range(1, len(at.bodies)):
-        if owns(at.bodies, i):
+        if groups.owns(at.bodies, i):
             row, k = at.rows[i], at.bodies[i].dof
             for t in range(first, last):
                 total = 0.0
@@ -413,7 +411,7 @@ def mass_matrix_each(robot, Q, begin, end, M):
     return end
 
 
-@entry_kernel(ROBOT, MATRIX, WRENCHES, COUNT, FLAG, COUNT, COUNT, FILLED_MATRIX, nogil=True)
+@entry_kernel(ROBOT, MATRIX, records.WRENCHES, COUNT, FLAG, COUNT, COUNT, FILLED_MATRIX, nogil=True)
 def effort_of_wrenches_each(robot, Q, wrenches, count, in_world, begin, end, results):
     """Jᵀf at states `begin` to `end`, each with `count` wrenches."""
     for t in range(begin, end):

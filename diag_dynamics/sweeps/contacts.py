@@ -27,23 +27,11 @@ from diag_dynamics.compiled.kernel import (
     large_kernel,
 )
 from diag_dynamics.compiled.tables import Table, array
-from diag_dynamics.sweeps.bodies import matrix_of, motion_of, placement_of, set_matrix, set_vector, vector_of
-from diag_dynamics.sweeps.factorization import place_and_factorize, rates_outward, scale_by_inertia
-from diag_dynamics.sweeps.joints import are_finite
-from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, moved_by
-from diag_dynamics.sweeps.spatial import (
-    ZERO,
-    Force,
-    add,
-    apply,
-    apply_transposed,
-    cross,
-    dot,
-    power,
-    product,
-    scale,
-)
-from diag_dynamics.sweeps.workspace import MISFIT, clear, fit, opened
+from diag_dynamics.sweeps import joints, records
+from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, xi_from_qd
+from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
+from diag_dynamics.sweeps.workspace import MISFIT, clear, lengths_match, opened
 
 ALONG_MOTION, IN_BODY, IN_ROOT = range(3)
 """Directions of an entry: that of each point's own motion, or a given one in the axes of its body or of the results."""
@@ -98,17 +86,17 @@ TIE = 1.0 + 1e-9
 @large_kernel
 def _place_outward(bodies, base, work):
     """Orientation of every body, and in W its origin, in the axes of one that carries them all."""
-    set_matrix(work[base].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
-    set_vector(work[base].W, 0, ZERO)
+    records.set_matrix(work[base].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+    records.set_vector(work[base].W, 0, sp.ZERO)
     for i in range(base + 1, len(bodies)):
         w, parent = work[i], work[bodies[i].parent]
-        X, R = placement_of(w), matrix_of(parent.orientation)
-        set_matrix(w.orientation, product(R, X.rotation))
-        set_vector(w.W, 0, add(vector_of(parent.W), apply(R, X.translation)))
+        X, R = records.placement_of(w), records.matrix_of(parent.orientation)
+        records.set_matrix(w.orientation, sp.product(R, X.rotation))
+        records.set_vector(w.W, 0, sp.add(records.vector_of(parent.W), sp.apply(R, X.translation)))
 
 
 @kernel
-def _judge(regions, first, end, inverse_mass, speed):
+def _strictest_limit(regions, first, end, inverse_mass, speed):
     """Force of the hardest contact, the speed that keeps all limits, and the region whose limit that is."""
     force, allowed, strictest = 0.0, math.inf, -1
     for k in range(first, end):
@@ -127,32 +115,34 @@ def _judge(regions, first, end, inverse_mass, speed):
 @large_kernel
 def _contact(at, entry, w, result):
     """The worst point of an entry, and what contact there could transfer."""
-    V, Y, R = motion_of(w.V), mobility_of(w), matrix_of(w.orientation)
-    given = vector_of(entry.direction)
+    V, Y, R = records.motion_of(w.V), mobility_of(w), records.matrix_of(w.orientation)
+    given = records.vector_of(entry.direction)
     if entry.kind == IN_ROOT:
-        given = apply_transposed(R, given)
-    scale_of_V, scale_of_w = dot(V.linear, V.linear), dot(V.angular, V.angular)
+        given = sp.apply_transposed(R, given)
+    scale_of_V, scale_of_w = sp.dot(V.linear, V.linear), sp.dot(V.angular, V.angular)
     best, strongest = -1, -1.0
     clear(result)
     result[POINT], result[REGION], result[ALLOWED] = float(entry.first), -1.0, math.inf
     for k in range(entry.first, entry.end):
         r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
-        v = add(V.linear, cross(V.angular, r))
-        u, square = given, dot(v, v)
-        moves = square > AT_REST * AT_REST * (scale_of_V + scale_of_w * dot(r, r))
+        v = sp.add(V.linear, sp.cross(V.angular, r))
+        u, square = given, sp.dot(v, v)
+        moves = square > AT_REST * AT_REST * (scale_of_V + scale_of_w * sp.dot(r, r))
         if entry.kind == ALONG_MOTION:
             if not moves:
                 continue
-            u = scale(v, 1.0 / math.sqrt(square))
-        speed = dot(u, v) if moves else 0.0
-        h = Force(u, cross(r, u))
-        inverse_mass = power(h, moved_by(Y, h))
-        most = Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
+            u = sp.scale(v, 1.0 / math.sqrt(square))
+        speed = sp.dot(u, v) if moves else 0.0
+        h = sp.Force(u, sp.cross(r, u))
+        inverse_mass = sp.power(h, mobility_times(Y, h))
+        most = Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + sp.dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
         if not inverse_mass > IMMOBILE * most:  # it cannot move that way: what it seems to do so is rounding
             inverse_mass, speed = 0.0, 0.0
         closing = max(speed, 0.0)
         energy = 0.5 * closing * closing / inverse_mass if closing > 0.0 else 0.0
-        force, allowed, strictest = _judge(at.regions, entry.first_region, entry.end_region, inverse_mass, closing)
+        force, allowed, strictest = _strictest_limit(
+            at.regions, entry.first_region, entry.end_region, inverse_mass, closing
+        )
         score = energy
         if at.by == BY_FORCE and entry.end_region > entry.first_region:
             score = force
@@ -161,29 +151,29 @@ def _contact(at, entry, w, result):
         if best < 0 or score > strongest * TIE:
             best, strongest = k, score
             result[POINT], result[REGION] = float(k), float(strictest)
-            set_vector(result, DIRECTION, u)
+            records.set_vector(result, DIRECTION, u)
             result[SPEED], result[MASS] = speed, 1.0 / inverse_mass if inverse_mass > 0.0 else math.inf
             result[TRANSFERABLE], result[FORCE], result[ALLOWED] = energy, force, allowed
     k = int(result[POINT])
     r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
-    set_vector(result, POSITION, add(vector_of(w.W), apply(R, r)))
+    records.set_vector(result, POSITION, sp.add(records.vector_of(w.W), sp.apply(R, r)))
     u = (result[DIRECTION], result[DIRECTION + 1], result[DIRECTION + 2])
-    set_vector(result, DIRECTION, apply(R, u))
+    records.set_vector(result, DIRECTION, sp.apply(R, u))
 
 
 @entry_kernel(ROBOT, COUNT, VECTOR, VECTOR, FILLED_VECTOR, FILLED_MATRIX)
 def contacts(robot, points, q, qd, nu, results):
     """ν, and a row of `results` for each entry of the table :data:`CONTACTS` at the address `points`."""
-    if not fit(robot, q, qd, nu):
+    if not lengths_match(robot, q, qd, nu):
         return MISFIT
     bodies, _, work, table = opened(robot)
     at = _contacts_at(points)
-    if not are_finite(qd):
+    if not joints.are_finite(qd):
         return -1
-    status = place_and_factorize(bodies, q, work, table[0])
+    status = factorize_at(bodies, q, work, table[0])
     if status != 0:
         return status
-    rates_outward(bodies, qd, work, table[0], nu)
+    xi_from_qd(bodies, qd, work, table[0], nu)
     scale_by_inertia(bodies, work, 0.5, nu)
     mobilities_outward(robot)
     _place_outward(bodies, at.base, work)
@@ -192,7 +182,7 @@ def contacts(robot, points, q, qd, nu, results):
         _contact(at, entry, work[entry.body], results[k])
         if not math.isfinite(results[k, SPEED] + results[k, TRANSFERABLE]):
             return -1
-    return 0 if are_finite(nu) else -1
+    return 0 if joints.are_finite(nu) else -1
 
 
 @entry_kernel(ROBOT, COUNT, MATRIX, MATRIX, COUNT, COUNT, FILLED_MATRIX, FILLED_STATES, nogil=True)

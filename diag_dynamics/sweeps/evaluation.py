@@ -19,78 +19,8 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.sweeps.bodies import (
-    BODIES,
-    LINKS,
-    WORK,
-    WORKS,
-    add_to_force,
-    add_to_inertia,
-    force_of,
-    inertia_of,
-    motion_of,
-    placement_of,
-    set_force,
-    set_motion,
-    set_vector,
-    vector_of,
-)
-from diag_dynamics.sweeps.groups import (
-    carried_motion,
-    compose,
-    compose_rates,
-    eliminate,
-    eliminate_rate,
-    filter_moments,
-    gather,
-    gather_bias,
-    induced_rate,
-    is_grouped,
-    momentum_rate,
-    owns,
-)
-from diag_dynamics.sweeps.joints import (
-    are_finite,
-    are_orientations,
-    is_singular,
-    magnitude_along,
-    momentum,
-    move,
-    own_motion,
-    pass_size,
-    place,
-    rest_at_world,
-    start_inertia,
-)
-from diag_dynamics.sweeps.spatial import (
-    ANGULAR_Z,
-    LINEAR_Z,
-    NO_MOTION,
-    ZERO,
-    Motion,
-    add_force,
-    add_inertia,
-    add_motion,
-    along,
-    apply_transposed,
-    column_along,
-    cross_along_z,
-    cross_force,
-    dot,
-    force_to_parent,
-    inertia_times,
-    inertia_to_parent,
-    less_rank_one,
-    less_rank_two,
-    motion_along,
-    motion_to_child,
-    power,
-    scale,
-    scale_force,
-    subtract_force,
-    subtract_motion,
-    transport_along_z,
-)
+from diag_dynamics.sweeps import groups, joints, records
+from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,
@@ -113,7 +43,7 @@ from diag_dynamics.sweeps.workspace import (
     XI,
     XI_DOT,
     clear,
-    fit,
+    lengths_match,
     opened,
 )
 
@@ -121,20 +51,20 @@ from diag_dynamics.sweeps.workspace import (
 @kernel
 def start_at_world(gravity, world):
     """V and gravity's acceleration of the world."""
-    set_motion(world.V, NO_MOTION)
-    set_vector(world.acceleration, 0, scale(vector_of(gravity), -1.0))
+    records.set_motion(world.V, sp.NO_MOTION)
+    records.set_vector(world.acceleration, 0, sp.scale(records.vector_of(gravity), -1.0))
 
 
 @kernel
 def outward_step(bodies, i, q, qd, work):
     """V, gravity's acceleration, and what the inward sweep starts from at a body."""
     body, w, parent = bodies[i], work[i], work[bodies[i].parent]
-    X = place(body, q, w)
-    V = add_motion(motion_to_child(X, motion_of(parent.V)), own_motion(body, qd))
-    set_motion(w.V, V)
-    set_vector(w.acceleration, 0, apply_transposed(X.rotation, vector_of(parent.acceleration)))
-    start_inertia(body, w)
-    set_force(w.y, cross_force(V, momentum(body, V)))
+    X = joints.update_placement(body, q, w)
+    V = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.V)), joints.own_motion(body, qd))
+    records.set_motion(w.V, V)
+    records.set_vector(w.acceleration, 0, sp.apply_transposed(X.rotation, records.vector_of(parent.acceleration)))
+    joints.init_articulated_inertia(body, w)
+    records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
     clear(w.z)
 
 
@@ -171,127 +101,136 @@ def inward_joint(direction, armature, rate, tau, V, acceleration, P, P_rate, y, 
 
     One state and many take this step. The direction is a constant, for the compiler's sake.
     """
-    column = column_along(direction, P)
-    D = along(direction, column) + armature
-    G = scale_force(column, 1.0 / D)
+    column = sp.column_along(direction, P)
+    D = sp.along(direction, column) + armature
+    G = sp.scale_force(column, 1.0 / D)
     root = math.sqrt(D)
 
     # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
-    v_J = motion_along(direction, rate)
-    xi = rate + power(G, subtract_motion(V, v_J))
+    v_J = sp.motion_along(direction, rate)
+    xi = rate + sp.power(G, sp.subtract_motion(V, v_J))
 
     # Coriolis term, un-normalized Sᵀ[y − Ṗ(V − S ξ)] and normalized with half of the last part
-    u = column_along(direction, P_rate)
-    D_rate = along(direction, u)
-    without_xi = along(direction, y) - power(u, V)
+    u = sp.column_along(direction, P_rate)
+    D_rate = sp.along(direction, u)
+    without_xi = sp.along(direction, y) - sp.power(u, V)
 
-    kappa = tau - along(direction, z)
-    weight = dot(column.force, acceleration) / root
+    kappa = tau - sp.along(direction, z)
+    weight = sp.dot(column.force, acceleration) / root
 
     # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
-    zeta = cross_along_z(direction, V, rate)
-    y_plus = subtract_force(y, scale_force(G, along(direction, y) + power(column, zeta)))
-    y_plus = add_force(y_plus, inertia_times(P, zeta))
-    z_plus = add_force(z, scale_force(G, kappa))
+    zeta = sp.cross_along_z(direction, V, rate)
+    y_plus = sp.subtract_force(y, sp.scale_force(G, sp.along(direction, y) + sp.power(column, zeta)))
+    y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
+    z_plus = sp.add_force(z, sp.scale_force(G, kappa))
 
     # P⁺ = P − G (P S)ᵀ;  Ṗ⁺ = Ṗ − G hᵀ − h Gᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×), h = Ṗ S − ½ Ḋ G
-    P_plus = less_rank_one(P, G, column)
-    h = subtract_force(u, scale_force(G, 0.5 * D_rate))
-    rate_plus = add_inertia(less_rank_two(P_rate, G, h), transport_along_z(direction, rate, P_plus))
+    P_plus = sp.less_rank_one(P, G, column)
+    h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
+    rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), sp.transport_along_z(direction, rate, P_plus))
     return outputs(root, xi, kappa, without_xi, weight, D, D_rate), (P_plus, rate_plus, y_plus, z_plus)
 
 
 @kernel
-def _axis(bodies, i, direction, qd, tau, work, out):
+def _inward_step(bodies, i, direction, qd, tau, work, out):
     """The inward step of one state at a joint of one degree of freedom."""
     body, w = bodies[i], work[i]
-    k, P = body.dof, inertia_of(w.P)
+    k, P = body.dof, records.inertia_of(w.P)
     results, plus = inward_joint(
         direction,
         w.armature,
         qd[k],
         tau[k],
-        motion_of(w.V),
-        vector_of(w.acceleration),
+        records.motion_of(w.V),
+        records.vector_of(w.acceleration),
         P,
-        inertia_of(w.P_rate),
-        force_of(w.y),
-        force_of(w.z),
+        records.inertia_of(w.P_rate),
+        records.force_of(w.y),
+        records.force_of(w.z),
     )
     w.D = results[ARTICULATED_INERTIA]
-    if is_singular(magnitude_along(body, w), w.D):
+    if joints.is_singular(joints.scale_along(body, w), w.D):
         return i
     write_outputs(out, k, results)
     if body.parent > 0:
-        X, parent = placement_of(w), work[body.parent]
-        pass_size(w, X, parent)
-        add_to_inertia(parent.P, inertia_to_parent(X, plus[0]))
-        add_to_inertia(parent.P_rate, inertia_to_parent(X, plus[1]))
-        add_to_force(parent.y, force_to_parent(X, plus[2]))
-        add_to_force(parent.z, force_to_parent(X, plus[3]))
+        X, parent = records.placement_of(w), work[body.parent]
+        joints.accumulate_scale(w, X, parent)
+        records.add_to_inertia(parent.P, sp.inertia_to_parent(X, plus[0]))
+        records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, plus[1]))
+        records.add_to_force(parent.y, sp.force_to_parent(X, plus[2]))
+        records.add_to_force(parent.z, sp.force_to_parent(X, plus[3]))
     return 0
 
 
 @large_kernel
-def _group(bodies, last, qd, tau, work, table, out):
+def _inward_coupled(bodies, last, qd, tau, work, table, out):
     """The inward step at degrees of freedom that are eliminated together: see groups."""
     first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[KAPPA], out[CORIOLIS]
     for i in range(first, last + 1):
         kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
-    z = gather(bodies, first, last, work, work.z, -1.0, kappa)
-    compose(bodies, first, last, work, Q)
-    y = gather_bias(bodies, first, last, qd, work, work.V, -1.0, bias)
-    compose_rates(bodies, first, last, qd, work, Q_rate)
-    status = eliminate(bodies, first, last, work, Q, False)
+    z = groups.gather(bodies, first, last, work, work.z, -1.0, kappa)
+    groups.compose(bodies, first, last, work, Q)
+    y = groups.gather_bias(bodies, first, last, qd, work, work.V, -1.0, bias)
+    groups.compose_rates(bodies, first, last, qd, work, Q_rate)
+    status = groups.eliminate(bodies, first, last, work, Q, False)
     if status != 0:
         return status
-    y = add_force(y, filter_moments(bodies, first, last, work, Q, bias))
-    z = add_force(z, filter_moments(bodies, first, last, work, Q, kappa))
+    y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, bias))
+    z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, kappa))
 
-    V_A = carried_motion(bodies, first, work)
+    V_A = groups.carried_motion(bodies, first, work)
     carrier = work[bodies[first].parent]
-    acceleration = Motion(vector_of(carrier.acceleration), ZERO)
+    acceleration = sp.Motion(records.vector_of(carrier.acceleration), sp.ZERO)
     for i in range(last, first - 1, -1):
-        if not owns(bodies, i):
+        if not groups.owns(bodies, i):
             continue
         w, k, start = work[i], bodies[i].dof, bodies[i].start
-        G, D, D_rate = force_of(w.G), w.D, Q_rate[k, k - start]
-        root, xi = math.sqrt(D), qd[k] + induced_rate(bodies, i, V_A, qd, Q, G)
-        without_xi = -bias[k] - momentum_rate(bodies, i, V_A, qd, work, Q_rate)
-        weight = root * power(G, acceleration)
+        G, D, D_rate = records.force_of(w.G), w.D, Q_rate[k, k - start]
+        root, xi = math.sqrt(D), qd[k] + groups.induced_rate(bodies, i, V_A, qd, Q, G)
+        without_xi = -bias[k] - groups.momentum_rate(bodies, i, V_A, qd, work, Q_rate)
+        weight = root * sp.power(G, acceleration)
         write_outputs(out, k, outputs(root, xi, kappa[k], without_xi, weight, D, D_rate))
-        eliminate_rate(bodies, first, i, work, Q, Q_rate)
+        groups.eliminate_rate(bodies, first, i, work, Q, Q_rate)
     if bodies[first].parent > 0:
-        add_to_force(carrier.y, y)
-        add_to_force(carrier.z, z)
+        records.add_to_force(carrier.y, y)
+        records.add_to_force(carrier.z, z)
     return 0
 
 
 @large_kernel
-def _base(bodies, last, qd, tau, work, table, out):
-    """As :func:`_group`, at a joint of several degrees of freedom that the world carries.
+def _inward_floating_base(bodies, last, qd, tau, work, table, out):
+    """As :func:`_inward_coupled`, at a joint of several degrees of freedom that the world carries.
 
     There V_A is zero, and 𝓜 and 𝓜̇ are P and Ṗ in the joint's own axes: most of what a group needs is not there.
     """
     first, start, w, Q, Q_rate = bodies[last].first, bodies[last].start, work[last], table[0], table[1]
     kappa, bias, gravity = out[KAPPA], out[CORIOLIS], out[GRAVITY]
-    P, P_rate, y, z = inertia_of(w.P), inertia_of(w.P_rate), force_of(w.y), force_of(w.z)
-    weight = inertia_times(P, Motion(vector_of(w.acceleration), ZERO))
+    P, P_rate, y, z = (
+        records.inertia_of(w.P),
+        records.inertia_of(w.P_rate),
+        records.force_of(w.y),
+        records.force_of(w.z),
+    )
+    weight = sp.inertia_times(P, sp.Motion(records.vector_of(w.acceleration), sp.ZERO))
     for i in range(first, last + 1):
         c, direction = bodies[i].dof, bodies[i].direction
-        kappa[c], bias[c], gravity[c] = tau[c] - along(direction, z), along(direction, y), along(direction, weight)
-        column, rate = column_along(direction, P), column_along(direction, P_rate)
+        kappa[c], bias[c], gravity[c] = (
+            tau[c] - sp.along(direction, z),
+            sp.along(direction, y),
+            sp.along(direction, weight),
+        )
+        column, rate = sp.column_along(direction, P), sp.column_along(direction, P_rate)
         for j in range(first, i + 1):
             b = bodies[j].dof
-            Q[b, c - start] = along(bodies[j].direction, column)
-            Q_rate[b, c - start] = along(bodies[j].direction, rate)
+            Q[b, c - start] = sp.along(bodies[j].direction, column)
+            Q_rate[b, c - start] = sp.along(bodies[j].direction, rate)
         Q[c, c - start] += work[i].armature
 
     for i in range(last, first - 1, -1):
         c = bodies[i].dof
         D, D_rate = Q[c, c - start], Q_rate[c, c - start]
         work[i].D = D
-        if is_singular(magnitude_along(bodies[i], w), D):
+        if joints.is_singular(joints.scale_along(bodies[i], w), D):
             return i
         inverse, root = 1.0 / D, math.sqrt(D)
         xi, momentum_rate = qd[c], D_rate * qd[c]
@@ -322,8 +261,8 @@ def is_base(bodies, last):
 def inward_group(bodies, last, qd, tau, work, table, out):
     """The inward step of one state at degrees of freedom that are eliminated together."""
     if is_base(bodies, last):
-        return _base(bodies, last, qd, tau, work, table, out)
-    return _group(bodies, last, qd, tau, work, table, out)
+        return _inward_floating_base(bodies, last, qd, tau, work, table, out)
+    return _inward_coupled(bodies, last, qd, tau, work, table, out)
 
 
 @kernel
@@ -355,12 +294,12 @@ def sweep(bodies, gravity, q, qd, tau, work, table, out):
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
-        if is_grouped(bodies[i]):
+        if groups.is_grouped(bodies[i]):
             status = inward_group(bodies, i, qd, tau, work, table, out)
-        elif bodies[i].direction == ANGULAR_Z:
-            status = _axis(bodies, i, ANGULAR_Z, qd, tau, work, out)
+        elif bodies[i].direction == sp.ANGULAR_Z:
+            status = _inward_step(bodies, i, sp.ANGULAR_Z, qd, tau, work, out)
         else:
-            status = _axis(bodies, i, LINEAR_Z, qd, tau, work, out)
+            status = _inward_step(bodies, i, sp.LINEAR_Z, qd, tau, work, out)
         if status != 0:
             return status
         i = first - 1
@@ -377,12 +316,12 @@ def evaluate(robot, q, qd, tau, out):
     """
     if overlap(q, out) or overlap(qd, out) or overlap(tau, out):
         return MISFIT
-    if not fit(robot, q, qd, tau):
+    if not lengths_match(robot, q, qd, tau):
         return MISFIT
-    if not (are_finite(q) and are_finite(qd) and are_finite(tau)):
+    if not (joints.are_finite(q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
     bodies, gravity, work, table = opened(robot)
-    if not are_orientations(bodies, q):
+    if not joints.are_orientations(bodies, q):
         return -1
     for k in range(len(q)):
         out[POSITIONS, k] = q[k]
@@ -420,8 +359,8 @@ def energies_of_links(bodies, links, work, qd, energy):
         rate = body.multiplier * qd[body.dof]
         energy[body.link] += 0.5 * body.armature * (rate * rate)
     for j in range(len(links)):
-        V = motion_of(work[links[j].body].V)
-        energy[links[j].index] += 0.5 * power(momentum(links[j], V), V)
+        V = records.motion_of(work[links[j].body].V)
+        energy[links[j].index] += 0.5 * sp.power(joints.momentum(links[j], V), V)
     total = 0.0
     for k in range(len(energy)):
         total += energy[k]
@@ -434,10 +373,10 @@ def link_energies(bodies, links, Q, QD, energies):
     It returns whether all are finite: K may be where those of links of no rigid body are not. Rows of QD may be longer
     than nv. I is taken in the frame of the body that the link belongs to.
     """
-    return _link_energies(bodies, links, np.empty(len(bodies), WORK), Q, QD, energies)
+    return _link_energies(bodies, links, np.empty(len(bodies), records.WORK), Q, QD, energies)
 
 
-@entry_kernel(BODIES, LINKS, WORKS, MATRIX, MATRIX, FILLED_MATRIX, nogil=True)
+@entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, MATRIX, FILLED_MATRIX, nogil=True)
 def _link_energies(bodies, links, work, Q, QD, energies):
     finite = True
     for t in range(len(Q)):
@@ -445,7 +384,7 @@ def _link_energies(bodies, links, work, Q, QD, energies):
     return finite
 
 
-@entry_kernel(BODIES, LINKS, WORKS, MATRIX, FILLED_VECTOR)
+@entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, FILLED_VECTOR)
 def link_energy(bodies, links, work, state, energy):
     """Kinetic energy of every link, as :func:`link_energies` has it, of a state that :func:`evaluate` has filled."""
     return _link_energies_at(bodies, links, work, state[POSITIONS], state[RATES], energy)
@@ -453,9 +392,9 @@ def link_energy(bodies, links, work, state, energy):
 
 @kernel
 def _link_energies_at(bodies, links, work, q, qd, energy):
-    rest_at_world(work)
+    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        place(body, q, w)
-        move(body, qd, work, w)
+        joints.update_placement(body, q, w)
+        joints.update_velocity(body, qd, work, w)
     return energies_of_links(bodies, links, work, qd, energy)

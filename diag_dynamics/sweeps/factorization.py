@@ -15,91 +15,44 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.sweeps.bodies import (
-    WRENCHES,
-    add_to_force,
-    force_of,
-    inertia_of,
-    motion_of,
-    placement_of,
-    set_force,
-    vector_of,
-)
-from diag_dynamics.sweeps.groups import (
-    carried_motion,
-    compose,
-    eliminate,
-    filter_moments,
-    gather,
-    induced_rate,
-    is_grouped,
-    owns,
-    unfilter_moments,
-    working_moments_of_wrench,
-)
-from diag_dynamics.sweeps.joints import (
-    are_finite,
-    are_positions,
-    is_singular,
-    joint_inertia,
-    magnitude_along,
-    move,
-    orientation,
-    pass_inertia,
-    pass_size,
-    propagate_inertia,
-    rest_at_world,
-    start,
-    start_inertia,
-)
-from diag_dynamics.sweeps.spatial import (
-    Force,
-    add,
-    add_force,
-    along,
-    apply_transposed,
-    cross,
-    force_to_parent,
-    motion_to_child,
-    power,
-    scale_force,
-)
-from diag_dynamics.sweeps.workspace import MISFIT, clear, copy, fit, opened
+from diag_dynamics.sweeps import groups, joints, records
+from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps.workspace import MISFIT, clear, copy, lengths_match, opened
 
 
 @kernel
-def take_out(body, w, parent, pass_over):
+def factor_joint(body, w, parent, lock_massless):
     """Riccati step (Algorithm 4.1) at a body that is in no group: its D and G; P⁺ goes to its parent.
 
     Returns whether it went on: a joint that moves no inertia ends it, or is passed over as if it were locked.
     """
-    P = inertia_of(w.P)
-    D, column, G = joint_inertia(body.direction, w, P)
-    w.D, w.size = D, magnitude_along(body, w)
-    singular = is_singular(w.size, D)
-    if singular and not pass_over:
+    P = records.inertia_of(w.P)
+    D, column, G = joints.joint_inertia(body.direction, w, P)
+    w.D, w.size = D, joints.scale_along(body, w)
+    singular = joints.is_singular(w.size, D)
+    if singular and not lock_massless:
         return False
     if not singular:
-        set_force(w.G, G)
+        records.set_force(w.G, G)
     if body.parent > 0:
         if singular:
-            pass_inertia(w, P, parent)
+            joints.accumulate_inertia(w, P, parent)
         else:
-            X = placement_of(w)
-            pass_size(w, X, parent)
-            propagate_inertia(w, G, column, X, parent)
+            X = records.placement_of(w)
+            joints.accumulate_scale(w, X, parent)
+            joints.propagate_inertia(w, G, column, X, parent)
     return True
 
 
 @kernel
-def take_out_group(bodies, last, work, Q, pass_over):
-    """Riccati step of a group, as :func:`take_out`; returns 0, or the body at which M is singular."""
-    compose(bodies, bodies[last].first, last, work, Q)
-    return eliminate(bodies, bodies[last].first, last, work, Q, pass_over)
+def factor_group(bodies, last, work, Q, lock_massless):
+    """Riccati step of a group, as :func:`factor_joint`; returns 0, or the body at which M is singular."""
+    groups.compose(bodies, bodies[last].first, last, work, Q)
+    return groups.eliminate(bodies, bodies[last].first, last, work, Q, lock_massless)
 
 
 @large_kernel
-def factorize(bodies, work, Q, pass_over=False):
+def factorize(bodies, work, Q, lock_massless=False):
     """D and G of all bodies, inward; the bodies are placed and their inertias started.
 
     A joint that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
@@ -107,24 +60,24 @@ def factorize(bodies, work, Q, pass_over=False):
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
-        if is_grouped(body):
-            status = take_out_group(bodies, i, work, Q, pass_over)
+        if groups.is_grouped(body):
+            status = factor_group(bodies, i, work, Q, lock_massless)
             if status != 0:
                 return status
             i = body.first - 1
             continue
-        if not take_out(body, work[i], work[body.parent], pass_over):
+        if not factor_joint(body, work[i], work[body.parent], lock_massless):
             return i
         i -= 1
     return 0
 
 
 @large_kernel
-def place_and_factorize(bodies, q, work, Q):
+def factorize_at(bodies, q, work, Q):
     """D and G of every body at the positions q."""
-    if not are_positions(bodies, q):
+    if not joints.are_positions(bodies, q):
         return -1
-    start(bodies, q, work)
+    joints.initialize(bodies, q, work)
     return factorize(bodies, work, Q)
 
 
@@ -132,7 +85,7 @@ def place_and_factorize(bodies, q, work, Q):
 def scale_by_inertia(bodies, work, exponent, x):
     """D to the power 1, 1/2, −1/2 or −1, times x, in place."""
     for i in range(1, len(bodies)):
-        if owns(bodies, i):
+        if groups.owns(bodies, i):
             D = work[i].D
             factor = D if abs(exponent) == 1.0 else math.sqrt(D)
             x[bodies[i].dof] = x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
@@ -142,30 +95,30 @@ def scale_by_inertia(bodies, work, exponent, x):
 def joint_inertias(robot, q, D, size):
     """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
     bodies, _, work, table = opened(robot)
-    start(bodies, q, work)
+    joints.initialize(bodies, q, work)
     factorize(bodies, work, table[0], True)
     for i in range(1, len(bodies)):
-        if owns(bodies, i):
+        if groups.owns(bodies, i):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
 
 
-@entry_kernel(ROBOT, VECTOR, WRENCHES, FLAG, FILLED_MATRIX)
+@entry_kernel(ROBOT, VECTOR, records.WRENCHES, FLAG, FILLED_MATRIX)
 def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
     bodies, _, work, table = opened(robot)
-    status = place_and_factorize(bodies, q, work, table[0])
+    status = factorize_at(bodies, q, work, table[0])
     if status != 0:
         return status
     clear(epsilon)
     for j in range(len(wrenches)):
         wrench = wrenches[j]
-        force, moment = vector_of(wrench.force), vector_of(wrench.moment)
+        force, moment = records.vector_of(wrench.force), records.vector_of(wrench.moment)
         if in_world:
-            R = orientation(bodies, wrench.body, work)
-            force, moment = apply_transposed(R, force), apply_transposed(R, moment)
-        F = Force(force, add(moment, cross(vector_of(wrench.point), force)))
+            R = joints.orientation(bodies, wrench.body, work)
+            force, moment = sp.apply_transposed(R, force), sp.apply_transposed(R, moment)
+        F = sp.Force(force, sp.add(moment, sp.cross(records.vector_of(wrench.point), force)))
         column = epsilon[:, j]
-        working_moments_of_wrench(bodies, wrench.body, work, table[0], F, column)
+        groups.working_moments_of_wrench(bodies, wrench.body, work, table[0], F, column)
         scale_by_inertia(bodies, work, -0.5, column)
     return 0
 
@@ -174,40 +127,40 @@ def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
 
 
 @large_kernel
-def rates_outward(bodies, qd, work, Q, xi):
+def xi_from_qd(bodies, qd, work, Q, xi):
     """ξ = [I + HφK]ᵀq̇ (Table 1); xi is not qd."""
-    rest_at_world(work)
+    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        if not is_grouped(body):
-            V_plus = motion_to_child(placement_of(w), motion_of(work[body.parent].V))
-            xi[body.dof] = qd[body.dof] + power(force_of(w.G), V_plus)
-        elif owns(bodies, i):
-            V_A = carried_motion(bodies, i, work)
-            xi[body.dof] = qd[body.dof] + induced_rate(bodies, i, V_A, qd, Q, force_of(w.G))
-        move(body, qd, work, w)
+        if not groups.is_grouped(body):
+            V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
+            xi[body.dof] = qd[body.dof] + sp.power(records.force_of(w.G), V_plus)
+        elif groups.owns(bodies, i):
+            V_A = groups.carried_motion(bodies, i, work)
+            xi[body.dof] = qd[body.dof] + groups.induced_rate(bodies, i, V_A, qd, Q, records.force_of(w.G))
+        joints.update_velocity(body, qd, work, w)
 
 
 @large_kernel
-def own_rates_outward(bodies, xi, work, Q, qd):
+def qd_from_xi(bodies, xi, work, Q, qd):
     """q̇ = [I − HψK]ᵀξ (Table 1, right); qd may be xi."""
-    rest_at_world(work)
+    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        if not is_grouped(body):
-            V_plus = motion_to_child(placement_of(w), motion_of(work[body.parent].V))
-            qd[body.dof] = xi[body.dof] - power(force_of(w.G), V_plus)
+        if not groups.is_grouped(body):
+            V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
+            qd[body.dof] = xi[body.dof] - sp.power(records.force_of(w.G), V_plus)
         elif i == body.first:  # after all rates are known: the leader of a follower may lie further out
-            V_A = carried_motion(bodies, i, work)
+            V_A = groups.carried_motion(bodies, i, work)
             for j in range(i, body.last + 1):
-                if owns(bodies, j):
+                if groups.owns(bodies, j):
                     k = bodies[j].dof
-                    qd[k] = xi[k] - induced_rate(bodies, j, V_A, qd, Q, force_of(work[j].G))
-        move(body, qd, work, w)
+                    qd[k] = xi[k] - groups.induced_rate(bodies, j, V_A, qd, Q, records.force_of(work[j].G))
+        joints.update_velocity(body, qd, work, w)
 
 
 @large_kernel
-def working_moments_inward(bodies, tau, work, Q, kappa):
+def kappa_from_tau(bodies, tau, work, Q, kappa):
     """κ = [I − HψK]τ (Table 2); kappa may be tau."""
     for i in range(len(bodies)):
         clear(work[i].z)
@@ -215,21 +168,21 @@ def working_moments_inward(bodies, tau, work, Q, kappa):
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
-        if is_grouped(body):
-            z = gather(bodies, body.first, i, work, work.z, -1.0, kappa)
-            z = add_force(z, filter_moments(bodies, body.first, i, work, Q, kappa))
-            add_to_force(work[bodies[body.first].parent].z, z)
+        if groups.is_grouped(body):
+            z = groups.gather(bodies, body.first, i, work, work.z, -1.0, kappa)
+            z = sp.add_force(z, groups.filter_moments(bodies, body.first, i, work, Q, kappa))
+            records.add_to_force(work[bodies[body.first].parent].z, z)
             i = body.first - 1
             continue
-        z = force_of(w.z)
-        kappa[body.dof] -= along(body.direction, z)
-        z_plus = add_force(z, scale_force(force_of(w.G), kappa[body.dof]))
-        add_to_force(work[body.parent].z, force_to_parent(placement_of(w), z_plus))
+        z = records.force_of(w.z)
+        kappa[body.dof] -= sp.along(body.direction, z)
+        z_plus = sp.add_force(z, sp.scale_force(records.force_of(w.G), kappa[body.dof]))
+        records.add_to_force(work[body.parent].z, sp.force_to_parent(records.placement_of(w), z_plus))
         i -= 1
 
 
 @large_kernel
-def moments_inward(bodies, kappa, work, Q, tau):
+def tau_from_kappa(bodies, kappa, work, Q, tau):
     """τ = [I + HφK]κ (Table 2, right); tau may be kappa."""
     for i in range(len(bodies)):
         clear(work[i].z)
@@ -237,16 +190,16 @@ def moments_inward(bodies, kappa, work, Q, tau):
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
-        if is_grouped(body):
-            z = unfilter_moments(bodies, body.first, i, work, Q, tau)
-            z = add_force(z, gather(bodies, body.first, i, work, work.z, 1.0, tau))
-            add_to_force(work[bodies[body.first].parent].z, z)
+        if groups.is_grouped(body):
+            z = groups.unfilter_moments(bodies, body.first, i, work, Q, tau)
+            z = sp.add_force(z, groups.gather(bodies, body.first, i, work, work.z, 1.0, tau))
+            records.add_to_force(work[bodies[body.first].parent].z, z)
             i = body.first - 1
             continue
-        z = force_of(w.z)
-        z_plus = add_force(z, scale_force(force_of(w.G), tau[body.dof]))
-        tau[body.dof] += along(body.direction, z)
-        add_to_force(work[body.parent].z, force_to_parent(placement_of(w), z_plus))
+        z = records.force_of(w.z)
+        z_plus = sp.add_force(z, sp.scale_force(records.force_of(w.G), tau[body.dof]))
+        tau[body.dof] += sp.along(body.direction, z)
+        records.add_to_force(work[body.parent].z, sp.force_to_parent(records.placement_of(w), z_plus))
         i -= 1
 
 
@@ -254,9 +207,9 @@ def moments_inward(bodies, kappa, work, Q, tau):
 def _factorized(robot, q, x):
     """Place and factorize for a sweep of x; returns a status that is not 0 if q or x will not do."""
     bodies, _, work, table = opened(robot)
-    if not fit(robot, q, x, x):
+    if not lengths_match(robot, q, x, x):
         return MISFIT
-    return place_and_factorize(bodies, q, work, table[0]) if are_finite(x) else -1
+    return factorize_at(bodies, q, work, table[0]) if joints.are_finite(x) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
@@ -266,9 +219,9 @@ def nu_from_qd(robot, q, qd, nu):
     status = _factorized(robot, q, qd)
     if status != 0:
         return status
-    rates_outward(bodies, qd, work, table[0], nu)
+    xi_from_qd(bodies, qd, work, table[0], nu)
     scale_by_inertia(bodies, work, 0.5, nu)
-    return 0 if are_finite(nu) else -1
+    return 0 if joints.are_finite(nu) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
@@ -280,8 +233,8 @@ def qd_from_nu(robot, q, nu, qd):
         return status
     copy(nu, qd)
     scale_by_inertia(bodies, work, -0.5, qd)
-    own_rates_outward(bodies, qd, work, table[0], qd)
-    return 0 if are_finite(qd) else -1
+    qd_from_xi(bodies, qd, work, table[0], qd)
+    return 0 if joints.are_finite(qd) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
@@ -291,9 +244,9 @@ def epsilon_from_tau(robot, q, tau, epsilon):
     status = _factorized(robot, q, tau)
     if status != 0:
         return status
-    working_moments_inward(bodies, tau, work, table[0], epsilon)
+    kappa_from_tau(bodies, tau, work, table[0], epsilon)
     scale_by_inertia(bodies, work, -0.5, epsilon)
-    return 0 if are_finite(epsilon) else -1
+    return 0 if joints.are_finite(epsilon) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
@@ -305,8 +258,8 @@ def tau_from_epsilon(robot, q, epsilon, tau):
         return status
     copy(epsilon, tau)
     scale_by_inertia(bodies, work, 0.5, tau)
-    moments_inward(bodies, tau, work, table[0], tau)
-    return 0 if are_finite(tau) else -1
+    tau_from_kappa(bodies, tau, work, table[0], tau)
+    return 0 if joints.are_finite(tau) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, FILLED_VECTOR, FILLED_VECTOR)
@@ -320,13 +273,13 @@ def rates_with_added_inertia(robot, q, nu, added, impulse, momentum, qd):
     if status != 0:
         return status
     for i in range(1, len(bodies)):
-        start_inertia(bodies[i], work[i])
-        if owns(bodies, i):
+        joints.init_articulated_inertia(bodies[i], work[i])
+        if groups.owns(bodies, i):
             work[i].armature += added[bodies[i].dof]
     for k in range(len(momentum)):
         momentum[k] += impulse[k]
     status = factorize(bodies, work, table[0])
-    working_moments_inward(bodies, momentum, work, table[0], qd)
+    kappa_from_tau(bodies, momentum, work, table[0], qd)
     scale_by_inertia(bodies, work, -1.0, qd)
-    own_rates_outward(bodies, qd, work, table[0], qd)
+    qd_from_xi(bodies, qd, work, table[0], qd)
     return status

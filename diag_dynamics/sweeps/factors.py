@@ -18,11 +18,9 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.sweeps import joints
+from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.bodies import force_of, placement_of
-from diag_dynamics.sweeps.factorization import take_out, take_out_group
-from diag_dynamics.sweeps.groups import is_grouped, owns
+from diag_dynamics.sweeps.factorization import factor_group, factor_joint
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED,
     KAPPA_COLUMN,
@@ -33,8 +31,8 @@ from diag_dynamics.sweeps.workspace import (
     WIDTH,
     clear,
     columns_of,
-    fit_positions,
     opened,
+    positions_match,
 )
 
 
@@ -46,12 +44,12 @@ def factors(robot, q, m_l_unit, D):
     factor, transport through the articulated joints that of its inverse. One inward sweep transports all columns and fills
     row by row.
     """
-    if not fit_positions(robot, q):
+    if not positions_match(robot, q):
         return MISFIT
     bodies, _, work, table = opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
-    joints.start(bodies, q, work)
+    joints.initialize(bodies, q, work)
     columns = columns_of(robot)
     for factor in range(3):
         for row in range(len(D)):
@@ -59,12 +57,12 @@ def factors(robot, q, m_l_unit, D):
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
-        if is_grouped(body):
-            status = take_out_group(bodies, i, work, table[0], False)
+        if groups.is_grouped(body):
+            status = factor_group(bodies, i, work, table[0], False)
             if status != 0:
                 return status
             _fill_rows_of_group(bodies, i, work, table[0], columns, m_l_unit, D)
-        elif not take_out(body, work[i], work[body.parent], False):
+        elif not factor_joint(body, work[i], work[body.parent], False):
             return i
         elif body.direction == sp.ANGULAR_Z:
             _fill_row(sp.ANGULAR_Z, body, work[i], columns.spans[i, 1], columns.blocks, m_l_unit, D)
@@ -102,7 +100,7 @@ def _chosen(chosen, F, H):
 @kernel
 def _fill_row(direction, body, w, end, blocks, m_l_unit, D):
     """The row of a body that is in no group; the forces of the columns before `end` go to its parent."""
-    X, G, row, root = placement_of(w), force_of(w.G), body.dof, math.sqrt(w.D)
+    X, G, row, root = records.placement_of(w), records.force_of(w.G), body.dof, math.sqrt(w.D)
     inverse_root, minus_G = 1.0 / root, sp.scale_force(G, -1.0)
     for k in range((row + 1) // WIDTH, (end + WIDTH - 1) // WIDTH if end > row + 1 else 0):
         block, start = blocks[k], k * WIDTH
@@ -147,9 +145,9 @@ def _fill_rows_of_group(bodies, last, work, Q, columns, m_l_unit, D):
             _add_moment(bodies[i], work[i], block, RIGID, b, columns.moments[c])
             _add_moment(bodies[i], work[i], block, ARTICULATED, b, columns.kappas[c])
     for i in range(last, first - 1, -1):
-        if not owns(bodies, i):
+        if not groups.owns(bodies, i):
             continue
-        row, G, D[bodies[i].dof] = bodies[i].dof, force_of(work[i].G), work[i].D
+        row, G, D[bodies[i].dof] = bodies[i].dof, records.force_of(work[i].G), work[i].D
         inverse_root = 1.0 / math.sqrt(work[i].D)
         for c in range(start, end):
             block, b, moments, kappas = columns.blocks[c // WIDTH], c % WIDTH, columns.moments[c], columns.kappas[c]
@@ -169,21 +167,21 @@ def _start_columns(bodies, first, last, work, Q, columns):
     start = stop = end = bodies[first].start
     for i in range(first, last + 1):
         end = max(end, columns.spans[i, 1])
-        if owns(bodies, i):
+        if groups.owns(bodies, i):
             stop = bodies[i].dof + 1
     end = max(end, stop)
     for c in range(start, end):
         clear(columns.moments[c])
         clear(columns.kappas[c])
     for i in range(first, last + 1):
-        if owns(bodies, i):
+        if groups.owns(bodies, i):
             c = bodies[i].dof
             block, b = columns.blocks[c // WIDTH], c % WIDTH
             block[ROOT * WIDTH + b] = math.sqrt(work[i].D)
             for k in range(start, c):
                 columns.moments[c, k - start] = Q[k, c - start]
             columns.moments[c, c - start] = columns.kappas[c, c - start] = 1.0
-            _set_force(block, RIGID, b, force_of(work[i].G))
+            _set_force(block, RIGID, b, records.force_of(work[i].G))
             _set_force(block, ARTICULATED, b, sp.NO_FORCE)
     return stop, end
 
@@ -194,4 +192,4 @@ def _add_moment(body, w, block, f, b, moments):
     F = _force(block, f, b)
     moments[body.dof - body.start] += body.multiplier * sp.along(body.direction, F)
     if body.rank == 0 and body.parent > 0:
-        _set_force(block, f, b, sp.force_to_parent(placement_of(w), F))
+        _set_force(block, f, b, sp.force_to_parent(records.placement_of(w), F))

@@ -26,45 +26,8 @@ F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the wo
 """
 
 from diag_dynamics.compiled.kernel import kernel, large_kernel
-from diag_dynamics.sweeps.bodies import (
-    add_to_force,
-    add_to_inertia,
-    force_of,
-    inertia_of,
-    motion_of,
-    placement_of,
-    set_force,
-    set_inertia,
-    set_motion,
-)
-from diag_dynamics.sweeps.joints import (
-    force_inboard,
-    is_singular,
-    joint_motion,
-    magnitude_along,
-    motion_outboard,
-    pass_inertia,
-)
-from diag_dynamics.sweeps.spatial import (
-    NO_FORCE,
-    NO_MOTION,
-    add_force,
-    add_motion,
-    along,
-    column_along,
-    cross_force,
-    cross_motion,
-    force_to_parent,
-    inertia_times,
-    inertia_to_parent,
-    less_rank_one,
-    less_rank_two,
-    motion_to_child,
-    power,
-    scale_force,
-    subtract_force,
-    transport,
-)
+from diag_dynamics.sweeps import joints, records
+from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import clear
 
 
@@ -90,34 +53,34 @@ def compose(bodies, first, last, work, Q):
     for i in range(first, last + 1):
         if owns(bodies, i):
             work[i].size = 0.0
-            set_force(work[i].G, NO_FORCE)
+            records.set_force(work[i].G, sp.NO_FORCE)
             clear(Q[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
-        P, d, owner = inertia_of(w.P), body.dof, work[body.owner]
-        column = scale_force(column_along(body.direction, P), body.multiplier)
-        Q[d, d - start] += body.multiplier * (along(body.direction, column) + body.multiplier * w.armature)
-        owner.size += body.multiplier * body.multiplier * magnitude_along(body, w)
-        column = force_inboard(body, w, column)
+        P, d, owner = records.inertia_of(w.P), body.dof, work[body.owner]
+        column = sp.scale_force(sp.column_along(body.direction, P), body.multiplier)
+        Q[d, d - start] += body.multiplier * (sp.along(body.direction, column) + body.multiplier * w.armature)
+        owner.size += body.multiplier * body.multiplier * joints.scale_along(body, w)
+        column = joints.force_inboard(body, w, column)
         j = body.parent
         while j >= first:
-            product = bodies[j].multiplier * along(bodies[j].direction, column)
+            product = bodies[j].multiplier * sp.along(bodies[j].direction, column)
             Q[bodies[j].dof, d - start] += product
             Q[d, bodies[j].dof - start] += product
-            column = force_inboard(bodies[j], work[j], column)
+            column = joints.force_inboard(bodies[j], work[j], column)
             j = bodies[j].parent
-        add_to_force(owner.G, column)
+        records.add_to_force(owner.G, column)
         if body.rank > 0:
-            add_to_inertia(work[body.parent].P, P)
+            records.add_to_inertia(work[body.parent].P, P)
             for k in range(2):
                 work[body.parent].magnitude[k] += w.magnitude[k]
                 work[body.parent].total[k] += w.total[k]
         elif body.parent > 0:
-            pass_inertia(w, P, work[body.parent])
+            joints.accumulate_inertia(w, P, work[body.parent])
 
 
 @large_kernel
-def eliminate(bodies, first, last, work, Q, pass_over):
+def eliminate(bodies, first, last, work, Q, lock_massless):
     """D and G of a group's degrees of freedom, and g in the columns of Q; P⁺ goes to the carrier.
 
     One that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
@@ -127,28 +90,28 @@ def eliminate(bodies, first, last, work, Q, pass_over):
         if not owns(bodies, i):
             continue
         w, c = work[i], bodies[i].dof
-        D, column = Q[c, c - start], force_of(w.G)
+        D, column = Q[c, c - start], records.force_of(w.G)
         w.D = D
-        if is_singular(w.size, D):
-            if not pass_over:
+        if joints.is_singular(w.size, D):
+            if not lock_massless:
                 return i
             for b in range(start, c + 1):
                 Q[b, c - start] = 0.0
-            set_force(w.G, NO_FORCE)
+            records.set_force(w.G, sp.NO_FORCE)
             continue
         inverse = 1.0 / D
-        G = scale_force(column, inverse)
-        set_force(w.G, G)
+        G = sp.scale_force(column, inverse)
+        records.set_force(w.G, G)
         for j in range(first, i):
             if owns(bodies, j):
                 b = bodies[j].dof
-                add_to_force(work[j].G, scale_force(G, -Q[b, c - start]))
+                records.add_to_force(work[j].G, sp.scale_force(G, -Q[b, c - start]))
                 for a in range(start, b + 1):
                     Q[a, b - start] -= Q[a, c - start] * inverse * Q[b, c - start]
         for b in range(start, c):
             Q[b, c - start] *= inverse
         if carrier > 0:
-            set_inertia(work[carrier].P, less_rank_one(inertia_of(work[carrier].P), G, column))
+            records.set_inertia(work[carrier].P, sp.less_rank_one(records.inertia_of(work[carrier].P), G, column))
     return 0
 
 
@@ -158,31 +121,32 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
     start = bodies[first].start
     for i in range(first, last + 1):
         if owns(bodies, i):
-            set_force(work[i].u, NO_FORCE)
+            records.set_force(work[i].u, sp.NO_FORCE)
             clear(Q_rate[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
-        P, P_rate, d = inertia_of(w.P), inertia_of(w.P_rate), body.dof
-        column = scale_force(column_along(body.direction, P), body.multiplier)
-        rate = scale_force(column_along(body.direction, P_rate), body.multiplier)
-        Q_rate[d, d - start] += body.multiplier * along(body.direction, rate)
+        P, P_rate, d = records.inertia_of(w.P), records.inertia_of(w.P_rate), body.dof
+        column = sp.scale_force(sp.column_along(body.direction, P), body.multiplier)
+        rate = sp.scale_force(sp.column_along(body.direction, P_rate), body.multiplier)
+        Q_rate[d, d - start] += body.multiplier * sp.along(body.direction, rate)
         rate = rate_inboard(bodies, i, qd, work, column, rate)
-        column = force_inboard(body, w, column)
+        column = joints.force_inboard(body, w, column)
         j = body.parent
         while j >= first:
-            product = bodies[j].multiplier * along(bodies[j].direction, rate)
+            product = bodies[j].multiplier * sp.along(bodies[j].direction, rate)
             Q_rate[bodies[j].dof, d - start] += product
             Q_rate[d, bodies[j].dof - start] += product
             rate = rate_inboard(bodies, j, qd, work, column, rate)
-            column = force_inboard(bodies[j], work[j], column)
+            column = joints.force_inboard(bodies[j], work[j], column)
             j = bodies[j].parent
-        add_to_force(work[body.owner].u, rate)
+        records.add_to_force(work[body.owner].u, rate)
         if body.rank > 0:
-            add_to_inertia(work[body.parent].P_rate, P_rate)
+            records.add_to_inertia(work[body.parent].P_rate, P_rate)
         elif body.parent > 0:
-            X, parent = placement_of(w), work[body.parent]
-            add_to_inertia(parent.P_rate, inertia_to_parent(X, P_rate))
-            add_to_inertia(parent.P_rate, inertia_to_parent(X, transport(joint_motion(bodies, i, qd), P)))
+            X, parent = records.placement_of(w), work[body.parent]
+            records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, P_rate))
+            moved = sp.transport(joints.joint_motion(bodies, i, qd), P)
+            records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, moved))
 
 
 @kernel
@@ -190,8 +154,8 @@ def rate_inboard(bodies, i, qd, work, F, rate):
     """Rate of XᵀF, as Ẋ = −(v_J×) X."""
     if bodies[i].rank > 0:
         return rate
-    moved = cross_force(joint_motion(bodies, i, qd), F)
-    return force_to_parent(placement_of(work[i]), add_force(rate, moved))
+    moved = sp.cross_force(joints.joint_motion(bodies, i, qd), F)
+    return sp.force_to_parent(records.placement_of(work[i]), sp.add_force(rate, moved))
 
 
 @large_kernel
@@ -199,19 +163,19 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     """Take the degree of freedom that body i owns out of 𝓜̇, all later ones being out already."""
     start, carrier = bodies[first].start, bodies[first].parent
     c = bodies[i].dof - start
-    D_rate, G, u = Q_rate[bodies[i].dof, c], force_of(work[i].G), force_of(work[i].u)
-    rest = subtract_force(u, scale_force(G, D_rate))  # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
+    D_rate, G, u = Q_rate[bodies[i].dof, c], records.force_of(work[i].G), records.force_of(work[i].u)
+    rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
     for j in range(first, i):
         if owns(bodies, j):
             b = bodies[j].dof
             g, g_rate = Q[b, c], Q_rate[b, c]
-            add_to_force(work[j].u, scale_force(rest, -g))
-            add_to_force(work[j].u, scale_force(G, -g_rate))
+            records.add_to_force(work[j].u, sp.scale_force(rest, -g))
+            records.add_to_force(work[j].u, sp.scale_force(G, -g_rate))
             for a in range(start, b + 1):
                 Q_rate[a, b - start] -= Q[a, c] * (g_rate - g * D_rate) + Q_rate[a, c] * g
     if carrier > 0:
-        half = subtract_force(u, scale_force(G, 0.5 * D_rate))
-        set_inertia(work[carrier].P_rate, less_rank_two(inertia_of(work[carrier].P_rate), G, half))
+        half = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
+        records.set_inertia(work[carrier].P_rate, sp.less_rank_two(records.inertia_of(work[carrier].P_rate), G, half))
 
 
 # --- Rates and moments through a group --------------------------------------------------------------------
@@ -220,14 +184,14 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
 @kernel
 def carried_motion(bodies, i, work):
     """V_A of the group of body i, in the axes of A."""
-    return motion_of(work[bodies[bodies[i].first].parent].V)
+    return records.motion_of(work[bodies[bodies[i].first].parent].V)
 
 
 @kernel
 def induced_rate(bodies, i, V_A, qd, Q, G):
     """ξ − q̇ of the degree of freedom that body i owns: the rate induced by A and by those before it in the group."""
     body = bodies[i]
-    rate = power(G, V_A)
+    rate = sp.power(G, V_A)
     for b in range(body.start, body.dof):
         rate += Q[b, body.dof - body.start] * qd[b]
     return rate
@@ -236,11 +200,11 @@ def induced_rate(bodies, i, V_A, qd, Q, G):
 @kernel
 def filter_moments(bodies, first, last, work, Q, moments):
     """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the carrier."""
-    F = NO_FORCE
+    F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         if owns(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
-            F = add_force(F, scale_force(force_of(work[i].G), moments[c]))
+            F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):
                 moments[b] -= Q[b, c - start] * moments[c]
     return F
@@ -249,11 +213,11 @@ def filter_moments(bodies, first, last, work, Q, moments):
 @kernel
 def unfilter_moments(bodies, first, last, work, Q, moments):
     """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the carrier."""
-    F = NO_FORCE
+    F = sp.NO_FORCE
     for i in range(first, last + 1):
         if owns(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
-            F = add_force(F, scale_force(force_of(work[i].G), moments[c]))
+            F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):
                 moments[b] += Q[b, c - start] * moments[c]
     return F
@@ -263,7 +227,7 @@ def unfilter_moments(bodies, first, last, work, Q, moments):
 def momentum_rate(bodies, i, V_A, qd, work, Q_rate):
     """𝓜̇_c (V_A, q̇) of the degree of freedom c that body i owns, with 𝓜̇ as it was eliminated from it."""
     body = bodies[i]
-    rate = power(force_of(work[i].u), V_A)
+    rate = sp.power(records.force_of(work[i].u), V_A)
     for b in range(body.start, body.dof + 1):
         rate += Q_rate[b, body.dof - body.start] * qd[b]
     return rate
@@ -277,14 +241,14 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
         if is_grouped(body):
             first = body.first
             while i >= first:
-                kappa[bodies[i].dof] += bodies[i].multiplier * along(bodies[i].direction, F)
-                F = force_inboard(bodies[i], work[i], F)
+                kappa[bodies[i].dof] += bodies[i].multiplier * sp.along(bodies[i].direction, F)
+                F = joints.force_inboard(bodies[i], work[i], F)
                 i = bodies[i].parent
-            F = subtract_force(F, filter_moments(bodies, first, body.last, work, Q, kappa))
+            F = sp.subtract_force(F, filter_moments(bodies, first, body.last, work, Q, kappa))
             continue
-        moment = along(body.direction, F)
+        moment = sp.along(body.direction, F)
         kappa[body.dof] = moment
-        F = force_inboard(body, w, subtract_force(F, scale_force(force_of(w.G), moment)))
+        F = joints.force_inboard(body, w, sp.subtract_force(F, sp.scale_force(records.force_of(w.G), moment)))
         i = body.parent
 
 
@@ -294,16 +258,16 @@ def gather(bodies, first, last, work, forces, sign, moments):
 
     The wrenches are summed inboard, and the one on the carrier returned.
     """
-    F = NO_FORCE
+    F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         body = bodies[i]
-        f = force_of(forces[i])
-        moments[body.dof] += sign * body.multiplier * along(body.direction, f)
-        f = force_inboard(body, work[i], f)
+        f = records.force_of(forces[i])
+        moments[body.dof] += sign * body.multiplier * sp.along(body.direction, f)
+        f = joints.force_inboard(body, work[i], f)
         if body.parent >= first:
-            add_to_force(forces[body.parent], f)
+            records.add_to_force(forces[body.parent], f)
         else:
-            F = add_force(F, f)
+            F = sp.add_force(F, f)
     return F
 
 
@@ -315,24 +279,23 @@ def gather_bias(bodies, first, last, qd, work, V, sign, moments):
     """
     for i in range(first, last + 1):
         body, w = bodies[i], work[i]
-        A = zeta = NO_MOTION
+        A = zeta = sp.NO_MOTION
         if body.parent >= first:
-            A = motion_outboard(body, w, motion_of(work[body.parent].bias))
+            A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].bias))
         if body.rank == 0:
-            zeta = cross_motion(
-                motion_to_child(placement_of(w), motion_of(V[body.parent])), joint_motion(bodies, i, qd)
-            )
-        set_motion(w.zeta, zeta)
-        set_motion(w.bias, add_motion(A, zeta))
-    F = NO_FORCE
+            V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(V[body.parent]))
+            zeta = sp.cross_motion(V_plus, joints.joint_motion(bodies, i, qd))
+        records.set_motion(w.zeta, zeta)
+        records.set_motion(w.bias, sp.add_motion(A, zeta))
+    F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
-        P, y = inertia_of(w.P), force_of(w.y)
-        f = add_force(y, inertia_times(P, motion_of(w.bias)))
-        moments[body.dof] += sign * body.multiplier * along(body.direction, f)
-        f = force_inboard(body, w, add_force(y, inertia_times(P, motion_of(w.zeta))))
+        P, y = records.inertia_of(w.P), records.force_of(w.y)
+        f = sp.add_force(y, sp.inertia_times(P, records.motion_of(w.bias)))
+        moments[body.dof] += sign * body.multiplier * sp.along(body.direction, f)
+        f = joints.force_inboard(body, w, sp.add_force(y, sp.inertia_times(P, records.motion_of(w.zeta))))
         if body.parent >= first:
-            add_to_force(work[body.parent].y, f)
+            records.add_to_force(work[body.parent].y, f)
         else:
-            F = add_force(F, f)
+            F = sp.add_force(F, f)
     return F

@@ -6,56 +6,15 @@
 import math
 
 from diag_dynamics.compiled.kernel import kernel, large_kernel
-from diag_dynamics.sweeps.bodies import (
-    FLOATING,
-    PLANAR,
-    PRISMATIC,
-    REVOLUTE,
-    add_to_inertia,
-    inertia_of,
-    matrix_of,
-    motion_of,
-    placement_of,
-    set_inertia,
-    set_motion,
-    set_placement,
-    symmetric_of,
-    vector_of,
-)
-from diag_dynamics.sweeps.spatial import (
-    ANGULAR_X,
-    NO_INERTIA,
-    NO_MOTION,
-    ZERO,
-    Motion,
-    Placement,
-    add,
-    add_motion,
-    along,
-    apply,
-    column_along,
-    cross_motion,
-    dot,
-    force_to_parent,
-    inertia_to_parent,
-    less_rank_one,
-    motion_along,
-    motion_to_child,
-    product,
-    rigid_inertia,
-    rigid_momentum,
-    rotation_of_quaternion,
-    scale,
-    scale_force,
-    turned_about_z,
-)
+from diag_dynamics.sweeps import records
+from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.trigonometry import sine_and_cosine
 
 UNIT_TOLERANCE = 1e-3
 """Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
 
 SINGULAR = 1e-10
-"""A joint counts as moving no inertia where D is below this part of the inertias that D is the remainder of."""
+"""A joint counts as moving no inertia where D is below this part of the inertias that D is the u of."""
 
 REMOTE = 1e-4
 """Weight of the whole inertia outboard when D is judged, against 1 of what the children hand on. Where the children hand on
@@ -71,40 +30,40 @@ def _position(body, q):
 
 
 @kernel
-def place(body, q, w):
+def update_placement(body, q, w):
     """X of the body at the positions q, kept in its workspace; the later bodies of a joint are where the first is."""
-    if body.kind == REVOLUTE:
+    if body.kind == records.REVOLUTE:
         sine, cosine = sine_and_cosine(_position(body, q))
-        rotation = turned_about_z(matrix_of(body.rotation), sine, cosine)
-        set_placement(w, Placement(rotation, vector_of(body.translation)))
+        rotation = sp.turned_about_z(records.matrix_of(body.rotation), sine, cosine)
+        records.set_placement(w, sp.Placement(rotation, records.vector_of(body.translation)))
     else:
-        _place_rarer(body, q, w)
-    return placement_of(w)
+        _update_placement_general(body, q, w)
+    return records.placement_of(w)
 
 
 @large_kernel
-def _place_rarer(body, q, w):
+def _update_placement_general(body, q, w):
     """Place a body as :func:`place`, at any joint that is not revolute."""
-    rotation, translation = matrix_of(body.rotation), vector_of(body.translation)
-    if body.kind == PRISMATIC:
-        translation = add(translation, apply(rotation, (0.0, 0.0, _position(body, q))))
+    rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
+    if body.kind == records.PRISMATIC:
+        translation = sp.add(translation, sp.apply(rotation, (0.0, 0.0, _position(body, q))))
     elif body.rank == 0:
         k = body.q
-        if body.kind == PLANAR:
-            translation = add(translation, apply(rotation, (q[k], q[k + 1], 0.0)))
+        if body.kind == records.PLANAR:
+            translation = sp.add(translation, sp.apply(rotation, (q[k], q[k + 1], 0.0)))
             sine, cosine = sine_and_cosine(q[k + 2])
-            rotation = turned_about_z(rotation, sine, cosine)
+            rotation = sp.turned_about_z(rotation, sine, cosine)
         else:
-            translation = add(translation, apply(rotation, (q[k], q[k + 1], q[k + 2])))
-            rotation = product(rotation, rotation_of_quaternion(q[k + 3], q[k + 4], q[k + 5], q[k + 6]))
-    set_placement(w, Placement(rotation, translation))
+            translation = sp.add(translation, sp.apply(rotation, (q[k], q[k + 1], q[k + 2])))
+            rotation = sp.product(rotation, sp.rotation_of_quaternion(q[k + 3], q[k + 4], q[k + 5], q[k + 6]))
+    records.set_placement(w, sp.Placement(rotation, translation))
 
 
 @kernel
-def place_all(bodies, q, work):
+def update_placements(bodies, q, work):
     """X of every body."""
     for i in range(1, len(bodies)):
-        place(bodies[i], q, work[i])
+        update_placement(bodies[i], q, work[i])
 
 
 @kernel
@@ -112,17 +71,17 @@ def orientation(bodies, i, work):
     """Rotation of a placed body in the world."""
     R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     while i > 0:
-        R = product(matrix_of(work[i].rotation), R)
+        R = sp.product(records.matrix_of(work[i].rotation), R)
         i = bodies[i].parent
     return R
 
 
 @kernel
-def start(bodies, q, work):
+def initialize(bodies, q, work):
     """X of every body and P before any child has been added."""
     for i in range(1, len(bodies)):
-        place(bodies[i], q, work[i])
-        start_inertia(bodies[i], work[i])
+        update_placement(bodies[i], q, work[i])
+        init_articulated_inertia(bodies[i], work[i])
 
 
 @kernel
@@ -134,7 +93,7 @@ def are_positions(bodies, q):
 @kernel
 def quaternion_at(body):
     """Index of the first of four position coordinates that are the quaternion of a body's joint; -1 if it has none."""
-    return body.q + 3 if body.kind == FLOATING else -1
+    return body.q + 3 if body.kind == records.FLOATING else -1
 
 
 @kernel
@@ -164,7 +123,7 @@ def are_finite(x):
 @kernel
 def own_motion(body, rates):
     """S q̇ of one body; a follower's rate is its leader's, multiplied."""
-    return motion_along(body.direction, body.multiplier * rates[body.dof])
+    return sp.motion_along(body.direction, body.multiplier * rates[body.dof])
 
 
 @kernel
@@ -172,36 +131,37 @@ def joint_motion(bodies, i, rates):
     """v_J, the motion of the frame of body i against its parent's; zero for the later bodies of a joint."""
     if bodies[i].dofs == 1:
         return own_motion(bodies[i], rates)
-    v_J = NO_MOTION
+    v_J = sp.NO_MOTION
     if bodies[i].rank == 0:
         for j in range(i, i + bodies[i].dofs):
-            v_J = add_motion(v_J, own_motion(bodies[j], rates))
+            v_J = sp.add_motion(v_J, own_motion(bodies[j], rates))
     return v_J
 
 
 @kernel
 def zeta(bodies, i, rates, work):
     """ζ = V × v_J of the joint whose first body is i; V of all its bodies is known."""
-    return cross_motion(motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates))
+    return sp.cross_motion(records.motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates))
 
 
 @kernel
-def rest_at_world(work):
+def set_base_at_rest(work):
     """V of the world."""
-    set_motion(work[0].V, NO_MOTION)
+    records.set_motion(work[0].V, sp.NO_MOTION)
 
 
 @kernel
-def accelerate_world(gravity, weight, work):
+def set_base_acceleration(gravity, weight, work):
     """Gravity as an acceleration of the world, −g, times a weight."""
-    set_motion(work[0].acceleration, Motion(scale(vector_of(gravity), -weight), ZERO))
+    records.set_motion(work[0].acceleration, sp.Motion(sp.scale(records.vector_of(gravity), -weight), sp.ZERO))
 
 
 @kernel
-def move(body, rates, work, w):
+def update_velocity(body, rates, work, w):
     """V of a placed body."""
-    V = add_motion(motion_to_child(placement_of(w), motion_of(work[body.parent].V)), own_motion(body, rates))
-    set_motion(w.V, V)
+    V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
+    V = sp.add_motion(V_plus, own_motion(body, rates))
+    records.set_motion(w.V, V)
     return V
 
 
@@ -211,15 +171,15 @@ def move(body, rates, work, w):
 @kernel
 def momentum(body, V):
     """I V."""
-    return rigid_momentum(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia), V)
+    return sp.rigid_momentum(body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia), V)
 
 
 @kernel
-def start_inertia(body, w):
+def init_articulated_inertia(body, w):
     """P of a body before its children have been added, and the magnitudes that D will be judged by."""
-    own = rigid_inertia(body.mass, vector_of(body.first_moment), symmetric_of(body.inertia))
-    set_inertia(w.P, own)
-    set_inertia(w.P_rate, NO_INERTIA)
+    own = sp.rigid_inertia(body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia))
+    records.set_inertia(w.P, own)
+    records.set_inertia(w.P_rate, sp.NO_INERTIA)
     w.magnitude[0] = 3.0 * body.mass
     w.magnitude[1] = body.inertia[0] + body.inertia[3] + body.inertia[5]
     w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
@@ -229,18 +189,18 @@ def start_inertia(body, w):
 @kernel
 def joint_inertia(direction, w, P):
     """D, with the armature that theory adds to it, P S and G (Algorithm 4.1)."""
-    column = column_along(direction, P)
-    D = along(direction, column) + w.armature
-    return D, column, scale_force(column, 1.0 / D)
+    column = sp.column_along(direction, P)
+    D = sp.along(direction, column) + w.armature
+    return D, column, sp.scale_force(column, 1.0 / D)
 
 
 @kernel
-def magnitude_along(body, w):
+def scale_along(body, w):
     """The size of the inertias that D of this body came from.
 
     These are what the joints outboard have left over; where that is nothing but rounding, a part of all inertia outboard.
     """
-    k = 0 if body.direction < ANGULAR_X else 1
+    k = 0 if body.direction < sp.ANGULAR_X else 1
     return inertia_scale(w.magnitude[k], w.total[k])
 
 
@@ -260,14 +220,14 @@ def is_singular(size, D):
 def scales_to_parent(X, P, total):
     """Sizes of the linear and the angular part of P seen in the parent, and of all inertia outboard."""
     linear, angular = P.A[0][0] + P.A[1][1] + P.A[2][2], P.C[0][0] + P.C[1][1] + P.C[2][2]
-    lever = dot(X.translation, X.translation)
+    lever = sp.dot(X.translation, X.translation)
     return linear, angular + linear * lever, total[0], total[1] + total[0] * lever
 
 
 @kernel
-def pass_size(w, X, parent):
+def accumulate_scale(w, X, parent):
     """Add the size of P to the parent's magnitudes."""
-    linear, angular, all_linear, all_angular = scales_to_parent(X, inertia_of(w.P), (w.total[0], w.total[1]))
+    linear, angular, all_linear, all_angular = scales_to_parent(X, records.inertia_of(w.P), (w.total[0], w.total[1]))
     parent.magnitude[0] += linear
     parent.magnitude[1] += angular
     parent.total[0] += all_linear
@@ -277,24 +237,24 @@ def pass_size(w, X, parent):
 @kernel
 def propagate_inertia(w, G, column, X, parent):
     """Add Xᵀ τ̄P X to the parent's P, with τ̄P = P − G (P S)ᵀ (Algorithm 4.1)."""
-    add_to_inertia(parent.P, inertia_to_parent(X, less_rank_one(inertia_of(w.P), G, column)))
+    records.add_to_inertia(parent.P, sp.inertia_to_parent(X, sp.less_rank_one(records.inertia_of(w.P), G, column)))
 
 
 @kernel
-def pass_inertia(w, P, parent):
+def accumulate_inertia(w, P, parent):
     """Add XᵀP X to the parent's P, and its size to the parent's magnitudes: P of the body w, nothing taken out."""
-    X = placement_of(w)
-    add_to_inertia(parent.P, inertia_to_parent(X, P))
-    pass_size(w, X, parent)
+    X = records.placement_of(w)
+    records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P))
+    accumulate_scale(w, X, parent)
 
 
 @kernel
 def force_inboard(body, w, F):
     """XᵀF; the later bodies of a joint share the first one's frame."""
-    return F if body.rank > 0 else force_to_parent(placement_of(w), F)
+    return F if body.rank > 0 else sp.force_to_parent(records.placement_of(w), F)
 
 
 @kernel
 def motion_outboard(body, w, V):
     """X V; the later bodies of a joint share the first one's frame."""
-    return V if body.rank > 0 else motion_to_child(placement_of(w), V)
+    return V if body.rank > 0 else sp.motion_to_child(records.placement_of(w), V)

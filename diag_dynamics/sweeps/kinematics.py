@@ -4,49 +4,27 @@
 """Placements, Jacobians and motions of bodies."""
 
 from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, ROBOT, VECTOR, entry_kernel
-from diag_dynamics.sweeps.bodies import motion_of, placement_of, set_motion, set_vector
-from diag_dynamics.sweeps.joints import (
-    accelerate_world,
-    are_finite,
-    are_positions,
-    move,
-    orientation,
-    own_motion,
-    place,
-    place_all,
-    rest_at_world,
-    zeta,
-)
-from diag_dynamics.sweeps.spatial import (
-    ZERO,
-    add,
-    add_motion,
-    apply,
-    apply_transposed,
-    cross,
-    motion_along,
-    motion_to_child,
-    product,
-)
-from diag_dynamics.sweeps.workspace import MISFIT, clear, fit, fit_positions, opened
+from diag_dynamics.sweeps import joints, records
+from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps.workspace import MISFIT, clear, lengths_match, opened, positions_match
 
 
 @entry_kernel(ROBOT, VECTOR, COUNT, FILLED_MATRIX)
 def placement(robot, q, body, result):
     """R and, in the last column, the origin of one body in the world, shape (3, 4): a walk down the tree."""
-    if not fit_positions(robot, q):
+    if not positions_match(robot, q):
         return MISFIT
     bodies, _, work, _ = opened(robot)
-    if not are_positions(bodies, q):
+    if not joints.are_positions(bodies, q):
         return -1
-    place_all(bodies, q, work)
-    R, origin = orientation(bodies, body, work), ZERO
+    joints.update_placements(bodies, q, work)
+    R, origin = joints.orientation(bodies, body, work), sp.ZERO
     while body > 0:
-        X = placement_of(work[body])
-        origin = add(X.translation, apply(X.rotation, origin))
+        X = records.placement_of(work[body])
+        origin = sp.add(X.translation, sp.apply(X.rotation, origin))
         body = bodies[body].parent
     for k in range(3):
-        set_vector(result[k], 0, R[k])
+        records.set_vector(result[k], 0, R[k])
         result[k, 3] = origin[k]
     return 0
 
@@ -57,25 +35,25 @@ def jacobian(robot, q, body, point, J):
 
     Each body that carries the point adds its direction, seen from the point; a follower adds to its leader's column.
     """
-    if not fit_positions(robot, q):
+    if not positions_match(robot, q):
         return MISFIT
     bodies, _, work, _ = opened(robot)
-    if not are_positions(bodies, q):
+    if not joints.are_positions(bodies, q):
         return -1
-    place_all(bodies, q, work)
+    joints.update_placements(bodies, q, work)
     for row in range(6):
         clear(J[row])
     R, p = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (point[0], point[1], point[2])
     i = body
     while i > 0:
-        S, k = motion_along(bodies[i].direction, bodies[i].multiplier), bodies[i].dof
-        linear = apply_transposed(R, add(S.linear, cross(S.angular, p)))
-        angular = apply_transposed(R, S.angular)
+        S, k = sp.motion_along(bodies[i].direction, bodies[i].multiplier), bodies[i].dof
+        linear = sp.apply_transposed(R, sp.add(S.linear, sp.cross(S.angular, p)))
+        angular = sp.apply_transposed(R, S.angular)
         for axis in range(3):
             J[axis, k] += linear[axis]
             J[3 + axis, k] += angular[axis]
-        X = placement_of(work[i])
-        R, p = product(X.rotation, R), add(X.translation, apply(X.rotation, p))
+        X = records.placement_of(work[i])
+        R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
         i = bodies[i].parent
     return 0
 
@@ -83,25 +61,25 @@ def jacobian(robot, q, body, point, J):
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, COUNT, FILLED_MATRIX)
 def motion(robot, q, qd, qdd, body, result):
     """Twist of a body and its rate, in the body's axes at its origin, shape (2, 6); without gravity."""
-    if not fit(robot, q, qd, qdd):
+    if not lengths_match(robot, q, qd, qdd):
         return MISFIT
     bodies, gravity, work, _ = opened(robot)
-    if not (are_positions(bodies, q) and are_finite(qd) and are_finite(qdd)):
+    if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
         return -1
-    rest_at_world(work)
-    accelerate_world(gravity, 0.0, work)
+    joints.set_base_at_rest(work)
+    joints.set_base_acceleration(gravity, 0.0, work)
     for i in range(1, body + 1):
         one, w, parent = bodies[i], work[i], work[bodies[i].parent]
-        X = place(one, q, w)
-        move(one, qd, work, w)
-        A = add_motion(motion_to_child(X, motion_of(parent.acceleration)), own_motion(one, qdd))
+        X = joints.update_placement(one, q, w)
+        joints.update_velocity(one, qd, work, w)
+        A = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.acceleration)), joints.own_motion(one, qdd))
         if one.rank == one.dofs - 1:  # the joint's last body, to which its links belong
-            A = add_motion(A, zeta(bodies, i - one.rank, qd, work))
-        set_motion(w.acceleration, A)
+            A = sp.add_motion(A, joints.zeta(bodies, i - one.rank, qd, work))
+        records.set_motion(w.acceleration, A)
     if body > 0:
-        set_motion(result[0], motion_of(work[body].V))
-        set_motion(result[1], motion_of(work[body].acceleration))
+        records.set_motion(result[0], records.motion_of(work[body].V))
+        records.set_motion(result[1], records.motion_of(work[body].acceleration))
     else:
         clear(result[0])
         clear(result[1])
-    return 0 if are_finite(result[0]) and are_finite(result[1]) else -1
+    return 0 if joints.are_finite(result[0]) and joints.are_finite(result[1]) else -1

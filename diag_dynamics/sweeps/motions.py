@@ -10,25 +10,9 @@ each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree o
 import math
 
 from diag_dynamics.compiled.kernel import FILLED_VECTOR, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
-from diag_dynamics.sweeps.bodies import FLOATING
-from diag_dynamics.sweeps.groups import owns
-from diag_dynamics.sweeps.joints import are_finite, are_positions
-from diag_dynamics.sweeps.spatial import (
-    Motion,
-    add,
-    apply,
-    apply_transposed,
-    chart_rate,
-    entry,
-    quaternion_product,
-    rotation_of_quaternion,
-    rotation_quaternion,
-    rotation_vector,
-    screw_of_displacement,
-    screw_translation,
-    subtract,
-)
-from diag_dynamics.sweeps.workspace import MISFIT, fit, fit_positions, opened
+from diag_dynamics.sweeps import groups, joints, records
+from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps.workspace import MISFIT, lengths_match, opened, positions_match
 
 HELD = 1e150
 """Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square does not overflow."""
@@ -38,9 +22,9 @@ HELD = 1e150
 def _twist(body, x):
     """Twist of a joint of several degrees of freedom from the entries of x that are its own."""
     k = body.dof
-    if body.kind == FLOATING:
-        return Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
-    return Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
+    if body.kind == records.FLOATING:
+        return sp.Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
+    return sp.Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
 
 
 @large_kernel
@@ -49,13 +33,13 @@ def chart_rates(bodies, u, rates, u_rates):
     for i in range(1, len(bodies)):
         body = bodies[i]
         if body.dofs == 1:
-            if owns(bodies, i):
+            if groups.owns(bodies, i):
                 u_rates[body.dof] = rates[body.dof]
         elif body.rank == 0:
-            rate = chart_rate(_twist(body, u), _twist(body, rates))
+            rate = sp.chart_rate(_twist(body, u), _twist(body, rates))
             for j in range(i, i + body.dofs):
                 direction = bodies[j].direction
-                u_rates[bodies[j].dof] = entry(direction, rate.linear, rate.angular)
+                u_rates[bodies[j].dof] = sp.entry(direction, rate.linear, rate.angular)
 
 
 @large_kernel
@@ -64,17 +48,17 @@ def displace(bodies, start, u, q):
     for i in range(1, len(bodies)):
         body, k = bodies[i], bodies[i].q
         if body.dofs == 1:
-            if owns(bodies, i):
+            if groups.owns(bodies, i):
                 q[k] = start[k] + u[body.dof]
         elif body.rank == 0:
             U = _twist(body, u)
-            moved = screw_translation(U)
-            if body.kind == FLOATING:
+            moved = sp.screw_translation(U)
+            if body.kind == records.FLOATING:
                 turn = (start[k + 3], start[k + 4], start[k + 5], start[k + 6])
-                R = rotation_of_quaternion(turn[0], turn[1], turn[2], turn[3])
-                x, y, z, w = quaternion_product(turn, rotation_quaternion(U.angular))
+                R = sp.rotation_of_quaternion(turn[0], turn[1], turn[2], turn[3])
+                x, y, z, w = sp.quaternion_product(turn, sp.rotation_quaternion(U.angular))
                 length = math.sqrt(x * x + y * y + z * z + w * w)
-                q[k], q[k + 1], q[k + 2] = add((start[k], start[k + 1], start[k + 2]), apply(R, moved))
+                q[k], q[k + 1], q[k + 2] = sp.add((start[k], start[k + 1], start[k + 2]), sp.apply(R, moved))
                 q[k + 3], q[k + 4], q[k + 5], q[k + 6] = x / length, y / length, z / length, w / length
             else:
                 s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
@@ -84,18 +68,18 @@ def displace(bodies, start, u, q):
 
 
 @kernel
-def _between(body, start, end):
+def _log(body, start, end):
     """Twist of a joint of several degrees of freedom that displaces its positions from a start to an end."""
     k = body.q
-    if body.kind == FLOATING:
+    if body.kind == records.FLOATING:
         back = (-start[k + 3], -start[k + 4], -start[k + 5], start[k + 6])
-        R = rotation_of_quaternion(start[k + 3], start[k + 4], start[k + 5], start[k + 6])
-        moved = subtract((end[k], end[k + 1], end[k + 2]), (start[k], start[k + 1], start[k + 2]))
-        x, y, z, w = quaternion_product(back, (end[k + 3], end[k + 4], end[k + 5], end[k + 6]))
-        return screw_of_displacement(apply_transposed(R, moved), rotation_vector(x, y, z, w))
+        R = sp.rotation_of_quaternion(start[k + 3], start[k + 4], start[k + 5], start[k + 6])
+        moved = sp.subtract((end[k], end[k + 1], end[k + 2]), (start[k], start[k + 1], start[k + 2]))
+        x, y, z, w = sp.quaternion_product(back, (end[k + 3], end[k + 4], end[k + 5], end[k + 6]))
+        return sp.screw_of_displacement(sp.apply_transposed(R, moved), sp.rotation_vector(x, y, z, w))
     s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
     x, y, turned = end[k] - start[k], end[k + 1] - start[k + 1], _wrapped(end[k + 2] - start[k + 2])
-    return screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))
+    return sp.screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))
 
 
 @kernel
@@ -107,34 +91,34 @@ def _wrapped(angle):
 @entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
 def integrate(robot, q, v, result):
     """Positions reached from q along v: q exp(v) of joints of several degrees of freedom, q + v of the others."""
-    if not fit(robot, q, v, v):
+    if not lengths_match(robot, q, v, v):
         return MISFIT
     bodies, _, _, _ = opened(robot)
-    if not (are_positions(bodies, q) and are_finite(v)):
+    if not (joints.are_positions(bodies, q) and joints.are_finite(v)):
         return -1
     displace(bodies, q, v, result)
-    return 0 if are_finite(result) else -1
+    return 0 if joints.are_finite(result) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
 def difference(robot, start, end, turning, v):
     """What integrates to `end` from `start`; where `turning` is not 0, an angle's shorter way round."""
-    if not (fit_positions(robot, start) and fit_positions(robot, end)):
+    if not (positions_match(robot, start) and positions_match(robot, end)):
         return MISFIT
     bodies, _, _, _ = opened(robot)
-    if not (are_positions(bodies, start) and are_positions(bodies, end)):
+    if not (joints.are_positions(bodies, start) and joints.are_positions(bodies, end)):
         return -1
     for i in range(1, len(bodies)):
         body = bodies[i]
         if body.dofs == 1:
-            if owns(bodies, i):
+            if groups.owns(bodies, i):
                 apart = end[body.q] - start[body.q]
                 v[body.dof] = _wrapped(apart) if turning[body.dof] != 0.0 else apart
         elif body.rank == 0:
-            U = _between(body, start, end)
+            U = _log(body, start, end)
             for j in range(i, i + body.dofs):
-                v[bodies[j].dof] = entry(bodies[j].direction, U.linear, U.angular)
-    return 0 if are_finite(v) else -1
+                v[bodies[j].dof] = sp.entry(bodies[j].direction, U.linear, U.angular)
+    return 0 if joints.are_finite(v) else -1
 
 
 @large_kernel
@@ -144,5 +128,5 @@ def hold(bodies, armature, held):
     The bodies' own rotor inertias are given.
     """
     for i in range(1, len(bodies)):
-        marked = owns(bodies, i) and held[bodies[i].dof] != 0.0
+        marked = groups.owns(bodies, i) and held[bodies[i].dof] != 0.0
         bodies[i].armature = HELD if marked else armature[i]

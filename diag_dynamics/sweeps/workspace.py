@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.compiled.kernel import kernel
 from diag_dynamics.compiled.tables import Addresses, Table, array
-from diag_dynamics.sweeps.bodies import BODY, POSITIONS_OF, WORK
+from diag_dynamics.sweeps import records
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 """Rows of what evaluation.evaluate fills; RESULTS is the number of those that a batch keeps."""
@@ -37,9 +37,9 @@ WIDTH = 8
 
 ROBOT = Table(
     "Robot",
-    bodies=array(BODY),  # of RobotModel
+    bodies=array(records.BODY),  # of RobotModel
     gravity=array(float),  # acceleration [m/s²]
-    work=array(WORK),
+    work=array(records.WORK),
     table=array(float, 3),  # matrices 𝓜 and 𝓜̇ of groups, see groups
     nv=int,
     nq=int,
@@ -82,8 +82,8 @@ class Workspace:
         grouped = own & (moving["last"] > moving["first"])
         nv, widest = int(own.sum()), int(np.bincount(moving["first"][grouped]).max(initial=1))
         self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
-        self.work, self.table = np.zeros(len(bodies), WORK), np.zeros((2, nv, widest))
-        nq = max((int(body["q"]) + POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
+        self.work, self.table = np.zeros(len(bodies), records.WORK), np.zeros((2, nv, widest))
+        nq = max((int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
         self._locate(
             ROBOT,
             bodies=self.bodies,
@@ -169,14 +169,14 @@ def columns_of(robot):
 
 
 @kernel
-def fit(robot, q, qd, tau):
+def lengths_match(robot, q, qd, tau):
     """Whether vectors have the robot's lengths."""
     at = _robot_at(robot)
     return len(q) == at.nq and len(qd) == at.nv and len(tau) == at.nv
 
 
 @kernel
-def fit_positions(robot, q):
+def positions_match(robot, q):
     """Whether q has as many entries as the robot has position coordinates."""
     return len(q) == _robot_at(robot).nq
 

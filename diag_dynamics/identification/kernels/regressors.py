@@ -18,9 +18,8 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.sweeps.bodies import motion_of, set_motion
-from diag_dynamics.sweeps.joints import accelerate_world, move, place, rest_at_world
-from diag_dynamics.sweeps.spatial import add, cross, cross_motion, dot, motion_along, motion_to_child
+from diag_dynamics.sweeps import joints, records
+from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import clear, opened
 
 PARAMETERS = 10  # of a body's inertia
@@ -30,9 +29,9 @@ PARAMETERS = 10  # of a body's inertia
 def coefficients(S, V):
     """Return the coefficients of a body's parameters in SᵀI V, S and V in the body's frame."""
     a, b, v, w = S.linear, S.angular, V.linear, V.angular
-    h = add(cross(a, w), cross(v, b))
+    h = sp.add(sp.cross(a, w), sp.cross(v, b))
     xy, xz, yz = b[0] * w[1] + b[1] * w[0], b[0] * w[2] + b[2] * w[0], b[1] * w[2] + b[2] * w[1]
-    return dot(a, v), h[0], h[1], h[2], b[0] * w[0], xy, b[1] * w[1], xz, yz, b[2] * w[2]
+    return sp.dot(a, v), h[0], h[1], h[2], b[0] * w[0], xy, b[1] * w[1], xz, yz, b[2] * w[2]
 
 
 @large_kernel
@@ -42,24 +41,24 @@ def propagate_directions(bodies, gravity, q, qd, work, directions):
     ``directions[i, k]`` has S_k, a mimic joint's times its multiplier, and V_k × S_k in the frame of
     body i, V_k that of the joint's last body.
     """
-    rest_at_world(work)
-    accelerate_world(gravity, 1.0, work)
+    joints.set_base_at_rest(work)
+    joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        X = place(body, q, w)
-        V = move(body, qd, work, w)
-        set_motion(w.acceleration, motion_to_child(X, motion_of(work[body.parent].acceleration)))
+        X = joints.update_placement(body, q, w)
+        V = joints.update_velocity(body, qd, work, w)
+        records.set_motion(w.acceleration, sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration)))
         a = body.parent
         while a > 0:
             for half in range(0, 12, 6):
-                inboard = motion_of(directions[body.parent, a, half:])
-                set_motion(directions[i, a, half:], motion_to_child(X, inboard))
+                inboard = records.motion_of(directions[body.parent, a, half:])
+                records.set_motion(directions[i, a, half:], sp.motion_to_child(X, inboard))
             a = bodies[a].parent
         if body.rank == body.dofs - 1:
             for j in range(i - body.rank, i + 1):  # bodies of one joint share a frame
-                S = motion_along(bodies[j].direction, bodies[j].multiplier)
-                set_motion(directions[i, j], S)
-                set_motion(directions[i, j, 6:], cross_motion(V, S))
+                S = sp.motion_along(bodies[j].direction, bodies[j].multiplier)
+                records.set_motion(directions[i, j], S)
+                records.set_motion(directions[i, j, 6:], sp.cross_motion(V, S))
 
 
 @entry_kernel(ROBOT, MATRIX, MATRIX, MATRIX, FILLED_STATES, FILLED_MATRIX, FILLED_MATRIX, nogil=True)
@@ -77,11 +76,11 @@ def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
         for i in range(1, len(bodies)):
             if first[bodies[i].dof, i] < 0.0:
                 continue
-            V, up = motion_of(work[i].V), motion_of(work[i].acceleration)
+            V, up = records.motion_of(work[i].V), records.motion_of(work[i].acceleration)
             a = i
             while a > 0:
                 at = int(first[bodies[a].dof, i])
-                S, turning = motion_of(directions[i, a]), motion_of(directions[i, a, 6:])
+                S, turning = records.motion_of(directions[i, a]), records.motion_of(directions[i, a, 6:])
                 own, gravity_of, kinetic = coefficients(S, V), coefficients(S, up), coefficients(turning, V)
                 for j in range(PARAMETERS):
                     momentum[t, at + j] += own[j]

@@ -9,7 +9,7 @@ from numba import types
 
 from diag_dynamics.compiled.arrays import array_at
 from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.sweeps.spatial import Force, Inertia, Motion, Placement, add_force, add_inertia
+from diag_dynamics.sweeps import spatial as sp
 
 REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
 """Kinds of joints: which one a body belongs to. Several may have as many degrees of freedom, so that number does not say."""
@@ -130,19 +130,19 @@ def symmetric_of(a):
 @kernel
 def motion_of(a):
     """Motion of six numbers."""
-    return Motion((a[0], a[1], a[2]), (a[3], a[4], a[5]))
+    return sp.Motion((a[0], a[1], a[2]), (a[3], a[4], a[5]))
 
 
 @kernel
 def force_of(a):
     """Force from six numbers."""
-    return Force((a[0], a[1], a[2]), (a[3], a[4], a[5]))
+    return sp.Force((a[0], a[1], a[2]), (a[3], a[4], a[5]))
 
 
 @kernel
 def inertia_of(a):
     """Inertia of the field P or P_rate."""
-    return Inertia(
+    return sp.Inertia(
         ((a[0], a[1], a[2]), (a[1], a[3], a[4]), (a[2], a[4], a[5])),
         ((a[6], a[7], a[8]), (a[9], a[10], a[11]), (a[12], a[13], a[14])),
         ((a[15], a[16], a[17]), (a[16], a[18], a[19]), (a[17], a[19], a[20])),
@@ -152,7 +152,7 @@ def inertia_of(a):
 @kernel
 def placement_of(w):
     """X of a body in its parent."""
-    return Placement(matrix_of(w.rotation), vector_of(w.translation))
+    return sp.Placement(matrix_of(w.rotation), vector_of(w.translation))
 
 
 @kernel
@@ -178,7 +178,7 @@ def set_force(a, F):
 @kernel
 def add_to_force(a, F):
     """Add a Force to six numbers."""
-    set_force(a, add_force(force_of(a), F))
+    set_force(a, sp.add_force(force_of(a), F))
 
 
 @kernel
@@ -216,4 +216,4 @@ def set_inertia(a, P):
 @kernel
 def add_to_inertia(a, P):
     """Add an Inertia to the numbers of P."""
-    set_inertia(a, add_inertia(inertia_of(a), P))
+    set_inertia(a, sp.add_inertia(inertia_of(a), P))
