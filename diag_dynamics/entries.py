@@ -24,18 +24,9 @@ LARGEST = 1e9
 
 
 def assignments(parameter, entries, kind=float, minimum=None):
-    """Values by name from strings such as ``joint=0.5``.
+    """Return values by name from strings such as ``joint=0.5``; empty strings do not count.
 
-    Parameters
-    ----------
-    parameter : str
-        Whose entries they are.
-    entries : sequence of str
-        Empty strings count for nothing: an empty list of strings cannot be told from one of anything else.
-    kind : {float, bool, str}
-        What stands behind the last ``=``.
-    minimum : float or None
-        Smallest number allowed; the largest is :data:`LARGEST`, either way.
+    `kind` is float, bool or str, the type behind the last ``=``. A number is at least `minimum`, and within ±:data:`LARGEST`.
     """
     values = {}
     for entry in entries:
@@ -75,18 +66,9 @@ def _parsed(text, kind):
 
 
 def split_arguments(source):
-    """Split ``PATH NAME:=VALUE …`` as a shell does.
+    """Split ``PATH NAME:=VALUE …`` as a shell does into the path and a dict of values.
 
-    Parameters
-    ----------
-    source : str
-
-    Returns
-    -------
-    str
-        The path; all of `source` if no argument follows it, or if there is a file of that name.
-    dict
-        Values by name.
+    All of `source` is the path if no argument follows it, or if there is a file of that name.
     """
     match = None if source.lstrip("\ufeff \t\r\n").startswith("<") else _WITH_ARGUMENTS.fullmatch(source)
     if match is None or os.path.isfile(os.path.expanduser(source)):

@@ -27,19 +27,9 @@ _ESCAPES = _Escapes()
 
 
 def plain(text: str) -> str:
-    r"""The text with every character that would act on a terminal or a log, instead of being seen, as ``\x1b`` or ``\u202e``.
+    r"""Return the text with every character that acts on a terminal or a log escaped, as ``\x1b`` or ``\u202e``.
 
-    Letters of all languages stay as they are, and so does what has been escaped before: doing it twice changes nothing. A
-    backslash is a backslash, so a name that holds one of these four characters in a row looks like an escaped one.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    str
-        Of one line.
+    Letters of all languages stay, and so do escapes: doing it twice changes nothing.
     """
     return text if text.isprintable() else text.translate(_ESCAPES)
 
@@ -47,15 +37,7 @@ def plain(text: str) -> str:
 def number(value: float, digits: int = 3) -> str:
     """Return a number with so many significant digits, as the page shows it (web/src/format.js), in ASCII.
 
-    Parameters
-    ----------
-    value : float
-    digits : int
-
-    Returns
-    -------
-    str
-        :data:`UNKNOWN` for NaN and infinity; with an exponent from 10⁵ on and below 10⁻³.
+    :data:`UNKNOWN` for NaN and infinity; with an exponent from 10⁵ on and below 10⁻³.
     """
     if not math.isfinite(value):
         return UNKNOWN
@@ -71,13 +53,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Return a length of time with its unit: ms, s, min or h, as the page shows it.
-
-    Parameters
-    ----------
-    seconds : float
-        [s].
-    """
+    """Return a length of time [s] with its unit: ms, s, min or h, as the page shows it."""
     if not math.isfinite(seconds):
         return UNKNOWN
     if seconds < -1e-6:

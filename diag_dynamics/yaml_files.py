@@ -13,14 +13,7 @@ from diag_dynamics.optional import require
 
 
 def read_yaml(path: object, what: str) -> Any:
-    """Contents of a YAML file, {} of an empty one.
-
-    Parameters
-    ----------
-    path : str or os.PathLike
-    what : str
-        What the file is, for errors.
-    """
+    """Return the contents of a YAML file, {} of an empty one; `what` names it in errors."""
     try:
         text = Path(str(path)).expanduser().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError, ValueError) as error:  # ValueError: of a name that holds a null character

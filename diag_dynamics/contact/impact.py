@@ -93,18 +93,10 @@ class Impact(NamedTuple):
 
 
 def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0) -> Impact:
-    """ν⁺ of an impact with a mass at rest. `qd_after` is left empty; :meth:`DiagonalDynamics.impact` fills it in.
+    """Return ν⁺ of an impact with a mass at rest; `qd_after` is empty, :meth:`DiagonalDynamics.impact` computes it.
 
-    Parameters
-    ----------
-    nu : ndarray, shape (nv,)
-        ν [J^½].
-    w : ndarray, shape (nv,)
-        ℓJᵀu [kg^−½] of the direction u at the point.
-    mass : float
-        m_H [kg], free to move; inf if it is clamped.
-    restitution : float
-        e, from 0 to 1.
+    w = ℓJᵀu [kg^−½] is that of the direction u at the point; the mass m_H [kg] is free to move, or clamped if inf; the
+    restitution e is within 0 and 1.
     """
     if mass != math.inf:
         mass = positive("mass", mass, "[kg]")

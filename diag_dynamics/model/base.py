@@ -11,29 +11,20 @@ from diag_dynamics.exceptions import InputError
 
 
 def base_state(model, link, position, quaternion, twist, twist_in_world=False):
-    """Positions and rates of a floating base.
+    """Return positions x y z qx qy qz qw, and the twist in its own axes, linear first, of the root link.
 
     Parameters
     ----------
     model : RobotModel
         With a floating base.
     link : str
-        Link that was measured: the root link, or one that is rigidly attached to it.
-    position : array_like, shape (3,)
-        Position of the link in the world [m].
-    quaternion : array_like, shape (4,)
-        Its orientation in the world, x y z w; normalized here.
+        Measured link: the root link, or one that is rigidly attached to it.
+    position, quaternion : array_like, shape (3,) and (4,)
+        Pose of the link in the world [m], x y z w.
     twist : array_like, shape (6,)
         Velocity of the link's origin [m/s] and angular velocity [rad/s].
     twist_in_world : bool
-        Whether the twist is in the axes of the world rather than of the link.
-
-    Returns
-    -------
-    q : ndarray, shape (7,)
-        x y z qx qy qz qw of the root link.
-    qd : ndarray, shape (6,)
-        Its twist in its own axes, linear first.
+        Whether the twist is in the axes of the world instead of the link's.
     """
     values = {"position": (position, 3), "orientation": (quaternion, 4), "twist": (twist, 6)}
     for name, (value, length) in values.items():

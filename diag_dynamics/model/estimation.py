@@ -23,21 +23,9 @@ LARGEST_DENSITY = 30000.0
 
 
 class Estimate(NamedTuple):
-    """Inertia of a link, estimated.
+    """Estimated inertia of a link: mass [kg], centre (3,) in its axes [m], inertia (3, 3) about the centre [kg m²].
 
-    Attributes
-    ----------
-    link : str
-    mass : float
-        [kg].
-    centre : ndarray, shape (3,)
-        In the link's axes [m].
-    inertia : ndarray, shape (3, 3)
-        About the centre [kg m²].
-    role : str
-        "collision" or "visual": which geometry it is of.
-    of : tuple of str
-        What was measured, a mesh that is not watertight by its convex hull.
+    `role` is the geometry, "collision" or "visual"; `of` the shapes, a mesh that is not watertight by its convex hull.
     """
 
     link: str
@@ -54,17 +42,9 @@ class Estimate(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """A URDF with inertias that were estimated.
+    """Text of a URDF with estimated inertias, each with a comment, at a density [kg/m³].
 
-    Attributes
-    ----------
-    text : str
-        The URDF, each estimated inertia with a comment that says so.
-    estimates : tuple of Estimate
-    density : float
-        [kg/m³].
-    failed : dict
-        Why the inertia of a link that has geometry and lacks it could not be estimated, by name.
+    `failed` has the reason, by link, why an inertia could not be estimated.
     """
 
     text: str
@@ -99,19 +79,10 @@ def density_of(value: object) -> float:
 
 
 def estimated(text: str, density: object, folder: Path | None) -> Estimated:
-    """A URDF with an inertia for every link that has geometry and lacks one, at a uniform density.
+    """Return the URDF with an inertia for every link that has geometry and lacks one, at a uniform density [kg/m³].
 
-    A link's collision geometry counts, or its visual one where it has no other that can be measured. Primitives and
-    watertight meshes are exact; of any other mesh it is the convex hull's. Where shapes overlap, they count twice.
-
-    Parameters
-    ----------
-    text : str
-        XML text.
-    density : float
-        [kg/m³].
-    folder : Path or None
-        Where the URDF lies, for meshes.
+    The collision geometry counts, or the visual one if that cannot be measured. Primitives and watertight meshes are exact,
+    other meshes are replaced by their convex hull. Where shapes overlap, they count twice. Meshes begin from `folder`.
     """
     rho = density_of(density)
     robot, meshes = parse_urdf(text.encode(errors="replace"), comments=True), Meshes(folder)

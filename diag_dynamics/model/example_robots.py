@@ -28,13 +28,9 @@ def example_urdfs():
 
 
 def find_urdf(robot):
-    """Path of a URDF.
+    """Return the path of a URDF, given as a path, or as the name of an example robot.
 
-    Parameters
-    ----------
-    robot : str
-        A path; or the name of an example robot: its file's (``panda``), or any part of its path that is its alone. A path
-        of a file that is absent is no part of another one.
+    A name is that of the file (``panda``), or a part of one path only.
     """
     path = Path(os.path.expanduser(robot))
     try:

@@ -11,33 +11,21 @@ from diag_dynamics.rotations import wrap_angle
 
 
 class Followers:
-    """Positions of followers by their leaders, and efforts of followers on their leaders.
+    """Positions of mimic joints by their leaders, and efforts of mimic joints on their leaders.
 
-    A follower's effort acts on its leader, times the multiplier, so that q̇ᵀτ is the power of all efforts listed.
-
-    Vectors of the followers' own values are in the order of :attr:`names`, NaN for unknown ones.
+    A mimic joint's effort acts on its leader, times the multiplier, so that q̇ᵀτ is the power of all efforts listed. Vectors
+    of mimic joints are in the order of `names`, NaN for unknown values.
 
     Parameters
     ----------
     joints : sequence of str
         The independent joints, in the order of their vectors.
     mimics : mapping
-        :class:`Mimic` by name of the follower.
+        :class:`Mimic` by name.
     tolerance : float
-        Largest distance of a follower's own position from that which its leader gives it [rad, m]; 0 for any.
+        Largest distance of a mimic joint's own position from that which its leader gives it [rad, m]; 0 for any.
     continuous : container of str
-        Followers whose position is an angle that turns round: whole turns are no distance.
-
-    Attributes
-    ----------
-    names : tuple of str
-        The followers.
-    leaders : ndarray of int
-        Place of each one's leader among the joints.
-    multipliers, offsets : ndarray
-        Numbers of position = multiplier · leader's position + offset.
-    turns : ndarray of bool
-        Whether its position turns round.
+        Mimic joints whose position is an angle that wraps.
     """
 
     def __init__(self, joints, mimics, tolerance=0.0, continuous=()):

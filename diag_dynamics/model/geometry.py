@@ -30,18 +30,9 @@ _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z i
 
 
 class Shape(NamedTuple):
-    """A shape as a URDF has it.
+    """A shape of a URDF: a key of :data:`KINDS`, its numbers [m], placement (4, 4) in the link's axes, and a mesh's file.
 
-    Attributes
-    ----------
-    kind : str
-        A key of :data:`KINDS`.
-    numbers : tuple of float
-        size x, y, z; radius, length; radius; or the scale of a mesh [m].
-    placement : ndarray, shape (4, 4)
-        In the link's axes.
-    file : str
-        Of a mesh, as it is named; else empty.
+    Numbers are size x, y, z; radius, length; radius; or the scale of a mesh.
     """
 
     kind: str
@@ -51,20 +42,10 @@ class Shape(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """What a shape, or several, enclose.
+    """Content of one or several shapes: volume [m³], centre (3,) [m] and inertia (3, 3) of unit density about it [m⁵].
 
-    Attributes
-    ----------
-    volume : float
-        [m³].
-    centre : ndarray, shape (3,)
-        Centre of volume [m].
-    inertia : ndarray, shape (3, 3)
-        About the centre, of unit density [m⁵].
-    corners : ndarray, shape (number, 3)
-        Points whose convex hull holds all of it [m].
-    of : tuple of str
-        What was measured, such as ``box`` or ``convex hull of link1.dae``.
+    The convex hull of `corners`, shape (number, 3) [m], holds all of it. `of` names the shapes, such as ``box`` or
+    ``convex hull of link1.dae``.
     """
 
     volume: float
@@ -75,27 +56,13 @@ class Solid(NamedTuple):
 
 
 def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
-    """Shapes of a link's element.
-
-    Parameters
-    ----------
-    link : lxml.etree.Element
-    role : str
-        "visual" or "collision".
-    """
+    """Return the shapes of a link's element; `role` is "visual" or "collision"."""
     where = f"link '{link.get('name')}': {role}"
     return tuple(shape for element in link.findall(role) if (shape := shape_of(element, where)) is not None)
 
 
 def shape_of(element: Any, where: str) -> Shape | None:
-    """Shape of one <visual> or <collision>; None of one without geometry.
-
-    Parameters
-    ----------
-    element : lxml.etree.Element
-    where : str
-        What messages say of its place.
-    """
+    """Return the shape of one <visual> or <collision>, None without geometry; `where` is for errors."""
     geometry = element.findall("geometry/*")
     return _shape(element, geometry[0], where) if geometry else None
 

@@ -25,17 +25,10 @@ _REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 
 
 def find_mesh(name: str, folder: Path | None) -> Path:
-    """Path of a mesh as a URDF names it.
+    """Return the path of a mesh that a URDF names ``package://<package>/<file>``, ``file://<file>`` or by a path.
 
-    A package is looked for where ROS has packages (AMENT_PREFIX_PATH, ROS_PACKAGE_PATH), then among the folders around the
-    URDF: one above it that has the package's name, or stands beside one that has.
-
-    Parameters
-    ----------
-    name : str
-        ``package://<package>/<file>``, ``file://<file>`` or a path.
-    folder : Path or None
-        Where the URDF lies, which relative paths begin from; None of one that is no file.
+    Packages are in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or among the folders around the URDF: one above it with the name
+    of the package, or one beside these. Relative paths begin from `folder`, that of the URDF, or None.
     """
     if found := _PACKAGE.fullmatch(name.strip()):
         package, file = found.groups()
@@ -69,13 +62,7 @@ def _paths(variable: str) -> list[Path]:
 
 
 class Meshes:
-    """Meshes of one URDF, each read once.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Where the URDF lies.
-    """
+    """Meshes of one URDF, each read once; `folder` is that of the URDF, or None."""
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = None if folder is None else folder.resolve()

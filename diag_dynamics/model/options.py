@@ -144,12 +144,9 @@ def _on_link(link: str) -> Callable[[str], str]:
 
 
 def checked_inertia(where: Callable[[str], str], body: Payload, may_be_negative: bool = False) -> Payload:
-    """Mass, centre and inertia of a rigid body as read-only arrays, checked; of what is taken off, if that may be.
+    """Return mass, centre and inertia of a rigid body as read-only arrays; `where` names a part in errors.
 
-    Parameters
-    ----------
-    where : callable
-        Gives the name that a part, such as "mass", has in an error.
+    Mass may be negative if something is taken off.
     """
     expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
     mass = float(numbers(where("mass"), body.mass, (), expected, LARGEST))

@@ -19,18 +19,9 @@ LARGEST = 1e30
 
 
 def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False) -> list[float]:
-    """Numbers of an attribute that the element has.
+    """Return the numbers of an attribute that the element has; `where` is for errors.
 
-    Parameters
-    ----------
-    element : lxml.etree.Element
-    attribute : str
-    count : int
-        Number of numbers expected.
-    where : str
-        What errors say of the element's place.
-    may_be_infinite : bool
-        Whether numbers may be infinite or beyond `LARGEST`.
+    They are `count` finite numbers within ±`LARGEST`, unless they may be infinite.
     """
     text = element.get(attribute)
     shown = f"{where}: <{element.tag} {attribute}={short(text)}>"
@@ -61,15 +52,9 @@ def short(value: object) -> str:
 
 
 def placement_of(element: Any, where: str) -> Array:
-    """Placement (4, 4) that an `<origin>` describes: xyz, then rpy (Rz(yaw) Ry(pitch) Rx(roll)) or quat_xyzw.
+    """Return the placement (4, 4) of an `<origin>`: xyz, then rpy (Rz(yaw) Ry(pitch) Rx(roll)) or quat_xyzw.
 
-    A quaternion is normalized, as urdfdom does.
-
-    Parameters
-    ----------
-    element : lxml.etree.Element
-    where : str
-        What errors say of the element's place.
+    A quaternion is normalized, as urdfdom does; `where` is for errors.
     """
     given = {
         name: numbers_of(element, name, count, where)

@@ -84,24 +84,9 @@ MOST = 10
 
 
 class Remark(NamedTuple):
-    """A probable mistake.
+    """A probable mistake of a "robot", "link" or "joint": its name, the mistake and the cure.
 
-    Attributes
-    ----------
-    kind : str
-        "robot", "link" or "joint".
-    name : str
-        Its name.
-    what : str
-        The mistake.
-    remedy : str
-        The cure.
-    value : float or None
-        The number concerned.
-    unit : str
-        Unit of the number.
-    harmless : bool
-        Whether it is an addition of a manufacturer without a meaning for dynamics.
+    `value` is the number concerned, in `unit`. A harmless one is an addition of a manufacturer that dynamics ignores.
     """
 
     kind: str

@@ -19,19 +19,7 @@ _ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (
 
 
 def inertial_element(said: str, mass: float, centre: Array, inertia: Array) -> Any:
-    """An `<inertial>` with a comment.
-
-    Parameters
-    ----------
-    said : str
-        The comment.
-    mass : float
-        [kg].
-    centre : ndarray, shape (3,)
-        In the link's axes [m].
-    inertia : ndarray, shape (3, 3)
-        About the centre, in these axes [kg m²].
-    """
+    """Return an `<inertial>` with a comment: mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m²]."""
     inertial = etree.Element("inertial")
     inertial.append(comment(said))
     etree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in centre), rpy="0 0 0")
@@ -63,19 +51,9 @@ def insert_first(parent: Any, element: Any) -> None:
 
 
 def urdf_with(text: str, parameters: Parameters) -> str:
-    """Return a URDF with these inertias of links, payloads, and damping and friction of joints in it.
+    """Return the text of a URDF with inertias of links, payloads, damping and friction of joints written into it.
 
     A URDF has no place for rotor inertias and offsets of efforts: they stay with `parameters`.
-
-    Parameters
-    ----------
-    text : str
-        XML text.
-    parameters : Parameters
-
-    Returns
-    -------
-    str
     """
     element = parse_urdf(text.encode(errors="replace"), comments=True)
     robot, _ = read_urdf(text)

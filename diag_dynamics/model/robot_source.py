@@ -17,14 +17,10 @@ from diag_dynamics.model.xacro_files import expanded
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
-    """Return the path of a robot, followed by its xacro arguments, as :func:`read_source` takes it.
+    """Return the path of a robot, followed by its xacro arguments, as an argument of :func:`read_source`.
 
-    Parameters
-    ----------
-    robot : str
-        Path of a URDF, xacro or MJCF file; or a robot by its name, see :func:`load_robot`. Xacro arguments may follow it.
-    arguments : sequence of str
-        More xacro arguments, ``NAME:=VALUE``.
+    A robot is the path of a URDF, xacro or MJCF file, or a name, see :func:`load_robot`; xacro arguments ``NAME:=VALUE`` may
+    follow it, and `arguments` are more of them.
     """
     name, own = split_arguments(robot)
     path = os.path.expanduser(name)
@@ -40,15 +36,7 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
 
 
 def read_source(source: Any, xacro_args: Any = None) -> Described:
-    """Describe a robot as a URDF and options of :func:`load_urdf`.
-
-    Parameters
-    ----------
-    source : str, bytes, os.PathLike or file
-        As of :func:`load_urdf`; or the path of an MJCF.
-    xacro_args : dict, optional
-        As of :func:`load_urdf`.
-    """
+    """Describe a robot as a URDF and options of :func:`load_urdf`; the source is as of that, or the path of an MJCF."""
     if not is_mjcf(source):
         return Described(urdf_text(expanded(source, xacro_args)))
     if xacro_args:

@@ -33,20 +33,9 @@ class Rotor(NamedTuple):
 
 
 def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
-    """Armature of each joint whose transmission gives a rotor inertia, and remarks on rotors that are left out.
+    """Return N²J [kg m², prismatic: kg] of each joint whose transmission gives a rotor inertia, and remarks on the rest.
 
     Rotors of several actuators of one joint add up. An actuator that several transmissions name counts once.
-
-    Parameters
-    ----------
-    robot : lxml.etree.Element
-        A parsed <robot> element.
-
-    Returns
-    -------
-    armature : dict
-        N²J [kg m², prismatic: kg] by joint.
-    remarks : list of Remark
     """
     types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
     rotors: dict[str, dict[str, Rotor]] = {}

@@ -282,15 +282,7 @@ class Tree:
         )
 
     def records(self, armature, payloads):
-        """Arrays of bodies and links.
-
-        Parameters
-        ----------
-        armature : dict
-            Rotor inertia by joint name [kg m², kg].
-        payloads : dict
-            (mass, centre of mass, inertia about it) by link name, in the link's axes.
-        """
+        """Return the arrays of bodies and links, given rotor inertias by joint [kg m², kg] and payloads by link."""
         links = self._link_records(payloads)
         bodies = np.array(self._records, BODY)
         for name, body in self._body.items():

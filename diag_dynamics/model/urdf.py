@@ -49,22 +49,7 @@ _MAY_BE_INFINITE = {"limit"}
 
 
 def read_urdf(source, max_joints=MAX_JOINTS):
-    """Parse a URDF and check that it is a tree of links and known joints.
-
-    Parameters
-    ----------
-    source : str, bytes or os.PathLike
-        A path, or XML text (whatever starts with ``<``).
-    max_joints : int
-        Most joints accepted, fixed ones included.
-
-    Returns
-    -------
-    yourdfpy.Robot
-        Links and joints, without geometry. Every joint's parent and child exist.
-    str
-        Name of the root link.
-    """
+    """Return links and joints of a URDF without geometry (yourdfpy.Robot), and the name of the root link."""
     return read_element(parse_urdf(urdf_text(source).encode(errors="replace")), max_joints)
 
 
@@ -129,14 +114,9 @@ def _refuse_loops(robot):
 
 
 def parse_urdf(data, comments=False):
-    """The <robot> element of XML, which is neither unexpanded xacro nor brings entities; nothing in it is checked yet.
+    """Return the <robot> element of XML in UTF-8 without declaration, with comments or without; nothing in it is checked.
 
-    Parameters
-    ----------
-    data : bytes
-        UTF-8, without an XML declaration.
-    comments : bool
-        Whether comments stay in it.
+    It has neither unexpanded xacro nor entities.
     """
     parser = etree.XMLParser(
         resolve_entities=False,

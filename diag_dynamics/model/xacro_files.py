@@ -16,14 +16,7 @@ from diag_dynamics.model.sources import refuse_other_kinds
 
 
 class _Arguments(dict):
-    """Values by name, and which names xacro asked for.
-
-    Attributes
-    ----------
-    used : set of str
-    missing : str or None
-        The last name that has no value.
-    """
+    """Values by name; `used` are the names that xacro asked for, `missing` the last one without a value."""
 
     def __init__(self, values):
         super().__init__(values)
@@ -50,15 +43,9 @@ class _Arguments(dict):
 
 
 def expanded(source, arguments):
-    """XML text of a xacro file; anything else as it is.
+    """Return the XML text of a xacro file, given by a path that ends with .xacro; any other source as it is.
 
-    Parameters
-    ----------
-    source
-        As of :func:`load_urdf`. A path whose name ends with .xacro is one of such a file; arguments may follow it, see
-        :func:`split_arguments`.
-    arguments : dict or None
-        Values by name, as ``xacro name:=value`` has them.
+    Arguments may follow the path, see :func:`split_arguments`.
     """
     if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
         source = source.name  # of an open file: xacro finds what it includes by its place
