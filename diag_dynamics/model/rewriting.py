@@ -15,7 +15,7 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.model.parameters import Parameters, robot_with
 from diag_dynamics.model.urdf import parse_urdf, read_urdf
 
-_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 def inertial_element(said: str, mass: float, centre: Array, inertia: Array) -> Any:
@@ -24,7 +24,7 @@ def inertial_element(said: str, mass: float, centre: Array, inertia: Array) -> A
     inertial.append(comment(said))
     etree.SubElement(inertial, "origin", xyz=" ".join(repr(float(x)) for x in centre), rpy="0 0 0")
     etree.SubElement(inertial, "mass", value=repr(float(mass)))
-    etree.SubElement(inertial, "inertia", {entry: repr(float(inertia[place])) for entry, place in _ENTRIES.items()})
+    etree.SubElement(inertial, "inertia", {entry: repr(float(inertia[place])) for entry, place in ENTRIES.items()})
     return inertial
 
 
