@@ -68,7 +68,7 @@ def _print_json(document):
 
 def _estimate(robot, density, output, as_json):
     """Write a URDF with estimated inertias; return the status: 1 if an estimate failed, or none was needed."""
-    from diag_dynamics.model.estimation import estimated
+    from diag_dynamics.model.geometry import estimated
     from diag_dynamics.model.robot_source import read_source
     from diag_dynamics.model.sources import folder_of
 

@@ -16,9 +16,9 @@ from lxml import etree
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
-from diag_dynamics.model.geometry import Solid, floats, moved, shapes_of, solid_of, united
+from diag_dynamics.model.geometry import Solid, moved, shapes_of, solid_of, united
 from diag_dynamics.model.meshes import Meshes, find_mesh
-from diag_dynamics.model.origins import placement_of
+from diag_dynamics.model.origins import floats, placement_of
 from diag_dynamics.model.remarks import remarks_of
 from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.urdf import parse_urdf

@@ -40,6 +40,15 @@ def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infi
     return numbers
 
 
+def floats(text: str | None, count: int) -> list[float] | None:
+    """Return the finite numbers of a text, None if these are not `count`."""
+    try:
+        numbers = [float(part) for part in (text or "").split() if "_" not in part]
+    except ValueError:
+        return None
+    return numbers if len(numbers) == count and all(map(math.isfinite, numbers)) else None
+
+
 def local_name(element: Any) -> str:
     """Tag of an element without namespace or prefix."""
     return str(element.tag).rpartition("}")[2].rpartition(":")[2]

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from diag_dynamics.model.geometry import floats
-from diag_dynamics.model.origins import local_name, short
+from diag_dynamics.model.origins import floats, local_name, short
 
 VERSIONS = ("1.0", "1.1", "1.2")
 """Versions of URDF."""

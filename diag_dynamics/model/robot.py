@@ -19,7 +19,7 @@ from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, number, whole
 from diag_dynamics.exceptions import InputError, MimicJointError
 from diag_dynamics.model.configurations import difference, integrated, random_positions
-from diag_dynamics.model.estimation import estimated
+from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
 from diag_dynamics.model.mimic import Mimic, resolve_mimics
 from diag_dynamics.model.options import (

@@ -14,8 +14,7 @@ import pytest
 from lxml import etree
 
 import diag_dynamics as dd
-from diag_dynamics.model.estimation import estimated
-from diag_dynamics.model.geometry import Shape, shapes_of, solid_of, united
+from diag_dynamics.model.geometry import Shape, estimated, shapes_of, solid_of, united
 from diag_dynamics.model.meshes import Meshes, find_mesh
 from diag_dynamics.model.options import warnings_told
 
