@@ -19,20 +19,13 @@ from diag_dynamics.exceptions import InertiaWarning, InputError, ModelWarning
 from diag_dynamics.model.joint_types import SINGLE
 
 FRICTION_VELOCITY = 5e-3
-"""Rate at which Coulomb friction has three quarters of its full size, by default [rad/s, m/s].
-
-A held arm creeps, and velocities estimated from an encoder flicker, by milliradians a second; friction that jumps there from
--f to f is a torque that nobody exerts.
-"""
+"""Default v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]: estimated velocities at rest are milliradians per second."""
 
 LARGEST = 1e9
-"""Largest mass, length, inertia or armature that is accepted, in SI units. A larger one is a mistake, or malice."""
+"""Largest mass, length, inertia or armature accepted, in SI units."""
 
 LARGEST_GRAVITY = 1000.0
-"""Largest component of gravity accepted [m/s²], a hundred times that of the Earth: nothing a robot stands on pulls more.
-
-A value in mm/s² is beyond it, and so is one by which results would overflow.
-"""
+"""Largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it."""
 
 
 class Payload(NamedTuple):
@@ -72,17 +65,17 @@ class Options(NamedTuple):
 
 
 def gravity_vector(value: object) -> Array:
-    """Acceleration of gravity as a new array."""
+    """Return the acceleration of gravity as a new array."""
     return numbers("gravity", value, (3,), "three finite numbers [m/s²]", LARGEST_GRAVITY)
 
 
 def friction_velocity_of(value: object) -> float:
-    """Rate that friction turns round within, checked."""
+    """Return v₀ of Coulomb friction."""
     return not_negative("friction_velocity", value, "[rad/s, m/s]")
 
 
 def armature_by_joint(value: object, robot: Any) -> dict[str, float]:
-    """Armature by joint name, from one number or a dict."""
+    """Return the armature by joint name, given one number or a dict."""
     single = [joint.name for joint in robot.joints if joint.type in SINGLE]
     given = {} if value is None else value
     if not isinstance(given, Mapping):
@@ -105,7 +98,7 @@ def _some(names: Sequence[str], most: int = 12) -> str:
 
 
 def locked_positions(value: object, robot: Any) -> dict[str, float]:
-    """Positions of locked joints, checked."""
+    """Return the positions of locked joints."""
     joints = {joint.name: joint for joint in robot.joints}
     locked = {}
     for name, position in mapping("locked_joints", value).items():
@@ -119,7 +112,7 @@ def locked_positions(value: object, robot: Any) -> dict[str, float]:
 
 
 def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
-    """Payloads as :class:`Payload` of read-only arrays, checked; those without mass are none."""
+    """Return each :class:`Payload` with mass, of read-only arrays."""
     links = {link.name for link in robot.links}
     checked = {}
     for name, given in mapping("payloads", value).items():
@@ -163,7 +156,7 @@ def checked_inertia(where: Callable[[str], str], body: Payload, may_be_negative:
 
 
 def negative_moments(inertia: Array, mass: float) -> str:
-    """Principal moments of an inertia, if one is negative beyond rounding; else an empty text."""
+    """Return the principal moments of an inertia as text if one is negative beyond rounding; else an empty text."""
     moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
     return _short(moments) if moments[0] < -_rounding(moments, mass) else ""
 
@@ -175,7 +168,7 @@ def _rounding(moments: Array, mass: float) -> float:
 
 
 def not_physical(inertia: Array, mass: float) -> str | None:
-    """Why an inertia about the centre of mass is that of no rigid body, or None."""
+    """Return the reason why no rigid body has an inertia about its centre of mass, or None."""
     if negative := negative_moments(inertia, mass):
         return f"whose principal moments {negative} are not all positive"
     moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
@@ -194,7 +187,7 @@ _tell: ContextVar[Callable[[str], object] | None] = ContextVar("tell", default=N
 
 @contextmanager
 def warnings_told(tell: Callable[[str], object]) -> Iterator[None]:
-    """Context in which `tell` gets the text of each ModelWarning: Python's warnings are shared by threads, this is not."""
+    """Call `tell` with the text of each ModelWarning in this context; Python's warnings are shared by threads."""
     token = _tell.set(tell)
     try:
         yield
@@ -203,10 +196,7 @@ def warnings_told(tell: Callable[[str], object]) -> Iterator[None]:
 
 
 def warn_of_inertias(robot: Any, estimated: str, lighter: Container[str] = ()) -> None:
-    """Warn of inertias that were estimated, if a text says so, and of every link whose inertia no rigid body can have.
-
-    `lighter` are links that something was taken off: what they move with is judged, see :func:`parameters.refuse_too_light`.
-    """
+    """Warn of estimated inertias, and of links whose inertia no rigid body can have, but for the `lighter` ones."""
     texts = [estimated] if estimated else []
     for link in robot.links:
         reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
@@ -219,7 +209,7 @@ def warn_of_inertias(robot: Any, estimated: str, lighter: Container[str] = ()) -
 
 
 def warn(text: str, category: type[ModelWarning] = ModelWarning, stacklevel: int = 3) -> None:
-    """Warn of a robot's file: to the function of :func:`warnings_told`, or as Python's own warning."""
+    """Warn of a robot's file by the function of :func:`warnings_told`, or by Python's own warning."""
     if tell := _tell.get():
         tell(text)
     else:

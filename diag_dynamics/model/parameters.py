@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a URDF does not know of a robot, or knows wrongly: a file of numbers beside it, mostly identified from recordings."""
+"""Parameters of a robot beside its URDF, mostly identified from recordings, in a file."""
 
 from __future__ import annotations
 
@@ -63,14 +63,13 @@ class Parameters:
     links : mapping
         Inertia of a link, as :class:`Payload`, in place of what the URDF says, by name of the link.
     payloads : mapping
-        :class:`Payload` by name of the link, beside what the link weighs by itself: a part of the robot, which
-        `RobotModel.payloads` does not list. Its mass is negative, if it is a part that the URDF has and the robot has
-        not; what moves rigidly with the link, taken together, stays a rigid body.
+        :class:`Payload` by name of the link, added to its own inertia and not listed by `RobotModel.payloads`. Its mass is
+        negative if the robot lacks a part that the URDF has.
     friction_velocity : float or None
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].
     origin : mapping
-        Where the numbers come from, as plain values of YAML: recordings, date, method, quality, and
-        `locked_joints`, with which they were found and belong.
+        Origin of the numbers, as plain values of YAML: recordings, date, method, quality, and the `locked_joints` with which
+        they were identified.
     """
 
     joints: Mapping[str, JointParameters] = field(default_factory=_nothing)
@@ -117,7 +116,7 @@ class Parameters:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dicts, lists and numbers, as the file has them; what is not given is left out."""
+        """Return plain dicts, lists and numbers, as the file has them, without empty entries."""
         content: dict[str, Any] = {
             "joints": {
                 name: {key: float(value) for key, value in entry._asdict().items() if value is not None}
@@ -138,18 +137,10 @@ class Parameters:
         return {key: value for key, value in content.items() if value not in (None, {})}
 
     def followed_by(self, later: Parameters) -> Parameters:
-        """All parameters of a robot, of these and of others that were identified with a model that had these.
+        """Return these parameters merged with later ones, identified with a model that had these.
 
-        Parameters
-        ----------
-        later : Parameters
-            Its numbers of a joint replace earlier ones, entry by entry. Its inertia of a link replaces the earlier one and
-            the payload that the link carried, which was fitted with it. Its payloads are added to earlier ones of the link.
-
-        Returns
-        -------
-        all : Parameters
-            With the `origin` of `later`, and its `friction_velocity` if it has one.
+        Later numbers of a joint replace earlier ones, entry by entry. The later inertia of a link replaces the earlier one
+        and the payload of the link, which was fitted with it. Later payloads are added. `origin` is the later one.
         """
         joints = dict(self.joints)
         for name, entry in later.joints.items():
@@ -188,7 +179,7 @@ _HEAD = """\
 
 
 def _mapping(value: object, source: str, known: Iterable[str] = ()) -> Mapping[Any, Any]:
-    """The value, if it is a dict that has none but known keys."""
+    """Return the value if it is a dict that has only known keys."""
     known = tuple(known)
     if not isinstance(value, Mapping):
         expected = f"{', '.join(known)}" if known else "entries by name"
@@ -205,7 +196,7 @@ def _none_of(source: str, key: object, known: Iterable[str]) -> str:
 
 
 def _number(value: object) -> object:
-    """A number, also one that YAML takes for text: 1e-3 without a dot."""
+    """Return a number, also one that YAML reads as text: 1e-3 without a dot."""
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:
@@ -250,7 +241,7 @@ def _numbers(value: object) -> Any:
 
 
 def robot_with(robot: Any, parameters: Parameters) -> Any:
-    """A URDF's robot with these joints' damping and friction, and these links' inertias, in place of its own."""
+    """Return the robot of a URDF with these damping and friction of joints, and inertias and payloads of links."""
     links = [link.name for link in robot.links]
     _refuse_unknown("joint", parameters.joints, (joint.name for joint in robot.joints), robot)
     _refuse_unknown("link", (*parameters.links, *parameters.payloads), links, robot)
@@ -299,7 +290,7 @@ def _of_inertia(link: Any, given: Payload | None) -> Any:
 
 
 def _carrying(link: Any, payload: Payload | None) -> Any:
-    """The link, with a payload as part of its own inertia."""
+    """Return the link with a payload as part of its own inertia."""
     if payload is None or payload.mass == 0.0:
         return link
     own = link.inertial
@@ -329,7 +320,7 @@ NOTHING = 1e-9
 
 
 def refuse_too_light(tree: Tree, names: Iterable[str], origin: Mapping[str, Any]) -> None:
-    """Refuse bodies of a tree that are no rigid ones, of those that something was taken off; `origin` of Parameters."""
+    """Reject links from which more mass is taken off than moves with them."""
     bodies, _ = tree.records({}, {})
     of_link = {link.name: body for link, body, _ in tree.links}
     for name in names:
@@ -348,7 +339,7 @@ def refuse_too_light(tree: Tree, names: Iterable[str], origin: Mapping[str, Any]
 
 
 def _locked_then(origin: Mapping[str, Any]) -> str:
-    """Which joints were locked when parameters were identified, in words: what is behind them moved with their link."""
+    """Return a text on the joints that were locked when parameters were identified: links behind them moved with theirs."""
     locked = origin.get("locked_joints")
     if not isinstance(locked, Mapping) or not locked:
         return ""
@@ -356,11 +347,7 @@ def _locked_then(origin: Mapping[str, Any]) -> str:
 
 
 def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[str, Payload]:
-    """Inertia of every link that has one, by its name, off by a part at random: what a URDF is, compared to its robot.
-
-    Mass by up to ± part, the centre by up to the same part of the radius of gyration, each length of the body by up to half
-    of it. A rigid body stays one.
-    """
+    """Return inertias of links with random errors, see :meth:`RobotModel.perturbed`."""
     links = {}
     for link in robot.links:
         own = link.inertial

@@ -216,8 +216,7 @@ class RobotModel:
         Parameters
         ----------
         rng : numpy.random.Generator or int, optional
-            Where chance comes from, or its seed. Where there are no limits, angles are within a turn and positions within a
-            metre of zero.
+            Generator or seed. Without limits, angles are within a turn and positions within a metre of zero.
         """
         return random_positions(self, rng)
 
@@ -239,7 +238,7 @@ class RobotModel:
 
     @cached_property
     def workspace(self) -> Workspace:
-        """The robot as sweeps take it; shared, so that only what needs no memory of its own may work with it."""
+        """Arguments of sweeps; shared, so only for those that write to no memory of the workspace."""
         return Workspace(self.bodies, self.gravity)
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
@@ -290,13 +289,12 @@ class RobotModel:
     def with_parameters(self, parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> RobotModel:
         """Return this model with parameters beside its URDF: friction, offsets, rotor inertias, inertias of links, payloads.
 
-        What they do not name stays as it is; payloads are added to what is there. Which joints ``massless="lock"`` locks is
-        decided anew.
+        Payloads are added to those that are there. ``massless="lock"`` is applied again.
 
         Parameters
         ----------
         parameters : str, os.PathLike, Parameters or dict
-            Path of a file, see :class:`Parameters`; or them; or a dict with the file's keys.
+            Path of a file, see :class:`Parameters`; or a dict with the file's keys.
 
         Raises
         ------
@@ -318,15 +316,15 @@ class RobotModel:
         return _model_beside(robot, self._tree.root, options, given)
 
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
-        """Return a robot whose inertias are off from this one's at random: as a real one is from its URDF.
+        """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
 
         Parameters
         ----------
         part : float
-            Masses are off by up to this part, centres by up to this part of the radius of gyration, lengths by up to half of
-            it; from 0 to 0.9. Rigid bodies stay such. Payloads, rotors and friction stay as they are.
+            Largest relative error of masses, of centres in radii of gyration, and twice that of lengths; from 0 to 0.9.
+            Rigid bodies stay such. Payloads, rotors and friction do not change.
         seed : int
-            Of chance, no less than 0.
+            Seed of the errors, >= 0.
         """
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
         number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
@@ -334,28 +332,23 @@ class RobotModel:
         return self.with_parameters(Parameters(links=links))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
-        """Return this model with exactly these joints held, and those that the options of load_urdf lock besides.
+        """Return this model with exactly these positions [rad, m] of locked joints, by name; empty releases all.
 
-        Which joints ``massless="lock"`` locks is decided anew.
-
-        Parameters
-        ----------
-        locked_joints : dict
-            Position [rad, m] by joint name; empty releases all.
+        Joints that other options of load_urdf lock are added.
         """
         robot = self._tree.robot
         options = self._options._replace(locked=locked_positions(locked_joints, robot), held=None)
         return _model(robot, self._tree.root, options)
 
     def placement_in_root(self, link: str) -> Array:
-        """Placement (4x4) in the root link of one that is rigidly attached to it."""
+        """Return the placement (4x4) in the root link of a link that is rigidly attached to it."""
         body, placement = self.placement_in_body(link)
         if body != self._tree.links[0][1]:
             raise InputError(f"link '{link}' is not rigidly attached to the root link '{self.root_link}'.")
         return placement
 
     def placement_in_body(self, link: str) -> tuple[int, Array]:
-        """Index of the body that a link belongs to, and the link's placement (4x4) in the frame of that body."""
+        """Return the index of the body of a link, and the link's placement (4x4) in the frame of that body."""
         if link not in self.link_names:
             raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
         _, body, placement = self._tree.links[self.link_names.index(link)]
@@ -384,7 +377,7 @@ def load_urdf(
     estimate_inertias: float | None = None,
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
 ) -> RobotModel:
-    """Build a model from a URDF; meshes are neither needed nor looked for, but by `estimate_inertias`.
+    """Build a model from a URDF; meshes are read by `estimate_inertias` only.
 
     Parameters
     ----------
@@ -394,39 +387,36 @@ def load_urdf(
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)
-        Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²]; no component beyond ±1000,
-        which nothing that a robot stands on reaches.
+        Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²], within ±1000.
     mimic : {"embed", "free", "lock"}
-        Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them where
-        they belong with their leaders at zero, or as these are locked. A mimic joint that is locked itself follows
-        nobody.
+        Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them at the
+        positions that belong to leaders at zero, or at their locked positions.
     massless : {"error", "lock"}
         Treatment of joints that move no inertia: raise, or lock them at zero or, where that is outside their limits,
         at the limit next to it.
     locked_joints : dict
-        Joints that are held, with their positions [rad, m]. These numbers, and those of `armature` and `payloads`, are
-        within ±1e9; those of the URDF within ±1e30.
+        Positions [rad, m] of locked joints. These numbers, and those of `armature` and `payloads`, are within ±1e9; those of
+        the URDF within ±1e30.
     armature : dict or float
         Reflected rotor inertia [kg m², prismatic: kg] by joint name, or one number for all joints of one degree of
-        freedom. Of a joint that is held it has no effect. It replaces what `parameters` give, and that replaces N²J of the
-        URDF's transmissions: their rotor inertia J (<drake:rotor_inertia>, <rotorInertia>) and reduction N
-        (<drake:gear_ratio>, <mechanicalReduction>, <mechanical_reduction>).
+        freedom. It replaces that of `parameters`, which replaces N²J of the URDF's transmissions: their rotor inertia J
+        (<drake:rotor_inertia>, <rotorInertia>) and reduction N (<drake:gear_ratio>, <mechanicalReduction>,
+        <mechanical_reduction>).
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
     max_joints : int
-        Most joints, fixed ones included, of a URDF that is not refused. The largest public robots have some 200; loading
-        takes time and memory in proportion.
+        Maximum number of joints, fixed ones included. The largest public robots have some 200; loading takes time and memory
+        in proportion.
     max_coupled : int
-        Most bodies of a coupled group that is not refused: its degrees of freedom and followers, see
-        `coupled_groups`. Every evaluation takes time as the cube of that number.
+        Maximum number of bodies of a coupled group, see `coupled_groups`. An evaluation takes time as its cube.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). By default that of `parameters`, or 5e-3.
     xacro_args : dict
         Arguments of a xacro file, by name.
     estimate_inertias : float
-        Density [kg/m³] at which links that have geometry and no <inertial> get one: of their collision geometry, else of the
-        visual one, a mesh that is not watertight by its convex hull. :attr:`RobotModel.estimated_links` names them. It opens
-        the files that the URDF names, so it is not for descriptions that come from others; meshes need trimesh.
+        Density [kg/m³] of links that have geometry and no <inertial>. Their collision geometry counts, else the visual one; a
+        mesh that is not watertight by its convex hull. :attr:`RobotModel.estimated_links` names them. It opens the files
+        that the URDF names, so it is not for untrusted descriptions; meshes need trimesh.
     parameters : str, os.PathLike, Parameters or dict
         Friction, offsets, rotor inertias, inertias of links and payloads beside the URDF, see :class:`Parameters`; `armature`
         and `friction_velocity` have precedence over those in it.
@@ -491,7 +481,7 @@ def load_urdf(
 
 
 def _model_beside(robot: Any, root: str, options: Options, given: Parameters) -> RobotModel:
-    """Model of a robot that has parameters already; what they take off must be there, links behind locked joints included."""
+    """Build the model of a robot with parameters applied; the mass that they take off must be there."""
     lighter = given.lighter_links
     if lighter:
         refuse_too_light(_tree(robot, root, options, options.held or {}), lighter, given.origin)
@@ -499,7 +489,7 @@ def _model_beside(robot: Any, root: str, options: Options, given: Parameters) ->
 
 
 def _model(robot: Any, root: str, options: Options) -> RobotModel:
-    """Model of a robot, following all options."""
+    """Build the model of a robot with all options."""
     tree = _tree(robot, root, options, options.held or {})
     model = _model_of(tree, options)
     found = massless_freedoms(model)
@@ -517,7 +507,7 @@ def _model(robot: Any, root: str, options: Options) -> RobotModel:
 
 
 def _tree(robot: Any, root: str, options: Options, held: dict[str, float]) -> Tree:
-    """The robot walked, with more joints held than the options lock."""
+    """Walk the robot with more joints locked than the options lock."""
     mimics, held = resolve_mimics(robot, options.mimic, options.locked | held)
     tree = Tree(robot, root, options.floating_base, held, mimics)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):
@@ -532,12 +522,12 @@ def _tree(robot: Any, root: str, options: Options, held: dict[str, float]) -> Tr
 
 
 def _restored(robot: Any, root: str, options: Options) -> RobotModel:
-    """Model from its pickled parts, whose arrays have come back writeable."""
+    """Build a model from its pickled parts, whose arrays are writeable again."""
     return _model(robot, root, options._replace(payloads=checked_payloads(options.payloads, robot)))
 
 
 def _model_of(tree: Tree, options: Options) -> RobotModel:
-    """Model of a tree as it is."""
+    """Build the model of a tree."""
     bodies, links = tree.records(options.armature, options.payloads)
     refuse_same_names("degrees of freedom", tree.dof_names)
     refuse_same_names("positions", tree.coordinate_names)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tree of a checked URDF as arrays: walked from its root; links that move as one are merged."""
+"""Tree of a checked URDF as arrays; links that move as one are merged."""
 
 from collections import Counter
 
@@ -18,14 +18,14 @@ _UPPER = np.triu_indices(3)
 
 
 def refuse_same_names(what, names):
-    """Refuse names of which two are the same; `what` says whose they are."""
+    """Reject names of which two are the same."""
     if len(set(names)) < len(names):
         [(twice, _)] = Counter(names).most_common(1)
         raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
 
 
-class Freedom:
-    """Moving joint: its name, its type by name and as a JointType, its element of the URDF (None for a floating base)."""
+class MovingJoint:
+    """A moving joint: name, type by name and as a JointType, and joint of the URDF (None for a floating base)."""
 
     def __init__(self, name, kind, joint=None):
         self.name, self.kind, self.joint = name, kind, joint
@@ -36,12 +36,12 @@ class Freedom:
 
     @property
     def dof_names(self):
-        """Names of its degrees of freedom."""
+        """Names of degrees of freedom."""
         return self._named(suffix for suffix, _ in self.type.freedoms)
 
     @property
     def coordinate_names(self):
-        """Names of its position coordinates."""
+        """Names of position coordinates."""
         return self._named(self.type.coordinates)
 
     @property
@@ -50,7 +50,7 @@ class Freedom:
         return len(self.type.freedoms) == 1
 
     def number(self, element, attribute, default):
-        """A number of one of the URDF's child elements, with a default where it is silent."""
+        """Return a number of a child element in the URDF."""
         value = getattr(getattr(self.joint, element, None), attribute, None)
         return default if value is None else float(value)
 
@@ -62,17 +62,15 @@ class Tree:
     ----------
     robot : yourdfpy.Robot
     root : str
-        Its root link.
     floating_base : bool
-        Whether the root link moves freely.
     locked : dict
-        Joints of one degree of freedom that are held, with their positions [rad, m].
+        Positions [rad, m] of locked joints of one degree of freedom.
     mimics : dict
-        How joints follow others, :class:`Mimic` by name; the joints that lead are neither fixed nor locked.
+        :class:`Mimic` by name; their leaders are neither fixed nor locked.
 
     Attributes
     ----------
-    joints : list of Freedom
+    joints : list of MovingJoint
         Independent joints, base to tip; those of a coupled group come together, before what the group carries.
     groups : list of tuple of str
         Joints of each coupled group, base to tip.
@@ -108,7 +106,7 @@ class Tree:
         return joint.type != "fixed" and joint.name not in self.locked
 
     def _carriers(self):
-        """Moving joints, and of each the one that carries it, or None."""
+        """Return the moving joints, and of each the one that carries it, or None."""
         inboard = {joint.child: joint for joint in self.robot.joints}
         carrier_of_link, carriers = {self.root: None}, {}
         for link in list(self._order)[1:]:
@@ -123,9 +121,9 @@ class Tree:
     def _walk(self, group_of):
         body, placement = 0, np.eye(4)
         if self.floating_base:
-            body, placement = self._add_joint(Freedom(self._base_name(), "floating"), 0, placement)
+            body, placement = self._add_joint(MovingJoint(self._base_name(), "floating"), 0, placement)
         waiting = {}  # joints of each group that leave its carrier
-        ahead = self._seen(self._add_links(self.root, body, placement), group_of, waiting)
+        ahead = self._note_groups(self._add_links(self.root, body, placement), group_of, waiting)
         while ahead:
             joint, body, origin = ahead.pop()
             if joint.name in self._body:
@@ -133,13 +131,13 @@ class Tree:
             if joint.name in group_of:
                 leaving = self._add_group(group_of[joint.name], waiting)
             else:
-                freedom = Freedom(joint.name, joint.type, joint)
+                freedom = MovingJoint(joint.name, joint.type, joint)
                 leaving = self._add_links(joint.child, *self._add_joint(freedom, body, origin))
-            ahead += self._seen(leaving, group_of, waiting)
+            ahead += self._note_groups(leaving, group_of, waiting)
         self.links.sort(key=lambda entry: self._order[entry[0].name])
 
     def _add_links(self, link, body, placement):
-        """Add a link and all that move with it; returns the moving joints that leave them, the first one last."""
+        """Add a link and all that move with it; return the moving joints that leave them, the first one last."""
         stack, leaving = [(link, placement)], []
         while stack:
             link, placement = stack.pop()
@@ -157,22 +155,22 @@ class Tree:
                     stack.append((joint.child, origin))
         return leaving[::-1]
 
-    def _seen(self, leaving, group_of, waiting):
-        """The joints that leave a body, those of groups noted as waiting."""
+    def _note_groups(self, leaving, group_of, waiting):
+        """Note the joints of groups among those that leave a body."""
         for entry in leaving:
             if entry[0].name in group_of:
                 waiting.setdefault(group_of[entry[0].name], []).append(entry)
         return leaving
 
     def _add_group(self, group, waiting):
-        """Add all bodies of a coupled group; returns the moving joints that leave them, the first one last."""
+        """Add all bodies of a coupled group; return the moving joints that leave them, the first one last."""
         first, start, names = len(self._records), self._dofs, []
         stack = waiting.pop(group)
         carried = []
         while stack:
             joint, body, origin = stack.pop()
             names.append(joint.name)
-            freedom = Freedom(joint.name, joint.type, joint)
+            freedom = MovingJoint(joint.name, joint.type, joint)
             leaving = self._add_links(joint.child, *self._add_joint(freedom, body, origin))
             stack += [entry for entry in leaving if entry[0].name in group]
             carried.append([entry for entry in leaving if entry[0].name not in group])
@@ -195,7 +193,7 @@ class Tree:
         return name
 
     def _add_joint(self, freedom, parent, origin):
-        """Bodies of a moving joint, in a frame whose z is its axis; returns the last, and the link's placement in it."""
+        """Add the bodies of a joint, whose z is its axis; return the last one, and the link's placement in it."""
         turn = np.eye(4)
         if freedom.kind != "floating":
             turn[:3, :3] = rotations.frame_about(freedom.joint.axis)
@@ -244,25 +242,25 @@ class Tree:
         return tuple(joint.name for joint in self.robot.joints if joint.type == kind)
 
     def per_dof(self, element, attribute, default):
-        """A number of the URDF for each degree of freedom; those of a joint that has several share it."""
+        """Return a number of the URDF for each degree of freedom; those of one joint share it."""
         return np.array(
             [joint.number(element, attribute, default) for joint in self.joints for _ in joint.type.freedoms],
             dtype=float,
         )
 
     def resistance(self, attribute, exponent):
-        """Damping or friction at each degree of freedom: its own, and that of its followers times |multiplier|^exponent."""
+        """Return damping or friction of each degree of freedom, with that of mimic joints times |multiplier|^exponent."""
         values = self.per_dof("dynamics", attribute, 0.0)
         for joint in self.robot.joints:
             if joint.name in self.mimics:
-                own = Freedom(joint.name, joint.type, joint).number("dynamics", attribute, 0.0)
+                own = MovingJoint(joint.name, joint.type, joint).number("dynamics", attribute, 0.0)
                 values[self._records[self._body[joint.name]]["dof"]] += (
                     own * abs(self.mimics[joint.name].multiplier) ** exponent
                 )
         return values
 
     def reflected(self, efforts):
-        """Efforts by joint name at each degree of freedom: its own, and those of its followers times their multipliers."""
+        """Return the effort at each degree of freedom, with those of mimic joints times their multipliers."""
         values = np.zeros(self._dofs)
         for name, effort in efforts.items():
             if name in self._body:
@@ -271,7 +269,7 @@ class Tree:
         return values
 
     def limits(self, attribute, default):
-        """A position limit for each coordinate; only joints with one coordinate that does not turn round have any."""
+        """Return a position limit for each coordinate; continuous joints and those of several coordinates have none."""
         return np.array(
             [
                 joint.number("limit", attribute, default) if joint.kind in ("revolute", "prismatic") else default
@@ -292,7 +290,7 @@ class Tree:
         return bodies, links
 
     def _link_records(self, payloads):
-        """Links with inertia, payloads included."""
+        """Return the records of links with inertia, payloads included."""
         records = []
         for index, (link, body, placement) in enumerate(self.links):
             parts = []
@@ -309,7 +307,7 @@ class Tree:
         return np.array(records, LINK)
 
     def joints_with_inertia(self):
-        """Names of the joints that move, directly or through fixed joints, a link with mass or inertia in the URDF."""
+        """Return the joints that move, directly or through fixed joints, a link with mass or inertia in the URDF."""
         bodies = {
             body
             for link, body, _ in self.links
@@ -331,7 +329,7 @@ def _translation(vector):
 
 
 def _displacement(joint, position):
-    """4x4 motion of a joint of one degree of freedom."""
+    """Return the 4x4 displacement of a joint of one degree of freedom."""
     axis = np.asarray(joint.axis, dtype=float) / np.linalg.norm(joint.axis)
     if joint.type == "prismatic":
         return _translation(position * axis)
