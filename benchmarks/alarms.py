@@ -28,7 +28,7 @@ import diag_dynamics as dd
 from diag_dynamics.collision.calibration import calibrate_residuals, format_rate
 from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.residuals import Residuals
-from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.observer import Observed
 
 RESULTS = Path(__file__).resolve().parent / "results"

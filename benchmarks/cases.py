@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 import diag_dynamics as dd
-from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.catalog import find_urdf
 
 CLASSES = {
     "6–9 dof": range(6, 10),

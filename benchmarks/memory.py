@@ -44,7 +44,7 @@ def allocations():
     from numba.core.runtime import rtsys
 
     import diag_dynamics as dd
-    from diag_dynamics.model.example_robots import find_urdf
+    from diag_dynamics.model.catalog import find_urdf
 
     model = dd.load_urdf(find_urdf(ROBOT))
     dyn, simulation = dd.DiagonalDynamics(model), dd.Simulation(model)
@@ -68,7 +68,7 @@ def allocations():
 def stream(states):
     """Largest memory [B] of a stream of states from mapped files, beyond that of the process before, and of all results."""
     import diag_dynamics as dd
-    from diag_dynamics.model.example_robots import find_urdf
+    from diag_dynamics.model.catalog import find_urdf
 
     dyn = dd.DiagonalDynamics(dd.load_urdf(find_urdf(ROBOT)))
     nv, rng = dyn.model.nv, np.random.default_rng(0)

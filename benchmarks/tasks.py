@@ -12,7 +12,7 @@ from typing import NamedTuple
 from cold import used
 from start import ROOT
 
-from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.catalog import find_urdf
 
 OURS = """
 import numpy as np

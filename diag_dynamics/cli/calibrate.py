@@ -14,7 +14,7 @@ from diag_dynamics.collision.calibration import format_rate
 from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED

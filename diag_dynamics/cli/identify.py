@@ -13,9 +13,9 @@ from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.quality import residual_curves
 from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.model import Parameters
+from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
-from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.plot.identified import draw_identification
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import plain

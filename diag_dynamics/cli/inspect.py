@@ -68,8 +68,8 @@ def _print_json(document):
 
 def _estimate(robot, density, output, as_json):
     """Write a URDF with estimated inertias; return the status: 1 if an estimate failed, or none was needed."""
+    from diag_dynamics.model.catalog import read_source
     from diag_dynamics.model.geometry import estimated
-    from diag_dynamics.model.robot_source import read_source
     from diag_dynamics.model.sources import folder_of
 
     if output.exists():

@@ -4,7 +4,7 @@
 """`diag-dynamics robots`: names of the example robots."""
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.example_robots import example_urdfs
+from diag_dynamics.model.catalog import example_urdfs
 
 EPILOG = "Robots of the package example-robot-data, by the names that load_robot and all commands accept."
 

@@ -16,10 +16,10 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.contact.points import ContactPoint
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import placement_of
-from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
 

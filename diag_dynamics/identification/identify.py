@@ -21,7 +21,7 @@ from diag_dynamics.identification.regressors import Regressors, require_single_j
 from diag_dynamics.identification.result import Identification, parameters_of
 from diag_dynamics.identification.selection import Selection, read_what
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.recordings.recording import Recording
 
 Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]  # in memory, or a function that returns pieces

@@ -7,7 +7,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.identification.kernels.regressors import PARAMETERS, fill_regressors, low_pass
-from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.sweeps import Workspace
 
 OWN = DAMPING, FRICTION, OFFSET, ROTOR = range(4)  # unknowns of a degree of freedom beside inertias

@@ -20,8 +20,8 @@ from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.urdf import Found, Urdf
 from diag_dynamics.model import RobotModel, load_urdf
+from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.options import warnings_told
-from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
 
 SEVERITIES = ("ok", "note", "warning", "error")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.model.single_joints import places, single_joints
+from diag_dynamics.model.joint_types import places, single_joints
 
 _NONE = MappingProxyType({})
 

@@ -7,10 +7,10 @@ A wrong argument raises an InputError that names the argument, its value and wha
 raises a UrdfError that names the element.
 """
 
+from diag_dynamics.model.catalog import load_robot
 from diag_dynamics.model.end_effector import end_effector_link
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
-from diag_dynamics.model.named import load_robot
 from diag_dynamics.model.options import Payload
 from diag_dynamics.model.parameters import JointParameters, Parameters
 from diag_dynamics.model.robot import RobotModel, load_urdf

@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Types of joints that a URDF may have, and what each is: the one table of them."""
+"""Types of joints that a URDF may have, and the joints of a model by type."""
 
 from typing import NamedTuple
+
+import numpy as np
 
 from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
 from diag_dynamics.sweeps.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
 
 
 class JointType(NamedTuple):
-    """What sweeps call it, and its degrees of freedom and position coordinates."""
+    """Kind in sweeps, degrees of freedom and position coordinates of a type."""
 
     kind: int | None
     freedoms: tuple
@@ -36,3 +38,24 @@ JOINT_TYPES = {
 
 SINGLE = tuple(name for name, kind in JOINT_TYPES.items() if len(kind.freedoms) == 1)
 """Those of one degree of freedom."""
+
+
+def single_joints(model):
+    """Return the joints of one degree of freedom, those of joint_states, in the model's order."""
+    dofs = set(model.dof_names)
+    return tuple(name for name in model.joint_names if name in dofs)
+
+
+def places(names, among):
+    """Return the index of each name among others."""
+    place = {name: k for k, name in enumerate(among)}
+    return [place[name] for name in names]
+
+
+def sliding_dofs(model):
+    """Return whether each degree of freedom slides, a list of nv bool; the others turn."""
+    bodies = model.bodies
+    own = [k for k in range(1, len(bodies)) if bodies["owner"][k] == k]
+    slides = np.zeros(model.nv, dtype=bool)
+    slides[bodies["dof"][own]] = np.isin(bodies["direction"][own], (LINEAR_X, LINEAR_Y, LINEAR_Z))
+    return slides.tolist()

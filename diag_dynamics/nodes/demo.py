@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import load_urdf
-from diag_dynamics.model.robot_source import robot_source
+from diag_dynamics.model.catalog import robot_source
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator.simulator import SimulatorNode
 from diag_dynamics.nodes.support.loading import COMPILED

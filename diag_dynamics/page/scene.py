@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.model.example_robots import example_urdfs
+from diag_dynamics.model.catalog import example_urdfs, read_source
 from diag_dynamics.model.geometry import shape_of
 from diag_dynamics.model.origins import floats
-from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.rigid_body import RigidBody, symmetric

@@ -17,7 +17,7 @@ from diag_dynamics.collision.detector import AlarmThresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, styled
 from diag_dynamics.plot.parts import oscillates, parts_of

@@ -12,7 +12,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, PointLike, VectorLike
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import RobotModel, end_effector_link
-from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, styled
 from diag_dynamics.text import number

@@ -11,7 +11,7 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
 
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0

@@ -8,7 +8,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import FIELDS, JointStates
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.recordings.intake import Batch
 from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
 from diag_dynamics.recordings.tables import open_table

@@ -10,7 +10,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.model.single_joints import places, sliding_dofs
+from diag_dynamics.model.joint_types import places, sliding_dofs
 from diag_dynamics.rotations import wrap_angle
 
 MIN_R2 = 0.9  # squared correlation of Δq and ∫q̇dt that determines a ratio

@@ -16,7 +16,7 @@ from lxml import etree
 import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
-from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
 

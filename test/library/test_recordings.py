@@ -11,7 +11,7 @@ import pytest
 
 import diag_dynamics as dd
 from bags import ODOMETRY, Message, arm, description, serialized, write_mcap
-from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.states import States
 from hostile import MS, START, Driver, S
 from joint_state_readers import DEFAULTS, Reader

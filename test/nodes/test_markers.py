@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 import diag_dynamics as dd
 from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.model.example_robots import find_urdf
+from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.markers import COLD, HORIZON, HOT, LIFETIME, MIN_ENERGY, MarkerMaker
 from diag_dynamics.page.scene import links_of
 from diag_dynamics.page.tree import tree_of

@@ -7,7 +7,7 @@ from collections import deque
 
 import numpy as np
 
-from diag_dynamics.model.single_joints import places, single_joints
+from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.parameters.monitor import share_thresholds
 from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share

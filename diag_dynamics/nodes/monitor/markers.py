@@ -14,8 +14,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.model.meshes import find_mesh
-from diag_dynamics.model.single_joints import sliding_dofs
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.support.messages import to_time
 from diag_dynamics.page.scene import links_of

@@ -18,7 +18,7 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedErro
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model import Payload
 from diag_dynamics.model.followers import Followers
-from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.simulator.outputs import (
     CommandsReport,

@@ -8,9 +8,9 @@ from functools import cache
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import load_urdf
+from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.options import warnings_told
-from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.text import plain
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.base import base_state
-from diag_dynamics.model.single_joints import single_joints
+from diag_dynamics.model.joint_types import single_joints
 
 MAX_WRENCHES = 1000  # more would keep the node from other work
 

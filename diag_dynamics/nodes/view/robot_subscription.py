@@ -15,8 +15,8 @@ from std_msgs.msg import String
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.options import warnings_told
-from diag_dynamics.model.robot_source import read_source
 from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque
 from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import shortened

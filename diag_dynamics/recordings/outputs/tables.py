@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.single_joints import sliding_dofs
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.atomic_file import AtomicFile
 

@@ -1,0 +1,190 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Robots as people name them: by name, or as the path of a URDF, a xacro file with arguments, or an MJCF."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib import import_module, metadata, util
+from pathlib import Path
+from typing import Any
+
+from diag_dynamics.entries import arguments_of, split_arguments
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.mjcf import Described, is_mjcf, read_mjcf
+from diag_dynamics.model.robot import RobotModel, load_urdf
+from diag_dynamics.model.sources import urdf_text
+from diag_dynamics.model.xacro_files import expanded
+
+_FOLDER = "example-robot-data/robots/"
+
+logger = logging.getLogger("diag_dynamics")
+
+DESCRIPTIONS = "robot_descriptions"
+"""A package whose modules, one for each robot, clone a repository from the net when they are imported."""
+
+
+def load_robot(name: str, **options: Any) -> RobotModel:
+    """Build the model of a robot by its name.
+
+    Parameters
+    ----------
+    name : str
+        As ``diag-dynamics robots`` lists them, of the package `example-robot-data` (``panda``, ``ur5``): its file's name, or
+        any part of its path that is its alone. Or, where `robot_descriptions` is installed, the name of a description there
+        with a URDF (``panda_description``): the first time, that package clones it from the net, which a line on stderr says.
+    **options
+        Those of :func:`load_urdf`.
+
+    Returns
+    -------
+    RobotModel
+
+    Raises
+    ------
+    InputError
+        There is no robot of that name, and the message names those of a similar one; or it could not be cloned.
+    DiagDynamicsError
+        As :func:`load_urdf`.
+    """
+    return load_urdf(robot_path(name), **options)
+
+
+def robot_path(name: str) -> str | Path:
+    """Path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it."""
+    if not isinstance(name, str) or not name:
+        raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
+    return _cloned(name) if name in described() else _found(name)
+
+
+def _found(name: str) -> Path:
+    """Path of the URDF of an example robot."""
+    try:
+        return find_urdf(name)
+    except InputError as error:
+        near = get_close_matches(name, described(), n=3)
+        if near:
+            raise InputError(f"{error} {DESCRIPTIONS} has {' and '.join(near)}.") from None
+        if not example_urdfs():
+            raise InputError(f"{error} pip install example-robot-data brings it.") from None
+        raise
+
+
+def described() -> tuple[str, ...]:
+    """Names of the descriptions with a URDF that robot_descriptions has; none where it is not installed."""
+    if util.find_spec(DESCRIPTIONS) is None:
+        return ()
+    try:
+        table = import_module(f"{DESCRIPTIONS}._descriptions").DESCRIPTIONS  # public in some versions only
+    except (ImportError, AttributeError):
+        return ()
+    return tuple(name for name, one in table.items() if one.has_urdf)
+
+
+def _cloned(name: str) -> str:
+    """Path of the URDF of a description."""
+    message = f"robot '{name}': {DESCRIPTIONS} gets it from the net if it has not yet, which may take a minute."
+    logger.info(message)
+    print(f"diag_dynamics: {message}", file=sys.stderr, flush=True)
+    try:
+        module = import_module(f"{DESCRIPTIONS}.{name}")
+    except Exception as error:  # of git, of the net, or of the package
+        raise InputError(f"robot '{name}': {DESCRIPTIONS} could not get it: {type(error).__name__}: {error}") from error
+    path = getattr(module, "URDF_PATH", None) or getattr(module, "XACRO_PATH", None)  # load_urdf expands the latter
+    if path is None:
+        raise InputError(f"robot '{name}': {DESCRIPTIONS} has neither a URDF nor a xacro file of it.")
+    return path
+
+
+# --- Example robots
+
+
+def example_urdfs():
+    """Paths of all URDFs of the wheel by their short name (``panda_description/urdf/panda``); empty without it."""
+    try:
+        files = metadata.files("example-robot-data") or ()
+    except metadata.PackageNotFoundError:
+        return {}
+    found = {}
+    for file in files:
+        text = file.as_posix()
+        if text.endswith(".urdf") and _FOLDER in text:
+            found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(file.locate()).resolve()
+    return dict(sorted(found.items()))
+
+
+def find_urdf(robot):
+    """Return the path of a URDF, given as a path, or as the name of an example robot.
+
+    A name is that of the file (``panda``), or a part of one path only.
+    """
+    path = Path(os.path.expanduser(robot))
+    try:
+        if path.is_file():
+            return path.resolve()
+    except OSError as error:  # of a folder without permission
+        raise InputError(f"robot '{robot}' cannot be read: {error.strerror}.") from error
+    urdfs = example_urdfs()
+    name = robot.removesuffix(".urdf")
+    stems = {key: key.rsplit("/", 1)[-1] for key in urdfs}
+    exact = [urdfs[key] for key, stem in stems.items() if name in (key, stem)]
+    exact = exact or [urdfs[key] for key, stem in stems.items() if stem == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
+    part = {key: path for key, path in urdfs.items() if name.lower() in key.lower()}
+    if len(exact) == 1:
+        return exact[0]
+    if robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro")):  # meant as a path
+        raise InputError(f"robot '{robot}': no such file.")
+    if len(part) == 1:
+        return next(iter(part.values()))
+    if part:
+        known = list(stems.values())
+        short = (stems[key] if known.count(stems[key]) == 1 else key for key in part)
+        raise InputError(f"robot '{robot}' could be any of: {', '.join(short)}.")
+    if not urdfs:
+        raise InputError(
+            f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent."
+        )
+    known = sorted({key.rsplit("/", 1)[-1] for key in urdfs})
+    near = get_close_matches(name.lower(), known, n=3, cutoff=0.6)
+    meant = f"; did you mean {' or '.join(near)}?" if near else "."
+    raise InputError(
+        f"robot '{robot}' is neither a file nor one of the {len(urdfs)} example robots{meant} "
+        "All of them: diag-dynamics robots"
+    )
+
+
+# --- Sources
+
+
+def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
+    """Return the path of a robot, followed by its xacro arguments, as an argument of :func:`read_source`.
+
+    A robot is the path of a URDF, xacro or MJCF file, or a name, see :func:`load_robot`; xacro arguments ``NAME:=VALUE`` may
+    follow it, and `arguments` are more of them.
+    """
+    name, own = split_arguments(robot)
+    path = os.path.expanduser(name)
+    if os.path.isdir(path):
+        raise InputError(f"robot is '{name}', a folder; expected a URDF, xacro or MJCF file, or a robot by its name.")
+    if not os.path.isfile(path):
+        path = str(robot_path(name))
+    values = own | arguments_of(arguments)
+    if values and not path.lower().endswith(".xacro"):
+        first = next(iter(values))
+        raise InputError(f"'{first}:={values[first]}' is a xacro argument, but robot '{name}' is no .xacro file.")
+    return " ".join([path, *(shlex.quote(f"{name}:={value}") for name, value in values.items())])
+
+
+def read_source(source: Any, xacro_args: Any = None) -> Described:
+    """Describe a robot as a URDF and options of :func:`load_urdf`; the source is as of that, or the path of an MJCF."""
+    if not is_mjcf(source):
+        return Described(urdf_text(expanded(source, xacro_args)))
+    if xacro_args:
+        raise InputError(f"xacro_args has {', '.join(map(str, xacro_args))}, but the source is an MJCF.")
+    return read_mjcf(source)
