@@ -47,6 +47,9 @@ RowsLike: TypeAlias = Numbers | Sequence[VectorLike]
 MatrixLike: TypeAlias = RowsLike | Mapping[str, Any] | Labelled
 """Rows of numbers, or columns by name."""
 
+StatesLike: TypeAlias = VectorLike | MatrixLike
+"""Numbers of one state, or of many."""
+
 Wrenches: TypeAlias = Mapping[str, VectorLike]
 """Six numbers, force [N] then moment [N m], by link name."""
 

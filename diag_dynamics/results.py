@@ -107,6 +107,10 @@ class Evaluation:
         columns = {name: value for name, value in values.items() if value is not None}
         return require("pandas", "to_frame").DataFrame(columns, index=list(self._model.dof_names))
 
+    def set_terms(self, with_tau: bool, external: Array | None = None, friction: Array | None = None) -> None:
+        """Set the terms of an evaluation into the memory of this result."""
+        self._with_tau, self._external, self._friction = with_tau, external, friction
+
     @property
     def model(self) -> RobotModel:
         """Robot of these results."""
@@ -454,6 +458,22 @@ def new_evaluation(model: RobotModel, shape: tuple[int, int]) -> Evaluation:
     result = Evaluation(model, state, tuple(state[:, : model.nv]), False)
     result._memory = memory
     return result
+
+
+def memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel, maker: str) -> Any:
+    """Return the memory of a result that may be overwritten."""
+    if type(out) is kind and out._model is model:
+        try:
+            return out._memory
+        except AttributeError:  # a permanent result
+            pass
+    elif type(out) is kind:
+        other, names = out._model, model.dof_names
+        why = f"{len(other.dof_names)} dof" if other.dof_names != names else "another model"
+        raise InputError(f"out is of robot '{other.name}' ({why}), expected '{model.name}' ({len(names)} dof).")
+    name = type(out).__name__
+    found = f"an earlier call's {name}, which stays as it is" if isinstance(out, Evaluation) else f"of type {name}"
+    raise InputError(f"out is {found}, expected what {maker} of this robot's dynamics has made.")
 
 
 def _nu_dot(rows: Array | Sequence[Array], external: Array | None, friction: Array | None) -> Array:

@@ -14,10 +14,10 @@ import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 
-from diag_dynamics.batch import cores
 from diag_dynamics.cli import common
 from diag_dynamics.compiled.cache import PACKAGE, cache_folder, source_hash
 from diag_dynamics.compiled.switch import PLAIN
+from diag_dynamics.threads import cores
 
 UNITS = {
     "simulation.steps": 14,

@@ -3,6 +3,6 @@
 
 """The dynamics of one robot, as users call them."""
 
-from diag_dynamics.dynamics.diagonal import DiagonalDynamics
+from diag_dynamics.dynamics.dynamics import DiagonalDynamics
 
 __all__ = ["DiagonalDynamics"]

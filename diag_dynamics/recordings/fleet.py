@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import diag_dynamics
-from diag_dynamics.batch import cores
 from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import RobotModel
@@ -36,6 +35,7 @@ from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading, make_settings
 from diag_dynamics.recordings.sources import check_topics
 from diag_dynamics.recordings.summary import describe_faults, summarize
+from diag_dynamics.threads import cores
 
 COLUMNS = {
     "recording": ("string", itemgetter("recording")),

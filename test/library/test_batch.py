@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics import batch
+from diag_dynamics import sweeps
+from diag_dynamics import threads as helpers
 from diag_dynamics.results import NAMES
 from diag_dynamics.sweeps import batch as kernels
 from diag_dynamics.sweeps import spatial
@@ -38,7 +39,7 @@ SUMS = ("kinetic_energy", "base_energy", "power", "effort_power")
 @pytest.fixture(autouse=True)
 def small_pieces(monkeypatch):
     """Let few states be enough for several threads."""
-    monkeypatch.setattr(batch, "LEAST", 16)
+    monkeypatch.setattr(helpers, "MIN_CHUNK", 16)
 
 
 def with_friction(model):
@@ -111,6 +112,41 @@ def test_other_batches_equal_single_calls(dyn, threads):
         expected = [getattr(dyn, name)(*state) for state in zip(*columns, strict=True)]
         options = {"threads": threads} if name in arguments else {}
         np.testing.assert_array_equal(getattr(dyn, f"{name}_batch")(*columns, **options), expected, err_msg=name)
+
+
+def test_methods_take_one_state_or_rows(dyn):
+    """Rows are arrays, lists, or columns by name; each method returns what its `_batch` name does."""
+    Q, QD, TAU, QDD = states(dyn, 5)
+    arguments = {
+        "evaluate": (Q, QD, TAU),
+        "forward_dynamics": (Q, QD, TAU),
+        "inverse_dynamics": (Q, QD, QDD),
+        "mass_matrix": (Q,),
+        "bias": (Q, QD),
+        "gravity_torque": (Q,),
+        "friction_torque": (QD,),
+        "nu_from_qd": (Q, QD),
+        "qd_from_nu": (Q, QD),
+        "epsilon_from_tau": (Q, TAU),
+        "tau_from_epsilon": (Q, TAU),
+    }
+    for name, rows in arguments.items():
+        many = getattr(dyn, f"{name}_batch")(*rows)
+        names = dyn.model.dof_names if rows[0] is QD else dyn.model.coordinate_names
+        columns = dict(zip(names, rows[0].T, strict=True))
+        for first in (rows[0], rows[0].tolist(), [dict(zip(names, row, strict=True)) for row in rows[0]], columns):
+            found = getattr(dyn, name)(first, *rows[1:])
+            if name == "evaluate":
+                assert type(found) is dd.BatchEvaluation
+                found, expected = found.rows, many.rows
+            else:
+                expected = many
+            np.testing.assert_array_equal(found, expected, err_msg=name)
+    out = dyn.new_batch(5)
+    assert dyn.evaluate(Q, QD, TAU, out=out) is out
+    np.testing.assert_array_equal(out.power, dyn.evaluate(Q, QD, TAU).power)
+    with pytest.raises(dd.InputError, match="expected \\(5, "):
+        dyn.evaluate(Q, QD[0])
 
 
 @pytest.mark.parametrize("frame", ["link", "world"])
@@ -251,7 +287,7 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     """The calling thread waits for its helpers, even if Ctrl-C interrupts that wait."""
     Q, QD, TAU, _ = states(two, 300)
     out = two.evaluate_batch(Q, QD, TAU, out=two.new_batch(300))
-    evaluate_many, wait, main = batch.sweeps.evaluate_many, batch.wait, threading.current_thread()
+    evaluate_many, wait, main = sweeps.evaluate_many, helpers.wait, threading.current_thread()
     helper_began, may_end, ended = threading.Event(), threading.Event(), []
     waits = []
 
@@ -264,16 +300,16 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
         ended.append(evaluate_many(*arguments))
         return ended[-1]
 
-    def wait_for(helpers):
-        waits.append(helpers)
+    def wait_for(others):
+        waits.append(others)
         if len(waits) < interrupts:
             raise KeyboardInterrupt
         may_end.set()
-        return wait(helpers)
+        return wait(others)
 
-    monkeypatch.setattr(batch, "PIECES", 1)
-    monkeypatch.setattr(batch, "wait", wait_for)
-    monkeypatch.setattr(batch.sweeps, "evaluate_many", evaluate)
+    monkeypatch.setattr(helpers, "CHUNKS_PER_THREAD", 1)
+    monkeypatch.setattr(helpers, "wait", wait_for)
+    monkeypatch.setattr(sweeps, "evaluate_many", evaluate)
     with pytest.raises(KeyboardInterrupt):
         two.evaluate_batch(Q, QD, TAU, threads=2, out=out)
     assert len(ended) == 1 and len(waits) == interrupts
@@ -294,15 +330,15 @@ def test_forked_process_has_threads_of_its_own(two):
 
 def test_threads_have_their_own_workspaces(two):
     """Two pieces that are evaluated at once do not share memory."""
-    together, robots, workspaces = threading.Barrier(2), [], batch.Workspaces(two.model)
+    together, robots, workspaces = threading.Barrier(2), [], helpers.Workspaces(two.model)
 
     def sweep(robot, first, last):
         robots.append(robot)
         together.wait(10.0)
         return last
 
-    assert not batch.in_pieces(workspaces, 16, lambda robot, first, last: last, threads=1)  # leaves an idle one
-    assert not batch.in_pieces(workspaces, 32, sweep, threads=2)
+    assert not helpers.run_chunks(workspaces, 16, lambda robot, first, last: last, threads=1)  # leaves an idle one
+    assert not helpers.run_chunks(workspaces, 32, sweep, threads=2)
     assert len(set(robots)) == 2
 
 

@@ -144,7 +144,7 @@ def test_wrong_arguments_are_named():
         ("frame is 'body'", lambda: dyn.jacobian(q, "panda_hand", frame="body")),
         ("point", lambda: dyn.link_velocity(q, zero, "panda_hand", (1, 2))),
         ("v of joint 'panda_joint2' is nan", lambda: model.integrate(q, [0, math.nan, 0, 0, 0, 0, 0, 0])),
-        ("_batch", lambda: dyn.mass_matrix(np.stack([q, q]))),
+        ("q has shape", lambda: dyn.placement(np.stack([q, q]), "panda_hand")),
         ("q1 of joint 'root_joint'", lambda: free.difference(free.neutral, np.zeros(free.nq))),
     ):
         with pytest.raises(dd.InputError, match=said):

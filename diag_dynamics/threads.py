@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Threads for sweeps over many states, which run without the interpreter's lock."""
+
+import functools
+import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor, wait
+
+import numpy as np
+
+from diag_dynamics import sweeps
+
+CHUNKS_PER_THREAD = 4
+"""A delayed thread leaves its share to the others."""
+
+MIN_CHUNK = 256
+"""Smaller chunks are done before another thread has started."""
+
+MAX_THREADS = 1024
+"""Maximum of helper threads in a process; they start on demand and stay."""
+
+
+def cores():
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Workspaces:
+    """Idle workspaces of one robot; creating one takes as long as some hundred states."""
+
+    def __init__(self, model):
+        self._model, self._idle = model, []
+
+    def acquire(self):
+        """Return a workspace for the calling thread alone."""
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return sweeps.BatchWorkspace(self._model.bodies, self._model.gravity, sweeps.ROW_NUMBERS)
+
+    def release(self, workspace):
+        """Return a workspace to the idle ones."""
+        self._idle.append(workspace)
+
+
+def run_chunks(workspaces, count, sweep, threads, width=1):
+    """Sweep over chunks of many states in threads; the calling thread is one of them.
+
+    Parameters
+    ----------
+    workspaces : Workspaces
+    count : int
+        Number of states.
+    sweep : callable
+        Called with a robot, the first and the end of the states of a chunk; returns the end of the states it completed.
+    threads : int
+    width : int
+        Number of states that a sweep completes, or fails to complete, together.
+
+    Returns
+    -------
+    range
+        States one of which fails, those of the first failing chunk; empty if none fails.
+    """
+    number = min(CHUNKS_PER_THREAD * threads, count // MIN_CHUNK) if threads > 1 else 1
+    chunks = itertools.pairwise(np.linspace(0, count, max(1, number) + 1, dtype=int).tolist())
+    failures, others = [], []
+
+    def work():
+        while not failures and (chunk := next(chunks, None)):  # chunks before a failing one are all in work
+            first, last = chunk
+            workspace = workspaces.acquire()
+            end = sweep(workspace.robot, first, last)
+            workspaces.release(workspace)
+            if end < last:
+                failures.append(range(end, min(end + width, last)))
+
+    try:
+        for _ in range(min(threads, number) - 1):
+            others.append(_executor().submit(work))
+        work()
+        for other in others:
+            if not other.cancel():
+                other.result()
+    finally:
+        for _ in chunks:  # after an error no thread starts another chunk
+            pass
+        _wait_for(others)
+    return min(failures, key=lambda states: states[0], default=range(0))
+
+
+def _wait_for(others):
+    """Wait for the helpers, which write to memory of the caller, even if Ctrl-C interrupts the wait again."""
+    try:
+        if others:
+            wait(others)
+    finally:
+        if not all(other.done() for other in others):
+            _wait_for(others)
+
+
+@functools.cache
+def _executor():
+    """Return the helper threads of this process: starting a thread takes as long as some hundred states."""
+    return ThreadPoolExecutor(MAX_THREADS, thread_name_prefix="diag_dynamics")
+
+
+if hasattr(os, "register_at_fork"):
+    # Threads do not survive a fork. Without this line a child would wait for its parent's.
+    os.register_at_fork(after_in_child=_executor.cache_clear)
