@@ -131,7 +131,7 @@ def _read_joint(body, row, Q, QD, TAU, first, last):
     for b in range(WIDTH):
         t = min(first + b, last - 1)
         row[POSITION * WIDTH + b] = body.multiplier * Q[t, body.q] + body.offset
-        row[RATE * WIDTH + b] = body.multiplier * QD[t, body.dof]
+        row[RATE * WIDTH + b] = body.multiplier * QD[min(t, len(QD) - 1), body.dof]
         row[EFFORT * WIDTH + b] = TAU[min(t, len(TAU) - 1), body.dof]
 
 
@@ -237,23 +237,22 @@ def _store(at, i, b):
 
 @kernel
 def _first_used(bodies, last):
-    """First body of a group whose row its elimination reads: of a joint that the world carries, the last one alone."""
+    """First body of a group whose row the evaluation reads: of a joint that the world carries, the last one alone."""
     return last if evaluation.is_base(bodies, last) else bodies[last].first
 
 
 @large_kernel
-def _outward_several(at, i, Q, QD, first, last):
-    """As evaluation.outward_step, at all bodies of a joint."""
+def _outward_several(at, i, used, Q, QD, first, last):
+    """As evaluation.outward_step, at all bodies of a joint; the rows from that of the body `used` on are written."""
     end = i + at.bodies[i].dofs
-    used = max(i, _first_used(at.bodies, end - 1))
     for b in range(WIDTH):
         t = min(first + b, last - 1)
         if at.bodies[i].parent > 0:
             _load(at, at.bodies[i].parent, b)
         for j in range(i, end):
-            evaluation.outward_step(at.bodies, j, Q[t], QD[t], at.work)
-        for j in range(used, end):
-            _store(at, j, b)
+            evaluation.outward_step(at.bodies, j, Q[t], QD[min(t, len(QD) - 1)], at.work)
+            if j >= used:
+                _store(at, j, b)
 
 
 @large_kernel
@@ -285,7 +284,7 @@ def _inward_group(at, i, QD, TAU, first, last):
 
 
 @kernel
-def _outward(at, Q, QD, TAU, first, last):
+def _outward(at, every_row, Q, QD, TAU, first, last):
     bodies, world = at.bodies, at.rows[0]
     evaluation.start_at_world(at.gravity, at.work[0])
     for b in range(WIDTH):
@@ -295,13 +294,25 @@ def _outward(at, Q, QD, TAU, first, last):
         body, row, parent = bodies[i], at.rows[i], at.rows[bodies[i].parent]
         if body.dofs > 1:
             if body.rank == 0:
-                _outward_several(at, i, Q, QD, first, last)
+                used = i if every_row else _first_used(bodies, i + body.dofs - 1)
+                _outward_several(at, i, used, Q, QD, first, last)
             continue
         _read_joint(body, row, Q, QD, TAU, first, last)
         if body.direction == sp.ANGULAR_Z:
             _outward_joint(sp.ANGULAR_Z, body, row, parent)
         else:
             _outward_joint(sp.LINEAR_Z, body, row, parent)
+
+
+@kernel
+def _are_valid(at, Q, QD, TAU, first, last):
+    """Whether arguments are finite and orientations near unit length."""
+    for t in range(first, last):
+        if not (joints.are_positions(at.bodies, Q[t]) and joints.are_finite(QD[min(t, len(QD) - 1)])):
+            return False
+        if not joints.are_finite(TAU[min(t, len(TAU) - 1)]):
+            return False
+    return True
 
 
 @kernel
@@ -361,16 +372,108 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
     at = batch_of(robot)
     for first in range(begin, end, WIDTH):
         last = min(first + WIDTH, end)
+        if not _are_valid(at, Q, QD, TAU, first, last):
+            return first
         for t in range(first, last):
-            if not (joints.are_positions(at.bodies, Q[t]) and joints.are_finite(QD[t])):
-                return first
-            if not joints.are_finite(TAU[min(t, len(TAU) - 1)]):
-                return first
             copy(Q[t], positions[t])
             copy(QD[t], rates[t])
-        _outward(at, Q, QD, TAU, first, last)
+        _outward(at, False, Q, QD, TAU, first, last)
         if _inward(at, QD, TAU, first, last) or not _write(at, first, last, results, numbers):
             return first
+    return end
+
+
+# --- Working moments ---
+
+
+@kernel
+def _inward_moment(direction, body, row, parent):
+    """ε of a joint, P⁺ and z⁺ as factorization.factor_joint and kappa_from_tau; returns how many states are singular."""
+    armature, part, singular = body.armature, 0 if direction < sp.ANGULAR_X else 1, 0
+    for b in range(WIDTH):
+        X = sp.Placement(_matrix(row, ROTATION, b), _vector(row, TRANSLATION, b))
+        inertia, z = _inertia(row, P, b), _force(row, Z, b)
+        joint_inertia, column, G = joints.joint_inertia(direction, armature, inertia)
+        scale = joints.inertia_scale(row[(MAGNITUDE + part) * WIDTH + b], row[(TOTAL + part) * WIDTH + b])
+        singular += 1 if joints.is_singular(scale, joint_inertia) else 0
+        kappa = row[EFFORT * WIDTH + b] - sp.along(direction, z)
+        row[OUTPUT * WIDTH + b] = kappa / math.sqrt(joint_inertia)
+        total = (row[TOTAL * WIDTH + b], row[(TOTAL + 1) * WIDTH + b])
+        scales = joints.scales_to_parent(X, inertia, total)
+        z_plus = sp.add_force(z, sp.scale_force(G, kappa))
+        _set_inertia(row, TO_PARENT, b, sp.inertia_to_parent(X, sp.less_rank_one(inertia, G, column)))
+        _set_pair(row, TO_PARENT_Z, b, sp.force_to_parent(X, z_plus))
+        _set_vector(row, TO_PARENT_SCALE, b, (scales[0], scales[1], scales[2]))
+        row[(TO_PARENT_SCALE + 3) * WIDTH + b] = scales[3]
+    if body.parent > 0:
+        for k in range((P_RATE - P) * WIDTH):
+            parent[P * WIDTH + k] += row[TO_PARENT * WIDTH + k]
+        for k in range((SWEPT - Z) * WIDTH):
+            parent[Z * WIDTH + k] += row[TO_PARENT_Z * WIDTH + k]
+    return singular
+
+
+@large_kernel
+def _inward_moments_of_group(at, i, TAU, first, last):
+    """The same of a group, state by state."""
+    bodies, work, Q, kappa, start = at.bodies, at.work, at.table[0], at.out[0], at.bodies[i].first
+    carrier = bodies[start].parent
+    for b in range(WIDTH):
+        t = min(first + b, last - 1)
+        _load(at, carrier, b)
+        for j in range(start, i + 1):
+            _load(at, j, b)
+            kappa[bodies[j].dof] = TAU[min(t, len(TAU) - 1), bodies[j].dof]
+        if factorization.factor_group(bodies, i, work, Q, False) != 0:
+            return 1
+        z = groups.gather(bodies, start, i, work, work.z, -1.0, kappa)
+        z = sp.add_force(z, groups.filter_moments(bodies, start, i, work, Q, kappa))
+        if carrier > 0:
+            records.add_to_force(work[carrier].z, z)
+            _store(at, carrier, b)
+        for j in range(start, i + 1):
+            if groups.owns(bodies, j):
+                at.rows[j, OUTPUT * WIDTH + b] = kappa[bodies[j].dof] / math.sqrt(work[j].D)
+    return 0
+
+
+@large_kernel
+def _working_moments(at, Q, TAU, first, last, results):
+    """ε = ℓτ of states side by side; returns whether there is one that fails."""
+    if not _are_valid(at, Q, TAU, TAU, first, last):
+        return True
+    _outward(at, True, Q, at.no_rates, TAU, first, last)
+    i, wrong = len(at.bodies) - 1, 0
+    while i > 0:
+        body, row, parent = at.bodies[i], at.rows[i], at.rows[at.bodies[i].parent]
+        if groups.is_grouped(body):
+            singular = _inward_moments_of_group(at, i, TAU, first, last)
+        elif body.direction == sp.ANGULAR_Z:
+            singular = _inward_moment(sp.ANGULAR_Z, body, row, parent)
+        else:
+            singular = _inward_moment(sp.LINEAR_Z, body, row, parent)
+        if singular > 0:
+            return True
+        i = body.first - 1
+    for i in range(1, len(at.bodies)):
+        if groups.owns(at.bodies, i):
+            for t in range(first, last):
+                epsilon = at.rows[i, OUTPUT * WIDTH + t - first]
+                results[t, at.bodies[i].dof] = epsilon
+                wrong += 0 if math.isfinite(epsilon) else 1
+    return wrong > 0
+
+
+@large_kernel
+def _working_moments_each(robot, Q, TAU, begin, end, results):
+    at = batch_of(robot)
+    for first in range(begin, end, WIDTH):
+        last = min(first + WIDTH, end)
+        if _working_moments(at, Q, TAU, first, last, results):
+            for t in range(first, last):
+                tau = TAU[min(t, len(TAU) - 1)]
+                if factorization.epsilon_from_tau(robot, Q[t], tau, results[t]) != 0:
+                    return t
     return end
 
 
@@ -383,6 +486,8 @@ FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = r
 @entry_kernel(ROBOT, COUNT, *[MATRIX] * 3, NUMBER, COUNT, COUNT, FILLED_MATRIX, nogil=True)
 def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
     """One of these sweeps at states `begin` to `end`, a row of Q, A, B and `results` each; A and B may have one for all."""
+    if which == EPSILON_FROM_TAU:
+        return _working_moments_each(robot, Q, A, begin, end, results)
     for t in range(begin, end):
         q, a, b, result = Q[t], A[min(t, len(A) - 1)], B[min(t, len(B) - 1)], results[t]
         if which == FORWARD:
@@ -393,8 +498,6 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
             status = factorization.nu_from_qd(robot, q, a, result)
         elif which == QD_FROM_NU:
             status = factorization.qd_from_nu(robot, q, a, result)
-        elif which == EPSILON_FROM_TAU:
-            status = factorization.epsilon_from_tau(robot, q, a, result)
         else:
             status = factorization.tau_from_epsilon(robot, q, a, result)
         if status != 0:

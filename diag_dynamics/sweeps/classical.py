@@ -25,7 +25,7 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     """The inward step of :func:`forward_dynamics` at a joint of one degree of freedom; the direction is a constant."""
     body, w = bodies[i], work[i]
     k, P, y = body.dof, records.inertia_of(w.P), records.force_of(w.y)
-    D, column, G = joints.joint_inertia(direction, w, P)
+    D, column, G = joints.joint_inertia(direction, w.armature, P)
     w.D = D
     if joints.is_singular(joints.scale_along(body, w), D):
         return i

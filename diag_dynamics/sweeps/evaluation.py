@@ -101,9 +101,7 @@ def inward_joint(direction, armature, rate, tau, V, acceleration, P, P_rate, y, 
 
     One state and many take this step. The direction is a constant, for the compiler's sake.
     """
-    column = sp.column_along(direction, P)
-    D = sp.along(direction, column) + armature
-    G = sp.scale_force(column, 1.0 / D)
+    D, column, G = joints.joint_inertia(direction, armature, P)
     root = math.sqrt(D)
 
     # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)

@@ -27,7 +27,7 @@ def factor_joint(body, w, parent, lock_massless):
     Returns whether it went on: a joint that moves no inertia ends it, or is passed over as if it were locked.
     """
     P = records.inertia_of(w.P)
-    D, column, G = joints.joint_inertia(body.direction, w, P)
+    D, column, G = joints.joint_inertia(body.direction, w.armature, P)
     w.D, w.size = D, joints.scale_along(body, w)
     singular = joints.is_singular(w.size, D)
     if singular and not lock_massless:

@@ -187,10 +187,10 @@ def init_articulated_inertia(body, w):
 
 
 @kernel
-def joint_inertia(direction, w, P):
+def joint_inertia(direction, armature, P):
     """D, with the armature that theory adds to it, P S and G (Algorithm 4.1)."""
     column = sp.column_along(direction, P)
-    D = sp.along(direction, column) + w.armature
+    D = sp.along(direction, column) + armature
     return D, column, sp.scale_force(column, 1.0 / D)
 
 

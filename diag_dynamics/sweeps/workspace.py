@@ -56,6 +56,7 @@ BATCH = ROBOT.extended(
     records=array(float, 2),  # the memory of `work` as numbers
     rows=array(float, 2),  # see batch
     out=array(float, 2),  # results of one state
+    no_rates=array(float, 2),  # q̇ = 0
 )
 """Likewise, with memory for WIDTH states."""
 
@@ -118,8 +119,8 @@ class BatchWorkspace(Workspace):
         self._numbers = numbers
         records = self.work.view(np.float64).reshape(len(self.work), -1)
         rows = np.zeros((len(self.work), numbers * WIDTH))
-        out = np.zeros((SWEPT, max(1, self._entries["nv"])))
-        self._locate(BATCH, **self._entries, records=records, rows=rows, out=out)
+        out, no_rates = np.zeros((SWEPT, max(1, self._entries["nv"]))), np.zeros((1, self._entries["nv"]))
+        self._locate(BATCH, **self._entries, records=records, rows=rows, out=out, no_rates=no_rates)
 
     def __reduce__(self):
         return type(self), (self.bodies, self.gravity, self._numbers)
