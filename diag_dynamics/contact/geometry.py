@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points whose convex hull holds a link, and points of its surface in between; or its frames alone."""
+"""Contact points of links: corners whose hull holds a link and points between them, or the link's frames."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
 
 Geometry = Literal["frames", "primitives", "meshes"]
 
-MOST = 64
-"""Points of a link, at most."""
+MAX_POINTS = 64
+"""Default for the maximum number of points of a link."""
 
 SIDES = 16
-"""Of the prism around a cylinder: its corners are 2 % outside."""
+"""Sides of the prism around a cylinder; its corners are 2 % outside."""
 
 CORNERS = 0.75
-"""Part of a link's points that are to hold it; the others lie between them, on its surface."""
+"""Fraction of a link's points that are corners; the others lie between them, on its surface."""
 
 DENSE = 2000
-"""Directions in which points are compared with the shapes that they are to hold."""
+"""Number of directions in which the corners are compared with the shapes."""
 
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
@@ -53,10 +53,10 @@ class LinkGeometry(NamedTuple):
     source : dict
         By link, what its points are of: ``collision``, ``visual`` or ``frames``.
     grown : dict
-        By link, by which part its points lie outside of its shapes at most, so that their hull holds these; 0 if they are
-        the shapes' own corners.
+        By link, the largest relative distance of its points from its shapes, which their hull holds; 0 for the shapes' own
+        corners.
     left_out : dict
-        By link, why its shapes do not count.
+        By link, the reason why its shapes do not count.
     """
 
     points: tuple[ContactPoint, ...]
@@ -69,15 +69,14 @@ def link_geometry(
     model: RobotModel,
     urdf: str | bytes | os.PathLike[str] | IO[Any],
     geometry: Geometry = "primitives",
-    most: int = MOST,
+    most: int = MAX_POINTS,
 ) -> LinkGeometry:
     """Points of every link, for :class:`ContactPoints`: of its collision shapes, else of its visual ones.
 
-    Boxes and hulls of meshes have their own corners, cylinders those of a prism around them. Where these are too many, or a
-    shape is round, they are the farthest points in many directions, moved outward until their hull holds the shapes. Other
-    points lie between them on the surface: speed is largest at a corner, but the mass that a point has along its motion, and
-    so the transferable energy, may be larger in between. A link without shapes that count has its frames: its own origin and
-    those of the joints it carries.
+    Boxes and hulls of meshes have their own corners, cylinders those of a prism around them. If these are too many, or a
+    shape is round, corners are the support points in many directions, moved outward until their hull holds the shapes.
+    Speed is largest at a corner, but the transferable energy may be larger at the points between them. A link without such
+    shapes has its frames: its own origin and those of the joints that it carries.
 
     Parameters
     ----------
@@ -85,10 +84,10 @@ def link_geometry(
     urdf : str, bytes, os.PathLike or file
         That of the model.
     geometry : {"frames", "primitives", "meshes"}
-        Which shapes count. Meshes open the files that the URDF names, so they are not for descriptions that come from
-        others; they need trimesh.
+        Shapes that count. Meshes open the files that the URDF names, so they are not for untrusted descriptions; they need
+        trimesh.
     most : int
-        Points of a link; not below 8.
+        Maximum number of points of a link, at least 8.
     """
     choice("geometry", geometry, ("frames", "primitives", "meshes"))
     most = max(8, whole("most", most))
@@ -107,22 +106,21 @@ def link_geometry(
                 if every and not shapes:
                     left_out.setdefault(link, f"meshes, which geometry '{geometry}' does not look at")
                 if shapes:
-                    found, part = points_around(shapes, meshes, most)
-                    source[link], grown[link] = role, part
+                    found, grown[link] = points_around(shapes, meshes, most)
+                    source[link] = role
+                    left_out.pop(link, None)
                     break
             except UrdfError as error:
                 left_out.setdefault(link, str(error))
         if found is None:
             found = np.array([np.zeros(3), *_frames_of(robot, link)])
             source[link], grown[link] = "frames", 0.0
-        else:
-            left_out.pop(link, None)
         points.append(ContactPoint(link, link, found))
     return LinkGeometry(tuple(points), source, grown, left_out)
 
 
-def points_around(shapes: list[Shape], meshes: Meshes, most: int = MOST) -> tuple[Array, float]:
-    """Points whose hull holds shapes, and more between them, in the link's axes; and by which part they lie outside."""
+def points_around(shapes: list[Shape], meshes: Meshes, most: int = MAX_POINTS) -> tuple[Array, float]:
+    """Return points whose hull holds shapes, and more between them, in the link's axes; and their relative distance."""
     found = [_corners(shape, meshes) for shape in shapes]
     every = [(shape, own) for shape, (own, _) in zip(shapes, found, strict=True)]
     exact = [_moved(shape, own) for shape, own in every if own is not None]
@@ -132,9 +130,9 @@ def points_around(shapes: list[Shape], meshes: Meshes, most: int = MOST) -> tupl
         outside = 1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
     faces = [normals @ shape.placement[:3, :3].T for shape, (_, normals) in zip(shapes, found, strict=True)]
     dense = np.concatenate([_directions(DENSE), *faces])
-    support = np.einsum("nk,nk->n", _farthest(every, dense), dense)
+    support = np.einsum("nk,nk->n", _support_points(every, dense), dense)
     if not 0 < len(corners) <= CORNERS * most:
-        corners = np.unique(_farthest(every, _directions(int(CORNERS * most))), axis=0)
+        corners = np.unique(_support_points(every, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
         reach, held = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
         known = held > 1e-9 * reach.max()  # in other directions there is nothing that could lie outside
@@ -144,7 +142,7 @@ def points_around(shapes: list[Shape], meshes: Meshes, most: int = MOST) -> tupl
 
 
 def _between(centre: Array, dense: Array, support: Array, count: int) -> Array:
-    """Points of the surface of a hull, evenly spread as seen from its centre; `support` is its reach along `dense`."""
+    """Return evenly spread points of the surface of a hull; `support` is its extent along `dense`."""
     rays = _directions(count)
     ahead = rays @ dense.T
     with np.errstate(divide="ignore"):
@@ -153,7 +151,7 @@ def _between(centre: Array, dense: Array, support: Array, count: int) -> Array:
 
 
 def _corners(shape: Shape, meshes: Meshes) -> tuple[Array | None, Array]:
-    """Corners whose hull holds a shape, in its own axes, None of a round one; and the normals of the hull's faces."""
+    """Return the corners of a shape in its own axes, None of a round one; and the normals of its faces."""
     numbers = np.array(shape.numbers)
     if shape.kind == "box":
         return _CORNERS * (0.5 * numbers), np.concatenate([np.eye(3), -np.eye(3)])
@@ -175,13 +173,13 @@ def _corners(shape: Shape, meshes: Meshes) -> tuple[Array | None, Array]:
 
 
 def _ring(shift: float) -> Array:
-    """Unit vectors across z, a full turn of them."""
+    """Return unit vectors across z, around a full turn."""
     angle = 2.0 * math.pi * (np.arange(SIDES) + shift) / SIDES
     return np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
 
 
-def _farthest(shapes: list[tuple[Shape, Array | None]], directions: Array) -> Array:
-    """The point of several shapes that lies farthest along each of some directions."""
+def _support_points(shapes: list[tuple[Shape, Array | None]], directions: Array) -> Array:
+    """Return the point of several shapes that lies farthest along each direction."""
     best, most = np.zeros_like(directions), np.full(len(directions), -np.inf)
     for shape, corners in shapes:
         own = directions @ shape.placement[:3, :3]
@@ -203,7 +201,7 @@ def _moved(shape: Shape, points: Array) -> Array:
 
 
 def _directions(count: int) -> Array:
-    """Unit vectors spread evenly over all directions: a spiral from pole to pole by the golden angle."""
+    """Return unit vectors spread evenly over all directions: a spiral from pole to pole by the golden angle."""
     k = np.arange(count) + 0.5
     z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z * z)
@@ -211,7 +209,7 @@ def _directions(count: int) -> Array:
 
 
 def _frames_of(robot: Any, link: str) -> Iterator[Array]:
-    """Origins of the joints that a link carries, in its axes."""
+    """Yield the origins of the joints that a link carries, in its axes."""
     for joint in robot.findall("joint"):
         parent, origin = joint.find("parent"), joint.find("origin")
         if parent is not None and parent.get("link") == link and origin is not None:

@@ -100,8 +100,8 @@ _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def urdf_text(source: Any) -> str:
     """Return the XML text of a URDF given as text, bytes, path or open file, without its XML declaration.
 
-    Encodings are those that files have, declared or not: bytes that are not in the encoding count as Latin-1. Comments
-    that XML forbids, with ``--`` in them, and bare ampersands are mended. Lines keep their numbers.
+    Bytes that are not in the encoding count as Latin-1. Comments with ``--`` and bare ampersands, which XML forbids, are
+    corrected. Lines keep their numbers.
     """
     if isinstance(source, str) and not _is_path(source):
         text = source
@@ -110,7 +110,7 @@ def urdf_text(source: Any) -> str:
     elif isinstance(source, (str, os.PathLike)):
         text = _decoded(_file(Path(os.path.expanduser(source))))
     elif hasattr(source, "read"):
-        text = _of_file(source)
+        text = _read_open(source)
     else:
         raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
     if len(text) > MAX_BYTES:
@@ -124,11 +124,11 @@ def urdf_text(source: Any) -> str:
         raise UrdfError(f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>.")
     if "<!DOCTYPE" in text[: text.find("<robot")]:
         raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
-    return _mended(text)
+    return _corrected(text)
 
 
 def folder_of(source: Any) -> Path | None:
-    """Folder of the file that a URDF is read from; None of text, or of an open file without a place."""
+    """Return the folder of the file of a URDF; None of text, or of an open file without a name."""
     if isinstance(source, str) and not _is_path(source):
         return None
     place = getattr(source, "name", None) if hasattr(source, "read") else source
@@ -158,8 +158,8 @@ def _file(path: Path) -> bytes:
     raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
 
 
-def _of_file(source: Any) -> str:
-    """Text of an open file."""
+def _read_open(source: Any) -> str:
+    """Return the text of an open file."""
     try:
         read = source.read(MAX_BYTES + 1)
     except UnicodeError as error:
@@ -180,7 +180,7 @@ def refuse_other_kinds(start: bytes) -> None:
 
 
 def _decoded(data: bytes) -> str:
-    """Text of XML bytes: in the encoding of their first bytes, the one that they declare, or else UTF-8."""
+    """Return the text of XML bytes, in the encoding of their first bytes, the declared one, or UTF-8."""
     for mark, encoding in MARKS:
         if data.startswith(mark):
             return data.decode(encoding, "replace")
@@ -201,7 +201,7 @@ def _decoded(data: bytes) -> str:
 
 
 def _declared(data: bytes) -> str:
-    """Name of the encoding that XML bytes declare; UTF-8 where it is none that extends ASCII."""
+    """Return the encoding that XML bytes declare, UTF-8 if that does not extend ASCII."""
     found = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.:-]+)", data)
     try:
         name = codecs.lookup(found[1].decode("ascii") if found else "utf-8").name
@@ -213,8 +213,8 @@ def _declared(data: bytes) -> str:
     return "utf-8"
 
 
-def _mended(text: str) -> str:
-    """The text, with comments and ampersands as XML has them: tinyxml2, so all of ROS, reads others, too."""
+def _corrected(text: str) -> str:
+    """Return the text with comments and ampersands as XML has them: tinyxml2, so all of ROS, accepts others."""
     parts, at = [], 0
     while found := _OPENING.search(text, at):
         closing = {"<!--": "-->", "<?": "?>"}.get(found[0], "]]>")

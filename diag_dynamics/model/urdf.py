@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Description of links and joints, checked, from the text of a URDF. XML and yourdfpy stay behind this door.
+"""Checked links and joints from the text of a URDF, the one place for XML and yourdfpy.
 
 The text may come from a topic, so it is not trusted: no entities, no network, no files, bounded size and depth.
-Only what dynamics needs is handed on to yourdfpy: a broken visual or an unknown extension is nobody's concern here.
+yourdfpy reads a reduced copy with the elements that dynamics needs: broken visuals and unknown extensions do not matter.
 """
 
 import io
@@ -82,7 +82,7 @@ def _objects_of(reduced):
 
 
 def _refuse_size(robot, max_joints):
-    """Refuse more joints than asked for, or links than so many joints can connect, before anything is done with them."""
+    """Reject more than `max_joints` joints, or links than these can connect."""
     joints, links = (len(robot.findall(tag)) for tag in ("joint", "link"))
     if max(joints, links - 1) > max_joints:
         raise UrdfError(
@@ -92,7 +92,7 @@ def _refuse_size(robot, max_joints):
 
 
 def _refuse_loops(robot):
-    """Refuse elements that change dynamics and that only dialects of URDF have."""
+    """Reject elements of dialects of URDF that change dynamics."""
     for element in robot.iter(etree.Element):
         parent = element.getparent()
         if parent is None or parent.tag not in CONTAINERS:
@@ -151,7 +151,7 @@ def parse_urdf(data, comments=False):
 
 
 def _check_xacro(robot):
-    """Refuse a document that xacro has yet to expand; definitions that nothing uses stay without effect."""
+    """Reject unexpanded xacro; definitions that nothing uses have no effect."""
     stack = [robot]
     while stack:
         for element in stack.pop().iterchildren(etree.Element):
@@ -168,7 +168,7 @@ def _is_xacro(element):
 
 
 def _refuse_no_links(robot):
-    """Refuse a robot without links, and name what it is instead."""
+    """Reject a robot without links, and name the kind of file."""
     what = "The URDF has no <link>."
     if any(robot.find(tag) is not None for tag in SEMANTIC):
         what = "The file is no URDF: it is an SRDF of MoveIt, without links. Load the URDF that belongs to it."
@@ -179,14 +179,14 @@ def _refuse_no_links(robot):
 
 
 def _plain(value, where):
-    """A name or type, which xacro must have expanded."""
+    """Return a name or type, which xacro must have expanded."""
     if value and ("${" in value or "$(" in value):
         raise UrdfError(f"{where} is {short(value)}, which is unexpanded xacro. Run xacro on it first.")
     return value
 
 
 def _add_links(robot, reduced):
-    """Copy the links; returns the placements of the inertials that have an origin, by the link's name."""
+    """Copy the links; return the placements of inertials that have an origin, by the link's name."""
     names, placements = set(), {}
     for link in robot.findall("link"):
         name = _name(link, names)
@@ -213,7 +213,7 @@ def _add_links(robot, reduced):
 
 
 def _add_joints(robot, reduced):
-    """Copy the joints; returns the placements of those that have an origin, by name."""
+    """Copy the joints; return the placements of those that have an origin, by name."""
     links = {link.get("name") for link in reduced.findall("link")}
     names, parents, placements = set(), {}, {}
     for joint in robot.findall("joint"):
@@ -255,7 +255,7 @@ def _add_joints(robot, reduced):
 
 
 def _check_joint_numbers(joint, name):
-    """Refuse numbers that no joint can have."""
+    """Reject numbers that no joint can have."""
     for attribute in ("damping", "friction"):
         value = joint.find("dynamics").get(attribute, "0") if joint.find("dynamics") is not None else "0"
         if float(value) < 0.0:
@@ -268,7 +268,7 @@ def _check_joint_numbers(joint, name):
 
 
 def _name(element, taken):
-    """Name of a link or joint; refused if it is missing or taken."""
+    """Return the name of a link or joint; reject missing names and duplicates."""
     tag = local_name(element)
     name = _plain(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
     if not name:
@@ -280,7 +280,7 @@ def _name(element, taken):
 
 
 def _copy_numbers(element, copy, wanted, where):
-    """Copy the children in `wanted`, each attribute checked to be as many finite numbers as expected."""
+    """Copy the children in `wanted`, whose attributes are as many finite numbers as expected."""
     for tag, attributes in wanted.items():
         child = element.find(tag)
         if child is None:
@@ -295,7 +295,7 @@ def _copy_numbers(element, copy, wanted, where):
 
 
 def _root_link(reduced):
-    """The one link without a parent, from which all others must be reached."""
+    """Return the one link without a parent, from which all others must be reached."""
     links = [link.get("name") for link in reduced.findall("link")]
     children = {}
     for joint in reduced.findall("joint"):
@@ -312,7 +312,7 @@ def _root_link(reduced):
         link = front.pop()
         reached.add(link)
         front.extend(children.get(link, ()))
-    astray = [link for link in links if link not in reached]
-    if astray:
-        raise UrdfError(f"link '{astray[0]}' is part of a loop of joints that the root '{roots[0]}' does not reach.")
+    unreached = [link for link in links if link not in reached]
+    if unreached:
+        raise UrdfError(f"link '{unreached[0]}' is part of a loop of joints that the root '{roots[0]}' does not reach.")
     return roots[0]
