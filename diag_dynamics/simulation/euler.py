@@ -10,6 +10,8 @@ from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import HELD, classify_joints, is_limited, solve_stiction
 from diag_dynamics.simulation.runge_kutta import integrate, wrench_efforts
+from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps.bodies import FLOATING
 
 UNMOVED = 1e-6
 """Change of rate by an impact, relative to the largest one, below which a joint at rest stays at rest."""
@@ -94,7 +96,10 @@ def _move(address, h, tau):
     sim = opened(address)
     bodies, _, _, _ = sweeps.opened(sim.robot)
     for k in range(len(tau)):
-        sim.qd[k], sim.u[k] = sim.after[k], h * sim.after[k]
+        sim.u[k] = h * sim.after[k]
+    if not sim.flat:
+        _turn_floating_velocities(address, h)
+    sweeps.copy(sim.after, sim.qd)
     integrate(sim.flat, bodies, sim.q, sim.u, sim.q)
     effort, damping, limits, wrenches = 0.0, 0.0, 0.0, 0.0
     for k in range(len(tau)):
@@ -113,6 +118,32 @@ def _move(address, h, tau):
     sim.accounts[DAMPING] += damping
     sim.accounts[LIMITS] += limits
     return 0
+
+
+@large_kernel
+def _turn_floating_velocities(address, h):
+    """Express the linear velocity of floating joints in their axes at the end of the step; u is that of both ends' mean.
+
+    v̇ in a body's axes is the acceleration less ω × v. With that term an explicit step would increase a large velocity.
+    """
+    sim = opened(address)
+    bodies, _, _, _ = sweeps.opened(sim.robot)
+    qd, after, u = sim.qd, sim.after, sim.u
+    for i in range(1, len(bodies)):
+        k = bodies[i].dof
+        if bodies[i].kind != FLOATING or bodies[i].rank != 0:
+            continue
+        moving = True
+        for j in range(k, k + 6):
+            moving &= sim.mode[j] != HELD
+        if not moving:
+            continue
+        before = sp.cross((qd[k + 3], qd[k + 4], qd[k + 5]), (qd[k], qd[k + 1], qd[k + 2]))
+        v = sp.add((after[k], after[k + 1], after[k + 2]), sp.scale(before, h))
+        x, y, z, w = sp.rotation_quaternion((-h * after[k + 3], -h * after[k + 4], -h * after[k + 5]))
+        turned = sp.apply(sp.rotation_of_quaternion(x, y, z, w), v)
+        after[k], after[k + 1], after[k + 2] = turned
+        u[k], u[k + 1], u[k + 2] = sp.scale(sp.add(v, turned), 0.5 * h)
 
 
 @large_kernel
