@@ -21,8 +21,8 @@ compliant one) the equations are: a joint that sticks is locked, and each sweep 
 in which a joint changes its mode is taken again at order 1, in sub-steps.
 
 memory: parameters, state and scratch. modes: which joint has which mode. tableau, runge_kutta: order 4. euler: order 1 and
-impacts. steps: the choice between them. options: checked arguments. audit: energy. plant, drives, sensors, pace, lockstep:
-the robot of the simulator node. wave: a motion for demonstrations.
+impacts. steps: the choice between them. options: checked arguments. audit: energy. plant, drives, sensors, pace: the robot
+of the simulator node. wave: a motion for demonstrations.
 """
 
 from diag_dynamics.simulation.audit import EnergyAudit, potential_energy

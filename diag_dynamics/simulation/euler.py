@@ -11,7 +11,7 @@ from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, W
 from diag_dynamics.simulation.modes import HELD, classify_joints, is_limited, solve_stiction
 from diag_dynamics.simulation.runge_kutta import integrate, wrench_efforts
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.bodies import FLOATING
+from diag_dynamics.sweeps.records import FLOATING
 
 UNMOVED = 1e-6
 """Change of rate by an impact, relative to the largest one, below which a joint at rest stays at rest."""

@@ -1,47 +1,42 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pace of simulated time by a clock, and a record of how well it is kept."""
+"""What sets simulated time going: a clock, with a record of how well it is followed, or the commands in lockstep."""
 
 import math
 from typing import NamedTuple
 
-MOST_BEHIND = 0.1
-"""Lag [s of simulated time] beyond which the simulation lets time go rather than catch up."""
+MAX_LAG = 0.1
+"""Lag [s of simulated time] beyond which the simulation drops time instead of catching up."""
+
+COMMAND_TIMEOUT = 1.0
+"""Wall time [s] without a command after which lockstep may have to publish the last state again."""
 
 
 class Kept(NamedTuple):
-    """Record of the pace since the last report.
-
-    Attributes
-    ----------
-    ticks : int
-    mean, largest : float
-        How late ticks were [s].
-    overruns : int
-        Ticks that were late by a period or more, so that another was due already.
-    let_go : float
-        Time that was not caught up with, in all [s of simulated time].
-    """
+    """Record of the pace since the last report."""
 
     ticks: int
     mean: float
+    """Mean lateness of ticks [s]."""
     largest: float
+    """Largest lateness of ticks [s]."""
     overruns: int
+    """Ticks that were late by a period or more."""
     let_go: float
+    """Dropped time, in all [s of simulated time]."""
 
 
 class Pace:
     """Ties simulated time to a clock.
 
-    After an overrun the next tick takes the steps that are due together, so that the robot is where it has to be, but what
-    it would have published in between is not. What is more than :data:`MOST_BEHIND` late is let go: simulated time then
-    stays behind for good, by :attr:`skipped`. So no tick computes more than that.
+    After an overrun the next tick takes all steps that are due: the robot is where it has to be, but states in between are
+    not published. Lag beyond :data:`MAX_LAG` is dropped: simulated time then stays behind, by :attr:`skipped`.
 
     Parameters
     ----------
     factor : float
-        Seconds of simulated time for each of the clock; 0: as fast as can be, a period with each tick.
+        Seconds of simulated time for each of the clock; 0: as fast as possible, a period with each tick.
     period : float
         Simulated time between two ticks [s].
     step : float
@@ -50,8 +45,8 @@ class Pace:
     Attributes
     ----------
     skipped : float
-        How far simulated time has come to be behind the clock since it went on last, a multiple of `step` [s]: what was let
-        go, less what the clock was set back.
+        Lag of simulated time since the last :meth:`resume`, a multiple of `step` [s]: what was dropped, less what the clock
+        was set back.
     let_go, overruns : float, int
         Totals of those in :class:`Kept`.
     """
@@ -61,11 +56,11 @@ class Pace:
         self._span = period / factor if factor else 0.0  # between two ticks [s of the clock]
         self.skipped = self.let_go = 0.0
         self.overruns = 0
-        self._begun = None
-        self._start()
+        self._reported_overruns = 0
+        self._start_report()
 
-    def _start(self):
-        self._ticks, self._late, self._latest, self._overran = 0, 0.0, 0.0, 0
+    def _start_report(self):
+        self._ticks, self._late, self._latest = 0, 0.0, 0.0
 
     def resume(self, now, simulated):
         """Go on from a simulated time [s] at a time [s] of the clock."""
@@ -73,38 +68,93 @@ class Pace:
         self._due = now + self._span
 
     def steps(self, now, simulated):
-        """Steps that are due at a time [s] of the clock, when the simulation is at `simulated` [s]."""
+        """Return the steps that are due at a time [s] of the clock, when the simulation is at `simulated` [s]."""
         if not self.factor:
             self._ticks += 1
             return max(1, round(self._period / self._step))
         behind = self._from + (now - self._begun) * self.factor - simulated
-        most = max(MOST_BEHIND, 2.0 * self._period) + self._step  # a leap must be longer than two periods
+        max_lag = max(MAX_LAG, 2.0 * self._period) + self._step  # a leap must be longer than two periods
         if behind < -self._period:
             self._due = now
-        if behind > most or behind < -self._period:  # too late to catch up, or the clock has jumped back
+        if behind > max_lag or behind < -self._period:  # too late to catch up, or the clock has jumped back
             steps = math.floor((behind - self._period) / self._step)  # stamps stay whole steps apart
             self._from -= steps * self._step
             self.skipped += steps * self._step
             self.let_go += max(steps, 0) * self._step
             behind -= steps * self._step
-        self._judge(now)
+        self._record(now - self._due)
         return max(0, int(behind / self._step + 1e-6))
 
-    def _judge(self, now):
-        """Note how late this tick is; ticks are due a period apart."""
-        span, late = self._span, now - self._due
-        if late < -0.5 * span:
-            return  # a timer ticks once more after it was late; that tick is not due
+    def _record(self, late):
+        """Record how late this tick is; ticks are due a period apart."""
+        if late < -0.5 * self._span:
+            return  # the extra tick of a late timer
         self._ticks += 1
         self._late += max(late, 0.0)
         self._latest = max(self._latest, late)
-        missed = int(max(late, 0.0) / span)
-        self._overran += missed
+        missed = int(max(late, 0.0) / self._span)
         self.overruns += missed
-        self._due += (missed + 1) * span
+        self._due += (missed + 1) * self._span
 
     def kept(self):
         """Return the :class:`Kept` since the last call."""
-        found = Kept(self._ticks, self._late / max(self._ticks, 1), self._latest, self._overran, self.let_go)
-        self._start()
-        return found
+        overruns, self._reported_overruns = self.overruns - self._reported_overruns, self.overruns
+        kept = Kept(self._ticks, self._late / max(self._ticks, 1), self._latest, overruns, self.let_go)
+        self._start_report()
+        return kept
+
+
+class Lockstep:
+    """Account of joint states and of the commands that answer them, by a steady clock [s].
+
+    A command does not say which state it answers: it answers the oldest one. A state that all peers have received is not
+    published again, because an answer to each copy would be a step too many. A state whose answer may never come is.
+    """
+
+    def __init__(self):
+        self.begin(-math.inf)
+
+    def begin(self, now):
+        """Start: no state waits for a command, and no peer is known."""
+        self._unanswered, self._uncertain, self._heard = 0, False, now
+        self._peers, self._joined = set(), -math.inf
+
+    def publish(self):
+        """Count a published state."""
+        self._unanswered += 1
+
+    def command(self, now):
+        """Count a command."""
+        self._unanswered, self._heard = max(self._unanswered - 1, 0), now
+
+    def refuse(self):
+        """Mark the state for another publication, because the sender of a rejected command takes it for answered."""
+        self._uncertain = True
+
+    def answered(self, now):
+        """Return whether the last state has been answered, so that time goes on."""
+        # A command that was sent before the newcomer received the state may still arrive.
+        joining = now - self._joined < 2.0 * COMMAND_TIMEOUT
+        self._uncertain = joining or self._unanswered > 0
+        return not self._unanswered
+
+    def meet(self, peers, now):
+        """Store who listens to states or sends commands: a newcomer may not have received the last state."""
+        if peers - self._peers:
+            self._uncertain, self._joined = True, now
+        self._peers = peers
+
+    def waits(self, now):
+        """Return whether no command has come for :data:`COMMAND_TIMEOUT`."""
+        return now - self._heard > COMMAND_TIMEOUT
+
+    def resume(self, now):
+        """Restart the timeout."""
+        self._heard = now
+
+    def repeat(self, now):
+        """Return whether to publish the last state again, once; it then counts as the only unanswered one."""
+        due = self.waits(now) and (self._uncertain or self._unanswered > 1)
+        if due:
+            self._unanswered, self._heard = 1, now
+        return due

@@ -14,10 +14,10 @@ from diag_dynamics.simulation import CompliantLimits, Simulation, Wave
 from diag_dynamics.simulation.drives import Drives, Pushes
 from diag_dynamics.simulation.sensors import Errors, Sensors
 
-BRAKE = 2.0
+BRAKE_FACTOR = 2.0
 """Torque of a brake, as a multiple of its drive's largest effort."""
 
-ENOUGH = 1e9
+UNLIMITED_BRAKE = 1e9
 """Torque of a brake whose drive has no limit [N m, N]."""
 
 
@@ -79,7 +79,7 @@ class Plant:
         self._friction, self._braked = self.simulation.friction, False
         limit = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)[self._driven]
         self._brakes = self._friction.copy()
-        self._brakes[self._driven] += np.where(np.isfinite(limit), BRAKE * limit, ENOUGH)
+        self._brakes[self._driven] += np.where(np.isfinite(limit), BRAKE_FACTOR * limit, UNLIMITED_BRAKE)
         self._start = self.simulation.q, self.simulation.qd
         self._before = 0.0
         self.advance(0)

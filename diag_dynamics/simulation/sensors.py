@@ -15,40 +15,21 @@ FIELDS = ("position", "velocity", "effort")
 
 
 class Errors(NamedTuple):
-    """Errors of the sensors.
-
-    Attributes
-    ----------
-    noise : tuple of float
-        Standard deviation of white noise on position [rad, m], velocity [rad/s, m/s] and effort [N m, N].
-    resolution : tuple of float
-        Their steps; 0: none.
-    delay : float
-        From when a state is to when it is published, in simulated time [s].
-    dropped : float
-        Probability that a message is lost.
-    seed : int
-        The same seed, and the same states: the same errors.
-    """
+    """Errors of the sensors. The same seed and the same states give the same errors."""
 
     noise: tuple = (0.0, 0.0, 0.0)
+    """Standard deviation of white noise on position [rad, m], velocity [rad/s, m/s] and effort [N m, N]."""
     resolution: tuple = (0.0, 0.0, 0.0)
+    """Their steps; 0: none."""
     delay: float = 0.0
+    """Simulated time from a state to its publication [s]."""
     dropped: float = 0.0
+    """Probability that a message is lost."""
     seed: int = 0
 
 
 class Sensors:
-    """Sensors of all joints.
-
-    Parameters
-    ----------
-    errors : Errors
-
-    Attributes
-    ----------
-    lost : int
-        Messages that were lost.
+    """Sensors of all joints. `lost` is the number of messages lost.
 
     Raises
     ------
@@ -64,13 +45,13 @@ class Sensors:
         self.restart()
 
     def restart(self):
-        """Begin the sequence of errors anew; delayed measurements are lost."""
+        """Restart the sequence of errors; delayed measurements are lost."""
         self._random = np.random.default_rng(self._errors.seed)
         self.forget()
 
     def forget(self):
         """Drop delayed measurements."""
-        self._under_way = deque()
+        self._delayed = deque()
 
     def measure(self, time, position, velocity, effort, label=None):
         """Measure a state at a simulated time [s]; it becomes known after the delay, unless it is lost.
@@ -87,11 +68,11 @@ class Sensors:
         if self._errors.dropped and self._random.random() < self._errors.dropped:
             self.lost += 1
             return
-        self._under_way.append((time, tuple(values), label))
+        self._delayed.append((time, tuple(values), label))
 
     def known(self, time):
         """Return measurements that have become known by a simulated time [s]: their time, three vectors, and the label."""
         found = []
-        while self._under_way and self._under_way[0][0] + self._errors.delay <= time + ROUNDING:
-            found.append(self._under_way.popleft())
+        while self._delayed and self._delayed[0][0] + self._errors.delay <= time + ROUNDING:
+            found.append(self._delayed.popleft())
         return found

@@ -15,8 +15,7 @@ from described import PANDA, robot
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.parameters.simulator import PARAMETERS
 from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives, Pushes
-from diag_dynamics.simulation.lockstep import Lockstep
-from diag_dynamics.simulation.pace import MOST_BEHIND, Pace
+from diag_dynamics.simulation.pace import MAX_LAG, Lockstep, Pace
 from diag_dynamics.simulation.plant import Plant
 from diag_dynamics.simulation.sensors import Errors, Sensors
 from examples import examples
@@ -104,7 +103,7 @@ def test_pace(factor, gaps):
     for gap in gaps:
         now += gap
         taken = pace.steps(now, 7.0 + steps * step)
-        assert taken >= 0 and taken * step <= max(MOST_BEHIND, 2 * period) + step
+        assert taken >= 0 and taken * step <= max(MAX_LAG, 2 * period) + step
         steps += taken
         behind = (now - 100.0) * factor - pace.let_go - steps * step
         assert -1e-6 <= behind < step + 1e-6

@@ -40,8 +40,7 @@ from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latch
 from diag_dynamics.nodes.support.requests import read_state
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
-from diag_dynamics.simulation.lockstep import PATIENCE, Lockstep
-from diag_dynamics.simulation.pace import Pace
+from diag_dynamics.simulation.pace import COMMAND_TIMEOUT, Lockstep, Pace
 from diag_dynamics.simulation.plant import Plant
 from diag_dynamics.srv import SetState, Step
 from diag_dynamics.text import plain
@@ -108,7 +107,7 @@ class SimulatorNode(TableNode, Node):
         self._offer_services()
         self._go_on()
         if values["lockstep"]:
-            self.create_timer(PATIENCE / 2, self._repeat, clock=steady_clock())
+            self.create_timer(COMMAND_TIMEOUT / 2, self._repeat, clock=steady_clock())
             self._measure_and_publish()
         elif self._pace.factor:
             self.create_timer(1.0 / (values["rate"] * self._pace.factor), self._tick)
