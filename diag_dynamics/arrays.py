@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Types of what the library takes and gives: arrays of float64 come out, anything that is numbers goes in."""
+"""Types of arguments and results: results are arrays of float64, arguments anything that converts to numbers."""
 
 from __future__ import annotations
 
@@ -12,49 +12,42 @@ import numpy as np
 import numpy.typing as npt
 
 Array: TypeAlias = npt.NDArray[np.float64]
-"""What comes out."""
-
-Whole: TypeAlias = npt.NDArray[np.int64]
-"""Whole numbers, such as stamps [ns]."""
-
-Flags: TypeAlias = npt.NDArray[np.bool_]
-"""What is so, and what is not."""
-
+IntArray: TypeAlias = npt.NDArray[np.int64]
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
 Numbers: TypeAlias = npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
-"""An array of numbers, of any shape."""
 
 
-class Labelled(Protocol):
+class PandasLike(Protocol):
     """A Series or DataFrame of pandas, which need not be installed."""
 
     @property
     def index(self) -> Any:
-        """Its labels."""
+        """Return the labels."""
 
     def to_numpy(self) -> Any:
-        """Its numbers."""
+        """Return the numbers."""
 
 
 PointLike: TypeAlias = Numbers | Sequence[float] | Sequence[np.floating[Any]]
-"""Some numbers. Text, which NumPy's own ArrayLike has among it, is none."""
+"""Numbers, but no text, which NumPy's own ArrayLike includes."""
 
-VectorLike: TypeAlias = PointLike | Mapping[str, float] | Labelled
-"""One number for each of something, or by its name."""
+VectorLike: TypeAlias = PointLike | Mapping[str, float] | PandasLike
+"""One number per joint, or by name."""
 
 RowsLike: TypeAlias = Numbers | Sequence[VectorLike]
 """Rows of numbers."""
 
-MatrixLike: TypeAlias = RowsLike | Mapping[str, Any] | Labelled
+MatrixLike: TypeAlias = RowsLike | Mapping[str, Any] | PandasLike
 """Rows of numbers, or columns by name."""
 
 StatesLike: TypeAlias = VectorLike | MatrixLike
-"""Numbers of one state, or of many."""
+"""One state, or one row per state."""
 
 Wrenches: TypeAlias = Mapping[str, VectorLike]
 """Six numbers, force [N] then moment [N m], by link name."""
 
 ManyWrenches: TypeAlias = Mapping[str, VectorLike | MatrixLike]
-"""The same for all of many states, or a row for each."""
+"""The same at all states, or one row per state."""
 
 Frame: TypeAlias = Literal["link", "world"]
-"""Whose axes a wrench is in."""
+"""Axes of a wrench, a twist or a Jacobian."""

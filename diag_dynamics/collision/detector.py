@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, Flags, VectorLike, Whole
+from diag_dynamics.arrays import Array, BoolArray, IntArray, VectorLike
 from diag_dynamics.checks import instance, mapping, not_negative, number, positive, vector
 from diag_dynamics.entries import ALL, by_name
 
@@ -90,9 +90,9 @@ class Judged(NamedTuple):
         |m r| of joints, ‖m r‖ and |r|, lowered by the offset, as they are compared with the thresholds.
     """
 
-    alarm: Flags
-    begins: Flags
-    joints: Flags
+    alarm: BoolArray
+    begins: BoolArray
+    joints: BoolArray
     values: Array
 
 
@@ -135,7 +135,7 @@ class AlarmDetector:
 
     def reset(self) -> None:
         """Clear alarms and offset, as before the first state."""
-        self._active: Flags = np.zeros(len(self.detectors), dtype=bool)
+        self._active: BoolArray = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
         self._at_rest = True  # no detector is active, and the offset is zero
         self._last: int | None = None  # stamp of the last state
@@ -173,11 +173,11 @@ class AlarmDetector:
 
     def judge(
         self,
-        stamps: Whole,
+        stamps: IntArray,
         residual: Array,
         external_torque: Array,
-        valid: Flags,
-        restarts: Flags | None = None,
+        valid: BoolArray,
+        restarts: BoolArray | None = None,
         values: Array | None = None,
     ) -> Judged:
         """Process states in order, after those of earlier calls.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, Flags, Whole
+from diag_dynamics.arrays import Array, BoolArray, IntArray
 from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, Judged
 
 LABELS = {TORQUE: ("|m r|", "N m"), NORM: ("|r|", "J^0.5/s")}
@@ -64,7 +64,7 @@ class Alarms:
         self.judged = tuple(np.array(self._detectors)[np.isfinite(self._limits)].tolist())
         self.found: list[Alarm] = []
 
-    def add_states(self, stamps: Whole, norm: Array, judged: Judged) -> None:
+    def add_states(self, stamps: IntArray, norm: Array, judged: Judged) -> None:
         """Add states: stamps [ns], |r| and the results of the detector."""
         on = np.flatnonzero(judged.alarm)
         for rows in np.split(on, np.flatnonzero(judged.begins[on])):
@@ -72,7 +72,7 @@ class Alarms:
                 begins = bool(judged.begins[rows[0]]) or not self.found
                 self._add_alarm(stamps[rows], norm[rows], judged.values[rows], begins)
 
-    def _add_alarm(self, stamps: Whole, norm: Array, values: Array, begins: bool) -> None:
+    def _add_alarm(self, stamps: IntArray, norm: Array, values: Array, begins: bool) -> None:
         """Add states of one alarm, which begins, or continues the last one."""
         if begins:
             first = self._detectors[int(np.argmax(values[0] / self._limits))]
@@ -100,7 +100,7 @@ class NormCollisions:
         self.judged: tuple[str, ...] = ()
         self.found: list[Alarm] = []
 
-    def add_states(self, stamps: Whole, torque: Array, norm: Array, collision: Flags) -> None:
+    def add_states(self, stamps: IntArray, torque: Array, norm: Array, collision: BoolArray) -> None:
         """Add states: stamps [ns], m r, |r|, and whether the observer reports a collision."""
         edges = np.flatnonzero(np.diff(collision.astype(np.int8), prepend=0, append=0))
         for first, end in edges.reshape(-1, 2).tolist():

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, Flags, Whole
+from diag_dynamics.arrays import Array, BoolArray, IntArray
 from diag_dynamics.collision.detector import SECOND, detector_values
 from diag_dynamics.optional import require
 
@@ -21,7 +21,7 @@ PEAK_PERIOD = 4.0  # time of the data for each peak, between these bounds [s]
 MIN_FITTED = 4  # fewest peaks of a tail
 CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
 
-Segments = list[tuple[Whole, Array]]  # stamps [ns] and values of rows without a gap
+Segments = list[tuple[IntArray, Array]]  # stamps [ns] and values of rows without a gap
 
 
 class Level(NamedTuple):
@@ -35,13 +35,13 @@ class Level(NamedTuple):
 class Rows(NamedTuple):
     """Columns of states, or of cells with the largest value of each column."""
 
-    stamps: Whole  # [ns], of a cell that of its first state
-    segment: Whole  # number of the segment without a gap
+    stamps: IntArray  # [ns], of a cell that of its first state
+    segment: IntArray  # number of the segment without a gap
     x: Array  # [m r, r]
     values: Array  # of the detectors, shape (T, nv + 2)
 
     @property
-    def starts(self) -> Flags:
+    def starts(self) -> BoolArray:
         """Whether a segment starts at each row."""
         return np.diff(self.segment, prepend=-1) != 0
 
@@ -70,7 +70,7 @@ class Residuals:
         self._count = self._segment = self._reduced = 0  # states, number of the segment, parts that are cells
         self._last: int | None = None
 
-    def add_states(self, stamps: Whole, residual: Array, torque: Array, valid: Flags) -> None:
+    def add_states(self, stamps: IntArray, residual: Array, torque: Array, valid: BoolArray) -> None:
         """Add states in order: stamps [ns], r, m r, and whether there is a result."""
         stamps, x = stamps[valid], np.concatenate([torque, residual], axis=1)[valid]
         if not len(stamps):

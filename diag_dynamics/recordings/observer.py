@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, Flags, VectorLike
+from diag_dynamics.arrays import Array, BoolArray, VectorLike
 from diag_dynamics.checks import instance, per_name, positive
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -43,8 +43,8 @@ class Observed(NamedTuple):
     residual: Array
     external_torque: Array
     norm: Array
-    valid: Flags
-    collision: Flags
+    valid: BoolArray
+    collision: BoolArray
 
 
 class ObservedStates(NamedTuple):
@@ -53,8 +53,8 @@ class ObservedStates(NamedTuple):
     residual: Array
     external_torque: Array
     norm: Array
-    valid: Flags
-    collision: Flags
+    valid: BoolArray
+    collision: BoolArray
 
 
 def observe(
