@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
+from diag_dynamics.sweeps import evaluation
+from diag_dynamics.sweeps import workspace as ws
 
 if TYPE_CHECKING:
     from diag_dynamics.model import RobotModel
@@ -39,13 +40,13 @@ PER_DOF = (
 NAMES = (*PER_DOF[:-1], "kinetic_energy", "energy_share", "base_energy", "link_energy", "power", "effort_power")
 """Quantities of `to_dict` and `repr`, in this order."""
 
-# Rows of the results, as global names: reading `sweeps.NU` takes twice as long as reading the row.
-_NU, _XI, _EPSILON, _KAPPA = sweeps.NU, sweeps.XI, sweeps.EPSILON, sweeps.KAPPA
-_CORIOLIS, _CORIOLIS_UNNORMALIZED, _GRAVITY = sweeps.CORIOLIS, sweeps.CORIOLIS_UNNORMALIZED, sweeps.GRAVITY
-_D, _D_RATE = sweeps.ARTICULATED_INERTIA, sweeps.ARTICULATED_INERTIA_RATE
-_NU_DOT, _XI_DOT, _ENERGY_SHARE = sweeps.NU_DOT, sweeps.XI_DOT, sweeps.ENERGY_SHARE
-_KINETIC_ENERGY, _BASE_ENERGY = sweeps.KINETIC_ENERGY, sweeps.BASE_ENERGY
-_POWER, _EFFORT_POWER = sweeps.POWER, sweeps.EFFORT_POWER
+# Rows of the results, as global names: reading `ws.NU` takes twice as long as reading the row.
+_NU, _XI, _EPSILON, _KAPPA = ws.NU, ws.XI, ws.EPSILON, ws.KAPPA
+_CORIOLIS, _CORIOLIS_UNNORMALIZED, _GRAVITY = ws.CORIOLIS, ws.CORIOLIS_UNNORMALIZED, ws.GRAVITY
+_D, _D_RATE = ws.ARTICULATED_INERTIA, ws.ARTICULATED_INERTIA_RATE
+_NU_DOT, _XI_DOT, _ENERGY_SHARE = ws.NU_DOT, ws.XI_DOT, ws.ENERGY_SHARE
+_KINETIC_ENERGY, _BASE_ENERGY = ws.KINETIC_ENERGY, ws.BASE_ENERGY
+_POWER, _EFFORT_POWER = ws.POWER, ws.EFFORT_POWER
 
 
 class Evaluation:
@@ -240,7 +241,7 @@ class Evaluation:
                 f"energy is a {kind}array of shape {energy.shape}, expected one of shape {shape} to write into."
             )
         model, (Q, QD), energies = self._model, self._motion, energy.reshape(-1, shape[-1])
-        if not sweeps.link_energies(model.bodies, model.links, Q, QD, energies):
+        if not evaluation.link_energies(model.bodies, model.links, Q, QD, energies):
             raise InputError(f"{self._RATES} is too large: the kinetic energy of a link overflows.")
 
     _RATES = "qd"
@@ -252,7 +253,7 @@ class Evaluation:
     @property
     def _motion(self) -> tuple[Array, Array]:
         """Positions and rates, one row per state."""
-        return self._state[sweeps.POSITIONS][None], self._state[sweeps.RATES][None]
+        return self._state[ws.POSITIONS][None], self._state[ws.RATES][None]
 
 
 class BatchEvaluation(Evaluation):
@@ -310,11 +311,11 @@ class BatchEvaluation(Evaluation):
         if not -len(self) <= t < len(self):
             raise IndexError(f"state {t} of a batch of {len(self)}")
         nv, nq = self._model.nv, self._model.nq
-        state = np.empty((sweeps.ROWS, max(nq, 1)))
-        state[: sweeps.RESULTS, :nv] = self._state[:, t]
+        state = np.empty((ws.ROWS, max(nq, 1)))
+        state[: ws.RESULTS, :nv] = self._state[:, t]
         state[_ENERGY_SHARE, :nv] = 0.5 * self.nu[t] * self.nu[t]
-        state[_KINETIC_ENERGY : _KINETIC_ENERGY + sweeps.NUMBERS, 0] = self._numbers[:, t]
-        state[sweeps.POSITIONS, :nq], state[sweeps.RATES, :nv] = self._positions[t], self._rates[t]
+        state[_KINETIC_ENERGY : _KINETIC_ENERGY + ws.NUMBERS, 0] = self._numbers[:, t]
+        state[ws.POSITIONS, :nq], state[ws.RATES, :nv] = self._positions[t], self._rates[t]
         external, friction = (None if x is None else x[t] for x in (self._external, self._friction))
         write_rates(state[:, :nv], external, friction)
         return Evaluation(self._model, read_only(state), state[:, :nv], self._with_tau, external, friction)
@@ -412,7 +413,7 @@ class BatchMemory(NamedTuple):
     def allocate(cls, model: RobotModel, count: int) -> BatchMemory:
         """Return uninitialized memory for `count` states, in one piece."""
         nv, nq = model.nv, model.nq
-        shapes = (sweeps.RESULTS, count, nv), (sweeps.NUMBERS, count), (count, nq), (count, nv)
+        shapes = (ws.RESULTS, count, nv), (ws.NUMBERS, count), (count, nq), (count, nv)
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
         parts = np.split(np.empty(ends[-1]), ends[:-1])
         return cls(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))

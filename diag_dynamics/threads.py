@@ -10,7 +10,8 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 
-from diag_dynamics import sweeps
+from diag_dynamics.sweeps import batch
+from diag_dynamics.sweeps import workspace as ws
 
 CHUNKS_PER_THREAD = 4
 """A delayed thread leaves its share to the others."""
@@ -38,7 +39,7 @@ class Workspaces:
         try:
             return self._idle.pop()
         except IndexError:
-            return sweeps.BatchWorkspace(self._model.bodies, self._model.gravity, sweeps.ROW_NUMBERS)
+            return ws.BatchWorkspace(self._model.bodies, self._model.gravity, batch.ROW_NUMBERS)
 
     def release(self, workspace):
         """Return a workspace to the idle ones."""

@@ -20,9 +20,8 @@ from diag_dynamics.compiled.switch import PLAIN
 from diag_dynamics.threads import cores
 
 UNITS = {
+    "sweeps.batch": 19,
     "simulation.steps": 14,
-    "sweeps.many": 12,
-    "sweeps.each": 7,
     "sweeps.derivatives": 6,
     "joint_states.rules": 6,
     "sweeps.evaluation": 5,

@@ -4,6 +4,7 @@
 """Compiling before anything is called: all entries of some modules at once."""
 
 import importlib
+import pkgutil
 
 from diag_dynamics.compiled.kernel import ready
 from diag_dynamics.compiled.progress import registered, steps
@@ -20,7 +21,9 @@ def compile_ahead(*modules, report=None):
         Called with the name of the entry that is next, how many are done, and how many there are; at last with None.
     """
     for module in modules:
-        importlib.import_module(module)
+        package = importlib.import_module(module)
+        for found in pkgutil.iter_modules(getattr(package, "__path__", ()), f"{module}."):
+            importlib.import_module(found.name)
     chosen = [entry for entry in registered() if any(f"{entry.__module__}.".startswith(f"{m}.") for m in modules)]
     for done, entry in enumerate(steps(chosen)):
         if report:

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, PointLike, RowsLike
 from diag_dynamics.checks import array_of, choice, unit
 from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.sweeps import contacts
 
 if TYPE_CHECKING:
     from diag_dynamics.contact.limits import ContactLimits
 
 WorstBy = Literal["energy", "force", "limit"]
 
-_BY = {"energy": sweeps.BY_ENERGY, "force": sweeps.BY_FORCE, "limit": sweeps.BY_LIMIT}
+_BY = {"energy": contacts.BY_ENERGY, "force": contacts.BY_FORCE, "limit": contacts.BY_LIMIT}
 
 MAX_DISTANCE = 1e6
 """Largest coordinate of a point in the link's axes [m]."""
@@ -121,15 +121,15 @@ class ContactPoints:
         self._region_names = tuple(name for names in self.regions for name in names)
         known = {} if limits is None else limits.regions
         self.limited = np.array([any(known[name].is_limited for name in names) for names in self.regions], dtype=bool)
-        self.directed = np.array([kind != sweeps.ALONG_MOTION for *_, kind, _ in entries], dtype=bool)
+        self.directed = np.array([kind != contacts.ALONG_MOTION for *_, kind, _ in entries], dtype=bool)
         self.limited.flags.writeable = self.directed.flags.writeable = False
         base, _ = model.placement_in_body(model.root_link)  # whose axes are the root link's
         tables = {
-            "entries": np.array(entries, dtype=sweeps.CONTACT_ENTRY),
+            "entries": np.array(entries, dtype=contacts.CONTACT_ENTRY),
             "points": np.ascontiguousarray(np.concatenate(rows) if rows else np.zeros((0, 3))),
             "regions": np.array(regions, dtype=float).reshape(-1, 4),
         }
-        self._table = Addresses(sweeps.CONTACTS, base=base, by=_BY[worst_by], **tables)
+        self._table = Addresses(contacts.CONTACTS, base=base, by=_BY[worst_by], **tables)
 
     @property
     def table(self) -> int:
@@ -172,9 +172,9 @@ def _direction(point: ContactPoint, placement: Array) -> tuple[int, Array]:
     """Return the kind of an entry's direction, and a unit vector along it in the axes of that kind."""
     choice("frame", point.frame, ("link", "root"))
     if point.direction is None:
-        return sweeps.ALONG_MOTION, np.zeros(3)
+        return contacts.ALONG_MOTION, np.zeros(3)
     u = unit(f"direction of '{point.name}'", point.direction)
-    return (sweeps.IN_ROOT, u) if point.frame == "root" else (sweeps.IN_BODY, placement[:3, :3] @ u)
+    return (contacts.IN_ROOT, u) if point.frame == "root" else (contacts.IN_BODY, placement[:3, :3] @ u)
 
 
 def _refuse_links(model: RobotModel, limits: ContactLimits | None) -> None:

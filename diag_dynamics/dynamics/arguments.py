@@ -10,11 +10,12 @@ from typing import Any, NoReturn, TypeGuard
 
 import numpy as np
 
-from diag_dynamics import sweeps, threads
+from diag_dynamics import threads
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import has_names, in_order, listed
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.sweeps import joints
 
 ARRAY, FLOAT = np.ndarray, np.dtype(np.float64)
 
@@ -133,7 +134,7 @@ def raise_failure(model: RobotModel, status: int, work: Any, q: Array, inputs: M
         joint, D = names[model.bodies["dof"][status]], float(work["D"][status])
         raise SingularMassMatrixError(
             f"The mass matrix of robot '{model.name}' is singular at this configuration: joint '{joint}' "
-            f"moves no inertia there (D = {D:.3g}, less than {sweeps.SINGULAR:g} of the inertias that it comes from).",
+            f"moves no inertia there (D = {D:.3g}, less than {joints.SINGULAR:g} of the inertias that it comes from).",
             joint,
             D,
         )
@@ -142,7 +143,7 @@ def raise_failure(model: RobotModel, status: int, work: Any, q: Array, inputs: M
         check_finite(name, values, names)
     for k, orientation in enumerate(model.orientations):
         quaternion = q[k - 3 : k + 1]
-        if orientation == 3 and abs(quaternion @ quaternion - 1.0) >= sweeps.UNIT_TOLERANCE:
+        if orientation == 3 and abs(quaternion @ quaternion - 1.0) >= joints.UNIT_TOLERANCE:
             raise InputError(
                 f"q of joint '{coordinates[k].rpartition('/')[0]}' has the quaternion {quaternion.tolist()} "
                 "(x, y, z, w), expected one of length 1."

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics import sweeps, threads
+from diag_dynamics import threads
 from diag_dynamics.arrays import Array, Frame, ManyWrenches, MatrixLike, VectorLike
 from diag_dynamics.dynamics.arguments import (
     check_finite,
@@ -26,6 +26,8 @@ from diag_dynamics.dynamics.arguments import (
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.wrenches import wrenches_on_links, wrenches_on_links_of_many
+from diag_dynamics.sweeps import batch, classical, derivatives, factorization
+from diag_dynamics.sweeps import workspace as ws
 
 
 class States(NamedTuple):
@@ -44,20 +46,20 @@ class States(NamedTuple):
 
 
 class Sweep(NamedTuple):
-    """A sweep that returns a vector: its kernel for one state, and its number in `sweeps.sweep_each`."""
+    """A sweep that returns a vector: its kernel for one state, and its number in `batch.sweep_each`."""
 
     single: Callable[..., int]
     each: int
     options: tuple[float, ...] = ()
 
 
-FORWARD_DYNAMICS = Sweep(sweeps.forward_dynamics, sweeps.FORWARD)
-INVERSE_DYNAMICS = Sweep(sweeps.inverse_dynamics, sweeps.INVERSE, (1.0,))
-WITHOUT_GRAVITY = Sweep(sweeps.inverse_dynamics, sweeps.INVERSE, (0.0,))
-NU_FROM_QD = Sweep(sweeps.nu_from_qd, sweeps.NU_FROM_QD)
-QD_FROM_NU = Sweep(sweeps.qd_from_nu, sweeps.QD_FROM_NU)
-EPSILON_FROM_TAU = Sweep(sweeps.epsilon_from_tau, sweeps.EPSILON_FROM_TAU)
-TAU_FROM_EPSILON = Sweep(sweeps.tau_from_epsilon, sweeps.TAU_FROM_EPSILON)
+FORWARD_DYNAMICS = Sweep(classical.forward_dynamics, batch.FORWARD)
+INVERSE_DYNAMICS = Sweep(classical.inverse_dynamics, batch.INVERSE, (1.0,))
+WITHOUT_GRAVITY = Sweep(classical.inverse_dynamics, batch.INVERSE, (0.0,))
+NU_FROM_QD = Sweep(factorization.nu_from_qd, batch.NU_FROM_QD)
+QD_FROM_NU = Sweep(factorization.qd_from_nu, batch.QD_FROM_NU)
+EPSILON_FROM_TAU = Sweep(factorization.epsilon_from_tau, batch.EPSILON_FROM_TAU)
+TAU_FROM_EPSILON = Sweep(factorization.tau_from_epsilon, batch.TAU_FROM_EPSILON)
 
 
 ZEROS: Any = object()
@@ -69,7 +71,7 @@ class SweepCaller:
 
     def __init__(self, model: RobotModel) -> None:
         self.model, self.nv = model, model.nv
-        self._workspace = sweeps.Workspace(model.bodies, model.gravity)
+        self._workspace = ws.Workspace(model.bodies, model.gravity)
         self.robot = self._workspace.robot
         self.workspaces = threads.Workspaces(model)
         self.zero = np.zeros(model.nv)
@@ -120,7 +122,7 @@ class SweepCaller:
         weight = sweep.options[0] if sweep.options else 0.0
 
         def call(robot: int, first: int, last: int) -> int:
-            return sweeps.sweep_each(robot, sweep.each, Q, A, B, weight, first, last, results)
+            return batch.sweep_each(robot, sweep.each, Q, A, B, weight, first, last, results)
 
         self.run_chunks(call, len(Q), states.threads, single)
         return results
@@ -149,8 +151,8 @@ class SweepCaller:
         """Raise the error of a sweep's status, if there is one."""
         if status:
             # Factorized again in new memory: another thread may have used the shared one since.
-            own = sweeps.Workspace(self.model.bodies, self.model.gravity)
-            sweeps.joint_inertias(own.robot, q, *np.empty((2, self.nv)))
+            own = ws.Workspace(self.model.bodies, self.model.gravity)
+            factorization.joint_inertias(own.robot, q, *np.empty((2, self.nv)))
             raise_failure(self.model, status, own.work, q, inputs)
 
     # --- Efforts of wrenches and friction
@@ -161,12 +163,12 @@ class SweepCaller:
         if not states.threads:
             tau = np.empty(self.nv)
             records = wrenches_on_links(self.model, f_ext, frame)
-            self.check(sweeps.effort_of_wrenches(self.robot, Q, records, in_world, tau), Q)
+            self.check(classical.effort_of_wrenches(self.robot, Q, records, in_world, tau), Q)
             return tau
         records, results = wrenches_on_links_of_many(self.model, f_ext, frame, len(Q)), np.empty((len(Q), self.nv))
 
         def call(robot: int, first: int, last: int) -> int:
-            return sweeps.effort_of_wrenches_each(robot, Q, records, len(f_ext), in_world, first, last, results)
+            return batch.effort_of_wrenches_each(robot, Q, records, len(f_ext), in_world, first, last, results)
 
         self.run_chunks(call, len(Q), states.threads, lambda t: mass_matrix(self, states.at(t)))  # only Q can be wrong
         return results
@@ -233,11 +235,11 @@ def mass_matrix(caller: SweepCaller, states: States) -> Array:
     """Return M, with a leading axis for many states."""
     Q, M = states.q, np.empty((*states.q.shape[:-1], caller.nv, caller.nv))
     if not states.threads:
-        caller.check(sweeps.mass_matrix(caller.robot, Q, M), Q)
+        caller.check(classical.mass_matrix(caller.robot, Q, M), Q)
         return M
 
     def call(robot: int, first: int, last: int) -> int:
-        return sweeps.mass_matrix_each(robot, Q, first, last, M)
+        return batch.mass_matrix_each(robot, Q, first, last, M)
 
     caller.run_chunks(call, len(Q), states.threads, lambda t: mass_matrix(caller, states.at(t)))
     return M
@@ -255,6 +257,6 @@ def derivative(
 def articulated_inertias(caller: SweepCaller, q: VectorLike, qd: VectorLike) -> tuple[Array, Array]:
     """Return D and Ḋ."""
     at, (D, D_rate) = caller.one(q, qd=qd), np.empty((2, caller.nv))
-    status = sweeps.articulated_inertias(caller.robot, at.q, at.vectors["qd"], D, D_rate)
+    status = derivatives.articulated_inertias(caller.robot, at.q, at.vectors["qd"], D, D_rate)
     caller.check(status, at.q, **at.vectors)
     return D, D_rate

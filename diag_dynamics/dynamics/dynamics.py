@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, Frame, ManyWrenches, MatrixLike, PointLike, RowsLike, StatesLike, VectorLike
 from diag_dynamics.checks import numbers, unit
 from diag_dynamics.contact.impact import Impact, impact
@@ -24,8 +23,11 @@ from diag_dynamics.dynamics.evaluating import evaluate_many, evaluate_one
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, Factors, memory_of, new_evaluation
+from diag_dynamics.sweeps import classical, derivatives, evaluation, kinematics, mobilities
+from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps.factors import factors as fill_factors
 
-_ARRAY, _FLOAT, _MISFIT, _empty = ARRAY, FLOAT, sweeps.MISFIT, np.empty
+_ARRAY, _FLOAT, _MISFIT, _empty = ARRAY, FLOAT, ws.MISFIT, np.empty
 _new = tuple.__new__  # half of the time that a namedtuple's own takes
 
 
@@ -59,7 +61,7 @@ class DiagonalDynamics:
         self._caller = calls.SweepCaller(model)
         self._robot, self._zero = self._caller.robot, self._caller.zero
         self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
-        self._shape = sweeps.ROWS, max(model.nq, 1)  # rows of numbers have one entry even without joints
+        self._shape = ws.ROWS, max(model.nq, 1)  # rows of numbers have one entry even without joints
         self._whole = self._shape[1] == model.nv
         self._frames: Any = None
 
@@ -125,7 +127,7 @@ class DiagonalDynamics:
                 and type(q) is type(qd) is type(effort) is _ARRAY
                 and q.dtype is qd.dtype is effort.dtype is _FLOAT
             ):
-                status = sweeps.evaluate(self._robot, q, qd, effort, state)
+                status = evaluation.evaluate(self._robot, q, qd, effort, state)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass
         if status or friction or frame != "link":
@@ -200,12 +202,12 @@ class DiagonalDynamics:
         factors, D, status = np.empty(self._factors_shape), np.empty(self._nv), _MISFIT
         try:
             if type(q) is _ARRAY and q.dtype is _FLOAT:  # as in evaluate
-                status = sweeps.factors(self._robot, q, factors, D)
+                status = fill_factors(self._robot, q, factors, D)
         except (AttributeError, TypeError, ValueError):  # no vector of float64: no error yet
             pass
         if status:
             q = self._caller.positions(q)
-            self._caller.check(sweeps.factors(self._robot, q, factors, D), q)
+            self._caller.check(fill_factors(self._robot, q, factors, D), q)
         factors.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         D.setflags(False)  # type: ignore[call-arg]
         return _new(Factors, (factors[0], factors[1], factors[2], D))
@@ -231,7 +233,7 @@ class DiagonalDynamics:
                 if (
                     type(q) is type(qd) is type(tau) is _ARRAY  # as in evaluate
                     and q.dtype is qd.dtype is tau.dtype is _FLOAT
-                    and not sweeps.forward_dynamics(self._robot, q, qd, tau, qdd := _empty(self._nv))
+                    and not classical.forward_dynamics(self._robot, q, qd, tau, qdd := _empty(self._nv))
                 ):
                     return qdd
             except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
@@ -319,21 +321,21 @@ class DiagonalDynamics:
 
         It is mᵀ's own rate, from d(mᵀx)/dt: ṁᵀq̇ = ν̇ − mᵀq̈.
         """
-        return calls.derivative(self._caller, sweeps.m_rate_transposed, q, qd, x)
+        return calls.derivative(self._caller, derivatives.m_rate_transposed, q, qd, x)
 
     def coriolis_bracket(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return B(q, ν)x [J^½/s], shape (nv,), of x [J^½], in O(N).
 
         B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of :meth:`coriolis_product`.
         """
-        return calls.derivative(self._caller, sweeps.coriolis_bracket, q, qd, x, scratch=2)
+        return calls.derivative(self._caller, derivatives.coriolis_bracket, q, qd, x, scratch=2)
 
     def coriolis_product(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return C_s(q, q̇)x [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N): C_s q̇ = c, and Ṁ − 2C_s is skew.
 
         It is the Newton–Euler pass of two velocities that passivity-based tracking needs.
         """
-        return calls.derivative(self._caller, sweeps.coriolis_product, q, qd, x)
+        return calls.derivative(self._caller, derivatives.coriolis_product, q, qd, x)
 
     def mass_matrix_rate(self, q: VectorLike, qd: VectorLike) -> Array:
         """Return Ṁ = Σ q̇_i ∂M/∂q_i [kg m²/s, …], shape (nv, nv) (Identity 6.3).
@@ -344,13 +346,13 @@ class DiagonalDynamics:
         at = self._caller.one(q, qd=qd)
         check_finite("qd", at.vectors["qd"], self.model.dof_names)
         M, M_rate = np.zeros((2, self._nv, self._nv))
-        status = sweeps.mass_matrix_rate(self._robot, at.q, at.vectors["qd"], M, M_rate)
+        status = derivatives.mass_matrix_rate(self._robot, at.q, at.vectors["qd"], M, M_rate)
         self._caller.check(status, at.q, **at.vectors)
         return M_rate
 
     def mass_matrix_rate_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return Ṁx [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N) without forming Ṁ (Identity 6.3)."""
-        return calls.derivative(self._caller, sweeps.mass_matrix_rate_times, q, qd, x)
+        return calls.derivative(self._caller, derivatives.mass_matrix_rate_times, q, qd, x)
 
     def log_det(self, q: VectorLike) -> float:
         """Return ln det M = Σ ln D_k of the numerical values in SI units."""
@@ -368,7 +370,7 @@ class DiagonalDynamics:
         body, in_body = self.model.placement_in_body(link)
         result = np.eye(4)
         q = self._caller.positions(q)
-        self._caller.check(sweeps.placement(self._robot, q, body, result[:3]), q)
+        self._caller.check(kinematics.placement(self._robot, q, body, result[:3]), q)
         return result @ in_body
 
     def jacobian(self, q: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), *, frame: Frame = "link") -> Array:
@@ -468,7 +470,7 @@ class DiagonalDynamics:
             self._frames = links.frames(self.model)
         result = np.empty((len(self._frames), 6, 6))
         q = self._caller.positions(q)
-        self._caller.check(sweeps.mobilities(self._robot, q, self._frames, result), q)
+        self._caller.check(mobilities.mobilities(self._robot, q, self._frames, result), q)
         return result
 
     # --- Contact. It is advisory: no result is safety-rated.

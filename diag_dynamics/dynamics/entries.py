@@ -5,45 +5,55 @@
 
 from __future__ import annotations
 
-from diag_dynamics import sweeps
 from diag_dynamics.compiled import kernel
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.sweeps import (
+    batch,
+    classical,
+    contacts,
+    derivatives,
+    evaluation,
+    factorization,
+    factors,
+    kinematics,
+    mobilities,
+)
 from diag_dynamics.sweeps.evaluation import _link_energies
 
-_WRENCHES = sweeps.effort_of_wrenches, sweeps.epsilon_from_tau
+_WRENCHES = classical.effort_of_wrenches, factorization.epsilon_from_tau
 
 ENTRIES = {
-    "evaluate": (sweeps.evaluate, *_WRENCHES, _link_energies),
-    "evaluate_batch": (sweeps.evaluate_many, _link_energies),
-    "factors": (sweeps.factors,),
-    "forward_dynamics": (sweeps.forward_dynamics, sweeps.effort_of_wrenches),
-    "inverse_dynamics": (sweeps.inverse_dynamics, sweeps.effort_of_wrenches),
-    "mass_matrix": (sweeps.mass_matrix,),
-    "bias": (sweeps.inverse_dynamics,),
-    "gravity_torque": (sweeps.inverse_dynamics,),
-    "nu_from_qd": (sweeps.nu_from_qd,),
-    "qd_from_nu": (sweeps.qd_from_nu,),
-    "epsilon_from_tau": (sweeps.epsilon_from_tau,),
-    "tau_from_epsilon": (sweeps.tau_from_epsilon,),
-    "m_rate_transposed": (sweeps.m_rate_transposed,),
-    "coriolis_bracket": (sweeps.coriolis_bracket,),
-    "coriolis_product": (sweeps.coriolis_product,),
-    "mass_matrix_rate": (sweeps.mass_matrix_rate,),
-    "mass_matrix_rate_times": (sweeps.mass_matrix_rate_times,),
-    "log_det": (sweeps.articulated_inertias,),
-    "log_det_rate": (sweeps.articulated_inertias,),
-    "placement": (sweeps.placement,),
-    "jacobian": (sweeps.jacobian, sweeps.placement),
-    "link_velocity": (sweeps.motion, sweeps.placement),
-    "link_acceleration": (sweeps.motion, sweeps.placement),
-    "wrench_factor": (sweeps.factor_of_wrenches,),
-    "epsilon_from_wrench": (sweeps.factor_of_wrenches,),
-    "operational_inverse_inertia": (sweeps.factor_of_wrenches,),
-    "reflected_mass": (sweeps.factor_of_wrenches,),
-    "mobilities": (sweeps.mobilities,),
-    "contact": (sweeps.contacts,),
-    "contact_batch": (sweeps.contacts_each,),
-    "impact": (sweeps.factor_of_wrenches, sweeps.nu_from_qd, sweeps.qd_from_nu),
+    "evaluate": (evaluation.evaluate, *_WRENCHES, _link_energies),
+    "evaluate_batch": (batch.evaluate_many, _link_energies),
+    "factors": (factors.factors,),
+    "forward_dynamics": (classical.forward_dynamics, classical.effort_of_wrenches),
+    "inverse_dynamics": (classical.inverse_dynamics, classical.effort_of_wrenches),
+    "mass_matrix": (classical.mass_matrix,),
+    "bias": (classical.inverse_dynamics,),
+    "gravity_torque": (classical.inverse_dynamics,),
+    "nu_from_qd": (factorization.nu_from_qd,),
+    "qd_from_nu": (factorization.qd_from_nu,),
+    "epsilon_from_tau": (factorization.epsilon_from_tau,),
+    "tau_from_epsilon": (factorization.tau_from_epsilon,),
+    "m_rate_transposed": (derivatives.m_rate_transposed,),
+    "coriolis_bracket": (derivatives.coriolis_bracket,),
+    "coriolis_product": (derivatives.coriolis_product,),
+    "mass_matrix_rate": (derivatives.mass_matrix_rate,),
+    "mass_matrix_rate_times": (derivatives.mass_matrix_rate_times,),
+    "log_det": (derivatives.articulated_inertias,),
+    "log_det_rate": (derivatives.articulated_inertias,),
+    "placement": (kinematics.placement,),
+    "jacobian": (kinematics.jacobian, kinematics.placement),
+    "link_velocity": (kinematics.motion, kinematics.placement),
+    "link_acceleration": (kinematics.motion, kinematics.placement),
+    "wrench_factor": (factorization.factor_of_wrenches,),
+    "epsilon_from_wrench": (factorization.factor_of_wrenches,),
+    "operational_inverse_inertia": (factorization.factor_of_wrenches,),
+    "reflected_mass": (factorization.factor_of_wrenches,),
+    "mobilities": (mobilities.mobilities,),
+    "contact": (contacts.contacts,),
+    "contact_batch": (contacts.contacts_each,),
+    "impact": (factorization.factor_of_wrenches, factorization.nu_from_qd, factorization.qd_from_nu),
 }
 """Entries that a method calls, by its name."""
 

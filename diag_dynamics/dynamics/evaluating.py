@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, Frame, ManyWrenches
 from diag_dynamics.dynamics.arguments import check_frame, check_power, has_wrenches
 from diag_dynamics.dynamics.calls import ZEROS, States, SweepCaller, friction_of
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, add_power, memory_of, read_only, write_rates
+from diag_dynamics.sweeps import batch, evaluation
+from diag_dynamics.sweeps import workspace as ws
 
 
 def evaluate_one(
@@ -37,14 +38,14 @@ def evaluate_one(
         at = caller.one(q, qd=qd, tau=ZEROS if tau is None else tau)
         # Before `state` is written: wrenches may lie in `out`.
         pushing = caller.wrench_effort(at, f_ext, frame) if has_wrenches(f_ext) else None
-        caller.check(sweeps.evaluate(caller.robot, at.q, *at.vectors.values(), state), at.q, **at.vectors)
-        rows, power = state[:, :nv], state[sweeps.POWER, :1]
+        caller.check(evaluation.evaluate(caller.robot, at.q, *at.vectors.values(), state), at.q, **at.vectors)
+        rows, power = state[:, :nv], state[ws.POWER, :1]
         if pushing is not None:
             external = caller.epsilon(at, pushing, "f_ext is")
         if friction:
             resisting = caller.epsilon(at, friction_of(caller.model, at.vectors["qd"]), "friction or qd are")
         write_rates(rows, external, resisting)
-        add_power(rows[sweeps.NU], power, external, resisting)
+        add_power(rows[ws.NU], power, external, resisting)
         if not np.isfinite(power[0]):
             raise InputError("qd, f_ext or friction are too large: the power overflows.")
     except Exception:
@@ -83,8 +84,8 @@ def evaluate_many(
         resisting = None
         if friction:
             resisting = caller.epsilon(at, friction_of(caller.model, at.vectors["qd"]), "friction or QD are")
-        power = memory.numbers[sweeps.POWER - sweeps.KINETIC_ENERGY]
-        add_power(memory.results[sweeps.NU], power, external, resisting)
+        power = memory.numbers[ws.POWER - ws.KINETIC_ENERGY]
+        add_power(memory.results[ws.NU], power, external, resisting)
         check_power(power)
     except BaseException:  # a Ctrl-C, too
         if out is not None:
@@ -103,12 +104,12 @@ def _fill(caller: SweepCaller, at: States, with_tau: bool, memory: BatchMemory, 
     Q, (QD, TAU) = at.q, at.vectors.values()
 
     def sweep(robot: int, first: int, last: int) -> int:
-        return sweeps.evaluate_many(robot, Q, QD, TAU, first, last, *memory)
+        return batch.evaluate_many(robot, Q, QD, TAU, first, last, *memory)
 
     def evaluate_again(t: int) -> None:
         single(Q[t], QD[t], TAU[t] if with_tau else None)
 
-    caller.run_chunks(sweep, len(Q), at.threads, evaluate_again, sweeps.WIDTH)
+    caller.run_chunks(sweep, len(Q), at.threads, evaluate_again, ws.WIDTH)
 
 
 def _memory_of_batch(out: BatchEvaluation, model: RobotModel, at: States) -> Any:

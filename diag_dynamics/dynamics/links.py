@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, Frame, PointLike, VectorLike
 from diag_dynamics.checks import numbers
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
@@ -21,6 +20,7 @@ from diag_dynamics.dynamics.calls import States, SweepCaller
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.wrenches import wrenches_at
+from diag_dynamics.sweeps import contacts, factorization, kinematics, mobilities
 
 ROUNDING = 4e-15
 """Maximum of ℓJᵀu by rounding, as a fraction of the entries of ℓJᵀ, per degree of freedom."""
@@ -30,7 +30,7 @@ def jacobian(caller: SweepCaller, q: VectorLike, link: str, point: PointLike, fr
     """Return J of a point of a link, shape (6, nv)."""
     body, in_body = _point_in_body(caller.model, link, point, frame)
     q, J = caller.positions(q), np.empty((6, caller.nv))
-    caller.check(sweeps.jacobian(caller.robot, q, body, in_body[:3, 3].copy(), J), q)
+    caller.check(kinematics.jacobian(caller.robot, q, body, in_body[:3, 3].copy(), J), q)
     return rotate(_axes(caller, q, body, in_body, frame), J)
 
 
@@ -46,7 +46,7 @@ def motion(
     """Return twist and its rate at a point of a link, in the body's axes, and the rotation to those of `frame`."""
     body, in_body = _point_in_body(caller.model, link, point, frame)
     at, found = caller.one(q, qd=qd, qdd=qdd), np.empty((2, 6))
-    caller.check(sweeps.motion(caller.robot, at.q, *at.vectors.values(), body, found), at.q, **at.vectors)
+    caller.check(kinematics.motion(caller.robot, at.q, *at.vectors.values(), body, found), at.q, **at.vectors)
     for V in found:
         V[:3] += np.cross(V[3:], in_body[:3, 3])
     return found[0], found[1], _axes(caller, at.q, body, in_body, frame)
@@ -67,7 +67,7 @@ def _axes(caller: SweepCaller, q: Array, body: int, in_body: Array, frame: Frame
     if frame == "link":
         return in_body[:3, :3].T
     X = np.empty((3, 4))
-    caller.check(sweeps.placement(caller.robot, q, body, X), q)
+    caller.check(kinematics.placement(caller.robot, q, body, X), q)
     return X[:, :3]
 
 
@@ -82,7 +82,7 @@ def wrench_factor(
     """Return ℓJᵀw of wrenches, shape (number, 6), at a point of a link, one column each."""
     records = wrenches_at(caller.model, link, wrenches, point, frame)
     q, epsilon = caller.positions(q), np.empty((caller.nv, len(records)))
-    caller.check(sweeps.factor_of_wrenches(caller.robot, q, records, frame == "world", epsilon), q)
+    caller.check(factorization.factor_of_wrenches(caller.robot, q, records, frame == "world", epsilon), q)
     if not np.isfinite(epsilon).all():
         raise InputError(f"point {list(point)} or the wrench are too large: a result overflows.")
     return epsilon
@@ -106,8 +106,8 @@ def reflected_mass(factor: Array, u: Array, point: PointLike) -> float:
 
 
 def frames(model: RobotModel) -> Any:
-    """Return the frames of all links as records for sweeps.mobilities."""
-    records = np.zeros(len(model.link_names), sweeps.FRAME)
+    """Return the frames of all links as records for mobilities.mobilities."""
+    records = np.zeros(len(model.link_names), mobilities.FRAME)
     for k, link in enumerate(model.link_names):
         body, X = model.placement_in_body(link)
         records[k] = body, np.array_equal(X, np.eye(4)), X[:3, :3].ravel(), X[:3, 3]
@@ -120,18 +120,18 @@ def contact(caller: SweepCaller, states: States, points: ContactPoints | Iterabl
     if not states.threads:
         return _contact_at(caller, states, points)
     Q, QD = states.q, states.vectors["qd"]
-    nu, results = np.empty((len(Q), caller.nv)), np.empty((len(Q), len(points), sweeps.CONTACT_COLUMNS))
+    nu, results = np.empty((len(Q), caller.nv)), np.empty((len(Q), len(points), contacts.CONTACT_COLUMNS))
 
     def sweep(robot: int, first: int, last: int) -> int:
-        return sweeps.contacts_each(robot, points.table, Q, QD, first, last, nu, results)
+        return contacts.contacts_each(robot, points.table, Q, QD, first, last, nu, results)
 
     caller.run_chunks(sweep, len(Q), states.threads, lambda t: _contact_at(caller, states.at(t), points))
     return Contact(points, nu, results)
 
 
 def _contact_at(caller: SweepCaller, state: States, points: ContactPoints) -> Contact:
-    nu, results = np.empty(caller.nv), np.empty((len(points), sweeps.CONTACT_COLUMNS))
-    status = sweeps.contacts(caller.robot, points.table, state.q, state.vectors["qd"], nu, results)
+    nu, results = np.empty(caller.nv), np.empty((len(points), contacts.CONTACT_COLUMNS))
+    status = contacts.contacts(caller.robot, points.table, state.q, state.vectors["qd"], nu, results)
     caller.check(status, state.q, **state.vectors)
     return Contact(points, nu, results)
 

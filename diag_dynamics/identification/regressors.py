@@ -8,7 +8,7 @@ import numpy as np
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.identification.kernels.regressors import PARAMETERS, fill_regressors, low_pass
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.sweeps import Workspace
+from diag_dynamics.sweeps.workspace import Workspace
 
 OWN = DAMPING, FRICTION, OFFSET, ROTOR = range(4)  # unknowns of a degree of freedom beside inertias
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns

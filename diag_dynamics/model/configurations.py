@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.checks import vector
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.sweeps import joints, motions
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 REACH = 1.0
@@ -42,7 +42,7 @@ def integrated(model, q, v):
     result = np.empty(model.nq)
     q, v = positions(model, "q", q), vector("v", v, model.dof_names)
     own = model.workspace  # referenced while the sweep runs, which has its address only
-    _check(sweeps.integrate(own.robot, q, v, result), "q and v")
+    _check(motions.integrate(own.robot, q, v, result), "q and v")
     return result
 
 
@@ -51,7 +51,7 @@ def difference(model, q0, q1):
     v = np.empty(model.nv)
     q0, q1 = positions(model, "q0", q0), positions(model, "q1", q1)
     own = model.workspace
-    _check(sweeps.difference(own.robot, q0, q1, _turning(model), v), "q0 and q1")
+    _check(motions.difference(own.robot, q0, q1, _turning(model), v), "q0 and q1")
     return v
 
 
@@ -60,7 +60,7 @@ def positions(model, name, q):
     q = vector(name, q, model.coordinate_names)
     for k, component in enumerate(model.orientations):
         quaternion = q[k - 3 : k + 1]
-        if component == 3 and abs(quaternion @ quaternion - 1.0) >= sweeps.UNIT_TOLERANCE:
+        if component == 3 and abs(quaternion @ quaternion - 1.0) >= joints.UNIT_TOLERANCE:
             raise InputError(
                 f"{name} of joint '{model.coordinate_names[k].rpartition('/')[0]}' has the quaternion {quaternion.tolist()} "
                 "(x, y, z, w), expected one of length 1."

@@ -5,9 +5,11 @@
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.exceptions import MasslessLinkError
 from diag_dynamics.model.options import negative_moments
+from diag_dynamics.sweeps import factorization
+from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps.joints import SINGULAR
 
 
 def massless_freedoms(model):
@@ -16,15 +18,15 @@ def massless_freedoms(model):
     At a single configuration M may be merely singular there.
     """
     rng = np.random.default_rng(0)
-    own = sweeps.Workspace(model.bodies, model.gravity)
+    own = ws.Workspace(model.bodies, model.gravity)
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     for spread in (0.0, 1.0, 1.0, 1.0):
         q = model.neutral
         turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
-        sweeps.joint_inertias(own.robot, q, D, magnitude)
-        massless &= ~(sweeps.SINGULAR * magnitude < D)
+        factorization.joint_inertias(own.robot, q, D, magnitude)
+        massless &= ~(SINGULAR * magnitude < D)
         smallest = np.minimum(smallest, D)
     return np.flatnonzero(massless), smallest
 

@@ -48,7 +48,7 @@ from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.tree import Tree, refuse_same_names
 from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_element
 from diag_dynamics.model.xacro_files import expanded
-from diag_dynamics.sweeps import Workspace
+from diag_dynamics.sweeps.workspace import Workspace
 
 MAX_COUPLED = 200
 """Largest number of bodies in a coupled group, by default."""

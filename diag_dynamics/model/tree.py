@@ -12,7 +12,7 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import coupled_groups
 from diag_dynamics.rigid_body import parallel_axes
-from diag_dynamics.sweeps import BODY, LINK
+from diag_dynamics.sweeps.records import BODY, LINK
 
 _UPPER = np.triu_indices(3)
 

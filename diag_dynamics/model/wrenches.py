@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External wrenches on links, as records :data:`sweeps.WRENCH`."""
+"""External wrenches on links, as records :data:`records.WRENCH`."""
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.checks import array_of, choice, mapping, numbers
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.sweeps.records import WRENCH
 
 _NUMBERS = "six finite numbers, force [N] then moment [N m]"
 
@@ -26,7 +26,7 @@ def wrenches_on_links_of_many(model, f_ext, frame, count):
 def _records(model, f_ext, frame, states, expected):
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)
-    records = np.zeros((*(states or (1,)), len(f_ext)), sweeps.WRENCH)
+    records = np.zeros((*(states or (1,)), len(f_ext)), WRENCH)
     for k, (name, given) in enumerate(f_ext.items()):
         if name not in model.link_names:
             raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
@@ -44,7 +44,7 @@ def wrenches_at(model, link, wrenches, point, frame):
     point = numbers("point", point, (3,), "three finite numbers [m]")
     body, placement = model.placement_in_body(link)
     turn = np.eye(3) if frame == "world" else placement[:3, :3]
-    records = np.zeros(len(wrenches), sweeps.WRENCH)
+    records = np.zeros(len(wrenches), WRENCH)
     records["body"], records["point"] = body, placement[:3, 3] + placement[:3, :3] @ point
     records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
     return records

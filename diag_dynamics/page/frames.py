@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.model.wrenches import wrenches_at
 from diag_dynamics.page.layout import CAUSES, Layout
+from diag_dynamics.sweeps import evaluation, factorization
+from diag_dynamics.sweeps import workspace as ws
 
 GAP = 0.5
 """Largest time between two states over which dK/dt is a difference [s]."""
@@ -90,7 +91,7 @@ class FrameMaker:
         model = dynamics.model
         self._dynamics, self._model, self.layout = dynamics, model, Layout(model, points)
         self._before = np.nan, np.nan  # time and K of the last state
-        self._workspace, self._wrenches = sweeps.Workspace(model.bodies, model.gravity), {}
+        self._workspace, self._wrenches = ws.Workspace(model.bodies, model.gravity), {}
 
     def frames(self, states):
         """Return the frames of states, shape (T,) of ``layout.dtype``; dK continues from the last call."""
@@ -113,7 +114,7 @@ class FrameMaker:
         if link not in self._wrenches:
             self._wrenches[link] = wrenches_at(self._model, link, np.eye(3, 6), np.zeros(3), "world")
         factor, fields = np.empty((self._model.nv, 3)), np.full(9, np.nan, dtype="<f4")
-        if not sweeps.factor_of_wrenches(self._workspace.robot, q, self._wrenches[link], True, factor):
+        if not factorization.factor_of_wrenches(self._workspace.robot, q, self._wrenches[link], True, factor):
             values, axes = np.linalg.eigh(factor.T @ factor)
             fields[:6] = ((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)[UPPER]
             fields[6:] = nu @ factor
@@ -164,7 +165,7 @@ class FrameMaker:
     def _link_energies(self, states):
         energies = np.empty((len(states.t), len(self._model.link_names)))
         q, qd = (np.ascontiguousarray(x, dtype=float) for x in (states.q, states.qd))
-        if not sweeps.link_energies(self._model.bodies, self._model.links, q, qd, energies):
+        if not evaluation.link_energies(self._model.bodies, self._model.links, q, qd, energies):
             energies[:] = np.nan
         return energies
 

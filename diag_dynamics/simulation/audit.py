@@ -9,15 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.checks import numbers
+from diag_dynamics.sweeps import classical
+from diag_dynamics.sweeps import workspace as ws
 
 
 def potential_energy(model, q):
     """Return the energy of the robot in the field of gravity [J], −g·Σ m_i c_i in the world's axes; q of shape (nq,)."""
-    workspace, moment = sweeps.Workspace(model.bodies, model.gravity), np.zeros(3)
+    workspace, moment = ws.Workspace(model.bodies, model.gravity), np.zeros(3)
     q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
-    sweeps.first_moment(workspace.robot, q, moment)
+    classical.first_moment(workspace.robot, q, moment)
     return -float(model.gravity @ moment)
 
 

@@ -5,12 +5,13 @@
 
 import math
 
-from diag_dynamics import sweeps
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import HELD, classify_joints, is_limited, solve_stiction
 from diag_dynamics.simulation.runge_kutta import integrate, wrench_efforts
+from diag_dynamics.sweeps import classical, factorization, groups
 from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.records import FLOATING
 
 UNMOVED = 1e-6
@@ -34,7 +35,7 @@ def euler_step(address, h, load, may_have_modes):
         if status == 0:
             status = _move(address, h, load.tau)
     if status == 0 and reaches_limit(sim.lower, sim.upper, sim.q) and is_beyond_hard_limit(address):
-        status = sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status == 0:
             status = resolve_impacts(address, h)
     return status
@@ -44,8 +45,8 @@ def euler_step(address, h, load, may_have_modes):
 def _step_with_modes(address, h, tau):
     """Solve for the rates until no more joint comes to lean on a limit, then move."""
     sim = opened(address)
-    sweeps.copy(sim.qd, sim.before)
-    sweeps.copy(sim.q, sim.first_q)
+    ws.copy(sim.qd, sim.before)
+    ws.copy(sim.q, sim.first_q)
     moded, leaning = classify_joints(address)
     status, touching = 0, True
     while touching and status == 0:
@@ -67,7 +68,7 @@ def _free_rates(address, h, tau):
     for k in range(len(tau)):
         sim.effort[k] = tau[k] + sim.pushed[k] - sim.damping[k] * sim.qd[k]
         sim.added[k] = h * sim.damping[k]
-    status = sweeps.accelerations_with_added_inertia(sim.robot, sim.q, sim.qd, sim.effort, sim.added, sim.qdd)
+    status = classical.accelerations_with_added_inertia(sim.robot, sim.q, sim.qd, sim.effort, sim.added, sim.qdd)
     for k in range(len(tau)):
         sim.after[k] = sim.qd[k] + h * sim.qdd[k]
     return status
@@ -77,7 +78,7 @@ def _free_rates(address, h, tau):
 def _touches_spring(address, h):
     """Let joints that pass a compliant limit in the step lean on it; return whether there are any."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     found = False
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
@@ -94,12 +95,12 @@ def _touches_spring(address, h):
 def _move(address, h, tau):
     """Go to the end of the step with the rates `after`. Book all work but that of friction."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     for k in range(len(tau)):
         sim.u[k] = h * sim.after[k]
     if not sim.flat:
         _turn_floating_velocities(address, h)
-    sweeps.copy(sim.after, sim.qd)
+    ws.copy(sim.after, sim.qd)
     integrate(sim.flat, bodies, sim.q, sim.u, sim.q)
     effort, damping, limits, wrenches = 0.0, 0.0, 0.0, 0.0
     for k in range(len(tau)):
@@ -127,7 +128,7 @@ def _turn_floating_velocities(address, h):
     v̇ in a body's axes is the acceleration less ω × v. With that term an explicit step would increase a large velocity.
     """
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     qd, after, u = sim.qd, sim.after, sim.u
     for i in range(1, len(bodies)):
         k = bodies[i].dof
@@ -158,7 +159,7 @@ def _book_friction(address, h):
             mean = 0.5 * h * (before + sim.qd[k]) if before * mode >= 0.0 else sim.u[k]
             work -= sim.friction[k] * mode * mean
     if stopping:
-        status = sweeps.inverse_dynamics(sim.robot, sim.first_q, sim.zeros, sim.before, 0.0, sim.momentum)
+        status = classical.inverse_dynamics(sim.robot, sim.first_q, sim.zeros, sim.before, 0.0, sim.momentum)
         for k in range(len(sim.qd)):
             if sim.mode[k] == HELD:
                 stopped += 0.5 * sim.before[k] * (sim.needed[k] - sim.momentum[k])
@@ -176,7 +177,7 @@ def _stored(stiffness, depth):
 def book_springs(address):
     """Book the energy of compliant limits that a joint has left as lost: they return without the joint."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
         if is_limited(bodies, i) and sim.spring[k] == 0.0 and math.isfinite(sim.stiffness[k]):
@@ -198,8 +199,8 @@ def kinetic_energy(nu):
 def _energy(address):
     """Kinetic and potential energy [J], ½νᵀν − g·Σ m c."""
     sim = opened(address)
-    _, gravity, _, _ = sweeps.opened(sim.robot)
-    sweeps.first_moment(sim.robot, sim.q, sim.moment)
+    _, gravity, _, _ = ws.opened(sim.robot)
+    classical.first_moment(sim.robot, sim.q, sim.moment)
     potential = -(gravity[0] * sim.moment[0] + gravity[1] * sim.moment[1] + gravity[2] * sim.moment[2])
     return kinetic_energy(sim.nu) + potential
 
@@ -217,7 +218,7 @@ def reaches_limit(lower, upper, q):
 def is_beyond_hard_limit(address):
     """Whether a joint is beyond a hard limit."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
         beyond = sim.q[c] < sim.lower[c] or sim.q[c] > sim.upper[c]
@@ -234,22 +235,24 @@ def resolve_impacts(address, h):
     impulse, so joints at rest can start to move; those that would hardly move, or only for a moment, stay at rest.
     """
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     energy = _energy(address)
-    sweeps.clear(sim.locks)
-    sweeps.copy(sim.qd, sim.before)
+    ws.clear(sim.locks)
+    ws.copy(sim.qd, sim.before)
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
         if is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
             sim.q[c] = min(max(sim.q[c], sim.lower[c]), sim.upper[c])
-    status = sweeps.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
+    status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
     while status == 0 and _lock_stopped(address, h):
-        status = sweeps.rates_with_added_inertia(sim.robot, sim.q, sim.nu, sim.locks, sim.zeros, sim.momentum, sim.qd)
+        status = factorization.rates_with_added_inertia(
+            sim.robot, sim.q, sim.nu, sim.locks, sim.zeros, sim.momentum, sim.qd
+        )
         for k in range(len(sim.qd)):
             if sim.locks[k] != 0.0:
                 sim.qd[k] = 0.0
         if status == 0:
-            status = sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+            status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     sim.accounts[LIMITS] += _energy(address) - energy
     return status
 
@@ -258,13 +261,13 @@ def resolve_impacts(address, h):
 def _lock_stopped(address, h):
     """Mark in `locks` the joints that an impact stops; return whether there are new ones."""
     sim = opened(address)
-    bodies, _, work, _ = sweeps.opened(sim.robot)
+    bodies, _, work, _ = ws.opened(sim.robot)
     largest, found = 0.0, False
     for k in range(len(sim.qd)):
         largest = max(largest, abs(sim.qd[k] - sim.before[k]))
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
-        if not sweeps.owns(bodies, i) or sim.locks[k] != 0.0:
+        if not groups.owns(bodies, i) or sim.locks[k] != 0.0:
             continue
         rate, D = abs(sim.qd[k]), work[i].D  # the joint's inertia or more
         stays = rate <= UNMOVED * largest or D * rate <= SHORT * h * sim.friction[k]

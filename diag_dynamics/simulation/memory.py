@@ -5,9 +5,9 @@
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.compiled.tables import Addresses, Table, array
 from diag_dynamics.simulation.tableau import STAGES
+from diag_dynamics.sweeps import workspace as ws
 
 EFFORT, WRENCHES, DAMPING, FRICTION, LIMITS = range(5)
 """Energy accounts [J]: work of efforts, of wrenches, of damping, of friction, and of limits without what they store."""
@@ -89,7 +89,7 @@ class Memory:
             "steps": np.zeros(1, np.int64),
             "accounts": np.zeros(ACCOUNTS),
             "last_accounts": np.zeros(ACCOUNTS),
-            "rows": np.zeros((sweeps.ROWS, nq)),
+            "rows": np.zeros((ws.ROWS, nq)),
             "moment": np.zeros(3),
         }
         for names, shape in ((BY_DOF, nv), (BY_COORDINATE, nq), (BY_STAGE, (STAGES, nv))):
@@ -97,7 +97,7 @@ class Memory:
 
     def use(self, bodies, gravity):
         """Simulate the robot of these bodies: a copy, in which joints can be locked."""
-        self.workspace = sweeps.Workspace(bodies.copy(), gravity)
+        self.workspace = ws.Workspace(bodies.copy(), gravity)
         self._arrays["armature"], self.flat = bodies["armature"].copy(), bool((bodies["dofs"][1:] == 1).all())
         self._write_table()
 

@@ -13,9 +13,10 @@ limit a joint rests while the limit pushes it back. Each degree of freedom has i
 
 import math
 
-from diag_dynamics import sweeps
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import opened
+from diag_dynamics.sweeps import classical, factorization, groups, motions
+from diag_dynamics.sweeps import workspace as ws
 
 FREE, HELD = 0.0, 2.0
 
@@ -32,7 +33,7 @@ ROUNDS_OF_ALL = 3
 @kernel
 def is_limited(bodies, i):
     """Whether limits apply to a body's degree of freedom: its joint has one, and is no mimic joint."""
-    return bodies[i].dofs == 1 and sweeps.owns(bodies, i)
+    return bodies[i].dofs == 1 and groups.owns(bodies, i)
 
 
 @kernel
@@ -56,10 +57,10 @@ def limit_force(stiffness, damping, side, depth, rate):
 def classify_joints(address):
     """Set mode, spring and depth of each joint from q and q̇; return whether a joint has a mode, and whether one leans."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     moded, leaning = False, False
     for i in range(1, len(bodies)):
-        if not sweeps.owns(bodies, i):
+        if not groups.owns(bodies, i):
             continue
         k, c = bodies[i].dof, bodies[i].q
         rate, side = sim.qd[k], 0.0
@@ -91,7 +92,7 @@ def solve_stiction(address, h, tau):
     n, changed = len(tau), True
     for k in range(n):
         sim.qdd[k] = -sim.qd[k] / h
-    status = sweeps.inverse_dynamics(sim.robot, sim.q, sim.qd, sim.qdd, 1.0, sim.bias)
+    status = classical.inverse_dynamics(sim.robot, sim.q, sim.qd, sim.qdd, 1.0, sim.bias)
     round_, last_release = 0, ROUNDS_OF_ALL + 2 * n
     while changed and status == 0:
         status = _solve_modes(address, h, tau)
@@ -115,7 +116,7 @@ def _solve_modes(address, h, tau):
             sim.impulse[k] -= h * sim.friction[k] * mode
         sim.added[k] = math.inf if mode == HELD else added
         holding |= mode == HELD
-    status = sweeps.rates_with_added_inertia(
+    status = factorization.rates_with_added_inertia(
         sim.robot, sim.q, sim.zeros, sim.added, sim.impulse, sim.momentum, sim.after
     )
     if status != 0 or not holding:
@@ -123,18 +124,18 @@ def _solve_modes(address, h, tau):
     for k in range(len(tau)):
         if sim.mode[k] == HELD:
             sim.after[k] = 0.0
-    return sweeps.inverse_dynamics(sim.robot, sim.q, sim.zeros, sim.after, 0.0, sim.needed)
+    return classical.inverse_dynamics(sim.robot, sim.q, sim.zeros, sim.after, 0.0, sim.needed)
 
 
 @large_kernel
 def _exchange_modes(address, h, all_together, may_release):
     """Hold joints that slide backwards, release joints beyond their bounds; return whether a mode has changed."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     changed = False
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
-        if not sweeps.owns(bodies, i) or sim.mode[k] == FREE or (changed and not all_together):
+        if not groups.owns(bodies, i) or sim.mode[k] == FREE or (changed and not all_together):
             continue
         if sim.mode[k] != HELD:
             if sim.mode[k] * sim.after[k] < 0.0:
@@ -169,9 +170,9 @@ def is_stopping(address):
 def is_mode_left(address):
     """Whether the step has taken a joint out of its mode: it slides backwards, has passed a limit, or left one."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
-        if not sweeps.owns(bodies, i):
+        if not groups.owns(bodies, i):
             continue
         k, c = bodies[i].dof, bodies[i].q
         mode, rate, depth = sim.mode[k], sim.qd[k], sim.depth[k]
@@ -200,12 +201,12 @@ def is_mode_left(address):
 def lock_joints(address):
     """Lock the joints that are held, and no others; return whether there are any."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     holding = False
     for k in range(len(sim.mode)):
         sim.locks[k] = 1.0 if sim.mode[k] == HELD else 0.0
         holding |= sim.mode[k] == HELD
-    sweeps.hold(bodies, sim.armature, sim.locks)
+    motions.hold(bodies, sim.armature, sim.locks)
     return holding
 
 
@@ -213,6 +214,6 @@ def lock_joints(address):
 def unlock_joints(address):
     """Lock no joint."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
-    sweeps.clear(sim.locks)
-    sweeps.hold(bodies, sim.armature, sim.locks)
+    bodies, _, _, _ = ws.opened(sim.robot)
+    ws.clear(sim.locks)
+    motions.hold(bodies, sim.armature, sim.locks)

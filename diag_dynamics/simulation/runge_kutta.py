@@ -3,11 +3,12 @@
 
 """A step of order 4 in which no joint changes its mode: the equations are smooth."""
 
-from diag_dynamics import sweeps
 from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
+from diag_dynamics.sweeps import classical, evaluation, factorization, groups, motions
+from diag_dynamics.sweeps import workspace as ws
 
 UNRESOLVED = 1.5
 """Ratio of the step to a damper's time constant above which the rates at the stages do not give the damper's work."""
@@ -18,7 +19,7 @@ def wrench_efforts(robot, q, load, pushed):
     """Write Jᵀf of the wrenches at q into `pushed`, which stays as it is without wrenches."""
     if len(load.wrenches) == 0:
         return 0
-    return sweeps.effort_of_wrenches(robot, q, load.wrenches, load.in_world, pushed)
+    return classical.effort_of_wrenches(robot, q, load.wrenches, load.in_world, pushed)
 
 
 @kernel
@@ -28,7 +29,7 @@ def integrate(flat, bodies, q, u, target):
         for k in range(len(u)):
             target[k] = q[k] + u[k]
     else:
-        sweeps.displace(bodies, q, u, target)
+        motions.displace(bodies, q, u, target)
 
 
 @large_kernel
@@ -69,7 +70,7 @@ def _start_stages(address, h, tau):
 def _predict(address, h, i, stiff):
     """Position and explicit ν of a stage from those before it."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     charts = sim.rates if sim.flat else sim.charts
     n = len(sim.qd)
     for k in range(n):
@@ -93,17 +94,17 @@ def _stage_rates(address, h, i, stiff):
     rates, implicit, nu, momentum = sim.rates[i], sim.implicit[i], sim.stage_nu, sim.momentum
     n = len(nu)
     if i == 0:
-        sweeps.copy(sim.qd, rates)
+        ws.copy(sim.qd, rates)
         if not stiff:
             return 0
         for k in range(n):
             momentum[k] = -sim.damping[k] * sim.qd[k]
             if sim.spring[k] != 0.0:
                 momentum[k] -= sim.limit_damping[k] * sim.qd[k] + sim.stiffness[k] * sim.depth[k]
-        return sweeps.epsilon_from_tau(sim.robot, sim.place, momentum, implicit)
+        return factorization.epsilon_from_tau(sim.robot, sim.place, momentum, implicit)
     if not stiff:
-        return sweeps.qd_from_nu(sim.robot, sim.place, nu, rates)
-    sweeps.copy(nu, sim.explicit_nu)
+        return factorization.qd_from_nu(sim.robot, sim.place, nu, rates)
+    ws.copy(nu, sim.explicit_nu)
     for k in range(n):
         if sim.spring[k] != 0.0:
             # The implicit method moves a spring's position on its own. Both methods agree at the end of the step.
@@ -111,9 +112,9 @@ def _stage_rates(address, h, i, stiff):
             for j in range(i):
                 stretch += h * IMPLICIT[i, j] * sim.rates[j, k]
             sim.impulse[k] = -h * GAMMA * sim.stiffness[k] * stretch
-    status = sweeps.rates_with_added_inertia(sim.robot, sim.place, nu, sim.added, sim.impulse, momentum, rates)
+    status = factorization.rates_with_added_inertia(sim.robot, sim.place, nu, sim.added, sim.impulse, momentum, rates)
     if status == 0:
-        status = sweeps.nu_from_qd(sim.robot, sim.place, rates, nu)
+        status = factorization.nu_from_qd(sim.robot, sim.place, rates, nu)
     for k in range(n):
         implicit[k] = (nu[k] - sim.explicit_nu[k]) / (h * GAMMA)
     return status
@@ -123,9 +124,9 @@ def _stage_rates(address, h, i, stiff):
 def _explicit_accelerations(address, i, load):
     """Explicit part of ν̇ at a stage: ε − C − ε_g."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     rates, pushed, explicit = sim.rates[i], sim.stage_pushed[i], sim.explicit[i]
-    sweeps.copy(sim.constant_effort, sim.effort)
+    ws.copy(sim.constant_effort, sim.effort)
     if len(load.wrenches) > 0:
         status = wrench_efforts(sim.robot, sim.place, load, pushed)
         if status != 0:
@@ -133,10 +134,10 @@ def _explicit_accelerations(address, i, load):
         for k in range(len(pushed)):
             sim.effort[k] += pushed[k]
     if not sim.flat:
-        sweeps.chart_rates(bodies, sim.u, rates, sim.charts[i])
-    status = sweeps.evaluate(sim.robot, sim.place, rates, sim.effort, sim.rows)
+        motions.chart_rates(bodies, sim.u, rates, sim.charts[i])
+    status = evaluation.evaluate(sim.robot, sim.place, rates, sim.effort, sim.rows)
     for k in range(len(explicit)):
-        explicit[k] = sim.rows[sweeps.EPSILON, k] - sim.rows[sweeps.CORIOLIS, k] - sim.rows[sweeps.GRAVITY, k]
+        explicit[k] = sim.rows[ws.EPSILON, k] - sim.rows[ws.CORIOLIS, k] - sim.rows[ws.GRAVITY, k]
     return status
 
 
@@ -144,7 +145,7 @@ def _explicit_accelerations(address, i, load):
 def _combine_stages(address, h, stiff, load):
     """q, q̇ and ν at the end of the step, and the accounts."""
     sim = opened(address)
-    bodies, _, _, _ = sweeps.opened(sim.robot)
+    bodies, _, _, _ = ws.opened(sim.robot)
     charts = sim.rates if sim.flat else sim.charts
     n = len(sim.qd)
     for k in range(n):
@@ -171,7 +172,7 @@ def _combine_stages(address, h, stiff, load):
         work += load.tau[k] * sim.path[k]
     sim.accounts[EFFORT] += work
     integrate(sim.flat, bodies, sim.q, sim.u, sim.q)
-    status = sweeps.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
+    status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
     for k in range(n):
         if sim.mode[k] == HELD:
             sim.qd[k] = 0.0
@@ -188,9 +189,9 @@ def _book_damping(address, h):
     mean rate is then the kinetic energy that the damper takes.
     """
     sim = opened(address)
-    bodies, _, work, _ = sweeps.opened(sim.robot)
+    bodies, _, work, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
-        if sweeps.owns(bodies, i):
+        if groups.owns(bodies, i):
             k = bodies[i].dof
             limit_damping = sim.limit_damping[k] if sim.spring[k] != 0.0 else 0.0
             square = sim.square[k]

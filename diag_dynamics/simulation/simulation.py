@@ -10,7 +10,6 @@ from typing import Literal
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
 from diag_dynamics.checks import in_order, number, numbers
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -23,6 +22,7 @@ from diag_dynamics.simulation import steps as compiled
 from diag_dynamics.simulation.audit import EnergyAudit, potential_energy
 from diag_dynamics.simulation.memory import Memory
 from diag_dynamics.simulation.options import CompliantLimits
+from diag_dynamics.sweeps import records
 
 
 class Simulation:
@@ -85,7 +85,7 @@ class Simulation:
         memory["stiffness"][:], memory["limit_damping"][:] = stiffness, limit_damping
         self._compliant = np.isfinite(stiffness).any()
         self.effort_limits = effort_limits
-        self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, sweeps.WRENCH)
+        self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, records.WRENCH)
         self.reset(options.rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
     def __copy__(self):

@@ -6,7 +6,6 @@
 import math
 from collections import namedtuple
 
-from diag_dynamics import sweeps
 from diag_dynamics.compiled.kernel import COUNT, FLAG, NUMBER, ROBOT, VECTOR, entry_kernel, large_kernel
 from diag_dynamics.simulation.euler import (
     book_springs,
@@ -26,6 +25,8 @@ from diag_dynamics.simulation.modes import (
     unlock_joints,
 )
 from diag_dynamics.simulation.runge_kutta import runge_kutta, wrench_efforts
+from diag_dynamics.sweeps import factorization, records
+from diag_dynamics.sweeps import workspace as ws
 
 SUBSTEPS = 4
 """Steps of order 1 that replace a step of order 4 in which a joint changes its mode."""
@@ -40,7 +41,7 @@ def _smooth_step(address, h, load, may_have_modes):
     sim = opened(address)
     moded = False
     if may_have_modes:
-        sweeps.copy(sim.q, sim.first_q)
+        ws.copy(sim.q, sim.first_q)
         moded, _ = classify_joints(address)
     if moded:
         status = wrench_efforts(sim.robot, sim.q, load, sim.pushed)
@@ -51,7 +52,7 @@ def _smooth_step(address, h, load, may_have_modes):
     holding = moded and lock_joints(address)
     status = 0
     if holding:
-        status = sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if status == 0:
         status = runge_kutta(address, h, load)
     if status != 0:
@@ -59,7 +60,7 @@ def _smooth_step(address, h, load, may_have_modes):
     changes = (may_have_modes or reaches_limit(sim.lower, sim.upper, sim.q)) and is_mode_left(address)
     if holding:
         unlock_joints(address)
-        status = sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if may_have_modes:
         book_springs(address)
     return status, changes
@@ -76,15 +77,15 @@ def _step(address, h, load, may_have_modes):
     for _ in range(SUBSTEPS):
         if status == 0:
             status = euler_step(address, h / SUBSTEPS, load, True)
-    return status if status != 0 else sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+    return status if status != 0 else factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
 
 
 @large_kernel
 def _restore(address):
     """Go back to the state and accounts before the step."""
     sim = opened(address)
-    sweeps.copy(sim.last, sim.state)
-    sweeps.copy(sim.last_accounts, sim.accounts)
+    ws.copy(sim.last, sim.state)
+    ws.copy(sim.last_accounts, sim.accounts)
 
 
 @large_kernel
@@ -97,29 +98,29 @@ def _has_friction_or_springs(address):
     return False
 
 
-@entry_kernel(ROBOT, COUNT, NUMBER, COUNT, VECTOR, sweeps.WRENCHES, FLAG, nogil=True)
+@entry_kernel(ROBOT, COUNT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
 def advance(address, order, h, steps, tau, wrenches, in_world):
     """Take `steps` steps of the simulation at an address; a failure leaves the state before the failing step."""
     sim, load = opened(address), Load(tau, wrenches, in_world)
-    _, _, work, _ = sweeps.opened(sim.robot)
-    sweeps.copy(sim.state, sim.last)
-    sweeps.copy(sim.accounts, sim.last_accounts)
-    sweeps.clear(sim.pushed)
+    _, _, work, _ = ws.opened(sim.robot)
+    ws.copy(sim.state, sim.last)
+    ws.copy(sim.accounts, sim.last_accounts)
+    ws.clear(sim.pushed)
     status, taken = 0, 0
     if steps > 0 and is_beyond_hard_limit(address):
         status = resolve_impacts(address, h)
     classify_joints(address)
     always, before = _has_friction_or_springs(address), False
     while status == 0 and taken < steps:
-        sweeps.copy(sim.state, sim.last)
-        sweeps.copy(sim.accounts, sim.last_accounts)
+        ws.copy(sim.state, sim.last)
+        ws.copy(sim.accounts, sim.last_accounts)
         touching = reaches_limit(sim.lower, sim.upper, sim.q)
         may_have_modes = always or touching or before  # once more after a touch, which clears the modes
         before = touching
         status = euler_step(address, h, load, may_have_modes) if order == 1 else _step(address, h, load, may_have_modes)
         taken += 1
     if status == 0 and order == 1 and steps > 0:
-        status = sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if status == 0 and steps > 0 and not math.isfinite(kinetic_energy(sim.nu)):
         status = -1
     if status != 0:
@@ -128,7 +129,7 @@ def advance(address, order, h, steps, tau, wrenches, in_world):
         _restore(address)
         taken -= 1
         if order == 1:
-            sweeps.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+            factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status > 0:
             work[status].D = failing  # for the error message
     sim.steps[0] += max(taken, 0)

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics import sweeps
 from diag_dynamics import threads as helpers
 from diag_dynamics.results import NAMES
 from diag_dynamics.sweeps import batch as kernels
@@ -287,7 +286,7 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     """The calling thread waits for its helpers, even if Ctrl-C interrupts that wait."""
     Q, QD, TAU, _ = states(two, 300)
     out = two.evaluate_batch(Q, QD, TAU, out=two.new_batch(300))
-    evaluate_many, wait, main = sweeps.evaluate_many, helpers.wait, threading.current_thread()
+    evaluate_many, wait, main = kernels.evaluate_many, helpers.wait, threading.current_thread()
     helper_began, may_end, ended = threading.Event(), threading.Event(), []
     waits = []
 
@@ -309,7 +308,7 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
 
     monkeypatch.setattr(helpers, "CHUNKS_PER_THREAD", 1)
     monkeypatch.setattr(helpers, "wait", wait_for)
-    monkeypatch.setattr(sweeps, "evaluate_many", evaluate)
+    monkeypatch.setattr(kernels, "evaluate_many", evaluate)
     with pytest.raises(KeyboardInterrupt):
         two.evaluate_batch(Q, QD, TAU, threads=2, out=out)
     assert len(ended) == 1 and len(waits) == interrupts

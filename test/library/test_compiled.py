@@ -321,18 +321,18 @@ SCRIPT = """
 import sys
 import numpy as np
 import diag_dynamics as dd
-from diag_dynamics import sweeps
+from diag_dynamics.sweeps import evaluation, factorization, workspace
 
 urdf = '''<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -2"/><mass value="3"/>
 <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
 <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'''
 model = dd.load_urdf(urdf)
 D, size = np.zeros((2, 1))
-own = sweeps.Workspace(model.bodies, model.gravity)
-sweeps.joint_inertias(own.robot, np.zeros(1), D, size)
+own = workspace.Workspace(model.bodies, model.gravity)
+factorization.joint_inertias(own.robot, np.zeros(1), D, size)
 energies = np.zeros((1, 2))
-sweeps.link_energies(model.bodies, model.links, *np.zeros((2, 1, 1)), energies)
-hits = sum(sweeps.joint_inertias.stats.cache_hits.values())
+evaluation.link_energies(model.bodies, model.links, *np.zeros((2, 1, 1)), energies)
+hits = sum(factorization.joint_inertias.stats.cache_hits.values())
 print(D[0], hits, bool(hits) is ("numba.np.npyimpl" not in sys.modules))
 """
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics import sweeps
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection.motion import too_quick
@@ -27,6 +26,7 @@ from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageM
 from diag_dynamics.nodes.support.topics import MATRICES
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.shared import payloads_of
+from diag_dynamics.sweeps import evaluation
 
 POSES = 20
 """Poses in which a joint's largest D is looked for: it changes little."""
@@ -210,7 +210,7 @@ class MonitoredRobot:
 
     def friction_power(self, s):
         """Return the power q̇·τ_fric of friction [W] at an Evaluation."""
-        return sweeps.friction_power(s.rows, *self._resistance)
+        return evaluation.friction_power(s.rows, *self._resistance)
 
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""

@@ -13,7 +13,6 @@ from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
-from diag_dynamics import sweeps
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.msg import (
@@ -27,6 +26,8 @@ from diag_dynamics.msg import (
     TotalJointRates,
     WorkingMoments,
 )
+from diag_dynamics.sweeps import evaluation, records
+from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.wire.cdr import HEADER, Template
 
 MAX_LAYOUTS = 64
@@ -67,44 +68,44 @@ class CollisionThresholds(NamedTuple):
 
 
 EVALUATED = {
-    "total_joint_rates": (TotalJointRates, {"nu": sweeps.NU, "xi": sweeps.XI}),
-    "working_moments": (WorkingMoments, {"epsilon": sweeps.EPSILON, "kappa": sweeps.KAPPA}),
+    "total_joint_rates": (TotalJointRates, {"nu": ws.NU, "xi": ws.XI}),
+    "working_moments": (WorkingMoments, {"epsilon": ws.EPSILON, "kappa": ws.KAPPA}),
     "coriolis": (
         CoriolisTerm,
         {
-            "coriolis": sweeps.CORIOLIS,
-            "coriolis_unnormalized": sweeps.CORIOLIS_UNNORMALIZED,
-            "gravity": sweeps.GRAVITY,
+            "coriolis": ws.CORIOLIS,
+            "coriolis_unnormalized": ws.CORIOLIS_UNNORMALIZED,
+            "gravity": ws.GRAVITY,
         },
     ),
     "kinetic_energy": (
         KineticEnergy,
         {
-            "total": sweeps.KINETIC_ENERGY,
-            "energy_share": sweeps.ENERGY_SHARE,
-            "power": sweeps.EFFORT_POWER,
+            "total": ws.KINETIC_ENERGY,
+            "energy_share": ws.ENERGY_SHARE,
+            "power": ws.EFFORT_POWER,
         },
     ),
     "state": (
         DiagonalizedState,
         {
-            "position": sweeps.POSITIONS,
-            "velocity": sweeps.RATES,
-            "nu": sweeps.NU,
-            "xi": sweeps.XI,
-            "epsilon": sweeps.EPSILON,
-            "kappa": sweeps.KAPPA,
-            "coriolis": sweeps.CORIOLIS,
-            "gravity": sweeps.GRAVITY,
-            "articulated_inertia": sweeps.ARTICULATED_INERTIA,
-            "kinetic_energy": sweeps.KINETIC_ENERGY,
-            "power": sweeps.EFFORT_POWER,
+            "position": ws.POSITIONS,
+            "velocity": ws.RATES,
+            "nu": ws.NU,
+            "xi": ws.XI,
+            "epsilon": ws.EPSILON,
+            "kappa": ws.KAPPA,
+            "coriolis": ws.CORIOLIS,
+            "gravity": ws.GRAVITY,
+            "articulated_inertia": ws.ARTICULATED_INERTIA,
+            "kinetic_energy": ws.KINETIC_ENERGY,
+            "power": ws.EFFORT_POWER,
         },
     ),
 }
 """Messages about an Evaluation: their type, and the row of its memory that each field is read from."""
 
-OF_EFFORT = (sweeps.EPSILON, sweeps.KAPPA, sweeps.EFFORT_POWER)
+OF_EFFORT = (ws.EPSILON, ws.KAPPA, ws.EFFORT_POWER)
 """Rows that are empty without effort."""
 
 SECONDS = struct.Struct("<iI")
@@ -125,7 +126,7 @@ class MessageMaker:
             "kinetic_energy": {"link_names": list(model.link_names)},
             "state": {"position_names": positions, "model_revision": revision},
         }
-        self._link_energy, self._work = np.empty(len(model.link_names)), np.zeros(len(model.bodies), sweeps.WORK)
+        self._link_energy, self._work = np.empty(len(model.link_names)), np.zeros(len(model.bodies), records.WORK)
 
     def make(self, topic, kind, state, texts, values, shape=()):
         """Return a message about a RobotState.
@@ -172,15 +173,15 @@ class MessageMaker:
 
     def _count(self, field, row):
         """Return how many numbers of a row a field has."""
-        if row in (sweeps.KINETIC_ENERGY, sweeps.EFFORT_POWER):
+        if row in (ws.KINETIC_ENERGY, ws.EFFORT_POWER):
             return 1
-        return self._model.nq if row == sweeps.POSITIONS else self._nv
+        return self._model.nq if row == ws.POSITIONS else self._nv
 
     def _beside(self, topic, s, state):
         """Return the fields that are no rows; None for those that are unknown."""
         if topic == "kinetic_energy":
             energies = self._link_energy
-            if not sweeps.link_energy(self._model.bodies, self._model.links, self._work, s.rows, energies):
+            if not evaluation.link_energy(self._model.bodies, self._model.links, self._work, s.rows, energies):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
             return {"link_energy": energies, "base_energy": s.base_energy}
         if topic == "coriolis":
