@@ -89,6 +89,31 @@ def test_copies_are_permanent(dyn, way):
         dyn.evaluate_batch(*states(dyn), out=copy.copy(dyn.evaluate_batch(*states(dyn), out=dyn.new_batch(COUNT))))
 
 
+def test_rates_are_those_of_forward_dynamics(dyn):
+    """ν̇ is the rate of mᵀq̇ along forward dynamics, with wrenches and friction."""
+    q, qd, tau = state(dyn)
+    wrench = {dyn.model.link_names[-1]: np.arange(1.0, 7.0)}
+    qdd = dyn.forward_dynamics(q, qd, tau, wrench, friction=True)
+    expected = dyn.nu_from_qd(q, qdd) + dyn.m_rate_transposed(q, qd, qd)
+    found = dyn.evaluate(q, qd, tau, wrench, friction=True).nu_dot
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_stored_terms_are_those_of_the_equations(dyn):
+    for kind, result in every_kind(dyn).items():
+        s = result[0] if "batch" in kind else result
+        rate = s.epsilon - s.coriolis - s.gravity
+        if s.external is not None:
+            rate = rate + s.external - s.friction
+        moments = np.sqrt(s.articulated_inertia) * (rate + s.coriolis) - s.coriolis_unnormalized
+        base = s.energy_share[:6].sum() if dyn.model.floating_base else 0.0
+        np.testing.assert_allclose(s.nu_dot, rate, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(s.xi_dot, moments / s.articulated_inertia, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(s.power, s.nu @ (rate + s.coriolis), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(s.effort_power, s.nu @ (s.epsilon - s.gravity), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(s.base_energy, base)
+
+
 # --- Results that are written again
 
 
