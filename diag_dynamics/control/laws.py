@@ -128,6 +128,7 @@ class JointTracking(Law):
         self.convergence = per_name("convergence", convergence, names, "a finite number > 0 [1/s]")
         self.closing = per_name("closing", closing, names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
         self._continuous = np.array([name in model.continuous_joints for name in names])
+        self._has_continuous = bool(model.continuous_joints)
         self._zero = np.zeros(model.nv)
 
     def command(
@@ -170,6 +171,6 @@ class JointTracking(Law):
 
     def _error(self, desired_q: Array, q: Array) -> Array:
         error = desired_q - q
-        if self._continuous.any():
+        if self._has_continuous:
             error[self._continuous] = wrap_angle(error[self._continuous])
         return error

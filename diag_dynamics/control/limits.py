@@ -137,7 +137,8 @@ class EffortRateLimiter:
         limited: tuple[str, ...] = ()
         if self._last is not None:
             near = np.clip(tau, self._last - change, self._last + change)
-            limited = tuple(name for name, is_far in zip(self._names, near != tau, strict=True) if is_far)
+            far = (near != tau).tolist()
+            limited = tuple(name for name, is_far in zip(self._names, far, strict=True) if is_far)
             tau = near
         self._last = tau
         return tau.copy(), limited

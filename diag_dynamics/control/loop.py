@@ -180,17 +180,18 @@ class ControlLoop:
             return self.without_state(now, problem)
         if supervisor.latched:
             return self._stopped(state, now)
-        if supervisor.anew:
+        anew = supervisor.anew
+        if anew:
             if problem := self._outside_limits(state.position):
                 return self.without_state(now, problem)
             self._carried_since = None
-        if supervisor.anew or not self._follows(state):
+        if not self._follows(state):
             self._mode.void()
         before, self.state = self.state, state
         self._mode.begin(state)
         external = self._observed(state)
         self._scale_contact(now)
-        starting, lost = supervisor.anew or self.taking_up, ""
+        starting, lost = anew or supervisor.starting, ""
         if starting:
             command, filtered, starting = self._start(state, before, external)
         if not starting:

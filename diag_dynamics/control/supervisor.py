@@ -57,13 +57,11 @@ TRANSITIONS = {
 RESUMING = (_S.STARTING, _S.ACTIVE, _S.RAMPING_DOWN, _S.RAMPING_DOWN, _S.RAMPING_DOWN)
 """Row of RAMPING_DOWN for a loop that resumes by itself."""
 
-_PHASES = {
-    _S.WAITING: INACTIVE,
-    _S.STARTING: ACTIVE,
-    _S.ACTIVE: ACTIVE,
-    _S.HOLDING_START: HOLDING,
-    _S.HOLDING: HOLDING,
-}
+_VALID, _CARRIED, _INVALID, _TIMEOUT, _SWITCH = Event  # attributes of an Enum are slow
+_STOPPED, _START = _S.STOPPED, (_S.STARTING, _S.HOLDING_START)
+
+_PHASES = INACTIVE, ACTIVE, ACTIVE, HOLDING, HOLDING, RAMPING_DOWN, RAMPING_DOWN, RAMPING_DOWN
+"""Phase by state."""
 
 
 class Supervisor:
@@ -80,7 +78,8 @@ class Supervisor:
     def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
         self.max_age, self.hold_time = max_age, hold_time
         self._machine_time = machine_time
-        self._transitions = TRANSITIONS | ({State.RAMPING_DOWN: RESUMING} if resumes else {})
+        table = TRANSITIONS | ({State.RAMPING_DOWN: RESUMING} if resumes else {})
+        self._transitions = [table[state] for state in State]
         self.forget()
 
     def forget(self):
@@ -95,7 +94,7 @@ class Supervisor:
     @property
     def phase(self):
         """Phase that ControllerStatus reports."""
-        return _PHASES.get(self.state, RAMPING_DOWN)
+        return _PHASES[self.state]
 
     @property
     def anew(self):
@@ -105,12 +104,12 @@ class Supervisor:
     @property
     def latched(self):
         """Whether a valid state leaves the loop stopped."""
-        return self._next(Event.VALID) == State.STOPPED
+        return self._next(_VALID) == _STOPPED
 
     @property
     def starting(self):
         """Whether the efforts do not carry the robot yet."""
-        return self.state in (State.STARTING, State.HOLDING_START)
+        return self.state in _START
 
     def age_problem(self, stamp, now):
         """Return what is wrong with the age of a state, both times in nanoseconds; None if nothing is."""
@@ -133,13 +132,13 @@ class Supervisor:
             self._outage = 0
         elif self.phase == ACTIVE:
             self._outage = max(self._outage - max(now - self._last, 0), 0)
-        self.state = self._next(Event.CARRIED if carried else Event.VALID)
+        self.state = self._next(_CARRIED if carried else _VALID)
         self.reason, self._last = "", now
 
     def invalid(self, now, reason):
         """Accept that there is no valid state at a time [ns], and why."""
         self.reason = reason
-        if self.state == State.WAITING:
+        if self.phase == INACTIVE:
             return
         machine, elapsed = self._machine_time(), now - self._last
         if self.phase == ACTIVE:  # the last state was valid while it was fresh
@@ -153,16 +152,16 @@ class Supervisor:
         timeout = stands_still or self._outage * 1e-9 >= self.hold_time
         if timeout and self.phase != RAMPING_DOWN:
             self._cause = f"{reason}; the clock stands still" if stands_still else reason
-        self.state = self._next(Event.TIMEOUT if timeout else Event.INVALID)
+        self.state = self._next(_TIMEOUT if timeout else _INVALID)
 
     def wait(self):
         """Accept a valid state while the loop is stopped."""
-        self.state = State.STOPPED
+        self.state = _STOPPED
         self.reason = f"states are valid again; choose a mode to go on. The robot was given up: {self._cause}"
 
     def release(self):
         """Accept the choice of a mode; raise InputError while a stopped loop has no valid state."""
-        after = self._next(Event.SWITCH)
+        after = self._next(_SWITCH)
         if after is None:
             raise InputError(f"the robot was given up, and there is no valid state yet: {self.reason}.")
         self.state = after

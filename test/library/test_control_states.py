@@ -276,6 +276,14 @@ def test_a_missing_state_revokes_the_choice_of_a_stopped_loop(strong):
     )
 
 
+def test_the_cause_of_the_ramp_is_the_first_one():
+    one = outage((1000, True), (1020, False), (1320, False))
+    one.invalid(2000 * MS, "NaN")
+    assert one.reason == "NaN"
+    one.wait()
+    assert one.reason.endswith("was given up: late")
+
+
 def test_an_unknown_mode_releases_nothing(strong):
     one = driven(strong, "STOPPED")
     for mode in ("wing", "pose"):
