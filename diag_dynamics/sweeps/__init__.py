@@ -16,12 +16,12 @@ by mimicry, are a group: degrees of freedom that are eliminated together, see gr
     v_J motion of the joint, sum of S q̇           P⁺, Ṗ⁺, y⁺, z⁺   the same beyond the joint, τ̄ = I − G Sᵀ applied
     ζ   V × v_J, velocity-dependent acceleration
 
-A sweep takes a robot as :class:`Workspace` holds it: `bodies` are the records of RobotModel (see model), `work` those of
-:data:`WORK`, one each per body, `table` the matrices 𝓜 and 𝓜̇ of groups. Sweeps that can fail return a status: 0, `i` if
+A sweep takes a robot as workspace.Workspace holds it: `bodies` are the records of RobotModel (see model), `work` those of
+records.WORK, one each per body, `table` the matrices 𝓜 and 𝓜̇ of groups. Sweeps that can fail return a status: 0, `i` if
 body i has no articulated inertia, -1 if an input is not finite or no orientation, or is so large that a result is not
 finite, MISFIT if a vector has not the robot's length.
 
-bodies: the records that sweeps work on; workspace: their memory. joints: steps that sweeps share. groups: degrees of freedom
+records: what sweeps work on; workspace: their memory. joints: steps that sweeps share. groups: degrees of freedom
 that are eliminated together. evaluation, factorization, factors, classical, derivatives, kinematics, mobilities: the sweeps;
 contacts: contact at points. batch: sweeps over many states. motions: positions that move along a twist, and locked joints.
 """
