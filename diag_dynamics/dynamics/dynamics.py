@@ -108,10 +108,7 @@ class DiagonalDynamics:
         threads : int, optional
             Number of threads for many states.
 
-        Returns
-        -------
-        Evaluation
-            New, or `out`; a :class:`BatchEvaluation` of many states. Sweeps give many states the bits of single calls.
+        It returns a new Evaluation or `out`; of many states a :class:`BatchEvaluation` with the bits of single calls.
         """
         if out is None:
             state = _empty(self._shape)

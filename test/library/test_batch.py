@@ -255,6 +255,7 @@ def test_error_names_the_singular_state():
 
 
 STATE = [[0.0, 0.0]]
+FAST = [[1e140, 0.0]]
 NAN, LARGE = [[0.0, np.nan]], {"lower": np.full(6, 1.7e308)}
 
 WRONG = {
@@ -271,6 +272,7 @@ WRONG = {
     "rates of friction": (lambda d: d.friction_torque_batch(NAN), "state 0: qd of joint 'elbow'"),
     "inverse dynamics": (lambda d: d.inverse_dynamics_batch(STATE, NAN, STATE), "state 0: qd of joint 'elbow'"),
     "large wrench": (lambda d: d.evaluate_batch(STATE, STATE, STATE, LARGE), "f_ext is too large"),
+    "large power": (lambda d: d.evaluate_batch(STATE, FAST, STATE, {"lower": np.full(6, 1e180)}), "power overflows"),
     "large wrench, inverse": (lambda d: d.inverse_dynamics_batch(STATE, STATE, STATE, LARGE), "state 0:"),
 }
 
