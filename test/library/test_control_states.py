@@ -450,3 +450,37 @@ def test_the_last_effort(strong, name, carries, compensated):
     np.testing.assert_allclose(one.loop.leave(), gravity_of(Q) * carries, atol=1e-9)
     one.loop.forget()
     assert one.state == "WAITING" and one.loop.state is None and one.loop.without_state(one.now, "late") is None
+
+
+# --- Efforts
+
+
+def test_the_clock_of_efforts(strong):
+    """A step back within the longest cycle is ignored; after a longer one the rate counts from there."""
+    efforts, up = Driven(strong).loop.efforts, np.full(6, 1e3)
+    for time, expected in ((1000, 0.0), (990, 0.0), (1001, 0.4), (900, 0.4), (901, 0.8)):
+        effort, _ = efforts.ramped(up, time * MS)
+        np.testing.assert_allclose(effort, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("away", "after"), [(0.39, "ACTIVE"), (0.41, "STARTING")])
+def test_efforts_carry_an_arm_that_one_step_of_them_carries(strong, away, after):
+    one = driven(strong, "STARTING")
+    one.loop.efforts.reset(gravity_of(Q) - np.sign(gravity_of(Q)) * away)
+    one.step()
+    assert one.state == after
+
+
+def test_gravity_compensation_within_effort_limits():
+    weak = dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="20"', robot(UR5).urdf))
+    one = driven(weak, "STARTING")
+    gravity = gravity_of(Q)
+    assert np.abs(gravity).max() > 20.0
+    np.testing.assert_allclose(one.loop.leave(), np.clip(gravity, -20.0, 20.0), atol=1e-9)
+
+
+@pytest.mark.parametrize("compensated", [False, True])
+def test_the_effort_that_acts_has_the_compensation_of_the_robot(strong, compensated):
+    one = driven(strong, "ACTIVE", compensated=compensated)
+    one.loop.efforts.reset(np.ones(6))
+    np.testing.assert_allclose(one.loop.efforts.acting, 1.0 + compensated * gravity_of(Q), atol=1e-9)
