@@ -60,9 +60,6 @@ def starts():
         Start("import, load, first `evaluate`", [*python, FIRST.format(urdf)], {}, 9.0),
         Start("`Simulation` of order 4", [*python, SIMULATION.format(urdf)], {}, 14.0),
         Start("everything that a script may call", [*python, EVERYTHING.format(urdf)], {}, 40.0),
-        Start(
-            "the same, `DIAG_DYNAMICS_PLAIN=1`", [*python, EVERYTHING.format(urdf)], {"DIAG_DYNAMICS_PLAIN": "1"}, 70.0
-        ),
     ]
     if importlib.util.find_spec("rclpy"):
         robot = ["--robot-description", urdf]

@@ -15,8 +15,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 
 from diag_dynamics.cli import common
-from diag_dynamics.compiled.cache import PACKAGE, cache_folder, source_hash
-from diag_dynamics.compiled.switch import PLAIN
+from diag_dynamics.compiled.cache import PACKAGE, cache_folder, code_folder, source_hash
 from diag_dynamics.threads import cores
 
 UNITS = {
@@ -59,7 +58,7 @@ def run(chosen):
             return common.DONE
     start = time.perf_counter()
     with common.Progress(chosen.quiet, lines=True) as progress:
-        progress.show("Compiling all kernels for this machine and Python. This takes about half a minute.")
+        progress.show("Compiling all kernels for this machine and Python. This takes about a minute.")
         failure = _compile(min(chosen.jobs, len(UNITS)), progress)
     if failure:
         print(f"diag-dynamics compile: {failure}", file=sys.stderr)
@@ -105,11 +104,11 @@ def _end_with_parent():
 
 def compile_unit(unit):
     """Compile a module of kernels in a worker, silently."""
-    from diag_dynamics.compiled.ahead import compile_ahead
-    from diag_dynamics.compiled.progress import tell_by
+    from diag_dynamics.compiled import kernel
+    from diag_dynamics.compiled.progress import set_progress_callback
 
-    tell_by(lambda text: None)
-    compile_ahead(f"diag_dynamics.{unit}")
+    set_progress_callback(lambda text: None)
+    kernel.precompile(f"diag_dynamics.{unit}")
 
 
 COPY = f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}.py{sys.version_info[0]}{sys.version_info[1]}"
@@ -122,7 +121,6 @@ def _stamp_file():
 
 def _stamp():
     """Return a text that stays as long as sources, machine, units and files of code do."""
-    pattern = f"plain-{source_hash()[:16]}/**/*.nb?" if PLAIN else f"*-{COPY}*.nb?"
-    return "\n".join(
-        [source_hash(), platform.node(), *UNITS, *sorted(path.name for path in cache_folder().glob(pattern))]
-    )
+    folder = code_folder()
+    files = sorted(path.name for path in folder.rglob("*.nb?")) if folder else ()
+    return "\n".join([source_hash(), platform.node(), *UNITS, *files])

@@ -7,7 +7,9 @@ import functools
 import hashlib
 import logging
 import os
+import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import numba
@@ -16,6 +18,9 @@ logger = logging.getLogger(__name__)
 
 PACKAGE = Path(__file__).resolve().parents[1]
 """The folder of diag_dynamics."""
+
+PREFIX = "code-"
+"""Beginning of the names of folders with compiled code."""
 
 ROOMS = (
     "compiled",
@@ -42,12 +47,33 @@ def hash_of(package):
 
 @functools.cache
 def source_hash():
-    """:func:`hash_of` this package, the stamp that all kernels share.
-
-    numba invalidates a cached function when its own file changes, not when a function that was inlined into it from another
-    file does.
-    """
+    """:func:`hash_of` this package, which all kernels share."""
     return hash_of(PACKAGE)
+
+
+UNUSED = 30 * 86400.0
+"""Time [s] after which the code of other sources is removed."""
+
+
+@functools.cache
+def code_folder():
+    """Folder for compiled code of these sources, or None; those that no process has used for a month are removed.
+
+    numba compares the file of a function alone with its cache, not those that are compiled into it.
+    """
+    if cache_folder() is None:
+        return None
+    folder = cache_folder() / f"{PREFIX}{source_hash()[:16]}"
+    try:
+        folder.mkdir(exist_ok=True)
+        folder.touch()
+        for other in folder.parent.glob(f"{PREFIX}*"):
+            if time.time() - other.stat().st_mtime > UNUSED:
+                shutil.rmtree(other, ignore_errors=True)
+    except OSError as error:
+        logger.warning("No folder for compiled code; each process compiles it again: %s", error)
+        return None
+    return folder
 
 
 @functools.cache

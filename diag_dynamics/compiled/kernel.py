@@ -1,38 +1,153 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The decorators that compile the physics, and the types that kernels are compiled for."""
+"""The decorators that compile the physics, and the types of its arguments: numba's documented interface.
 
-from diag_dynamics.compiled.switch import PLAIN
+Kernels are compiled into the entries that call them. An entry is called from Python with one pointer and a few arrays. It
+is compiled on its first call, for the types that it declares, and kept on disk.
+"""
 
-if PLAIN:
-    from diag_dynamics.compiled.plain import INLINED, array_of, entry_kernel, filled_of, kernel, large_kernel, ready
-else:
-    from diag_dynamics.compiled.native import INLINED, array_of, entry_kernel, filled_of, kernel, large_kernel, ready
+import functools
+import gc
+import importlib
+import logging
+import pkgutil
+import threading
 
 import numba
+from numba import types
+
+from diag_dynamics.compiled.cache import code_folder
+from diag_dynamics.compiled.progress import report_compilation
+
+try:  # numba's code libraries are private. Without them, entries compile slower, to the same code.
+    from diag_dynamics.compiled.linking import EntryCompiler, KernelCompiler
+except (ImportError, AttributeError):
+    EntryCompiler = KernelCompiler = None
+
+logger = logging.getLogger(__name__)
 
 ROBOT = numba.int64
 """Type of the argument that stands for a robot: see sweeps.Workspace."""
 
-VECTOR, MATRIX, STATES = map(array_of, (1, 2, 3))
-FILLED_VECTOR, FILLED_MATRIX, FILLED_STATES = map(filled_of, (1, 2, 3))
+VECTOR, MATRIX, STATES = (types.Array(numba.float64, ndim, "C", readonly=True) for ndim in (1, 2, 3))
+"""Types of arrays that an entry reads: read-only arrays, as results are, and others."""
+
+FILLED_VECTOR, FILLED_MATRIX, FILLED_STATES = (types.Array(numba.float64, ndim, "C") for ndim in (1, 2, 3))
+"""Types of arrays that an entry writes."""
+
 NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
 
-__all__ = [
-    "COUNT",
-    "FILLED_MATRIX",
-    "FILLED_STATES",
-    "FILLED_VECTOR",
-    "FLAG",
-    "INLINED",
-    "MATRIX",
-    "NUMBER",
-    "ROBOT",
-    "STATES",
-    "VECTOR",
-    "entry_kernel",
-    "kernel",
-    "large_kernel",
-    "ready",
-]
+
+def _supported(*names):
+    """Return the options among `names` that this numba has; they are not documented."""
+    try:
+        options = numba.core.registry.cpu_target.options
+    except AttributeError:
+        return {}
+    return {name: True for name in names if hasattr(options, name)}
+
+
+_UNCOUNTED = dict.fromkeys(_supported("_nrt"), False)
+"""Without reference counts: no kernel allocates, and LLVM does not vectorize a loop that counts."""
+
+_OPTIONS = {"error_model": "numpy", **_supported("no_cfunc_wrapper"), **_UNCOUNTED}
+_ENTRY = _OPTIONS | ({"pipeline_class": EntryCompiler} if EntryCompiler else {})
+_CALLED = _OPTIONS | _supported("no_cpython_wrapper") | ({"pipeline_class": KernelCompiler} if KernelCompiler else {})
+
+INLINED = _CALLED | _supported("forceinline")
+"""Options of numba's for kernels."""
+
+_entries = []
+_lock = threading.RLock()
+
+
+def kernel(function):
+    """Compile `function` into every function that calls it, so that tuples stay in registers.
+
+    Division by zero gives inf as in NumPy.
+    """
+    return numba.njit(**INLINED)(function)
+
+
+def array_kernel(function):
+    """Compile `function` as :func:`kernel` does, where it returns an array: numba requires reference counts for that."""
+    return numba.njit(**INLINED | _supported("_nrt"))(function)
+
+
+def large_kernel(function):
+    """Compile `function` as a function of its own, where :func:`kernel` would copy much code that seldom runs."""
+    return numba.njit(**_CALLED)(function)
+
+
+def entry_kernel(*signature, nogil=False):
+    """Compile a function on its first call from Python, for arguments of these types alone; keep the code on disk.
+
+    Arguments of other types raise TypeError. `nogil` lets other threads run meanwhile; it costs 0.1 µs a call. Kernels that
+    call an entry have it compiled as :func:`large_kernel` does.
+    """
+
+    def decorate(function):
+        entry = numba.njit(nogil=nogil, **_ENTRY)(function)
+        # numba calls this hook on the first call. Without it, numba compiles for the types of each call: slower, not wrong.
+        entry._compile_for_args = functools.partial(_compile_once, entry, signature)
+        called = large_kernel(function)
+        entry.get_call_template, entry.get_overload = called.get_call_template, called.get_overload
+        _entries.append(entry)
+        return entry
+
+    return decorate
+
+
+def ready(entry):
+    """Compile an entry, or load it from the cache, so that its first call does not wait."""
+    entry._compile_for_args()
+
+
+def precompile(*modules):
+    """Compile the entries in modules and packages, or load them from the cache; ``diag_dynamics.sweeps`` is one."""
+    for module in modules:
+        package = importlib.import_module(module)
+        for found in pkgutil.iter_modules(getattr(package, "__path__", ()), f"{module}."):
+            importlib.import_module(found.name)
+    for entry in tuple(_entries):
+        if any(f"{entry.__module__}.".startswith(f"{module}.") for module in modules):
+            ready(entry)
+
+
+def _compile_once(entry, signature, *_):
+    """Compile an entry, or load it; return it, as numba then calls it."""
+    with _lock:
+        if not entry.signatures:  # else another thread was first
+            collecting = gc.isenabled()
+            gc.disable()  # a tenth of the time: the compiler leaves no garbage before it is done
+            try:
+                with report_compilation(entry.__name__):
+                    _compile(entry, signature)
+            finally:
+                if collecting:
+                    gc.enable()
+            entry.disable_compile()
+    return entry
+
+
+def _compile(entry, signature):
+    folder, before = code_folder(), numba.config.CACHE_DIR
+    try:
+        if folder:
+            numba.config.CACHE_DIR = str(folder)
+            entry.enable_caching()
+        try:
+            entry.compile(signature)
+        except OSError as error:  # a full disk
+            logger.warning("Compiled code could not be saved to %s; each process compiles it again: %s", folder, error)
+        except Exception as error:  # a damaged file may unpickle into any
+            files = list(folder.rglob(f"*.{entry.__name__}-*.nb?")) if folder else []
+            if not files:
+                raise
+            logger.warning("Compiled code in %s is unreadable and compiled again: %r", folder, error)
+            for file in files:
+                file.unlink(missing_ok=True)
+            entry.compile(signature)
+    finally:
+        numba.config.CACHE_DIR = before

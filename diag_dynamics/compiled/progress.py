@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is said while kernels are compiled: to whom, how far it is, and how long it takes as a rule."""
+"""Messages while kernels compile: one callback, which prints to stderr unless it is set."""
 
 import logging
 import sys
@@ -11,105 +11,74 @@ from contextlib import contextmanager, suppress
 
 logger = logging.getLogger("diag_dynamics")
 
-PATIENCE = 2.0
-"""Time [s] for which compiling says nothing, of kernels one after the other as of a single one."""
+DELAY = 2.0
+"""Time [s] of compiling, of one kernel or of several in a row, before the first message."""
 
-LEAST = 0.3
-"""Time [s] for which a single kernel says nothing, whatever went before: one that is in the cache takes less."""
+MAX_PAUSE = 1.0
+"""Time [s] without compiling after which the delay begins again."""
 
-PAUSE = 1.0
-"""Time [s] without a kernel after which patience begins anew."""
+PERIOD = 5.0
+"""Time [s] between two messages."""
 
-EVERY = 5.0
-"""Least time [s] between two lines."""
-
-RULE = "for this machine and Python, once: all kernels take about half a minute (in advance: diag-dynamics compile)"
-
-_entries = []
-_steps = threading.local()  # of each thread: how far it is
-_lock = threading.Lock()
+RULE = "for this machine and Python, once: all kernels take about a minute (in advance: diag-dynamics compile)"
 
 
-def register(entry):
-    """Have an entry kernel compiled by :func:`ahead.compile_ahead`."""
-    _entries.append(entry)
-
-
-def registered():
-    """Entry kernels of all modules that have been imported."""
-    return tuple(_entries)
-
-
-def on_stderr(text):
-    """Say a line on stderr, where there is one."""
-    with suppress(OSError, ValueError):  # nobody reads it any more
+def print_message(text):
+    """Print a message to stderr."""
+    with suppress(OSError, ValueError):  # stderr is closed
         print(f"diag_dynamics: {text}", file=sys.stderr, flush=True)
 
 
-class _Teller:
-    """Says lines, to whomever wants them, and no more than one in :data:`EVERY` seconds."""
+class Progress:
+    """When a row of compilations began and ended, when the last message was sent, and who receives messages."""
 
     def __init__(self):
-        self.say, self._last = on_stderr, None
+        self.callback = print_message
+        self._begun, self._ended, self._sent = 0.0, -MAX_PAUSE, None
+        self._lock = threading.Lock()
 
-    def line(self, what, start):
-        """Say what is compiled, and since when; or return for how long [s] nothing may be said yet."""
-        with _lock:
-            now, first = time.perf_counter(), self._last is None
-            if not first and now - self._last < EVERY:
-                return self._last + EVERY - now
-            self._last = now
-        since = f", for {now - start:.0f} s by now" if now - start >= 1.0 else ""
-        self.say(f"compiling {what} {RULE}" if first else f"compiling {what}{since}")
-        return EVERY
-
-
-class _Row:
-    """Kernels that are compiled one after the other."""
-
-    def __init__(self):
-        self._begun, self.ended = 0.0, -PAUSE
-
-    def before(self, now):
-        """For how long [s] this has been going on."""
-        if now - self.ended >= PAUSE:
+    def begin(self, now):
+        """Return the time [s] at which a kernel that begins to compile `now` sends its first message."""
+        if now - self._ended >= MAX_PAUSE:
             self._begun = now
-        return now - self._begun
+        due = self._begun + DELAY
+        return due if self._sent is None else max(due, self._sent + PERIOD)
+
+    def end(self, now):
+        """Take the end of a compilation."""
+        self._ended = now
+
+    def send(self, name, begun, now):
+        """Send a message; return the time [s] of the next one."""
+        with self._lock:
+            first, self._sent = self._sent is None, now
+        self.callback(f"compiling {name} {RULE}" if first else f"compiling {name}, for {now - begun:.0f} s")
+        return now + PERIOD
 
 
-_teller, _row = _Teller(), _Row()
+_progress = Progress()
 
 
-def tell_by(say):
-    """Have lines said by a function of a text, which a thread of its own calls; None for stderr, as it is at first."""
-    _teller.say = say or on_stderr
-
-
-def steps(items):
-    """Go through what is compiled one after the other: that is how far it is."""
-    try:
-        for k, item in enumerate(items, 1):
-            _steps.far = f" ({k} of {len(items)})"
-            yield item
-    finally:
-        _steps.far = ""
+def set_progress_callback(callback=None):
+    """Have messages passed to a function of a text, in a thread of its own; None prints them to stderr."""
+    _progress.callback = callback or print_message
 
 
 @contextmanager
-def told(name):
-    """While something is compiled: lines if it takes long, see :func:`tell_by`; afterwards one in the log."""
-    start, over = time.perf_counter(), threading.Event()
-    what = name + getattr(_steps, "far", "")
-    wait = max(LEAST, PATIENCE - _row.before(start))
-    threading.Thread(target=_tell, args=(what, start, over, wait), name="compiling", daemon=True).start()
+def report_compilation(name):
+    """Send messages while a kernel compiles, if that takes long; log its time at the end."""
+    begun, done = time.perf_counter(), threading.Event()
+    threading.Thread(target=_report, args=(name, begun, done), name="compiling", daemon=True).start()
     try:
         yield
     finally:
-        over.set()
-        _row.ended = time.perf_counter()
-        logger.info("%s was compiled, or loaded, in %.1f s", name, time.perf_counter() - start)
+        done.set()
+        now = time.perf_counter()
+        _progress.end(now)
+        logger.info("%s was compiled, or loaded, in %.1f s", name, now - begun)
 
 
-def _tell(what, start, over, wait):
-    while not over.wait(wait):
-        wait = _teller.line(what, start)
+def _report(name, begun, done):
+    due = _progress.begin(begun)
+    while not done.wait(max(0.3, due - time.perf_counter())):  # a kernel in the cache loads in less
+        due = _progress.send(name, begun, time.perf_counter())

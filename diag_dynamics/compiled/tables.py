@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of numbers and arrays that a kernel is told of by one number, which costs less than an argument for each."""
+"""Structs of numbers and arrays that a kernel receives as one pointer: cheaper than an argument for each."""
 
 from collections import namedtuple
 from numbers import Integral
@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from diag_dynamics.compiled.arrays import table_at
+from diag_dynamics.compiled.arrays import array_at
+from diag_dynamics.compiled.kernel import kernel
 
 
 class Array(NamedTuple):
@@ -59,12 +60,31 @@ class Table:
                 for field, kind in fields.items()
             ]
         )
-        kinds = [(kind.kind, kind.ndim, kind.last) if isinstance(kind, Array) else None for kind in fields.values()]
-        self.opened = table_at(namedtuple(name, fields), self.dtype, kinds)
+        self.opened = _reader(name, fields, self.dtype)
 
     def extended(self, name, /, **more):
         """Declaration of a table that has further fields behind these: kernels of this one read it, too."""
         return Table(name, **self.fields, **more)
+
+
+def _reader(name, fields, dtype):
+    """Kernel (address) that returns a table as a named tuple.
+
+    Its source is generated, because numba compiles a composition of one kernel for each field twenty times slower.
+    """
+    names, values = {"row": namedtuple(name, fields), "record_at": array_at(numba.from_dtype(dtype), 1)}, []
+    for field, kind in fields.items():
+        if isinstance(kind, Array):
+            names[f"{field}_at"] = array_at(kind.kind, kind.ndim)
+            extents = [f"record.{field}[{1 + k}]" for k in range(kind.ndim)]
+            if kind.last is not None:
+                extents[-1] = str(kind.last)
+            values.append(f"{field}_at(record.{field}[0], ({', '.join(extents)},))")
+        else:
+            values.append(f"record.{field}")
+    source = f"def read(address):\n    record = record_at(address, (1,))[0]\n    return row({', '.join(values)})\n"
+    exec(source, names)
+    return kernel(names["read"])
 
 
 class Addresses:

@@ -28,7 +28,7 @@ from diag_dynamics.compiled.kernel import (
 )
 from diag_dynamics.sweeps import classical, evaluation, factorization, groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.trigonometry import LARGEST, near_sine_and_cosine, sine_and_cosine
+from diag_dynamics.sweeps.trigonometry import LARGEST, near_sine_and_cosine
 from diag_dynamics.sweeps.workspace import ARTICULATED_INERTIA as D
 from diag_dynamics.sweeps.workspace import EPSILON, GRAVITY, NU, NUMBERS, RESULTS, WIDTH, batch_of, copy
 
@@ -136,15 +136,12 @@ def _read_joint(body, row, Q, QD, TAU, first, last):
 
 
 @kernel
-def _fill_sine_and_cosine(row):
-    far = 0
+def _fill_large_angles(row):
+    """Sine and cosine of angles that near_sine_and_cosine is not for."""
     for b in range(WIDTH):
         x = row[POSITION * WIDTH + b]
-        row[SINE * WIDTH + b], row[COSINE * WIDTH + b] = near_sine_and_cosine(x)
-        far += 0 if abs(x) < LARGEST else 1
-    if far > 0:
-        for b in range(WIDTH):
-            row[SINE * WIDTH + b], row[COSINE * WIDTH + b] = sine_and_cosine(row[POSITION * WIDTH + b])
+        if not abs(x) < LARGEST:
+            row[SINE * WIDTH + b], row[COSINE * WIDTH + b] = math.sin(x), math.cos(x)
 
 
 @kernel
@@ -156,10 +153,12 @@ def _outward_joint(direction, body, row, parent):
     mass, first_moment, inertia = body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia)
     own, angular = sp.rigid_inertia(mass, first_moment, inertia), body.inertia[0] + body.inertia[3] + body.inertia[5]
     if direction == sp.ANGULAR_Z:
-        _fill_sine_and_cosine(row)
+        _fill_large_angles(row)
     for b in range(WIDTH):
         if direction == sp.ANGULAR_Z:
-            turned = sp.turned_about_z(rotation, row[SINE * WIDTH + b], row[COSINE * WIDTH + b])
+            x, sine, cosine = (row[POSITION * WIDTH + b], row[SINE * WIDTH + b], row[COSINE * WIDTH + b])
+            near, (near_sine, near_cosine) = abs(x) < LARGEST, near_sine_and_cosine(x)
+            turned = sp.turned_about_z(rotation, near_sine if near else sine, near_cosine if near else cosine)
             X = sp.Placement(turned, translation)
         else:
             moved = sp.apply(rotation, (0.0, 0.0, row[POSITION * WIDTH + b]))

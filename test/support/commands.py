@@ -11,6 +11,6 @@ from diag_dynamics.compiled import progress
 @pytest.fixture(autouse=True, scope="module")
 def quiet_compiler():
     """Have the compiler say nothing on stderr, whatever is not compiled yet."""
-    progress.tell_by(lambda text: None)
+    progress.set_progress_callback(lambda text: None)
     yield
-    progress.tell_by(progress.on_stderr)
+    progress.set_progress_callback()

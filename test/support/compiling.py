@@ -6,22 +6,22 @@
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 
-from diag_dynamics.compiled.ahead import compile_ahead
+from diag_dynamics.compiled.kernel import precompile
 
 
 def equations():
     """All methods of DiagonalDynamics."""
-    compile_ahead("diag_dynamics.sweeps")
+    precompile("diag_dynamics.sweeps")
 
 
 def simulation():
     """The steps of the simulation."""
-    compile_ahead("diag_dynamics.simulation.steps")
+    precompile("diag_dynamics.simulation.steps")
 
 
 def messages():
     """What turns bytes into bytes."""
-    compile_ahead("diag_dynamics.joint_states")
+    precompile("diag_dynamics.joint_states")
 
 
 def in_two_processes():

@@ -11,7 +11,7 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from diag_dynamics.compiled.progress import tell_by
+from diag_dynamics.compiled.progress import set_progress_callback
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
@@ -52,7 +52,7 @@ class TableNode:
 
     def destroy_node(self):
         """See rclpy; the compiler reports to stderr from now on."""
-        tell_by(None)
+        set_progress_callback(None)
         super().destroy_node()
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from diag_dynamics.compiled.progress import tell_by
+from diag_dynamics.compiled.progress import set_progress_callback
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.text import plain
 
@@ -67,7 +67,7 @@ class Diagnostics:
         self._compiled = ""
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(PERIOD, self._tick, clock=steady_clock())
-        tell_by(self._report_compiling)
+        set_progress_callback(self._report_compiling)
 
     def _tick(self):
         # The entry stays after the first compilation: an aggregator takes one that disappears for stale.
