@@ -35,7 +35,8 @@ class Library(JITCodeLibrary):
 
         visit(self)
         for library in order[-2::-1]:
-            self._reload_init.update(library._reload_init)
+            if hasattr(self, "_reload_init"):  # numba 0.58 has none
+                self._reload_init.update(library._reload_init)
             finished = library._get_module_for_linking() if library._finalized else _shareable(library._final_module)
             module.link_in(finished, preserve=True)
 
