@@ -277,7 +277,7 @@ def test_kernels_are_compiled_with_a_small_robot(monkeypatch):
     settings = Settings.of({name: spec.default for name, spec in PARAMETERS.items()})
     model = load_urdf(robot(PANDA).path)
     assert MonitoredRobot(robot(PANDA).urdf.encode(), model, settings, 1).model is model
-    assert sizes and max(sizes) == 1
+    assert not sizes  # kernels are compiled by a small robot, and none of the robot's own matrices are computed
 
 
 # --- the process
