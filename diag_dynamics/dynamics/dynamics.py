@@ -108,7 +108,10 @@ class DiagonalDynamics:
         threads : int, optional
             Number of threads for many states.
 
-        It returns a new Evaluation or `out`; of many states a :class:`BatchEvaluation` with the bits of single calls.
+        Returns
+        -------
+        Evaluation
+            A new one, or `out`; of many states a :class:`BatchEvaluation` with the bits of single calls.
         """
         if out is None:
             state = _empty(self._shape)
