@@ -11,7 +11,7 @@ from rclpy.serialization import serialize_message
 
 import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.view.message_reader import MessageReader
+from diag_dynamics.nodes.view.robot_subscription import MessageReader
 from nodes import PANDA, UR5, Monitor, S, nanoseconds, robot
 from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
 

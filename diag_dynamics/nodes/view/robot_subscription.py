@@ -11,6 +11,7 @@ import numpy as np
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -22,13 +23,13 @@ from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.names import NODES
-from diag_dynamics.nodes.view.message_reader import MessageReader
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.stream import Received, RobotStream, compile_frames
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
+from diag_dynamics.wire.cdr import Template
 
 REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED)
 """Parameters of a monitor that make its model, and whether its stamps are of simulated time."""
@@ -54,6 +55,26 @@ DIAGNOSTICS_TIMEOUT = 5.0
 """Time [s] after which a status that is not repeated is removed; diagnostic_aggregator takes it for stale then."""
 
 NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class MessageReader:
+    """Read messages of one type. rclpy reads the first one of each layout; of others the numbers alone are read.
+
+    Attributes
+    ----------
+    message
+        The last message that rclpy has read: its texts are those of the last one.
+    """
+
+    def __init__(self, kind):
+        self._kind, self._template, self.message = kind, None, None
+
+    def read(self, raw):
+        """Return arrays by field, valid until the next call; fields that are empty are not there."""
+        if self._template is None or not self._template.read(raw):
+            self.message = deserialize_message(raw, self._kind)
+            self._template = Template(self.message)
+        return self._template.numbers
 
 
 class RobotSubscription:
