@@ -363,22 +363,22 @@ class BatchEvaluation(Evaluation):
         return self._numbers[row - _KINETIC_ENERGY]
 
     @property
-    def kinetic_energy(self) -> Array:  # type: ignore[override]
+    def kinetic_energy(self) -> Array:  # type: ignore[override]  # many states
         """K [J], shape (T,)."""
         return self._number(_KINETIC_ENERGY)
 
     @property
-    def base_energy(self) -> Array:  # type: ignore[override]
+    def base_energy(self) -> Array:  # type: ignore[override]  # many states
         """Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base."""
         return self._number(_BASE_ENERGY) if self._model.floating_base else read_only(np.zeros(len(self)))
 
     @property
-    def power(self) -> Array | None:  # type: ignore[override]
+    def power(self) -> Array | None:  # type: ignore[override]  # many states
         """dK/dt [W], shape (T,); None without TAU."""
         return self._number(_POWER) if self._with_tau else None
 
     @property
-    def effort_power(self) -> Array | None:  # type: ignore[override]
+    def effort_power(self) -> Array | None:  # type: ignore[override]  # many states
         """νᵀ(ε − ε_g) [W], shape (T,); None without TAU."""
         return self._number(_EFFORT_POWER) if self._with_tau else None
 
@@ -443,7 +443,7 @@ class Factors(NamedTuple):
     """
 
     m: Array
-    l: Array  # noqa: E741
+    l: Array  # noqa: E741  # the name in the paper
     unit: Array
     D: Array
 

@@ -23,7 +23,7 @@ class Library(JITCodeLibrary):
         self._linking_libraries.append(library)
 
     def _link(self, module):
-        """Link all libraries below into `module`, callers first: LLVM drops functions that nobody refers to yet."""
+        """Link all libraries below into `module`, callers first, because LLVM drops functions without a reference."""
         order, visited = [], {self}
 
         def visit(library):

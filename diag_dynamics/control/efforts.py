@@ -93,7 +93,7 @@ class Efforts:
         return min(max(elapsed, 0.0), self._max_period)
 
     def reset(self, sent):
-        """Start from an effort that has been sent, whatever its rate."""
+        """Start from an effort that has been sent, without rate limit."""
         self.sent = sent
         self._ramp.reset(sent)
 

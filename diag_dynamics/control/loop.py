@@ -206,7 +206,7 @@ class ControlLoop:
         return Sent(effort, saturated, state.newest, self._age(now), *filtered[1:], rate, lost)
 
     def _outside_limits(self, q):
-        """Return what is wrong with positions outside of their limits, from which springs would throw a joint."""
+        """Return the error of positions outside of their limits, where springs would throw a joint; None if valid."""
         model = self.dynamics.model
         beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
         if not beyond.any():
@@ -239,7 +239,7 @@ class ControlLoop:
         return Sent(*self.efforts.ramped(self.at_rest, now), state.newest, self._age(now))
 
     def age_problem(self, state, now):
-        """Return what is wrong with the age of a state's joints at a time [ns]; None if nothing is."""
+        """Return the error of the age of a state's joints at a time [ns]; None if it is valid."""
         if state.stamp_is_receive_time:
             return "joint states without stamps: how old they are is not known"
         age_problem = self.supervisor.age_problem

@@ -24,7 +24,7 @@ class State(IntEnum):
     HOLDING_START = 3  # gravity compensation without a valid state, returns to STARTING
     HOLDING = 4  # gravity compensation without a valid state, returns to ACTIVE
     RAMPING_DOWN = 5  # zero without a valid state
-    STOPPED = 6  # zero with valid states, until somebody chooses a mode
+    STOPPED = 6  # zero with valid states, until a mode is chosen
     RELEASED = 7  # zero until the next valid state, which starts the chosen mode
 
 
@@ -35,7 +35,7 @@ class Event(IntEnum):
     CARRIED = 1  # a valid state, and the efforts carry the robot
     INVALID = 2  # no valid state
     TIMEOUT = 3  # no valid state for longer than the hold time
-    SWITCH = 4  # somebody chooses a mode
+    SWITCH = 4  # a mode is chosen
 
 
 _S = State
@@ -69,7 +69,7 @@ class Supervisor:
 
     Without a valid state the loop holds the last gravity torque for at most `hold_time`, and then ramps the efforts down to
     zero. Valid states then do not put the law in force, unless `resumes`: a loose cable would drop and catch an arm again
-    and again, and somebody may be at work on it by then.
+    and again, and a person may be at work on it by then.
 
     `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions. `machine_time` returns a
     monotonic time [s], which ends a hold where the clock stands still. `reason` says why the law is not in force.
@@ -112,7 +112,7 @@ class Supervisor:
         return self.state in _START
 
     def age_problem(self, stamp, now):
-        """Return what is wrong with the age of a state, both times in nanoseconds; None if nothing is."""
+        """Return the error of the age of a state, both times in nanoseconds; None if it is valid."""
         age = (now - stamp) * 1e-9
         if abs(age) <= self.max_age:
             return None

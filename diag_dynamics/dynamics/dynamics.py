@@ -209,7 +209,7 @@ class DiagonalDynamics:
             q = self._caller.positions(q)
             self._caller.check(fill_factors(self._robot, q, factors, D), q)
         factors.setflags(False)  # type: ignore[call-arg]  # as in evaluate
-        D.setflags(False)  # type: ignore[call-arg]
+        D.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         return _new(Factors, (factors[0], factors[1], factors[2], D))
 
     def forward_dynamics(
