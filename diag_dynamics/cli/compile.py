@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 
 from diag_dynamics.cli import common
-from diag_dynamics.compiled.cache import PACKAGE, cache_folder, code_folder, source_hash
+from diag_dynamics.numerics.cache import PACKAGE, cache_folder, code_folder, source_hash
 from diag_dynamics.threads import cores
 
 UNITS = {
@@ -104,8 +104,8 @@ def _end_with_parent():
 
 def compile_unit(unit):
     """Compile a module of kernels in a worker, silently."""
-    from diag_dynamics.compiled import kernel
-    from diag_dynamics.compiled.progress import set_progress_callback
+    from diag_dynamics.numerics import kernel
+    from diag_dynamics.numerics.progress import set_progress_callback
 
     set_progress_callback(lambda text: None)
     kernel.precompile(f"diag_dynamics.{unit}")

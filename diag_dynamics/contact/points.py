@@ -13,9 +13,9 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, PointLike, RowsLike
 from diag_dynamics.checks import array_of, choice, unit
-from diag_dynamics.compiled.tables import Addresses
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import contacts
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from diag_dynamics.compiled import kernel
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.numerics import kernel
 from diag_dynamics.sweeps import (
     batch,
     classical,

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import (
     BATCH_TYPES,
@@ -30,6 +29,7 @@ from diag_dynamics.joint_states.memory import (
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.joint_states.steps import DISPLACED, NOTHING, accept_step, is_contradicted, judge_step
 from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_frozen
+from diag_dynamics.numerics.kernel import entry_kernel, kernel, large_kernel
 
 PATIENCE = 10 * SECOND
 """Time [ns] for which all stamps must differ from this node's clock by the same amount before they are accepted again."""

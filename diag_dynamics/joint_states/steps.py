@@ -18,9 +18,9 @@ rest.
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import COUNT, FAR, KNOWN, LARGEST, RETURNS, STEP, VELOCITY
+from diag_dynamics.numerics.kernel import kernel, large_kernel
 
 STATES = 3
 """Messages in a row that agree on a new place before it is believed. The last of them is accepted."""

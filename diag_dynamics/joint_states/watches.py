@@ -14,9 +14,9 @@ neither. States further apart than the timeout say nothing.
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import WINDOW
+from diag_dynamics.numerics.kernel import kernel, large_kernel
 
 LONGEST = 1_000_000_000
 """Longest interval between stamps [ns]: a longer one is a pause of the sender."""

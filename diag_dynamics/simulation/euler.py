@@ -5,7 +5,7 @@
 
 import math
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import HELD, classify_joints, is_limited, solve_stiction
 from diag_dynamics.simulation.runge_kutta import integrate, wrench_efforts

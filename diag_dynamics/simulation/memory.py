@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.compiled.tables import Addresses, Table, array
+from diag_dynamics.numerics.tables import Addresses, Table, array
 from diag_dynamics.simulation.tableau import STAGES
 from diag_dynamics.sweeps import workspace as ws
 

@@ -13,7 +13,7 @@ limit a joint rests while the limit pushes it back. Each degree of freedom has i
 
 import math
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import opened
 from diag_dynamics.sweeps import classical, factorization, groups, motions
 from diag_dynamics.sweeps import workspace as ws

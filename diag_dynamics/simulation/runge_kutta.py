@@ -3,7 +3,7 @@
 
 """A step of order 4 in which no joint changes its mode: the equations are smooth."""
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS

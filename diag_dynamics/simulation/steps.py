@@ -6,7 +6,7 @@
 import math
 from collections import namedtuple
 
-from diag_dynamics.compiled.kernel import COUNT, FLAG, NUMBER, ROBOT, VECTOR, entry_kernel, large_kernel
+from diag_dynamics.numerics.kernel import COUNT, FLAG, NUMBER, ROBOT, VECTOR, entry_kernel, large_kernel
 from diag_dynamics.simulation.euler import (
     book_springs,
     euler_step,

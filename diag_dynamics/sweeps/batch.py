@@ -14,7 +14,7 @@ Each entry returns the end of what it has done: all, or what comes before the fi
 import itertools
 import math
 
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.kernel import (
     COUNT,
     FILLED_MATRIX,
     FILLED_STATES,

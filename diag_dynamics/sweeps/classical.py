@@ -3,8 +3,8 @@
 
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
-from diag_dynamics.compiled.arrays import flat
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.arrays import flat
+from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
     FILLED_VECTOR,
     FLAG,

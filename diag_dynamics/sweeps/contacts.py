@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.kernel import (
     COUNT,
     FILLED_MATRIX,
     FILLED_STATES,
@@ -26,7 +26,7 @@ from diag_dynamics.compiled.kernel import (
     kernel,
     large_kernel,
 )
-from diag_dynamics.compiled.tables import Table, array
+from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, xi_from_qd

@@ -5,8 +5,8 @@
 
 import math
 
-from diag_dynamics.compiled.arrays import flat
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.arrays import flat
+from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
     FILLED_VECTOR,
     ROBOT,

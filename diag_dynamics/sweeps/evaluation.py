@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from diag_dynamics.compiled.arrays import address_of
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.arrays import address_of
+from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
     FILLED_VECTOR,
     MATRIX,

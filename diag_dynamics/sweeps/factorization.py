@@ -5,7 +5,7 @@
 
 import math
 
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
     FILLED_VECTOR,
     FLAG,

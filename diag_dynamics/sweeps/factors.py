@@ -9,7 +9,7 @@ vector instructions by the compiler, as batch describes.
 
 import math
 
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.kernel import (
     FILLED_STATES,
     FILLED_VECTOR,
     ROBOT,

@@ -25,7 +25,7 @@ to body never forms.
 F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace of the body that owns it.
 """
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import clear

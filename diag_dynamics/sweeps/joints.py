@@ -5,7 +5,7 @@
 
 import math
 
-from diag_dynamics.compiled.kernel import kernel, large_kernel
+from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.sweeps import records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.trigonometry import sine_and_cosine

@@ -3,7 +3,7 @@
 
 """Placements, Jacobians and motions of bodies."""
 
-from diag_dynamics.compiled.kernel import COUNT, FILLED_MATRIX, ROBOT, VECTOR, entry_kernel
+from diag_dynamics.numerics.kernel import COUNT, FILLED_MATRIX, ROBOT, VECTOR, entry_kernel
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import MISFIT, clear, lengths_match, opened, positions_match

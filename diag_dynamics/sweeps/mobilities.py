@@ -20,7 +20,7 @@ import math
 import numba
 import numpy as np
 
-from diag_dynamics.compiled.kernel import FILLED_STATES, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.numerics.kernel import FILLED_STATES, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.factorization import factorize_at

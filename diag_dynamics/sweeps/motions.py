@@ -9,7 +9,7 @@ each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree o
 
 import math
 
-from diag_dynamics.compiled.kernel import FILLED_VECTOR, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.numerics.kernel import FILLED_VECTOR, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import MISFIT, lengths_match, opened, positions_match

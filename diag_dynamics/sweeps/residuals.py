@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import FILLED_MATRIX, FILLED_VECTOR, MATRIX, VECTOR, entry_kernel
+from diag_dynamics.numerics.kernel import FILLED_MATRIX, FILLED_VECTOR, MATRIX, VECTOR, entry_kernel
 
 
 @entry_kernel(VECTOR, VECTOR, *[MATRIX] * 3, FILLED_MATRIX, FILLED_MATRIX, FILLED_VECTOR, nogil=True)

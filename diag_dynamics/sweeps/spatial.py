@@ -11,7 +11,7 @@ freedom moves along axes of its body; what projects on a degree of freedom S the
 import math
 from collections import namedtuple
 
-from diag_dynamics.compiled.kernel import kernel
+from diag_dynamics.numerics.kernel import kernel
 
 Motion = namedtuple("Motion", ["linear", "angular"])
 """Twist or spatial acceleration about the frame's origin."""

@@ -9,7 +9,7 @@ fdlibm for |x| <= π/4. Errors are below one unit in the last place of 1.
 
 import math
 
-from diag_dynamics.compiled.kernel import kernel
+from diag_dynamics.numerics.kernel import kernel
 
 LARGEST = 1e6
 """Up to this angle [rad] a multiple of the first part of π/2 has no rounding error; beyond it, the C library is asked."""

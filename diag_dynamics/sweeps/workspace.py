@@ -7,8 +7,8 @@ from collections import namedtuple
 
 import numpy as np
 
-from diag_dynamics.compiled.kernel import kernel
-from diag_dynamics.compiled.tables import Addresses, Table, array
+from diag_dynamics.numerics.kernel import kernel
+from diag_dynamics.numerics.tables import Addresses, Table, array
 from diag_dynamics.sweeps import records
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)

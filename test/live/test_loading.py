@@ -16,8 +16,8 @@ from diag_dynamics.srv import Diagonalize
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
-from diag_dynamics.compiled.progress import RULE
 from diag_dynamics.nodes.support.diagnostics import OK
+from diag_dynamics.numerics.progress import RULE
 from nodes import LATCHED, PANDA, Monitor, Truth, description, robot
 from processes import Process
 from robots import description as urdf_of

@@ -18,8 +18,8 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
-from diag_dynamics.compiled.cache import ROOMS
 from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.numerics.cache import ROOMS
 from launches import LAUNCH_FILES, launched
 from robots import robot_path
 
@@ -105,7 +105,7 @@ def test_compiled_code_is_stale_after_any_change_of_its_sources():
     """Kernels, and the modules that they import, lie in the folders whose content is the key of the cache."""
     hashed = [PACKAGE / room for room in ROOMS]
     for path, source in SOURCES.items():
-        if "from diag_dynamics.compiled.kernel" in source:
+        if "from diag_dynamics.numerics.kernel" in source:
             modules = {
                 ROOT / f"{name.replace('.', '/')}.py" for name in re.findall(r"^from (diag_dynamics\S+)", source, re.M)
             }

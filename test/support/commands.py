@@ -5,7 +5,7 @@
 
 import pytest
 
-from diag_dynamics.compiled import progress
+from diag_dynamics.numerics import progress
 
 
 @pytest.fixture(autouse=True, scope="module")

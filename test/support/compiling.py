@@ -6,7 +6,7 @@
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 
-from diag_dynamics.compiled.kernel import precompile
+from diag_dynamics.numerics.kernel import precompile
 
 
 def equations():

@@ -8,7 +8,7 @@ The parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about i
 
 import math
 
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
     FILLED_STATES,
     MATRIX,

@@ -11,11 +11,11 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from diag_dynamics.compiled.progress import set_progress_callback
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.names import NODES, nearest
+from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.parameters.spec import wrong
 from diag_dynamics.text import plain
 

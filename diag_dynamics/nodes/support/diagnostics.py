@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from diag_dynamics.compiled.progress import set_progress_callback
 from diag_dynamics.nodes.support.clocks import steady_clock
+from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.text import plain
 
 OK, WARN, ERROR, STALE = (getattr(DiagnosticStatus, level) for level in ("OK", "WARN", "ERROR", "STALE"))

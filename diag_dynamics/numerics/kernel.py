@@ -17,11 +17,11 @@ import threading
 import numba
 from numba import types
 
-from diag_dynamics.compiled.cache import code_folder
-from diag_dynamics.compiled.progress import report_compilation
+from diag_dynamics.numerics.cache import code_folder
+from diag_dynamics.numerics.progress import report_compilation
 
 try:  # numba's code libraries are private. Without them, entries compile slower, to the same code.
-    from diag_dynamics.compiled.linking import EntryCompiler, KernelCompiler
+    from diag_dynamics.numerics.linking import EntryCompiler, KernelCompiler
 except (ImportError, AttributeError):
     EntryCompiler = KernelCompiler = None
 

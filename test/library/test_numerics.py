@@ -21,9 +21,9 @@ import pytest
 from numba.core.caching import IndexDataCacheFile
 
 import diag_dynamics as dd
-from diag_dynamics.compiled import cache, progress
-from diag_dynamics.compiled import kernel as kernels
-from diag_dynamics.compiled.kernel import (
+from diag_dynamics.numerics import cache, progress
+from diag_dynamics.numerics import kernel as kernels
+from diag_dynamics.numerics.kernel import (
     FILLED_VECTOR,
     NUMBER,
     VECTOR,
@@ -337,7 +337,7 @@ sys.stdout.buffer.write(pickle.dumps(found))
 def test_results_without_private_parts_of_numba():
     """Where `linking` cannot be imported, kernels give the same bits."""
     found = []
-    for prefix in ("", "import sys; sys.modules['diag_dynamics.compiled.linking'] = None\n"):
+    for prefix in ("", "import sys; sys.modules['diag_dynamics.numerics.linking'] = None\n"):
         done = subprocess.run([sys.executable, "-c", prefix + RESULTS], capture_output=True, check=True)
         found.append(pickle.loads(done.stdout))
     for name, quantities in found[1].items():

@@ -9,7 +9,7 @@ import numba
 from numba import types
 from numba.extending import intrinsic
 
-from diag_dynamics.compiled.kernel import array_kernel, kernel
+from diag_dynamics.numerics.kernel import array_kernel, kernel
 
 
 @functools.cache

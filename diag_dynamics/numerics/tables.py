@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from diag_dynamics.compiled.arrays import array_at
-from diag_dynamics.compiled.kernel import kernel
+from diag_dynamics.numerics.arrays import array_at
+from diag_dynamics.numerics.kernel import kernel
 
 
 class Array(NamedTuple):
