@@ -23,7 +23,7 @@ PREFIX = "code-"
 """Beginning of the names of folders with compiled code."""
 
 ROOMS = (
-    "compiled",
+    "numerics",
     "sweeps",
     "simulation",
     "joint_states",
