@@ -311,10 +311,10 @@ class BatchEvaluation(Evaluation):
         if not -len(self) <= t < len(self):
             raise IndexError(f"state {t} of a batch of {len(self)}")
         nv, nq = self._model.nv, self._model.nq
-        state = np.empty((ws.ROWS, max(nq, 1)))
-        state[: ws.RESULTS, :nv] = self._state[:, t]
+        state = np.empty((ws.N_ROWS, max(nq, 1)))
+        state[: ws.N_RESULTS, :nv] = self._state[:, t]
         state[_ENERGY_SHARE, :nv] = 0.5 * self.nu[t] * self.nu[t]
-        state[_KINETIC_ENERGY : _KINETIC_ENERGY + ws.NUMBERS, 0] = self._numbers[:, t]
+        state[_KINETIC_ENERGY : _KINETIC_ENERGY + ws.N_NUMBERS, 0] = self._numbers[:, t]
         state[ws.POSITIONS, :nq], state[ws.RATES, :nv] = self._positions[t], self._rates[t]
         external, friction = (None if x is None else x[t] for x in (self._external, self._friction))
         write_rates(state[:, :nv], external, friction)
@@ -413,7 +413,7 @@ class BatchMemory(NamedTuple):
     def allocate(cls, model: RobotModel, count: int) -> BatchMemory:
         """Return uninitialized memory for `count` states, in one piece."""
         nv, nq = model.nv, model.nq
-        shapes = (ws.RESULTS, count, nv), (ws.NUMBERS, count), (count, nq), (count, nv)
+        shapes = (ws.N_RESULTS, count, nv), (ws.N_NUMBERS, count), (count, nq), (count, nv)
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
         parts = np.split(np.empty(ends[-1]), ends[:-1])
         return cls(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))

@@ -30,7 +30,7 @@ UNITS = {
     "sweeps.mobilities": 3,
     "sweeps.classical": 3,
     "sweeps.kinematics": 2,
-    "sweeps.motions": 1,
+    "sweeps.configuration": 1,
     "identification.kernels.regressors": 1,
     "sweeps.residuals": 1,
 }

@@ -27,7 +27,7 @@ from diag_dynamics.sweeps import classical, derivatives, evaluation, kinematics,
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factors import factors as fill_factors
 
-_ARRAY, _FLOAT, _MISFIT, _empty = ARRAY, FLOAT, ws.MISFIT, np.empty
+_ARRAY, _FLOAT, _MISFIT, _empty = ARRAY, FLOAT, ws.BAD_LENGTH, np.empty
 _new = tuple.__new__  # half of the time that a namedtuple's own takes
 
 
@@ -61,7 +61,7 @@ class DiagonalDynamics:
         self._caller = calls.SweepCaller(model)
         self._robot, self._zero = self._caller.robot, self._caller.zero
         self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
-        self._shape = ws.ROWS, max(model.nq, 1)  # rows of numbers have one entry even without joints
+        self._shape = ws.N_ROWS, max(model.nq, 1)  # rows of numbers have one entry even without joints
         self._whole = self._shape[1] == model.nv
         self._frames: Any = None
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.checks import vector
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.sweeps import joints, motions
+from diag_dynamics.sweeps import configuration, joints
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 REACH = 1.0
@@ -42,7 +42,7 @@ def integrated(model, q, v):
     result = np.empty(model.nq)
     q, v = positions(model, "q", q), vector("v", v, model.dof_names)
     own = model.workspace  # referenced while the sweep runs, which has its address only
-    _check(motions.integrate(own.robot, q, v, result), "q and v")
+    _check(configuration.integrate(own.robot, q, v, result), "q and v")
     return result
 
 
@@ -51,7 +51,7 @@ def difference(model, q0, q1):
     v = np.empty(model.nv)
     q0, q1 = positions(model, "q0", q0), positions(model, "q1", q1)
     own = model.workspace
-    _check(motions.difference(own.robot, q0, q1, _turning(model), v), "q0 and q1")
+    _check(configuration.difference(own.robot, q0, q1, _turning(model), v), "q0 and q1")
     return v
 
 
@@ -77,7 +77,7 @@ def _angles(model):
     """Return whether each position coordinate is an angle."""
     angles = np.array([name.endswith("/theta") for name in model.coordinate_names], dtype=bool)
     bodies = model.bodies
-    leads = bodies["owner"] == np.arange(len(bodies))  # a mimic joint has its leader's q
+    leads = bodies["leader"] == np.arange(len(bodies))  # a mimic joint has its leader's q
     single = bodies[(bodies["dofs"] == 1) & leads]
     angles[single["q"][single["direction"] >= ANGULAR_X]] = True
     return angles

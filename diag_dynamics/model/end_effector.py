@@ -48,7 +48,7 @@ def end_effector_link(model: RobotModel) -> str:
     for k in range(1, count):
         parent = int(bodies["parent"][k])
         children[parent].append(k)
-        is_actuated = bodies["owner"][k] == k and bodies["rank"][k] == 0
+        is_actuated = bodies["leader"][k] == k and bodies["rank"][k] == 0
         joints[k] = joints[parent] + is_actuated
         length[k] = length[parent] + (float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0)
     all_joints, all_length = joints.copy(), length.copy()  # from the base through a body to the ends of its chains

@@ -55,7 +55,7 @@ def places(names, among):
 def sliding_dofs(model):
     """Return whether each degree of freedom slides, a list of nv bool; the others turn."""
     bodies = model.bodies
-    own = [k for k in range(1, len(bodies)) if bodies["owner"][k] == k]
+    own = [k for k in range(1, len(bodies)) if bodies["leader"][k] == k]
     slides = np.zeros(model.nv, dtype=bool)
     slides[bodies["dof"][own]] = np.isin(bodies["direction"][own], (LINEAR_X, LINEAR_Y, LINEAR_Z))
     return slides.tolist()

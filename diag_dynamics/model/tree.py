@@ -180,7 +180,7 @@ class Tree:
             if name in self.mimics:
                 leader, multiplier, offset = self.mimics[name]
                 follower, led = self._records[self._body[name]], self._records[self._body[leader]]
-                follower["q"], follower["dof"], follower["owner"] = led["q"], led["dof"], self._body[leader]
+                follower["q"], follower["dof"], follower["leader"] = led["q"], led["dof"], self._body[leader]
                 follower["multiplier"], follower["offset"] = multiplier, offset
         self.groups.append(tuple(names))
         self.group_sizes.append(len(self._records) - first)
@@ -205,7 +205,7 @@ class Tree:
             body["parent"], body["direction"] = parent, direction
             body["kind"], body["dofs"], body["rank"] = freedom.type.kind, len(directions), rank
             body["q"] = self._coordinates
-            body["dof"], body["owner"], body["multiplier"] = self._dofs + rank, own, 1.0
+            body["dof"], body["leader"], body["multiplier"] = self._dofs + rank, own, 1.0
             body["first"], body["last"], body["start"] = first, first + len(directions) - 1, self._dofs
             body["link"] = self._order[freedom.joint.child if freedom.joint else self.root]
             body["rotation"], body["translation"] = placement[:3, :3].ravel(), placement[:3, 3]

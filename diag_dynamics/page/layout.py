@@ -96,7 +96,7 @@ class Layout:
         counts the links without a usable shape, of which contact is known at their frames only.
         """
         model, none = self._model, [math.inf] * (self._model.nv + 2)
-        own = (body for k, body in enumerate(model.bodies) if k and body["owner"] == k)
+        own = (body for k, body in enumerate(model.bodies) if k and body["leader"] == k)
         angular = {int(body["dof"]): bool(body["direction"] >= ANGULAR_X) for body in own}
         points = [{"name": name, "link": link} for name, link in self.points]
         return {

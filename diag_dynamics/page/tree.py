@@ -25,7 +25,7 @@ def tree_of(model):
 def links_of_dofs(model):
     """Return the name of the link that each degree of freedom moves."""
     bodies = model.bodies
-    own = {int(bodies["dof"][k]): k for k in range(1, len(bodies)) if bodies["owner"][k] == k}
+    own = {int(bodies["dof"][k]): k for k in range(1, len(bodies)) if bodies["leader"][k] == k}
     return [model.link_names[bodies["link"][own[dof]]] for dof in range(model.nv)]
 
 

@@ -84,7 +84,7 @@ def _carriers(model: RobotModel) -> list[int]:
     dofs, carriers = {0: -1}, dict.fromkeys(range(model.nv), -1)
     for k, body in enumerate(model.bodies[1:], 1):
         dofs[k] = carrier = dofs[int(body["parent"])]
-        if body["owner"] == k:
+        if body["leader"] == k:
             dofs[k] = int(body["dof"])
             carriers[dofs[k]] = carrier
     return list(carriers.values())

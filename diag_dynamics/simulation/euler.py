@@ -267,7 +267,7 @@ def _lock_stopped(address, h):
         largest = max(largest, abs(sim.qd[k] - sim.before[k]))
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
-        if not groups.owns(bodies, i) or sim.locks[k] != 0.0:
+        if not groups.is_leader(bodies, i) or sim.locks[k] != 0.0:
             continue
         rate, D = abs(sim.qd[k]), work[i].D  # the joint's inertia or more
         stays = rate <= UNMOVED * largest or D * rate <= SHORT * h * sim.friction[k]

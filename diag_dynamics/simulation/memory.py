@@ -89,7 +89,7 @@ class Memory:
             "steps": np.zeros(1, np.int64),
             "accounts": np.zeros(ACCOUNTS),
             "last_accounts": np.zeros(ACCOUNTS),
-            "rows": np.zeros((ws.ROWS, nq)),
+            "rows": np.zeros((ws.N_ROWS, nq)),
             "moment": np.zeros(3),
         }
         for names, shape in ((BY_DOF, nv), (BY_COORDINATE, nq), (BY_STAGE, (STAGES, nv))):

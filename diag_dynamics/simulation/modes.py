@@ -15,7 +15,7 @@ import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import opened
-from diag_dynamics.sweeps import classical, factorization, groups, motions
+from diag_dynamics.sweeps import classical, configuration, factorization, groups
 from diag_dynamics.sweeps import workspace as ws
 
 FREE, HELD = 0.0, 2.0
@@ -33,7 +33,7 @@ ROUNDS_OF_ALL = 3
 @kernel
 def is_limited(bodies, i):
     """Whether limits apply to a body's degree of freedom: its joint has one, and is no mimic joint."""
-    return bodies[i].dofs == 1 and groups.owns(bodies, i)
+    return bodies[i].dofs == 1 and groups.is_leader(bodies, i)
 
 
 @kernel
@@ -60,7 +60,7 @@ def classify_joints(address):
     bodies, _, _, _ = ws.opened(sim.robot)
     moded, leaning = False, False
     for i in range(1, len(bodies)):
-        if not groups.owns(bodies, i):
+        if not groups.is_leader(bodies, i):
             continue
         k, c = bodies[i].dof, bodies[i].q
         rate, side = sim.qd[k], 0.0
@@ -135,7 +135,7 @@ def _exchange_modes(address, h, all_together, may_release):
     changed = False
     for i in range(1, len(bodies)):
         k, c = bodies[i].dof, bodies[i].q
-        if not groups.owns(bodies, i) or sim.mode[k] == FREE or (changed and not all_together):
+        if not groups.is_leader(bodies, i) or sim.mode[k] == FREE or (changed and not all_together):
             continue
         if sim.mode[k] != HELD:
             if sim.mode[k] * sim.after[k] < 0.0:
@@ -172,7 +172,7 @@ def is_mode_left(address):
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
-        if not groups.owns(bodies, i):
+        if not groups.is_leader(bodies, i):
             continue
         k, c = bodies[i].dof, bodies[i].q
         mode, rate, depth = sim.mode[k], sim.qd[k], sim.depth[k]
@@ -206,7 +206,7 @@ def lock_joints(address):
     for k in range(len(sim.mode)):
         sim.locks[k] = 1.0 if sim.mode[k] == HELD else 0.0
         holding |= sim.mode[k] == HELD
-    motions.hold(bodies, sim.armature, sim.locks)
+    configuration.lock_joints(bodies, sim.armature, sim.locks)
     return holding
 
 
@@ -216,4 +216,4 @@ def unlock_joints(address):
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
     ws.clear(sim.locks)
-    motions.hold(bodies, sim.armature, sim.locks)
+    configuration.lock_joints(bodies, sim.armature, sim.locks)

@@ -7,7 +7,7 @@ from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
-from diag_dynamics.sweeps import classical, evaluation, factorization, groups, motions
+from diag_dynamics.sweeps import classical, configuration, evaluation, factorization, groups
 from diag_dynamics.sweeps import workspace as ws
 
 UNRESOLVED = 1.5
@@ -29,7 +29,7 @@ def integrate(flat, bodies, q, u, target):
         for k in range(len(u)):
             target[k] = q[k] + u[k]
     else:
-        motions.displace(bodies, q, u, target)
+        configuration.integrate_positions(bodies, q, u, target)
 
 
 @large_kernel
@@ -134,7 +134,7 @@ def _explicit_accelerations(address, i, load):
         for k in range(len(pushed)):
             sim.effort[k] += pushed[k]
     if not sim.flat:
-        motions.chart_rates(bodies, sim.u, rates, sim.charts[i])
+        configuration.dexp_inverse(bodies, sim.u, rates, sim.charts[i])
     status = evaluation.evaluate(sim.robot, sim.place, rates, sim.effort, sim.rows)
     for k in range(len(explicit)):
         explicit[k] = sim.rows[ws.EPSILON, k] - sim.rows[ws.CORIOLIS, k] - sim.rows[ws.GRAVITY, k]
@@ -191,7 +191,7 @@ def _book_damping(address, h):
     sim = opened(address)
     bodies, _, work, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             k = bodies[i].dof
             limit_damping = sim.limit_damping[k] if sim.spring[k] != 0.0 else 0.0
             square = sim.square[k]

@@ -98,7 +98,7 @@ class Simulation:
         self.model = model
         self._memory.use(model.bodies, model.gravity)
         # The limits' stiffness is that of degrees of freedom, their bounds those of coordinates.
-        single = (model.bodies["dofs"] == 1) & (model.bodies["owner"] == np.arange(len(model.bodies)))
+        single = (model.bodies["dofs"] == 1) & (model.bodies["leader"] == np.arange(len(model.bodies)))
         self._limited, self._coordinate = model.bodies["dof"][single], model.bodies["q"][single]
 
     def reset(self, q: VectorLike, qd: VectorLike) -> None:

@@ -19,7 +19,7 @@ by mimicry, are a group: degrees of freedom that are eliminated together, see gr
 A sweep takes a robot as workspace.Workspace holds it: `bodies` are the records of RobotModel (see model), `work` those of
 records.WORK, one each per body, `table` the matrices 𝓜 and 𝓜̇ of groups. Sweeps that can fail return a status: 0, `i` if
 body i has no articulated inertia, -1 if an input is not finite or no orientation, or is so large that a result is not
-finite, MISFIT if a vector has not the robot's length.
+finite, BAD_LENGTH if a vector has not the robot's length.
 
 records: what sweeps work on; workspace: their memory. joints: steps that sweeps share. groups: degrees of freedom
 that are eliminated together. evaluation, factorization, factors, classical, derivatives, kinematics, mobilities: the sweeps;

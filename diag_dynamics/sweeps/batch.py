@@ -30,27 +30,27 @@ from diag_dynamics.sweeps import classical, evaluation, factorization, groups, j
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.trigonometry import LARGEST, near_sine_and_cosine
 from diag_dynamics.sweeps.workspace import ARTICULATED_INERTIA as D
-from diag_dynamics.sweeps.workspace import EPSILON, GRAVITY, NU, NUMBERS, RESULTS, WIDTH, batch_of, copy
+from diag_dynamics.sweeps.workspace import EPSILON, GRAVITY, N_NUMBERS, N_RESULTS, NU, WIDTH, batch_of, copy
 
-K, BASE, POWER, NET_POWER = range(NUMBERS)
+K, BASE, POWER, NET_POWER = range(N_NUMBERS)
 """Numbers of a state: workspace.KINETIC_ENERGY and those that follow."""
 
 # --- The row of a body ---
 
-ROTATION, TRANSLATION, V, ACCELERATION, P, P_RATE, Y, Z, MAGNITUDE, TOTAL, SWEPT = itertools.accumulate(
+ROTATION, TRANSLATION, V, ACCELERATION, P, P_RATE, Y, Z, MAGNITUDE, TOTAL, N_SWEPT = itertools.accumulate(
     records.SWEPT_FIELDS.values(), initial=0
 )
 """First numbers of the fields that the row shares with a body's record."""
 
-ACCUMULATED = SWEPT - P
+ACCUMULATED = N_SWEPT - P
 """Numbers that a body accumulates from its children: those from P on."""
 
-TO_PARENT = SWEPT
+TO_PARENT = N_SWEPT
 TO_PARENT_RATE, TO_PARENT_Y, TO_PARENT_Z, TO_PARENT_SCALE = (TO_PARENT - P + k for k in (P_RATE, Y, Z, MAGNITUDE))
 V_PARENT = TO_PARENT + ACCUMULATED
 ACCELERATION_PARENT = V_PARENT + 6
 POSITION, RATE, EFFORT, SINE, COSINE, OUTPUT = range(V_PARENT + 9, V_PARENT + 15)
-ROW_NUMBERS = OUTPUT + RESULTS
+ROW_NUMBERS = OUTPUT + N_RESULTS
 """Numbers of one state in a row: what the parent accumulates, its motion, what the joint is given, and results."""
 
 
@@ -221,7 +221,7 @@ def _inward_joint(direction, body, row, parent):
 def _load(at, i, b):
     """Copy the record of a body from its row."""
     record, row = at.records[i], at.rows[i]
-    for f in range(SWEPT):
+    for f in range(N_SWEPT):
         record[f] = row[f * WIDTH + b]
     at.work[i].armature = at.bodies[i].armature
 
@@ -230,7 +230,7 @@ def _load(at, i, b):
 def _store(at, i, b):
     """Copy the record of a body to its row."""
     record, row = at.records[i], at.rows[i]
-    for f in range(SWEPT):
+    for f in range(N_SWEPT):
         row[f * WIDTH + b] = record[f]
 
 
@@ -273,8 +273,8 @@ def _inward_group(at, i, QD, TAU, first, last):
         if carrier > 0:
             _store(at, carrier, b)
         for j in range(start, i + 1):
-            if groups.owns(at.bodies, j):
-                for k in range(RESULTS):
+            if groups.is_leader(at.bodies, j):
+                for k in range(N_RESULTS):
                     at.rows[j, (OUTPUT + k) * WIDTH + b] = out[k, at.bodies[j].dof]
     return 0
 
@@ -337,14 +337,14 @@ def _write(at, first, last, results, numbers):
     """Write results and numbers of states; returns whether all are finite."""
     wrong = 0
     for t in range(first, last):
-        for j in range(NUMBERS):
+        for j in range(N_NUMBERS):
             numbers[j, t] = 0.0
     for i in range(1, len(at.bodies)):
-        if groups.owns(at.bodies, i):
+        if groups.is_leader(at.bodies, i):
             row, k = at.rows[i], at.bodies[i].dof
             for t in range(first, last):
                 total = 0.0
-                for j in range(RESULTS):
+                for j in range(N_RESULTS):
                     result = row[(OUTPUT + j) * WIDTH + t - first]
                     results[j, t, k] = result
                     total += result if j != NU else 0.0
@@ -364,8 +364,8 @@ def _write(at, first, last, results, numbers):
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 
-    The robot is that of a BatchWorkspace. Without efforts TAU has one row, of zeros. `results`, of shape (RESULTS, T, nv),
-    receives the rows from NU on, `numbers`, (NUMBERS, T), those from KINETIC_ENERGY on, `positions` and `rates` copies of
+    The robot is that of a BatchWorkspace. Without efforts TAU has one row, of zeros. `results`, of shape (N_RESULTS, T, nv),
+    receives the rows from NU on, `numbers`, (N_NUMBERS, T), those from KINETIC_ENERGY on, `positions` and `rates` copies of
     Q and QD. The states that fail are some of the :data:`WIDTH` that follow.
     """
     at = batch_of(robot)
@@ -407,7 +407,7 @@ def _inward_moment(direction, body, row, parent):
     if body.parent > 0:
         for k in range((P_RATE - P) * WIDTH):
             parent[P * WIDTH + k] += row[TO_PARENT * WIDTH + k]
-        for k in range((SWEPT - Z) * WIDTH):
+        for k in range((N_SWEPT - Z) * WIDTH):
             parent[Z * WIDTH + k] += row[TO_PARENT_Z * WIDTH + k]
     return singular
 
@@ -431,7 +431,7 @@ def _inward_moments_of_group(at, i, TAU, first, last):
             records.add_to_force(work[carrier].z, z)
             _store(at, carrier, b)
         for j in range(start, i + 1):
-            if groups.owns(bodies, j):
+            if groups.is_leader(bodies, j):
                 at.rows[j, OUTPUT * WIDTH + b] = kappa[bodies[j].dof] / math.sqrt(work[j].D)
     return 0
 
@@ -455,7 +455,7 @@ def _working_moments(at, Q, TAU, first, last, results):
             return True
         i = body.first - 1
     for i in range(1, len(at.bodies)):
-        if groups.owns(at.bodies, i):
+        if groups.is_leader(at.bodies, i):
             for t in range(first, last):
                 epsilon = at.rows[i, OUTPUT * WIDTH + t - first]
                 results[t, at.bodies[i].dof] = epsilon

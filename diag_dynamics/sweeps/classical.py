@@ -17,7 +17,7 @@ from diag_dynamics.numerics.kernel import (
 )
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import MISFIT, clear, copy, lengths_match, opened
+from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, copy, lengths_match, opened
 
 
 @kernel
@@ -57,7 +57,7 @@ def _aba_inward_group(bodies, last, qd, work, Q, qdd):
     if bodies[first].parent > 0:
         records.add_to_force(work[bodies[first].parent].y, y)
     for i in range(first, last + 1):
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             qdd[bodies[i].dof] /= work[i].D
     return 0
 
@@ -71,7 +71,7 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
         A = sp.add_motion(A, joints.zeta(bodies, i, qd, work))
     if i == body.first:
         for j in range(i, body.last + 1):
-            if groups.owns(bodies, j):
+            if groups.is_leader(bodies, j):
                 qdd[bodies[j].dof] -= groups.induced_rate(
                     bodies, j, records.motion_of(carrier.acceleration), qdd, Q, records.force_of(work[j].G)
                 )
@@ -91,7 +91,7 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
         joints.update_placement(body, q, w)
         V = joints.update_velocity(body, qd, work, w)
         joints.init_articulated_inertia(body, w)
-        if added is not None and groups.owns(bodies, i):
+        if added is not None and groups.is_leader(bodies, i):
             w.armature += added[body.dof]
         records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
 
@@ -126,7 +126,7 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
 def forward_dynamics(robot, q, qd, tau, qdd):
     """q̈ from τ."""
     if not lengths_match(robot, q, qd, tau):
-        return MISFIT
+        return BAD_LENGTH
     bodies, gravity, work, table = opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1

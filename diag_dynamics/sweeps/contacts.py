@@ -31,7 +31,7 @@ from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, xi_from_qd
 from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
-from diag_dynamics.sweeps.workspace import MISFIT, clear, lengths_match, opened
+from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, lengths_match, opened
 
 ALONG_MOTION, IN_BODY, IN_ROOT = range(3)
 """Directions of an entry: that of each point's own motion, or a given one in the axes of its body or of the results."""
@@ -165,7 +165,7 @@ def _contact(at, entry, w, result):
 def contacts(robot, points, q, qd, nu, results):
     """ν, and a row of `results` for each entry of the table :data:`CONTACTS` at the address `points`."""
     if not lengths_match(robot, q, qd, nu):
-        return MISFIT
+        return BAD_LENGTH
     bodies, _, work, table = opened(robot)
     at = _contacts_at(points)
     if not joints.are_finite(qd):

@@ -43,7 +43,7 @@ def _factorize_with_rates(bodies, q, qd, work, table):
         groups.compose_rates(bodies, first, last, qd, work, table[1])
         status = groups.eliminate(bodies, first, last, work, table[0], False)
         for i in range(last, first - 1, -1):
-            if status == 0 and groups.owns(bodies, i):
+            if status == 0 and groups.is_leader(bodies, i):
                 groups.eliminate_rate(bodies, first, i, work, table[0], table[1])
         last = first - 1
     return status
@@ -76,7 +76,7 @@ def articulated_inertias(robot, q, qd, D, D_rate):
     if status != 0:
         return status
     for i in range(1, len(bodies)):
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             body = bodies[i]
             D[body.dof], D_rate[body.dof] = work[i].D, table[1, body.dof, body.dof - body.start]
     return 0 if joints.are_finite(D_rate) else -1
@@ -163,7 +163,7 @@ def m_rate_transposed(robot, q, qd, x, result):
     _set_base_rates(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             k, carrier = body.dof, work[bodies[body.first].parent]
             W_A, G = records.motion_of(carrier.W), records.force_of(w.G)
             eta = x[k] + groups.induced_rate(bodies, i, W_A, x, table[0], G)
@@ -192,7 +192,7 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
         if i == body.first:
             W_A = records.motion_of(work[body.parent].W)
             for j in range(i, body.last + 1):
-                if groups.owns(bodies, j):
+                if groups.is_leader(bodies, j):
                     k = bodies[j].dof
                     eta[k] = x[k] / math.sqrt(work[j].D)
                     u[k] = eta[k] - groups.induced_rate(bodies, j, W_A, u, table[0], records.force_of(work[j].G))
@@ -211,7 +211,7 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
         carrier = bodies[first].parent
         W_A = records.motion_of(work[carrier].W)
         for i in range(first, last + 1):
-            if groups.owns(bodies, i):
+            if groups.is_leader(bodies, i):
                 k = bodies[i].dof
                 D_rate = table[1, k, k - bodies[i].start]
                 rate = groups.momentum_rate(bodies, i, W_A, u, work, table[1])

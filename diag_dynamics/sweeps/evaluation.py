@@ -24,6 +24,7 @@ from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED_INERTIA,
     ARTICULATED_INERTIA_RATE,
+    BAD_LENGTH,
     BASE_ENERGY,
     CORIOLIS,
     CORIOLIS_UNNORMALIZED,
@@ -33,13 +34,12 @@ from diag_dynamics.sweeps.workspace import (
     GRAVITY,
     KAPPA,
     KINETIC_ENERGY,
-    MISFIT,
+    N_RESULTS,
     NU,
     NU_DOT,
     POSITIONS,
     POWER,
     RATES,
-    RESULTS,
     XI,
     XI_DOT,
     clear,
@@ -176,11 +176,11 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out):
     y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, bias))
     z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, kappa))
 
-    V_A = groups.carried_motion(bodies, first, work)
+    V_A = groups.base_motion(bodies, first, work)
     carrier = work[bodies[first].parent]
     acceleration = sp.Motion(records.vector_of(carrier.acceleration), sp.ZERO)
     for i in range(last, first - 1, -1):
-        if not groups.owns(bodies, i):
+        if not groups.is_leader(bodies, i):
             continue
         w, k, start = work[i], bodies[i].dof, bodies[i].start
         G, D, D_rate = records.force_of(w.G), w.D, Q_rate[k, k - start]
@@ -269,7 +269,7 @@ def _complete(out, n):
     energy = base = power = 0.0
     for k in range(n):
         total = 0.0
-        for row in range(XI, RESULTS):
+        for row in range(XI, N_RESULTS):
             total += out[row, k]
         if not math.isfinite(total):
             return False
@@ -310,12 +310,12 @@ def evaluate(robot, q, qd, tau, out):
 
     Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on:
     then come ν̇, ξ̇ and ½ν_k², four numbers, and the last two receive q and q̇. Vectors that lie in `out`, and would change
-    meanwhile, are no fit: MISFIT.
+    meanwhile, are no fit: BAD_LENGTH.
     """
     if overlap(q, out) or overlap(qd, out) or overlap(tau, out):
-        return MISFIT
+        return BAD_LENGTH
     if not lengths_match(robot, q, qd, tau):
-        return MISFIT
+        return BAD_LENGTH
     if not (joints.are_finite(q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
     bodies, gravity, work, table = opened(robot)

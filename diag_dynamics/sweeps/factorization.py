@@ -17,7 +17,7 @@ from diag_dynamics.numerics.kernel import (
 )
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import MISFIT, clear, copy, lengths_match, opened
+from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, copy, lengths_match, opened
 
 
 @kernel
@@ -85,7 +85,7 @@ def factorize_at(bodies, q, work, Q):
 def scale_by_inertia(bodies, work, exponent, x):
     """D to the power 1, 1/2, −1/2 or −1, times x, in place."""
     for i in range(1, len(bodies)):
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             D = work[i].D
             factor = D if abs(exponent) == 1.0 else math.sqrt(D)
             x[bodies[i].dof] = x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
@@ -98,7 +98,7 @@ def joint_inertias(robot, q, D, size):
     joints.initialize(bodies, q, work)
     factorize(bodies, work, table[0], True)
     for i in range(1, len(bodies)):
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
 
 
@@ -135,8 +135,8 @@ def xi_from_qd(bodies, qd, work, Q, xi):
         if not groups.is_grouped(body):
             V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
             xi[body.dof] = qd[body.dof] + sp.power(records.force_of(w.G), V_plus)
-        elif groups.owns(bodies, i):
-            V_A = groups.carried_motion(bodies, i, work)
+        elif groups.is_leader(bodies, i):
+            V_A = groups.base_motion(bodies, i, work)
             xi[body.dof] = qd[body.dof] + groups.induced_rate(bodies, i, V_A, qd, Q, records.force_of(w.G))
         joints.update_velocity(body, qd, work, w)
 
@@ -151,9 +151,9 @@ def qd_from_xi(bodies, xi, work, Q, qd):
             V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
             qd[body.dof] = xi[body.dof] - sp.power(records.force_of(w.G), V_plus)
         elif i == body.first:  # after all rates are known: the leader of a follower may lie further out
-            V_A = groups.carried_motion(bodies, i, work)
+            V_A = groups.base_motion(bodies, i, work)
             for j in range(i, body.last + 1):
-                if groups.owns(bodies, j):
+                if groups.is_leader(bodies, j):
                     k = bodies[j].dof
                     qd[k] = xi[k] - groups.induced_rate(bodies, j, V_A, qd, Q, records.force_of(work[j].G))
         joints.update_velocity(body, qd, work, w)
@@ -208,7 +208,7 @@ def _factorized(robot, q, x):
     """Place and factorize for a sweep of x; returns a status that is not 0 if q or x will not do."""
     bodies, _, work, table = opened(robot)
     if not lengths_match(robot, q, x, x):
-        return MISFIT
+        return BAD_LENGTH
     return factorize_at(bodies, q, work, table[0]) if joints.are_finite(x) else -1
 
 
@@ -274,7 +274,7 @@ def rates_with_added_inertia(robot, q, nu, added, impulse, momentum, qd):
         return status
     for i in range(1, len(bodies)):
         joints.init_articulated_inertia(bodies[i], work[i])
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             work[i].armature += added[bodies[i].dof]
     for k in range(len(momentum)):
         momentum[k] += impulse[k]

@@ -23,8 +23,8 @@ from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.factorization import factor_group, factor_joint
 from diag_dynamics.sweeps.workspace import (
     ARTICULATED,
+    BAD_LENGTH,
     KAPPA_COLUMN,
-    MISFIT,
     MOMENT_COLUMN,
     RIGID,
     ROOT,
@@ -45,7 +45,7 @@ def factors(robot, q, m_l_unit, D):
     row by row.
     """
     if not positions_match(robot, q):
-        return MISFIT
+        return BAD_LENGTH
     bodies, _, work, table = opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
@@ -65,9 +65,9 @@ def factors(robot, q, m_l_unit, D):
         elif not factor_joint(body, work[i], work[body.parent], False):
             return i
         elif body.direction == sp.ANGULAR_Z:
-            _fill_row(sp.ANGULAR_Z, body, work[i], columns.spans[i, 1], columns.blocks, m_l_unit, D)
+            _fill_row(sp.ANGULAR_Z, body, work[i], columns.subtree_columns[i, 1], columns.blocks, m_l_unit, D)
         else:
-            _fill_row(sp.LINEAR_Z, body, work[i], columns.spans[i, 1], columns.blocks, m_l_unit, D)
+            _fill_row(sp.LINEAR_Z, body, work[i], columns.subtree_columns[i, 1], columns.blocks, m_l_unit, D)
         i = body.first - 1
     return 0
 
@@ -140,12 +140,12 @@ def _fill_rows_of_group(bodies, last, work, Q, columns, m_l_unit, D):
     first, start = bodies[last].first, bodies[last].start
     stop, end = _start_columns(bodies, first, last, work, Q, columns)
     for i in range(last, first - 1, -1):
-        for c in range(columns.spans[i, 0], columns.spans[i, 1]):
+        for c in range(columns.subtree_columns[i, 0], columns.subtree_columns[i, 1]):
             block, b = columns.blocks[c // WIDTH], c % WIDTH
             _add_moment(bodies[i], work[i], block, RIGID, b, columns.moments[c])
             _add_moment(bodies[i], work[i], block, ARTICULATED, b, columns.kappas[c])
     for i in range(last, first - 1, -1):
-        if not groups.owns(bodies, i):
+        if not groups.is_leader(bodies, i):
             continue
         row, G, D[bodies[i].dof] = bodies[i].dof, records.force_of(work[i].G), work[i].D
         inverse_root = 1.0 / math.sqrt(work[i].D)
@@ -166,15 +166,15 @@ def _start_columns(bodies, first, last, work, Q, columns):
     """Start a group's own columns, and zero the moments of those it carries; returns the end of each."""
     start = stop = end = bodies[first].start
     for i in range(first, last + 1):
-        end = max(end, columns.spans[i, 1])
-        if groups.owns(bodies, i):
+        end = max(end, columns.subtree_columns[i, 1])
+        if groups.is_leader(bodies, i):
             stop = bodies[i].dof + 1
     end = max(end, stop)
     for c in range(start, end):
         clear(columns.moments[c])
         clear(columns.kappas[c])
     for i in range(first, last + 1):
-        if groups.owns(bodies, i):
+        if groups.is_leader(bodies, i):
             c = bodies[i].dof
             block, b = columns.blocks[c // WIDTH], c % WIDTH
             block[ROOT * WIDTH + b] = math.sqrt(work[i].D)

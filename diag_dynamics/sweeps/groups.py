@@ -38,9 +38,9 @@ def is_grouped(body):
 
 
 @kernel
-def owns(bodies, i):
+def is_leader(bodies, i):
     """Whether body i has a degree of freedom of its own: it is no follower."""
-    return bodies[i].owner == i
+    return bodies[i].leader == i
 
 
 # --- 𝓜 and its elimination --------------------------------------------------------------------------------
@@ -51,13 +51,13 @@ def compose(bodies, first, last, work, Q):
     """Q and F of a group; P of its bodies becomes that of all they carry, and goes to the carrier."""
     start = bodies[first].start
     for i in range(first, last + 1):
-        if owns(bodies, i):
+        if is_leader(bodies, i):
             work[i].size = 0.0
             records.set_force(work[i].G, sp.NO_FORCE)
             clear(Q[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
-        P, d, owner = records.inertia_of(w.P), body.dof, work[body.owner]
+        P, d, owner = records.inertia_of(w.P), body.dof, work[body.leader]
         column = sp.scale_force(sp.column_along(body.direction, P), body.multiplier)
         Q[d, d - start] += body.multiplier * (sp.along(body.direction, column) + body.multiplier * w.armature)
         owner.size += body.multiplier * body.multiplier * joints.scale_along(body, w)
@@ -87,7 +87,7 @@ def eliminate(bodies, first, last, work, Q, lock_massless):
     """
     start, carrier = bodies[first].start, bodies[first].parent
     for i in range(last, first - 1, -1):
-        if not owns(bodies, i):
+        if not is_leader(bodies, i):
             continue
         w, c = work[i], bodies[i].dof
         D, column = Q[c, c - start], records.force_of(w.G)
@@ -103,7 +103,7 @@ def eliminate(bodies, first, last, work, Q, lock_massless):
         G = sp.scale_force(column, inverse)
         records.set_force(w.G, G)
         for j in range(first, i):
-            if owns(bodies, j):
+            if is_leader(bodies, j):
                 b = bodies[j].dof
                 records.add_to_force(work[j].G, sp.scale_force(G, -Q[b, c - start]))
                 for a in range(start, b + 1):
@@ -120,7 +120,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
     """Q̇ and Ḟ of a group, of which P is that of all that the bodies carry; Ṗ becomes so too and goes to the carrier."""
     start = bodies[first].start
     for i in range(first, last + 1):
-        if owns(bodies, i):
+        if is_leader(bodies, i):
             records.set_force(work[i].u, sp.NO_FORCE)
             clear(Q_rate[bodies[i].dof])
     for i in range(last, first - 1, -1):
@@ -139,7 +139,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
             rate = rate_inboard(bodies, j, qd, work, column, rate)
             column = joints.force_inboard(bodies[j], work[j], column)
             j = bodies[j].parent
-        records.add_to_force(work[body.owner].u, rate)
+        records.add_to_force(work[body.leader].u, rate)
         if body.rank > 0:
             records.add_to_inertia(work[body.parent].P_rate, P_rate)
         elif body.parent > 0:
@@ -166,7 +166,7 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     D_rate, G, u = Q_rate[bodies[i].dof, c], records.force_of(work[i].G), records.force_of(work[i].u)
     rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
     for j in range(first, i):
-        if owns(bodies, j):
+        if is_leader(bodies, j):
             b = bodies[j].dof
             g, g_rate = Q[b, c], Q_rate[b, c]
             records.add_to_force(work[j].u, sp.scale_force(rest, -g))
@@ -182,7 +182,7 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
 
 
 @kernel
-def carried_motion(bodies, i, work):
+def base_motion(bodies, i, work):
     """V_A of the group of body i, in the axes of A."""
     return records.motion_of(work[bodies[bodies[i].first].parent].V)
 
@@ -202,7 +202,7 @@ def filter_moments(bodies, first, last, work, Q, moments):
     """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the carrier."""
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
-        if owns(bodies, i):
+        if is_leader(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
             F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):
@@ -215,7 +215,7 @@ def unfilter_moments(bodies, first, last, work, Q, moments):
     """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the carrier."""
     F = sp.NO_FORCE
     for i in range(first, last + 1):
-        if owns(bodies, i):
+        if is_leader(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
             F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):

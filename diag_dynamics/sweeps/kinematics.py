@@ -6,14 +6,14 @@
 from diag_dynamics.numerics.kernel import COUNT, FILLED_MATRIX, ROBOT, VECTOR, entry_kernel
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import MISFIT, clear, lengths_match, opened, positions_match
+from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, lengths_match, opened, positions_match
 
 
 @entry_kernel(ROBOT, VECTOR, COUNT, FILLED_MATRIX)
 def placement(robot, q, body, result):
     """R and, in the last column, the origin of one body in the world, shape (3, 4): a walk down the tree."""
     if not positions_match(robot, q):
-        return MISFIT
+        return BAD_LENGTH
     bodies, _, work, _ = opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
@@ -36,7 +36,7 @@ def jacobian(robot, q, body, point, J):
     Each body that carries the point adds its direction, seen from the point; a follower adds to its leader's column.
     """
     if not positions_match(robot, q):
-        return MISFIT
+        return BAD_LENGTH
     bodies, _, work, _ = opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
@@ -62,7 +62,7 @@ def jacobian(robot, q, body, point, J):
 def motion(robot, q, qd, qdd, body, result):
     """Twist of a body and its rate, in the body's axes at its origin, shape (2, 6); without gravity."""
     if not lengths_match(robot, q, qd, qdd):
-        return MISFIT
+        return BAD_LENGTH
     bodies, gravity, work, _ = opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
         return -1

@@ -24,7 +24,7 @@ from diag_dynamics.numerics.kernel import FILLED_STATES, ROBOT, VECTOR, entry_ke
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.factorization import factorize_at
-from diag_dynamics.sweeps.workspace import MISFIT, columns_of, opened, positions_match
+from diag_dynamics.sweeps.workspace import BAD_LENGTH, columns_of, opened, positions_match
 
 FRAME = np.dtype(
     [("body", "i8"), ("same", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)],
@@ -127,7 +127,7 @@ def _group_mobility(robot, i):
         for b in range(a, 6):
             entry = sp.power(left[b], V)
             for j in range(bodies[i].first, bodies[i].last + 1):
-                if groups.owns(bodies, j):
+                if groups.is_leader(bodies, j):
                     entry += kappa[a, bodies[j].dof] * kappa[b, bodies[j].dof] / work[j].D
             work[i].P[PLACES[a, b]] = entry
 
@@ -163,7 +163,7 @@ def _write(Y, mobility):
 def mobilities(robot, q, frames, results):
     """Υ = J M⁻¹Jᵀ of frames that are fixed to bodies, in their axes, linear part first, shape (frames, 6, 6)."""
     if not positions_match(robot, q):
-        return MISFIT
+        return BAD_LENGTH
     bodies, _, work, table = opened(robot)
     status = factorize_at(bodies, q, work, table[0])
     if status != 0:

@@ -26,7 +26,7 @@ BODY = np.dtype(
         ("rank", "i8"),  # number of this degree of freedom within its joint, from 0
         ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
         ("dof", "i8"),  # index of its degree of freedom, or of its leader's
-        ("owner", "i8"),  # body whose own degree of freedom that is: this one, unless it follows
+        ("leader", "i8"),  # body whose own degree of freedom that is: this one, unless it follows
         ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows
         ("offset", "f8"),
         ("first", "i8"),  # first and last body of its group

@@ -419,7 +419,7 @@ def screw_of_displacement(translation, vector):
 
 
 @kernel
-def chart_rate(U, V):
+def dexp_inverse(U, V):
     """U̇ for a body that is displaced by exp(U) and moves with the twist V in its own axes, to order 3 in U.
 
     V + ½ U × V + 1/12 U × (U × V), the inverse of exp's differential; the next term is of order 4.

@@ -12,23 +12,23 @@ from diag_dynamics.numerics.tables import Addresses, Table, array
 from diag_dynamics.sweeps import records
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-"""Rows of what evaluation.evaluate fills; RESULTS is the number of those that a batch keeps."""
+"""Rows of what evaluation.evaluate fills; N_RESULTS is the number of those that a batch keeps."""
 
-ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, RESULTS = range(7, 10)
+ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, N_RESULTS = range(7, 10)
 
 ENERGY_SHARE, NU_DOT, XI_DOT = range(9, 12)
 """Further rows that a sweep fills."""
 
-KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, POWER, SWEPT = range(12, 17)
+KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, POWER, N_SWEPT = range(12, 17)
 """Rows with a first entry only: K, the share of the first six total rates in it, and νᵀ(ε − ε_g) twice."""
 
-NUMBERS = SWEPT - KINETIC_ENERGY
+N_NUMBERS = N_SWEPT - KINETIC_ENERGY
 """Count of these numbers."""
 
-POSITIONS, RATES, ROWS = range(16, 19)
+POSITIONS, RATES, N_ROWS = range(16, 19)
 """Rows of a single state that receive q and q̇, and the number of all rows."""
 
-MISFIT = -2
+BAD_LENGTH = -2
 """Status of a sweep: a vector has not the robot's length."""
 
 
@@ -43,7 +43,7 @@ ROBOT = Table(
     table=array(float, 3),  # matrices 𝓜 and 𝓜̇ of groups, see groups
     nv=int,
     nq=int,
-    spans=array(int, 2),  # these and the following: see Columns
+    subtree_columns=array(int, 2),  # these and the following: see Columns
     blocks=array(float, 2),
     moments=array(float, 2),
     kappas=array(float, 2),
@@ -79,7 +79,7 @@ class Workspace:
 
     def __init__(self, bodies, gravity):
         moving, body = bodies[1:], np.arange(1, len(bodies))
-        own = moving["owner"] == body
+        own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
         nv, widest = int(own.sum()), int(np.bincount(moving["first"][grouped]).max(initial=1))
         self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
@@ -93,7 +93,7 @@ class Workspace:
             table=self.table,
             nv=nv,
             nq=nq,
-            spans=_spans(self.bodies, nv),
+            subtree_columns=_subtree_columns(self.bodies, nv),
             blocks=np.zeros((nv // WIDTH + 1, COLUMN_NUMBERS * WIDTH)),
             moments=np.zeros((nv, widest)),
             kappas=np.zeros((nv, widest)),
@@ -119,14 +119,14 @@ class BatchWorkspace(Workspace):
         self._numbers = numbers
         records = self.work.view(np.float64).reshape(len(self.work), -1)
         rows = np.zeros((len(self.work), numbers * WIDTH))
-        out, no_rates = np.zeros((SWEPT, max(1, self._entries["nv"]))), np.zeros((1, self._entries["nv"]))
+        out, no_rates = np.zeros((N_SWEPT, max(1, self._entries["nv"]))), np.zeros((1, self._entries["nv"]))
         self._locate(BATCH, **self._entries, records=records, rows=rows, out=out, no_rates=no_rates)
 
     def __reduce__(self):
         return type(self), (self.bodies, self.gravity, self._numbers)
 
 
-def _spans(bodies, nv):
+def _subtree_columns(bodies, nv):
     """First and end of the columns that each body carries: one run, as carried bodies come right after their carrier.
 
     A body that carries none has nv for the first, and the end of its group's own columns.
@@ -154,11 +154,11 @@ def opened(robot):
     return Opened(at.bodies, at.gravity, at.work, at.table)
 
 
-Columns = namedtuple("Columns", ["spans", "blocks", "moments", "kappas", "scratch"])
+Columns = namedtuple("Columns", ["subtree_columns", "blocks", "moments", "kappas", "scratch"])
 """Columns of the factors, one for each degree of freedom.
 
-`spans` are the first and the end of those that each body carries in all, less those of its group. `blocks` have WIDTH columns
-each, see factors; `moments` and `kappas` those of a column along the degrees of freedom of a group. `scratch` is (6, nv).
+`subtree_columns` are the first and the end of those that each body carries, less those of its group. `blocks` have
+WIDTH columns each, see factors; `moments` and `kappas` those of a column along the dofs of a group. `scratch` is (6, nv).
 """
 
 
@@ -166,7 +166,7 @@ each, see factors; `moments` and `kappas` those of a column along the degrees of
 def columns_of(robot):
     """The columns of a :class:`Workspace`."""
     at = _robot_at(robot)
-    return Columns(at.spans, at.blocks, at.moments, at.kappas, at.scratch)
+    return Columns(at.subtree_columns, at.blocks, at.moments, at.kappas, at.scratch)
 
 
 @kernel

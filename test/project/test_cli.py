@@ -397,7 +397,7 @@ def test_compile_in_this_process(run, tmp_path, monkeypatch):
     assert status == 1 and "no folder to keep compiled code in" in error and "%" not in error
 
 
-LONG = {"sweeps.motions": 1, "simulation.steps": 14, "sweeps.batch": 9, "sweeps.classical": 8}
+LONG = {"sweeps.configuration": 1, "simulation.steps": 14, "sweeps.batch": 9, "sweeps.classical": 8}
 """Units of which two are under way when the first is done."""
 
 
@@ -414,7 +414,7 @@ def test_a_signal_ends_compiling(end, tmp_path):
         text=True,
         start_new_session=True,
     )
-    while "sweeps.motions" not in process.stderr.readline():
+    while "sweeps.configuration" not in process.stderr.readline():
         pass
     if end == "all":
         os.killpg(process.pid, signal.SIGINT)
@@ -423,7 +423,7 @@ def test_a_signal_ends_compiling(end, tmp_path):
     _, error = process.communicate(timeout=300)  # ends when all processes have closed stderr
     assert end == "killed" or (error, process.returncode) == ("diag-dynamics compile: interrupted.\n", 130)
     kernels = {path.name.split("-")[0] for path in (tmp_path / "diag_dynamics").rglob("*.nbc")}
-    assert "motions.integrate" in kernels and "steps.advance" not in kernels
+    assert "configuration.integrate" in kernels and "steps.advance" not in kernels
 
 
 @pytest.mark.full

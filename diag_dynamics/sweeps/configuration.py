@@ -12,9 +12,9 @@ import math
 from diag_dynamics.numerics.kernel import FILLED_VECTOR, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import MISFIT, lengths_match, opened, positions_match
+from diag_dynamics.sweeps.workspace import BAD_LENGTH, lengths_match, opened, positions_match
 
-HELD = 1e150
+LOCKED_INERTIA = 1e150
 """Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square does not overflow."""
 
 
@@ -28,27 +28,27 @@ def _twist(body, x):
 
 
 @large_kernel
-def chart_rates(bodies, u, rates, u_rates):
+def dexp_inverse(bodies, u, rates, u_rates):
     """u̇ where positions are displaced by u and the joints move with these rates."""
     for i in range(1, len(bodies)):
         body = bodies[i]
         if body.dofs == 1:
-            if groups.owns(bodies, i):
+            if groups.is_leader(bodies, i):
                 u_rates[body.dof] = rates[body.dof]
         elif body.rank == 0:
-            rate = sp.chart_rate(_twist(body, u), _twist(body, rates))
+            rate = sp.dexp_inverse(_twist(body, u), _twist(body, rates))
             for j in range(i, i + body.dofs):
                 direction = bodies[j].direction
                 u_rates[bodies[j].dof] = sp.entry(direction, rate.linear, rate.angular)
 
 
 @large_kernel
-def displace(bodies, start, u, q):
+def integrate_positions(bodies, start, u, q):
     """Positions q displaced by u from those at the start; quaternions have unit length. q may be the start."""
     for i in range(1, len(bodies)):
         body, k = bodies[i], bodies[i].q
         if body.dofs == 1:
-            if groups.owns(bodies, i):
+            if groups.is_leader(bodies, i):
                 q[k] = start[k] + u[body.dof]
         elif body.rank == 0:
             U = _twist(body, u)
@@ -92,28 +92,28 @@ def _wrapped(angle):
 def integrate(robot, q, v, result):
     """Positions reached from q along v: q exp(v) of joints of several degrees of freedom, q + v of the others."""
     if not lengths_match(robot, q, v, v):
-        return MISFIT
+        return BAD_LENGTH
     bodies, _, _, _ = opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(v)):
         return -1
-    displace(bodies, q, v, result)
+    integrate_positions(bodies, q, v, result)
     return 0 if joints.are_finite(result) else -1
 
 
 @entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
-def difference(robot, start, end, turning, v):
-    """What integrates to `end` from `start`; where `turning` is not 0, an angle's shorter way round."""
+def difference(robot, start, end, continuous, v):
+    """What integrates to `end` from `start`; where `continuous` is not 0, an angle's shorter way round."""
     if not (positions_match(robot, start) and positions_match(robot, end)):
-        return MISFIT
+        return BAD_LENGTH
     bodies, _, _, _ = opened(robot)
     if not (joints.are_positions(bodies, start) and joints.are_positions(bodies, end)):
         return -1
     for i in range(1, len(bodies)):
         body = bodies[i]
         if body.dofs == 1:
-            if groups.owns(bodies, i):
+            if groups.is_leader(bodies, i):
                 apart = end[body.q] - start[body.q]
-                v[body.dof] = _wrapped(apart) if turning[body.dof] != 0.0 else apart
+                v[body.dof] = _wrapped(apart) if continuous[body.dof] != 0.0 else apart
         elif body.rank == 0:
             U = _log(body, start, end)
             for j in range(i, i + body.dofs):
@@ -122,11 +122,11 @@ def difference(robot, start, end, turning, v):
 
 
 @large_kernel
-def hold(bodies, armature, held):
+def lock_joints(bodies, armature, held):
     """Hold the degrees of freedom that are marked, and no others: sweeps then see a robot whose joints are locked there.
 
     The bodies' own rotor inertias are given.
     """
     for i in range(1, len(bodies)):
-        marked = groups.owns(bodies, i) and held[bodies[i].dof] != 0.0
-        bodies[i].armature = HELD if marked else armature[i]
+        marked = groups.is_leader(bodies, i) and held[bodies[i].dof] != 0.0
+        bodies[i].armature = LOCKED_INERTIA if marked else armature[i]
