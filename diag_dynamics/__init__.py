@@ -19,7 +19,10 @@ _NAMES = {
     "results": "BatchEvaluation Evaluation Factors",
     "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError ModelError ModelWarning "
     "SingularMassMatrixError UnsupportedError UrdfError",
-    "contact": "BodyRegion Contact ContactLimits ContactPoint ContactPoints Impact link_geometry",
+    "contact.geometry": "link_geometry",
+    "contact.impact": "Impact",
+    "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",
+    "contact.results": "Contact",
     "simulation": "CompliantLimits EnergyAudit Simulation",
     "control": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter GravityCompensation JointTracking "
     "PoseRegulation PositionRepulsion RateDamping",
@@ -42,13 +45,13 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.collision.calibration import Calibration as Calibration
     from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
     from diag_dynamics.collision.detector import AlarmThresholds as AlarmThresholds
-    from diag_dynamics.contact import BodyRegion as BodyRegion
-    from diag_dynamics.contact import Contact as Contact
-    from diag_dynamics.contact import ContactLimits as ContactLimits
-    from diag_dynamics.contact import ContactPoint as ContactPoint
-    from diag_dynamics.contact import ContactPoints as ContactPoints
-    from diag_dynamics.contact import Impact as Impact
-    from diag_dynamics.contact import link_geometry as link_geometry
+    from diag_dynamics.contact.geometry import link_geometry as link_geometry
+    from diag_dynamics.contact.impact import Impact as Impact
+    from diag_dynamics.contact.points import BodyRegion as BodyRegion
+    from diag_dynamics.contact.points import ContactLimits as ContactLimits
+    from diag_dynamics.contact.points import ContactPoint as ContactPoint
+    from diag_dynamics.contact.points import ContactPoints as ContactPoints
+    from diag_dynamics.contact.results import Contact as Contact
     from diag_dynamics.control import ContactLimiter as ContactLimiter
     from diag_dynamics.control import EffortRateLimiter as EffortRateLimiter
     from diag_dynamics.control import EffortSaturation as EffortSaturation

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
 Geometry = Literal["frames", "primitives", "meshes"]
 
-MAX_POINTS = 64
-"""Default for the maximum number of points of a link."""
-
 SIDES = 16
 """Sides of the prism around a cylinder; its corners are 2 % outside."""
 
@@ -40,36 +37,23 @@ CORNERS = 0.75
 DENSE = 2000
 """Number of directions in which the corners are compared with the shapes."""
 
-_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+_CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
 class LinkGeometry(NamedTuple):
-    """Points of all links of a robot that have any.
+    """Points of all links of a robot that have any, and by link where they come from."""
 
-    Attributes
-    ----------
-    points : tuple of ContactPoint
-        One for each link, of the link's name.
-    source : dict
-        By link, what its points are of: ``collision``, ``visual`` or ``frames``.
-    grown : dict
-        By link, the largest relative distance of its points from its shapes, which their hull holds; 0 for the shapes' own
-        corners.
-    left_out : dict
-        By link, the reason why its shapes do not count.
-    """
-
-    points: tuple[ContactPoint, ...]
-    source: dict[str, str]
-    grown: dict[str, float]
-    left_out: dict[str, str]
+    points: tuple[ContactPoint, ...]  #: one for each link, of the link's name
+    source: dict[str, str]  #: ``collision``, ``visual`` or ``frames``
+    grown: dict[str, float]  #: maximum relative distance of points outside of the shapes; 0 for their own corners
+    left_out: dict[str, str]  #: why shapes of a link do not count
 
 
 def link_geometry(
     model: RobotModel,
     urdf: str | bytes | os.PathLike[str] | IO[Any],
     geometry: Geometry = "primitives",
-    most: int = MAX_POINTS,
+    most: int = 64,
 ) -> LinkGeometry:
     """Points of every link, for :class:`ContactPoints`: of its collision shapes, else of its visual ones.
 
@@ -98,78 +82,73 @@ def link_geometry(
     for link in model.link_names:
         if link not in elements or model.placement_in_body(link)[0] == 0:
             continue
-        found: Array | None = None
+        found, source[link], grown[link] = None, "frames", 0.0
         for role in ("collision", "visual") if geometry != "frames" else ():
             try:
                 every = shapes_of(elements[link], role)
                 shapes = [s for s in every if s.kind != "mesh" or geometry == "meshes"]
-                if every and not shapes:
-                    left_out.setdefault(link, f"meshes, which geometry '{geometry}' does not look at")
                 if shapes:
-                    found, grown[link] = points_around(shapes, meshes, most)
+                    found, grown[link] = _points_around(shapes, meshes, most)
                     source[link] = role
                     left_out.pop(link, None)
                     break
+                if every:
+                    left_out.setdefault(link, f"meshes, which geometry '{geometry}' does not look at")
             except UrdfError as error:
                 left_out.setdefault(link, str(error))
         if found is None:
             found = np.array([np.zeros(3), *_frames_of(robot, link)])
-            source[link], grown[link] = "frames", 0.0
         points.append(ContactPoint(link, link, found))
     return LinkGeometry(tuple(points), source, grown, left_out)
 
 
-def points_around(shapes: list[Shape], meshes: Meshes, most: int = MAX_POINTS) -> tuple[Array, float]:
+_Hull = tuple[Array, float, Array]
+"""Centres (number, 3) and radius [m] of balls in a link's axes, and normals of the faces of their convex hull."""
+
+
+def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> tuple[Array, float]:
     """Return points whose hull holds shapes, and more between them, in the link's axes; and their relative distance."""
-    found = [_corners(shape, meshes) for shape in shapes]
-    every = [(shape, own) for shape, (own, _) in zip(shapes, found, strict=True)]
-    exact = [_moved(shape, own) for shape, own in every if own is not None]
-    corners, outside = np.zeros((0, 3)), 0.0
-    if len(exact) == len(shapes):
-        corners = np.unique(np.concatenate(exact), axis=0)
-        outside = 1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
-    faces = [normals @ shape.placement[:3, :3].T for shape, (_, normals) in zip(shapes, found, strict=True)]
-    dense = np.concatenate([_directions(DENSE), *faces])
-    support = np.einsum("nk,nk->n", _support_points(every, dense), dense)
-    if not 0 < len(corners) <= CORNERS * most:
-        corners = np.unique(_support_points(every, _directions(int(CORNERS * most))), axis=0)
+    hulls = [_hull(shape, meshes) for shape in shapes]
+    dense = np.concatenate([_directions(DENSE), *(normals for _, _, normals in hulls)])
+    support = np.einsum("nk,nk->n", _support_points(hulls, dense), dense)
+    corners = np.unique(np.concatenate([centres for centres, _, _ in hulls]), axis=0)
+    outside = 1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
+    if any(radius for _, radius, _ in hulls) or len(corners) > CORNERS * most:
+        corners = np.unique(_support_points(hulls, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
         reach, held = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
         known = held > 1e-9 * reach.max()  # in other directions there is nothing that could lie outside
         factor = max(1.0, float((reach[known] / held[known]).max(initial=1.0)))
         corners, outside = centre + factor * (corners - centre), factor - 1.0
-    return np.concatenate([corners, _between(corners.mean(axis=0), dense, support, most - len(corners))]), outside
-
-
-def _between(centre: Array, dense: Array, support: Array, count: int) -> Array:
-    """Return evenly spread points of the surface of a hull; `support` is its extent along `dense`."""
-    rays = _directions(count)
+    centre, rays = corners.mean(axis=0), _directions(most - len(corners))
     ahead = rays @ dense.T
     with np.errstate(divide="ignore"):
         way = np.where(ahead > 1e-6, (support - dense @ centre) / np.maximum(ahead, 1e-6), np.inf).min(axis=1)
-    return centre + np.maximum(way, 0.0)[:, None] * rays
+    return np.concatenate([corners, centre + np.maximum(way, 0.0)[:, None] * rays]), outside
 
 
-def _corners(shape: Shape, meshes: Meshes) -> tuple[Array | None, Array]:
-    """Return the corners of a shape in its own axes, None of a round one; and the normals of its faces."""
-    numbers = np.array(shape.numbers)
+def _hull(shape: Shape, meshes: Meshes) -> _Hull:
+    numbers, radius, normals = np.array(shape.numbers), 0.0, np.zeros((0, 3))
     if shape.kind == "box":
-        return _CORNERS * (0.5 * numbers), np.concatenate([np.eye(3), -np.eye(3)])
-    if shape.kind == "cylinder":
-        radius, length = numbers
-        ring, sides = (_ring(shift) for shift in (0.0, 0.5))
-        corners = radius / math.cos(math.pi / SIDES) * ring
-        ends = np.array([[0.0, 0.0, -0.5 * length], [0.0, 0.0, 0.5 * length]])
-        return np.concatenate([corners + end for end in ends]), np.concatenate([sides, 2.0 / length * ends])
-    if shape.kind == "mesh":
+        centres, normals = _CUBE * (0.5 * numbers), np.concatenate([np.eye(3), -np.eye(3)])
+    elif shape.kind == "cylinder":
+        ends = np.array([[0.0, 0.0, -0.5 * numbers[1]], [0.0, 0.0, 0.5 * numbers[1]]])
+        ring = numbers[0] / math.cos(math.pi / SIDES) * _ring(0.0)
+        centres = np.concatenate([ring + end for end in ends])
+        normals = np.concatenate([_ring(0.5), 2.0 / numbers[1] * ends])
+    elif shape.kind == "mesh":
         mesh = meshes.mesh(shape.file).copy()
         mesh.apply_transform(np.diag([*numbers, 1.0]))
         try:
             hull = mesh.convex_hull
-            return np.asarray(hull.vertices), np.asarray(hull.face_normals)
+            centres, normals = np.asarray(hull.vertices), np.asarray(hull.face_normals)
         except (ValueError, RuntimeError, ImportError):  # all in a plane, or no Qhull: they hold it themselves
-            return np.asarray(mesh.vertices), np.zeros((0, 3))
-    return None, np.zeros((0, 3))
+            centres = np.asarray(mesh.vertices)
+    else:
+        half = 0.5 * numbers[1] if shape.kind == "capsule" else 0.0
+        centres, radius = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), float(numbers[0])
+    R, r = shape.placement[:3, :3], shape.placement[:3, 3]
+    return centres @ R.T + r, radius, normals @ R.T
 
 
 def _ring(shift: float) -> Array:
@@ -178,26 +157,15 @@ def _ring(shift: float) -> Array:
     return np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
 
 
-def _support_points(shapes: list[tuple[Shape, Array | None]], directions: Array) -> Array:
-    """Return the point of several shapes that lies farthest along each direction."""
+def _support_points(hulls: list[_Hull], directions: Array) -> Array:
+    """Return the point of several hulls that lies farthest along each direction."""
     best, most = np.zeros_like(directions), np.full(len(directions), -np.inf)
-    for shape, corners in shapes:
-        own = directions @ shape.placement[:3, :3]
-        if corners is not None:
-            points = corners[np.argmax(own @ corners.T, axis=1)]
-        else:  # a sphere, or a capsule: a ball along a line
-            half = 0.5 * shape.numbers[1] if shape.kind == "capsule" else 0.0
-            points = shape.numbers[0] * own
-            points[:, 2] += np.copysign(half, own[:, 2])
-        points = _moved(shape, points)
+    for centres, radius, _ in hulls:
+        points = centres[np.argmax(directions @ centres.T, axis=1)] + radius * directions
         reach = np.einsum("nk,nk->n", points, directions)
         better = reach > most
         best[better], most[better] = points[better], reach[better]
     return best
-
-
-def _moved(shape: Shape, points: Array) -> Array:
-    return points @ shape.placement[:3, :3].T + shape.placement[:3, 3]
 
 
 def _directions(count: int) -> Array:

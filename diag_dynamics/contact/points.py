@@ -1,61 +1,154 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points of links at which contact is predicted, and the table of them for sweeps."""
+"""Points of links at which contact is predicted, limits of the body regions there, and the table of both for sweeps.
+
+The user enters all numbers of body regions: none is built in.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, PointLike, RowsLike
-from diag_dynamics.checks import array_of, choice, unit
+from diag_dynamics.checks import array_of, choice, instance, listed, mapping, positive, unit
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import contacts
-
-if TYPE_CHECKING:
-    from diag_dynamics.contact.limits import ContactLimits
+from diag_dynamics.yaml_files import read_yaml
 
 WorstBy = Literal["energy", "force", "limit"]
 
 _BY = {"energy": contacts.BY_ENERGY, "force": contacts.BY_FORCE, "limit": contacts.BY_LIMIT}
 
 MAX_DISTANCE = 1e6
-"""Largest coordinate of a point in the link's axes [m]."""
+"""Maximum coordinate of a point in the link's axes [m]."""
+
+MIN_STIFFNESS = 500.0
+"""Minimum stiffness [N/m]: no part of a body is softer, but tables have N/mm."""
 
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """A point of a link, or several of which the worst counts.
+    """One contact point of a link, or several; results describe the worst of these."""
 
-    Parameters
-    ----------
-    name : str
-        Its name in results.
-    link : str
-        Name of the link.
-    points : array_like, shape (3,) or (number, 3)
-        From the link's origin in the link's axes [m].
-    direction : array_like, shape (3,), optional
-        Direction of contact; by default that of the motion of each point.
-    frame : {"link", "root"}
-        Axes of the direction.
+    name: str  #: in results
+    link: str
+    points: PointLike | RowsLike = (0.0, 0.0, 0.0)  #: in the link's axes [m], shape (3,) or (number, 3)
+    direction: PointLike | None = None  #: of contact, shape (3,); by default that of the motion of each point
+    frame: Literal["link", "root"] = "link"  #: axes of the direction
+
+
+@dataclass(frozen=True)
+class BodyRegion:
+    """A part of the body, and the limits of contact with it."""
+
+    mass: float = math.inf  #: effective mass m_H [kg] that is free to move; inf if clamped
+    stiffness: float = 0.0  #: effective spring constant k [N/m]; 0 without a limit of force
+    force: float = math.inf  #: maximum transient force [N]; inf without a limit
+    energy: float = math.inf  #: maximum transferable energy ½(ŵᵀν)² [J]; inf without a limit
+
+    def __post_init__(self) -> None:
+        for name, si in (("mass", "[kg]"), ("force", "[N]"), ("energy", "[J]")):
+            value = getattr(self, name)
+            object.__setattr__(self, name, value if value == math.inf else positive(name, value, si))
+        if self.stiffness != 0.0 or self.force != math.inf:
+            object.__setattr__(self, "stiffness", positive("stiffness", self.stiffness, "[N/m]"))
+            if self.stiffness < MIN_STIFFNESS:
+                least = f"expected {MIN_STIFFNESS:g} at least; tables have N/mm, 1 N/mm is 1000 N/m"
+                raise InputError(f"stiffness is {self.stiffness:g} N/m, {least}.")
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether it has any limit."""
+        return self.force < math.inf or self.energy < math.inf
+
+    @property
+    def row(self) -> tuple[float, float, float, float]:
+        """1/m_H, k, and both limits, a row of the table for sweeps."""
+        return 1.0 / self.mass, self.stiffness, self.force, self.energy
+
+
+@dataclass(frozen=True)
+class ContactLimits:
+    """Which body regions the links of a robot may meet.
+
+    An additional point is a dict of `link`, `xyz` [m] in the link's axes, and optionally `direction` (by default that of the
+    motion) and `regions` (by default those of the link).
     """
 
-    name: str
-    link: str
-    points: PointLike | RowsLike = (0.0, 0.0, 0.0)
-    direction: PointLike | None = None
-    frame: Literal["link", "root"] = "link"
+    regions: Mapping[str, BodyRegion] = field(default_factory=dict)  #: by name, or dicts of their fields
+    default: Sequence[str] | None = None  #: regions of links that are not in `links`; by default all
+    links: Mapping[str, Sequence[str]] = field(default_factory=dict)  #: regions by link, empty for one out of reach
+    points: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  #: additional points, by name
+
+    def __post_init__(self) -> None:
+        put = partial(object.__setattr__, self)
+        put("regions", {str(name): _region(name, of) for name, of in mapping("regions", self.regions).items()})
+        put("default", tuple(self.regions) if self.default is None else self._known("default", self.default))
+        links = mapping("links", self.links).items()
+        put("links", {str(link): self._known(f"links: '{link}'", of) for link, of in links})
+        points = mapping("points", self.points).items()
+        put("points", {str(name): dict(mapping(f"point '{name}'", of)) for name, of in points})
+        for name, point in self.points.items():
+            _require_known(f"point '{name}'", point, ("link", "xyz", "direction", "regions"))
+            if "link" not in point:
+                raise InputError(f"point '{name}' has no link.")
+            self._known(f"point '{name}'", point.get("regions", ()))
+
+    def _known(self, where: str, names: object) -> tuple[str, ...]:
+        """Return names of regions as a tuple."""
+        if isinstance(names, str) or not isinstance(names, Sequence):
+            raise InputError(f"{where} is {names!r}, expected a list of body regions.")
+        _require_known(where, names, tuple(self.regions))
+        return tuple(names)
+
+    def of(self, point: ContactPoint) -> tuple[str, ...]:
+        """Return the names of the body regions that a point may meet."""
+        own = self.points.get(point.name, {})
+        if own.get("link") == point.link and "regions" in own:
+            return tuple(own["regions"])
+        return tuple(self.links.get(point.link, self.default or ()))
+
+    def with_energy(self, energy: float, name: str) -> ContactLimits:
+        """Return these limits and one of transferable energy [J] on every link, as a region of this name."""
+        points = {point: dict(of) for point, of in self.points.items()}
+        for of in points.values():
+            if "regions" in of:
+                of["regions"] = [*of["regions"], name]
+        links = {link: (*of, name) for link, of in self.links.items()}
+        regions = {**self.regions, name: BodyRegion(energy=energy)}
+        return ContactLimits(regions, (*(self.default or ()), name), links, points)
+
+    def contact_points(self) -> tuple[ContactPoint, ...]:
+        """Return the additional points."""
+        return tuple(
+            ContactPoint(name, of["link"], of.get("xyz", (0.0, 0.0, 0.0)), of.get("direction"))
+            for name, of in self.points.items()
+        )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> ContactLimits:
+        """Read a YAML file with `regions`, `default`, `links` and `points`; see config/contact_limits.example.yaml."""
+        what = f"contact limits '{os.fspath(path)}'"
+        content = mapping(what, read_yaml(path, what))
+        try:
+            _require_known("the file", content, ("regions", "default", "links", "points"))
+            return cls(**{name: value for name, value in content.items() if value is not None})
+        except InputError as error:
+            raise InputError(f"{what}: {error}") from None
 
 
 class ContactPoints:
-    """Points of one robot's links, and the limits that hold there; immutable. For :meth:`DiagonalDynamics.contact`.
+    """Contact points of one robot and the limits there; immutable. For :meth:`DiagonalDynamics.contact`.
 
     Parameters
     ----------
@@ -67,20 +160,17 @@ class ContactPoints:
     worst_by : {"energy", "force", "limit"}
         The worst of an entry's points has the largest transferable energy along its motion, the largest force against any of
         the entry's body regions, or the largest ratio of speed to allowed speed. Without regions or limits it is the energy.
-
-    Attributes
-    ----------
-    names, links : tuple of str
-        Of each entry.
-    regions : tuple of tuple of str
-        Body regions of each entry.
-    points : tuple of ndarray, shape (number, 3)
-        In the link's axes [m].
-    limited : ndarray of bool
-        Whether an entry has a limit.
-    directed : ndarray of bool
-        Whether an entry has a direction of its own: the others have that of their motion.
     """
+
+    names: tuple[str, ...]  #: of the entries
+    links: tuple[str, ...]  #: of the entries
+    regions: tuple[tuple[str, ...], ...]  #: body regions of each entry
+    points: tuple[Array, ...]  #: of each entry, in the link's axes [m], shape (number, 3)
+    limited: Any  #: array of bool: whether an entry has a limit
+    directed: Any  #: array of bool: whether an entry has a direction other than that of its motion
+    region_names: tuple[str, ...]  #: body regions of all entries, by row of the table
+    count: int  #: number of points of all entries
+    table: int  #: address of the table for sweeps; valid as long as this object
 
     def __init__(
         self,
@@ -90,60 +180,46 @@ class ContactPoints:
         worst_by: WorstBy = "energy",
     ) -> None:
         choice("worst_by", worst_by, _BY)
-        if not isinstance(model, RobotModel):
-            raise InputError(f"ContactPoints needs a RobotModel, as load_urdf returns, not {type(model).__name__}.")
-        self.model, self.worst_by = model, worst_by
-        given = [point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points]
-        self._given = model, tuple(given), limits, worst_by
-        _refuse_links(model, limits)
-        entries, rows, regions, kept = [], [], [], []
+        self.model, self.worst_by = instance("model", model, RobotModel), worst_by
+        given = tuple(point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points)
+        self._given = model, given, limits, worst_by
+        limits = limits or ContactLimits()
+        _require_links(model, limits)
+        kept: dict[str, tuple[str, tuple[str, ...], Array]] = {}
+        rows, entries, region = [np.zeros((0, 3))], [], 0
         for point in given:
-            if point.name in (one[0].name for one in kept):
+            if point.name in kept:
                 raise InputError(f"there are two contact points of the name '{point.name}'.")
             body, placement = model.placement_in_body(point.link)
-            own = _rows(point)
-            kind, direction = _direction(point, placement)
+            own, (kind, direction) = _rows(point), _direction(point, placement)
             if body == 0:
                 continue
-            names = () if limits is None else limits.of(point)
-            first, first_region = sum(map(len, rows)), len(regions)
-            rows.append(own @ placement[:3, :3].T + placement[:3, 3])
-            regions += [limits.regions[name].row for name in names] if limits is not None else []
-            entries.append(
-                (body, first, first + len(own), first_region, first_region + len(names), kind, tuple(direction))
-            )
             own.flags.writeable = False
-            kept.append((point, own, names))
-        self.names = tuple(point.name for point, _, _ in kept)
-        self.links = tuple(point.link for point, _, _ in kept)
-        self.points = tuple(own for _, own, _ in kept)
-        self.regions = tuple(names for _, _, names in kept)
-        self._region_names = tuple(name for names in self.regions for name in names)
-        known = {} if limits is None else limits.regions
-        self.limited = np.array([any(known[name].is_limited for name in names) for names in self.regions], dtype=bool)
-        self.directed = np.array([kind != contacts.ALONG_MOTION for *_, kind, _ in entries], dtype=bool)
+            kept[point.name] = point.link, limits.of(point), own
+            first, first_region, region = sum(map(len, rows)), region, region + len(limits.of(point))
+            rows.append(own @ placement[:3, :3].T + placement[:3, 3])
+            entries.append((body, first, first + len(own), first_region, region, kind, tuple(direction)))
+        self.names = tuple(kept)
+        self.links = tuple(link for link, _, _ in kept.values())
+        self.regions = tuple(names for _, names, _ in kept.values())
+        self.points = tuple(own for _, _, own in kept.values())
+        self.count = sum(map(len, self.points))
+        self.region_names = tuple(name for names in self.regions for name in names)
+        table, known = np.array(entries, dtype=contacts.CONTACT_ENTRY), limits.regions
+        limited = [any(known[name].is_limited for name in names) for names in self.regions]
+        self.limited = np.array(limited, dtype=bool)
+        self.directed = table["kind"] != contacts.ALONG_MOTION
         self.limited.flags.writeable = self.directed.flags.writeable = False
         base, _ = model.placement_in_body(model.root_link)  # whose axes are the root link's
-        tables = {
-            "entries": np.array(entries, dtype=contacts.CONTACT_ENTRY),
-            "points": np.ascontiguousarray(np.concatenate(rows) if rows else np.zeros((0, 3))),
-            "regions": np.array(regions, dtype=float).reshape(-1, 4),
-        }
-        self._table = Addresses(contacts.CONTACTS, base=base, by=_BY[worst_by], **tables)
-
-    @property
-    def table(self) -> int:
-        """Address of the table for sweeps; valid as long as this object."""
-        return self._table.at
-
-    @property
-    def count(self) -> int:
-        """Number of points of all entries."""
-        return sum(map(len, self.points))
-
-    def region_name(self, index: int) -> str:
-        """Return the name of a body region by its row in the table; empty for -1."""
-        return self._region_names[index] if index >= 0 else ""
+        self._table = Addresses(
+            contacts.CONTACTS,
+            base=base,
+            by=_BY[worst_by],
+            entries=table,
+            points=np.concatenate(rows),
+            regions=np.array([known[name].row for name in self.region_names], float).reshape(-1, 4),
+        )
+        self.table = self._table.at
 
     def __len__(self) -> int:
         return len(self.names)
@@ -158,14 +234,12 @@ class ContactPoints:
 def _rows(point: ContactPoint) -> Array:
     array = array_of(point.points)
     if array is None or array.shape[-1:] != (3,) or array.ndim not in (1, 2) or not array.size:
-        raise InputError(
-            f"points of '{point.name}' are {point.points!r}, expected three numbers [m], or rows of three."
-        )
-    if not (np.abs(array) <= MAX_DISTANCE).all():
-        raise InputError(
-            f"points of '{point.name}' are {point.points!r}, expected finite numbers within ±{MAX_DISTANCE:g} m."
-        )
-    return array.reshape(-1, 3)
+        expected = "three numbers [m], or rows of three"
+    elif not (np.abs(array) <= MAX_DISTANCE).all():
+        expected = f"finite numbers within ±{MAX_DISTANCE:g} m"
+    else:
+        return array.reshape(-1, 3)
+    raise InputError(f"points of '{point.name}' are {point.points!r}, expected {expected}.")
 
 
 def _direction(point: ContactPoint, placement: Array) -> tuple[int, Array]:
@@ -177,10 +251,27 @@ def _direction(point: ContactPoint, placement: Array) -> tuple[int, Array]:
     return (contacts.IN_ROOT, u) if point.frame == "root" else (contacts.IN_BODY, placement[:3, :3] @ u)
 
 
-def _refuse_links(model: RobotModel, limits: ContactLimits | None) -> None:
-    if limits is None:
-        return
-    named = dict.fromkeys(limits.links, "links") | {of["link"]: "points" for of in limits.points.values()}
-    for link, where in named.items():
+def _require_links(model: RobotModel, limits: ContactLimits) -> None:
+    where = dict.fromkeys(limits.links, "links") | {of["link"]: "points" for of in limits.points.values()}
+    for link in where:
         if link not in model.link_names:
-            raise InputError(f"contact limits, {where}: '{link}' is not a link of robot '{model.name}'.")
+            raise InputError(f"contact limits, {where[link]}: '{link}' is not a link of robot '{model.name}'.")
+
+
+def _region(name: object, given: object) -> BodyRegion:
+    if isinstance(given, BodyRegion):
+        return given
+    numbers = dict(mapping(f"region '{name}'", given))
+    _require_known(f"region '{name}'", numbers, ("mass", "stiffness", "force", "energy"))
+    if numbers.get("mass") == "clamped":
+        numbers["mass"] = math.inf
+    try:
+        return BodyRegion(**numbers)
+    except InputError as error:
+        raise InputError(f"region '{name}': {error}") from None
+
+
+def _require_known(where: str, names: Iterable[Any], known: Sequence[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise InputError(f"{where} has {name!r}, expected one of {listed(known)}.")

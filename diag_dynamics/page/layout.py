@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.contact import simplified_mass
+from diag_dynamics.contact.impact import simplified_mass
 from diag_dynamics.model import end_effector_link
 from diag_dynamics.page.tree import tree_of
 from diag_dynamics.sweeps.spatial import ANGULAR_X

@@ -6,8 +6,7 @@
 from typing import NamedTuple
 
 from diag_dynamics.contact.geometry import link_geometry
-from diag_dynamics.contact.limits import ContactLimits
-from diag_dynamics.contact.points import ContactPoint, ContactPoints
+from diag_dynamics.contact.points import ContactLimits, ContactPoint, ContactPoints
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.spec import Spec
