@@ -157,15 +157,65 @@ def listed(names: Sequence[str], most: int = 12) -> str:
     return ", ".join(names[:most]) + (", …" if len(names) > most else "")
 
 
-def vector(name: str, value: object, names: Sequence[str]) -> Array:
-    """Return a finite number for each degree of freedom as a new array; they may be a dict or a Series by name."""
-    array = array_of(in_order(name, value, names))
-    if array is None or array.shape != (len(names),):
-        raise InputError(f"{name} is {value!r}, expected {len(names)} finite numbers, one for each degree of freedom.")
-    if not np.isfinite(array).all():
-        k = int(np.argmin(np.isfinite(array)))
-        raise InputError(f"{name} of joint '{names[k]}' is {array[k]}, expected a finite number.")
+def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) -> Array:
+    """Return a number for each name as a new array; the value may be a dict or a Series by name.
+
+    It is a copy, because another thread could change the argument between its check and a sweep.
+    """
+    if type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == (len(names),):
+        array = value.copy()
+    else:
+        array = _numeric(name, in_order(name, value, names), "a vector")
+        if array.shape != (len(names),):
+            expected = f"({len(names)},): one entry for each of {listed(names)}"
+            raise InputError(f"{name} has shape {array.shape}, expected {expected}.")
+        array = np.array(array, dtype=_FLOAT)
+    if finite:
+        check_finite(name, array, names)
     return array
+
+
+def rows(name: str, value: Any, names: Sequence[str], count: int | None = None) -> Array:
+    """Return a contiguous array with one row per state, `count` of them if given, and a column for each name."""
+    value = in_order(name, value, names)
+    if isinstance(value, (list, tuple)) and any(has_names(row) or isinstance(row, Mapping) for row in value):
+        value = [in_order(f"{name}[{t}]", row, names) for t, row in enumerate(value)]
+    array = _numeric(name, value, "an array")
+    if array.ndim != 2 or array.shape[1] != len(names) or count not in (None, len(array)):
+        expected = f"({'T' if count is None else count}, {len(names)}): a row for each state"
+        raise InputError(f"{name} has shape {array.shape}, expected {expected}.")
+    return np.ascontiguousarray(array, dtype=_FLOAT)
+
+
+def is_rows(value: Any) -> bool:
+    """Whether a value is rows of many states, or columns by name."""
+    if isinstance(value, (list, tuple)):
+        return all(map(_is_row, value)) and len({len(row) for row in value}) == 1
+    if isinstance(value, Mapping):
+        return any(isinstance(x, (list, tuple)) or getattr(x, "ndim", 0) for x in value.values())
+    return np.ndim(value) == 2
+
+
+def _is_row(value: Any) -> bool:
+    return isinstance(value, (list, tuple, Mapping)) or getattr(value, "ndim", 0) == 1
+
+
+def _numeric(name: str, value: Any, kind: str) -> Any:
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise InputError(f"{name} is not {kind} of numbers: {error}.") from error
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name} is not {kind} of numbers: it has dtype {array.dtype}.")
+    return array
+
+
+def check_finite(name: str, values: Array, names: Sequence[str]) -> None:
+    """Name the first entry of a vector, or of rows, that is not finite."""
+    if not np.isfinite(values).all():
+        *state, k = np.argwhere(~np.isfinite(values))[0]
+        where = f"state {state[0]}: " if state else ""
+        raise InputError(f"{where}{name} of joint '{names[k]}' is {values[(*state, k)]}, expected a finite number.")
 
 
 def per_name(

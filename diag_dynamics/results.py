@@ -5,86 +5,174 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from collections.abc import Callable, Iterator
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar, overload
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.sweeps import evaluation
+from diag_dynamics.sweeps import evaluation, records
 from diag_dynamics.sweeps import workspace as ws
 
 if TYPE_CHECKING:
     from diag_dynamics.model import RobotModel
 
-PER_DOF = (
-    "nu",
-    "xi",
-    "epsilon",
-    "kappa",
-    "coriolis",
-    "coriolis_unnormalized",
-    "gravity",
-    "articulated_inertia",
-    "articulated_inertia_rate",
-    "external",
-    "friction",
-    "nu_dot",
-    "xi_dot",
-    "energy_share",
-)
-"""Quantities with one entry per degree of freedom."""
+    _T = TypeVar("_T")
 
-NAMES = (*PER_DOF[:-1], "kinetic_energy", "energy_share", "base_energy", "link_energy", "power", "effort_power")
-"""Quantities of `to_dict` and `repr`, in this order."""
+    class _Quantity(Generic[_T]):
+        """A property of a type that mypy knows."""
 
-# Rows of the results, as global names: reading `ws.NU` takes twice as long as reading the row.
-_NU, _XI, _EPSILON, _KAPPA = ws.NU, ws.XI, ws.EPSILON, ws.KAPPA
-_CORIOLIS, _CORIOLIS_UNNORMALIZED, _GRAVITY = ws.CORIOLIS, ws.CORIOLIS_UNNORMALIZED, ws.GRAVITY
-_D, _D_RATE = ws.ARTICULATED_INERTIA, ws.ARTICULATED_INERTIA_RATE
-_NU_DOT, _XI_DOT, _ENERGY_SHARE = ws.NU_DOT, ws.XI_DOT, ws.ENERGY_SHARE
-_KINETIC_ENERGY, _BASE_ENERGY = ws.KINETIC_ENERGY, ws.BASE_ENERGY
-_POWER, _EFFORT_POWER = ws.POWER, ws.EFFORT_POWER
+        def __get__(self, result: object, kind: object = None) -> _T: ...
+
+
+Term: TypeAlias = Array | None
+
+
+def _quantity(read: Callable[[Any], _T], doc: str) -> _Quantity[_T]:
+    return property(read, doc=doc)  # type: ignore[return-value]
+
+
+def _row(row: int, doc: str) -> _Quantity[Array]:
+    return _quantity(lambda s: s._rows[row], doc)
+
+
+def _row_with_tau(row: int, doc: str) -> _Quantity[Term]:
+    return _quantity(lambda s: s._rows[row] if s._with_tau else None, doc)
+
+
+def _number(row: int, doc: str) -> _Quantity[float]:
+    return _quantity(lambda s: s._state.item(row, 0), doc)
+
+
+def _number_with_tau(row: int, doc: str) -> _Quantity[float | None]:
+    return _quantity(lambda s: s._state.item(row, 0) if s._with_tau else None, doc)
+
+
+def _term(slot: str, doc: str) -> _Quantity[Term]:
+    return _quantity(attrgetter(slot), doc)
 
 
 class Evaluation:
     """All quantities at one state; arrays have shape (nv,) unless stated otherwise.
 
     The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on the right and
-    ``+ friction`` on the left if these were requested (Jain and Rodriguez 1995, eq. 3.1, with gravity, wrenches and
-    friction as separate terms).
+    ``+ friction`` on the left if these were requested (Jain and Rodriguez 1995, eq. 3.1, with gravity, wrenches
+    and friction as separate terms).
 
-    Results are read-only and permanent, except those of :meth:`DiagonalDynamics.new_evaluation`: these hold the last
-    evaluation, and NaN after an error. ``copy.copy`` makes a permanent copy. Every attribute is read from memory, but
-    `link_energy`, which is computed on each access.
+    Results are read-only and permanent, except those of :meth:`DiagonalDynamics.new_evaluation`: these hold the
+    last evaluation, and NaN after an error. ``copy.copy`` makes a permanent copy. Every attribute is read from
+    memory, but `link_energy`, which is computed on each access.
     """
 
     __slots__ = ("_external", "_friction", "_memory", "_model", "_rows", "_state", "_with_tau")
 
-    _model: RobotModel
-    _state: Array  # rows of sweeps.workspace, of length max(nq, 1)
-    _rows: Array | Sequence[Array]  # their first nv entries
-    _with_tau: bool
-    _external: Array | None
-    _friction: Array | None
-    _memory: Any  # memory that evaluate may write; not set in permanent results
+    _memory: Any  # that evaluate may write; not set in permanent results
 
     def __init__(
-        self,
-        model: RobotModel,
-        state: Array,
-        rows: Array | Sequence[Array],
-        with_tau: bool,
-        external: Array | None = None,
-        friction: Array | None = None,
+        self, model: RobotModel, state: Array, rows: Any, with_tau: bool, external: Term = None, friction: Term = None
     ) -> None:
+        # `state` has the rows of sweeps.workspace, of length max(nq, 1), `rows` their first nv entries.
         self._model, self._state, self._rows = model, state, rows
         self._with_tau, self._external, self._friction = with_tau, external, friction
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _restore, (self._model, self._state.copy(), self._with_tau, self._external, self._friction)
+    nu = _row(ws.NU, "Total joint rates ν = mᵀq̇ [J^½] (Table 1).")
+    xi = _row(ws.XI, "Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7).")
+    epsilon = _row_with_tau(
+        ws.EPSILON,
+        "Working moments ε = ℓτ [J^½/s] (Table 2), including the efforts that balance gravity; None without tau.",
+    )
+    kappa = _row_with_tau(ws.KAPPA, "Un-normalized working moments κ = D^½ε [N m, N] (Table 2); None without tau.")
+    coriolis = _row(ws.CORIOLIS, "Coriolis term C(q, ν) [J^½/s] (Algorithm 7.1), without gravity; νᵀC = 0 (Lemma 7.1).")
+    coriolis_unnormalized = _row(
+        ws.CORIOLIS_UNNORMALIZED, "C_ξ(q, ξ) of D ξ̇ + C_ξ = κ [N m, N] (Lemma 7.3), without gravity."
+    )
+    gravity = _row(ws.GRAVITY, "ε_g = ℓ g(q) [J^½/s]; its un-normalized form is κ_g = D^½ε_g [N m, N].")
+    articulated_inertia = _row(
+        ws.ARTICULATED_INERTIA,
+        """D [kg m², kg] (Algorithm 4.1).
+
+        For a joint of several degrees of freedom, a floating base and a coupled group it is the diagonal of the
+        factor U D Uᵀ of the joint's block, in the order of the degrees of freedom.
+        """,
+    )
+    articulated_inertia_rate = _row(ws.ARTICULATED_INERTIA_RATE, "Ḋ along the motion [kg m²/s, kg/s] (7.2).")
+    external = _term("_external", "ℓ Jᵀf_ext [J^½/s]; None without wrenches.")
+    friction = _term("_friction", "ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested.")
+    nu_dot = _row_with_tau(
+        ws.NU_DOT,
+        "dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of the requested terms; None without tau.",
+    )
+    xi_dot = _row_with_tau(
+        ws.XI_DOT,
+        "dξ/dt = D⁻¹(κ − κ_g − C_ξ + …) [rad/s², m/s²] (eq. 7.9), of the terms of nu_dot; None without tau.",
+    )
+    kinetic_energy = _number(ws.KINETIC_ENERGY, "K = ½νᵀν [J].")
+    energy_share = _row(
+        ws.ENERGY_SHARE,
+        """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
+
+        The six shares of a floating base depend on the order of its twist's components; their sum `base_energy`
+        does not.
+        """,
+    )
+
+    @property
+    def base_energy(self) -> float:
+        """Sum of the six energy shares of a floating base [J]; 0 with a fixed base.
+
+        It is ½V*ᵀPV* of the total rates' common part V*, with the articulated inertia P of the whole robot.
+        """
+        return self._state.item(ws.BASE_ENERGY, 0) if self._model.floating_base else 0.0
+
+    @property
+    def link_energy(self) -> Array:
+        """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K.
+
+        It raises InputError if a link's energy overflows. With an inertia of no rigid body it may, although K does
+        not.
+        """
+        model, (Q, QD) = self._model, self._motion()
+        energy = np.empty((len(Q), len(model.link_names)))
+        work = np.empty(len(model.bodies), records.WORK)
+        if not evaluation.link_energies(model.bodies, model.links, work, Q, QD, energy):
+            name = "qd" if self.nu.ndim == 1 else "QD"
+            raise InputError(f"{name} is too large: the kinetic energy of a link overflows.")
+        return read_only(energy[0] if self.nu.ndim == 1 else energy)
+
+    power = _number_with_tau(
+        ws.POWER,
+        "dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of the requested terms; None without tau.",
+    )
+    effort_power = _number_with_tau(
+        ws.EFFORT_POWER, "νᵀ(ε − ε_g) [W]: :attr:`power` of efforts and gravity alone; None without tau."
+    )
+
+    model: _Quantity[RobotModel] = _quantity(attrgetter("_model"), "Robot of these results.")
+    rows: _Quantity[Array] = _quantity(
+        attrgetter("_state"),
+        "Rows of `diag_dynamics.sweeps.workspace`, shape (N_ROWS, max(nq, 1)); of a batch (N_RESULTS, T, nv).",
+    )
+
+    def set_terms(self, with_tau: bool, external: Term = None, friction: Term = None) -> None:
+        """Set the terms of an evaluation into the memory of this result."""
+        self._with_tau, self._external, self._friction = with_tau, external, friction
+
+    def _motion(self) -> tuple[Array, Array]:
+        """Return positions and rates, one row per state."""
+        return self._state[ws.POSITIONS][None], self._state[ws.RATES][None]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all quantities by name; None for absent ones."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    def to_frame(self) -> Any:
+        """Return the quantities per degree of freedom as a pandas DataFrame: one row per degree of freedom."""
+        values = {name: getattr(self, name) for name in NAMES if name != "link_energy"}
+        columns = {name: value for name, value in values.items() if np.ndim(value)}
+        return require("pandas", "to_frame").DataFrame(columns, index=list(self._model.dof_names))
 
     def __repr__(self) -> str:
         with np.printoptions(precision=6, threshold=60, linewidth=10**6):
@@ -98,203 +186,76 @@ class Evaluation:
             return f"<{error}>"
         return np.array2string(value, separator=", ") if isinstance(value, np.ndarray) else str(value)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all quantities by name; None for absent ones."""
-        return {name: getattr(self, name) for name in NAMES}
+    def __reduce__(self) -> tuple[Any, ...]:
+        return evaluation_of, (self._model, self._state.copy(), self._with_tau, self._external, self._friction)
 
-    def to_frame(self) -> Any:
-        """Return the quantities per degree of freedom as a pandas DataFrame: one row per degree of freedom."""
-        values = {name: getattr(self, name) for name in PER_DOF}
-        columns = {name: value for name, value in values.items() if value is not None}
-        return require("pandas", "to_frame").DataFrame(columns, index=list(self._model.dof_names))
 
-    def set_terms(self, with_tau: bool, external: Array | None = None, friction: Array | None = None) -> None:
-        """Set the terms of an evaluation into the memory of this result."""
-        self._with_tau, self._external, self._friction = with_tau, external, friction
+NAMES = tuple(
+    name for name, value in vars(Evaluation).items() if isinstance(value, property) and name not in ("model", "rows")
+)
+"""Quantities of `to_dict` and `repr`."""
 
-    @property
-    def model(self) -> RobotModel:
-        """Robot of these results."""
-        return self._model
 
-    @property
-    def rows(self) -> Array:
-        """Rows of `diag_dynamics.sweeps.workspace`, shape (ROWS, max(nq, 1)); of a batch (RESULTS, T, nv)."""
-        return self._state
+class _BatchRows(dict[int, Array]):
+    """Results of many states by row; those that no sweep writes are computed when they are first read."""
 
-    @property
-    def nu(self) -> Array:
-        """Total joint rates ν = mᵀq̇ [J^½] (Table 1)."""
-        return self._rows[_NU]
+    terms: tuple[Term, Term] = None, None
 
-    @property
-    def xi(self) -> Array:
-        """Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7)."""
-        return self._rows[_XI]
-
-    @property
-    def epsilon(self) -> Array | None:
-        """Working moments ε = ℓτ [J^½/s] (Table 2), including the efforts that balance gravity; None without tau."""
-        return self._rows[_EPSILON] if self._with_tau else None
-
-    @property
-    def kappa(self) -> Array | None:
-        """Un-normalized working moments κ = D^½ε [N m, N] (Table 2); None without tau."""
-        return self._rows[_KAPPA] if self._with_tau else None
-
-    @property
-    def coriolis(self) -> Array:
-        """Coriolis term C(q, ν) [J^½/s] (Algorithm 7.1), without gravity; νᵀC = 0 (Lemma 7.1)."""
-        return self._rows[_CORIOLIS]
-
-    @property
-    def coriolis_unnormalized(self) -> Array:
-        """C_ξ(q, ξ) of D ξ̇ + C_ξ = κ [N m, N] (Lemma 7.3), without gravity."""
-        return self._rows[_CORIOLIS_UNNORMALIZED]
-
-    @property
-    def gravity(self) -> Array:
-        """ε_g = ℓ g(q) [J^½/s]; its un-normalized form is κ_g = D^½ε_g [N m, N]."""
-        return self._rows[_GRAVITY]
-
-    @property
-    def articulated_inertia(self) -> Array:
-        """D [kg m², kg] (Algorithm 4.1).
-
-        For a joint of several degrees of freedom, a floating base and a coupled group it is the diagonal of the factor
-        U D Uᵀ of the joint's block, in the order of the degrees of freedom.
-        """
-        return self._rows[_D]
-
-    @property
-    def articulated_inertia_rate(self) -> Array:
-        """Ḋ along the motion [kg m²/s, kg/s] (7.2)."""
-        return self._rows[_D_RATE]
-
-    @property
-    def external(self) -> Array | None:
-        """ℓ Jᵀf_ext [J^½/s]; None without wrenches."""
-        return self._external
-
-    @property
-    def friction(self) -> Array | None:
-        """ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested."""
-        return self._friction
-
-    @property
-    def nu_dot(self) -> Array | None:
-        """dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of the requested terms; None without tau."""
-        return self._rows[_NU_DOT] if self._with_tau else None
-
-    @property
-    def xi_dot(self) -> Array | None:
-        """dξ/dt = D⁻¹(κ − κ_g − C_ξ + …) [rad/s², m/s²] (eq. 7.9), of the terms of nu_dot; None without tau."""
-        return self._rows[_XI_DOT] if self._with_tau else None
-
-    @property
-    def energy_share(self) -> Array:
-        """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
-
-        The six shares of a floating base depend on the order of its twist's components; their sum `base_energy` does not.
-        """
-        return self._rows[_ENERGY_SHARE]
-
-    @property
-    def kinetic_energy(self) -> float:
-        """K = ½νᵀν [J]."""
-        return self._state.item(_KINETIC_ENERGY, 0)
-
-    @property
-    def base_energy(self) -> float:
-        """Sum of the six energy shares of a floating base [J]; 0 with a fixed base.
-
-        It is ½V*ᵀPV* of the total rates' common part V*, with the articulated inertia P of the whole robot.
-        """
-        return self._state.item(_BASE_ENERGY, 0) if self._model.floating_base else 0.0
-
-    @property
-    def power(self) -> float | None:
-        """dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of the requested terms; None without tau."""
-        return self._state.item(_POWER, 0) if self._with_tau else None
-
-    @property
-    def effort_power(self) -> float | None:
-        """νᵀ(ε − ε_g) [W]: :attr:`power` of efforts and gravity alone; None without tau."""
-        return self._state.item(_EFFORT_POWER, 0) if self._with_tau else None
-
-    @property
-    def link_energy(self) -> Array:
-        """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K.
-
-        It raises InputError if a link's energy overflows. With an inertia of no rigid body it may, although K does not.
-        """
-        energy = np.empty(self._link_energy_shape)
-        self.write_link_energy(energy)
-        return read_only(energy)
-
-    def write_link_energy(self, energy: Array) -> None:
-        """Write :attr:`link_energy` into an array of its shape."""
-        shape = self._link_energy_shape
-        if energy.shape != shape or not energy.flags.writeable:  # compiled code checks neither
-            kind = "" if energy.flags.writeable else "read-only "
-            raise InputError(
-                f"energy is a {kind}array of shape {energy.shape}, expected one of shape {shape} to write into."
-            )
-        model, (Q, QD), energies = self._model, self._motion, energy.reshape(-1, shape[-1])
-        if not evaluation.link_energies(model.bodies, model.links, Q, QD, energies):
-            raise InputError(f"{self._RATES} is too large: the kinetic energy of a link overflows.")
-
-    _RATES = "qd"
-
-    @property
-    def _link_energy_shape(self) -> tuple[int, ...]:
-        return (len(self._model.link_names),)
-
-    @property
-    def _motion(self) -> tuple[Array, Array]:
-        """Positions and rates, one row per state."""
-        return self._state[ws.POSITIONS][None], self._state[ws.RATES][None]
+    def __missing__(self, row: int) -> Array:
+        if row == ws.ENERGY_SHARE:
+            self[row] = read_only(0.5 * self[ws.NU] * self[ws.NU])
+        else:
+            self[ws.NU_DOT], self[ws.XI_DOT] = map(read_only, rates(self, *self.terms))
+        return self[row]
 
 
 class BatchEvaluation(Evaluation):
     """All quantities of :class:`Evaluation` at T states: every attribute has a leading axis of length T.
 
-    Numbers such as kinetic_energy are arrays of shape (T,). A batch is a sequence: an index returns the Evaluation of one
-    state, a slice a batch. A batch of :meth:`DiagonalDynamics.new_batch` holds the last batch evaluated into it.
+    Numbers such as kinetic_energy are arrays of shape (T,). A batch is a sequence: an index returns the Evaluation
+    of one state, a slice a batch. A batch of :meth:`DiagonalDynamics.new_batch` holds the last batch evaluated into
+    it.
     """
 
-    __slots__ = ("_numbers", "_positions", "_rates")
+    __slots__ = ("_parts",)
 
-    _numbers: Array
-    _positions: Array
-    _rates: Array
-    _RATES = "QD"
+    _parts: BatchMemory  # read-only
 
     def __init__(
-        self,
-        model: RobotModel,
-        memory: BatchMemory,
-        with_tau: bool,
-        external: Array | None = None,
-        friction: Array | None = None,
-        *,
-        keep: bool = False,
+        self, model: RobotModel, memory: BatchMemory, with_tau: bool, external: Term = None, friction: Term = None
     ) -> None:
-        """Show memory of a sweep; it may be written again if `keep`."""
+        self._parts = BatchMemory(*(read_only(part.view()) for part in memory))
+        self._model, self._state = model, self._parts.results
+        self._rows = _BatchRows(enumerate(self._state))
+        self._rows.update(enumerate(self._parts.numbers, ws.KINETIC_ENERGY))
+        if not model.floating_base:
+            self._rows[ws.BASE_ENERGY] = read_only(np.zeros(len(self)))
+        self.set_terms(with_tau, external, friction)
+
+    def set_terms(self, with_tau: bool, external: Term = None, friction: Term = None) -> None:
+        """Set the terms of an evaluation into the memory of this result."""
         for term in (external, friction):
             if term is not None:
                 read_only(term)
-        if keep:
-            self._memory = memory
-        results, self._numbers, self._positions, self._rates = (read_only(part.view()) for part in memory)
-        super().__init__(model, results, tuple(results), with_tau, external, friction)
+        super().set_terms(with_tau, external, friction)
+        self._rows.terms = external, friction
+        for row in (ws.NU_DOT, ws.XI_DOT, ws.ENERGY_SHARE):  # of an earlier evaluation
+            self._rows.pop(row, None)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        memory = BatchMemory(*(x.copy() for x in (self._state, self._numbers, self._positions, self._rates)))
-        return type(self), (self._model, memory, self._with_tau, self._external, self._friction)
+    kinetic_energy = _row(ws.KINETIC_ENERGY, "K [J], shape (T,).")  # type: ignore[assignment]
+    base_energy = _row(  # type: ignore[assignment]
+        ws.BASE_ENERGY, "Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base."
+    )
+    power = _row_with_tau(ws.POWER, "dK/dt [W], shape (T,); None without TAU.")  # type: ignore[assignment]
+    effort_power = _row_with_tau(  # type: ignore[assignment]
+        ws.EFFORT_POWER, "νᵀ(ε − ε_g) [W], shape (T,); None without TAU."
+    )
+
+    def _motion(self) -> tuple[Array, Array]:
+        return self._parts.positions, self._parts.rates
 
     def __len__(self) -> int:
-        return len(self._positions)
+        return len(self._parts.positions)
 
     def __iter__(self) -> Iterator[Evaluation]:
         return (self[t] for t in range(len(self)))
@@ -304,110 +265,52 @@ class BatchEvaluation(Evaluation):
     @overload
     def __getitem__(self, t: slice) -> BatchEvaluation: ...
     def __getitem__(self, t: int | slice) -> Evaluation | BatchEvaluation:
-        if isinstance(t, slice):
-            return self._slice(t)
+        results, numbers, positions, speeds = self._parts
+        if isinstance(t, slice):  # a copy, because an `out` may be overwritten
+            parts = results[:, t], numbers[:, t], positions[t], speeds[t]
+            memory = BatchMemory(*(np.array(part, order="C") for part in parts))
+            terms = (None if x is None else x[t].copy() for x in (self._external, self._friction))
+            return BatchEvaluation(self._model, memory, self._with_tau, *terms)
         if not isinstance(t, (int, np.integer)):
             raise InputError(f"{t!r} is no index of a batch, expected a whole number or a slice.")
         if not -len(self) <= t < len(self):
             raise IndexError(f"state {t} of a batch of {len(self)}")
         nv, nq = self._model.nv, self._model.nq
         state = np.empty((ws.N_ROWS, max(nq, 1)))
-        state[: ws.N_RESULTS, :nv] = self._state[:, t]
-        state[_ENERGY_SHARE, :nv] = 0.5 * self.nu[t] * self.nu[t]
-        state[_KINETIC_ENERGY : _KINETIC_ENERGY + ws.N_NUMBERS, 0] = self._numbers[:, t]
-        state[ws.POSITIONS, :nq], state[ws.RATES, :nv] = self._positions[t], self._rates[t]
+        state[: ws.N_RESULTS, :nv] = results[:, t]
+        state[ws.ENERGY_SHARE, :nv] = 0.5 * self.nu[t] * self.nu[t]
+        state[ws.KINETIC_ENERGY : ws.KINETIC_ENERGY + ws.N_NUMBERS, 0] = numbers[:, t]
+        state[ws.POSITIONS, :nq], state[ws.RATES, :nv] = positions[t], speeds[t]
         external, friction = (None if x is None else x[t] for x in (self._external, self._friction))
-        write_rates(state[:, :nv], external, friction)
-        return Evaluation(self._model, read_only(state), state[:, :nv], self._with_tau, external, friction)
-
-    def _slice(self, t: slice) -> BatchEvaluation:
-        """Copy some states: an `out` may be overwritten."""
-        parts = self._state[:, t], self._numbers[:, t], self._positions[t], self._rates[t]
-        memory = BatchMemory(*(np.array(part, order="C") for part in parts))
-        external, friction = (None if x is None else x[t].copy() for x in (self._external, self._friction))
-        return BatchEvaluation(self._model, memory, self._with_tau, external, friction)
+        rows = state[:, :nv]
+        rows[ws.NU_DOT], rows[ws.XI_DOT] = rates(rows, external, friction)
+        return evaluation_of(self._model, state, self._with_tau, external, friction)
 
     def to_frame(self) -> Any:
         """Return all quantities as a pandas DataFrame: rows are states, columns are quantity and dof or link."""
         columns = {}
-        for name in NAMES:
-            value = getattr(self, name)
-            if value is None:
-                continue
-            if value.ndim == 1:
+        for name, value in self.to_dict().items():
+            if np.ndim(value) == 1:
                 columns[name, ""] = value
-                continue
-            labels = self._model.link_names if name == "link_energy" else self._model.dof_names
-            columns |= {(name, label): value[:, k] for k, label in enumerate(labels)}
+            elif value is not None:
+                labels = self._model.link_names if name == "link_energy" else self._model.dof_names
+                columns |= {(name, label): value[:, k] for k, label in enumerate(labels)}
         frame = require("pandas", "to_frame").DataFrame(columns)
         frame.columns.names = ["quantity", "of"]
         return frame
 
-    @property
-    def nu_dot(self) -> Array | None:
-        """dν/dt [J^½/s], shape (T, nv), computed on each access; None without TAU."""
-        return read_only(_nu_dot(self._rows, self._external, self._friction)) if self._with_tau else None
-
-    @property
-    def xi_dot(self) -> Array | None:
-        """dξ/dt [rad/s², m/s²], shape (T, nv), computed on each access; None without TAU."""
-        nu_dot = self.nu_dot
-        return None if nu_dot is None else read_only(_xi_dot(self._rows, nu_dot))
-
-    @property
-    def energy_share(self) -> Array:
-        """½ν_k² of each total rate [J], shape (T, nv), computed on each access."""
-        return read_only(0.5 * self.nu * self.nu)
-
-    def _number(self, row: int) -> Array:
-        return self._numbers[row - _KINETIC_ENERGY]
-
-    @property
-    def kinetic_energy(self) -> Array:  # type: ignore[override]  # many states
-        """K [J], shape (T,)."""
-        return self._number(_KINETIC_ENERGY)
-
-    @property
-    def base_energy(self) -> Array:  # type: ignore[override]  # many states
-        """Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base."""
-        return self._number(_BASE_ENERGY) if self._model.floating_base else read_only(np.zeros(len(self)))
-
-    @property
-    def power(self) -> Array | None:  # type: ignore[override]  # many states
-        """dK/dt [W], shape (T,); None without TAU."""
-        return self._number(_POWER) if self._with_tau else None
-
-    @property
-    def effort_power(self) -> Array | None:  # type: ignore[override]  # many states
-        """νᵀ(ε − ε_g) [W], shape (T,); None without TAU."""
-        return self._number(_EFFORT_POWER) if self._with_tau else None
-
-    @property
-    def _link_energy_shape(self) -> tuple[int, ...]:
-        return len(self), len(self._model.link_names)
-
-    @property
-    def _motion(self) -> tuple[Array, Array]:
-        return self._positions, self._rates
+    def __reduce__(self) -> tuple[Any, ...]:
+        memory = BatchMemory(*(part.copy() for part in self._parts))
+        return type(self), (self._model, memory, self._with_tau, self._external, self._friction)
 
 
 class BatchMemory(NamedTuple):
-    """Memory for the results of T states.
+    """Memory for the results of T states."""
 
-    Attributes
-    ----------
-    results : ndarray, shape (RESULTS, T, nv)
-        Rows of `diag_dynamics.sweeps.workspace` from NU on.
-    numbers : ndarray, shape (NUMBERS, T)
-        Rows from KINETIC_ENERGY on.
-    positions : ndarray, shape (T, nq)
-    rates : ndarray, shape (T, nv)
-    """
-
-    results: Array
-    numbers: Array
-    positions: Array
-    rates: Array
+    results: Array  # (N_RESULTS, T, nv): rows of sweeps.workspace from NU on
+    numbers: Array  # (N_NUMBERS, T): those from KINETIC_ENERGY on
+    positions: Array  # (T, nq)
+    rates: Array  # (T, nv)
 
     @classmethod
     def allocate(cls, model: RobotModel, count: int) -> BatchMemory:
@@ -452,53 +355,42 @@ class Factors(NamedTuple):
         return self._asdict()
 
 
-def new_evaluation(model: RobotModel, shape: tuple[int, int]) -> Evaluation:
-    """Return an Evaluation that may be overwritten, filled with NaN; its views are made once."""
-    memory = np.full(shape, np.nan)
-    state = read_only(memory.view())
-    result = Evaluation(model, state, tuple(state[:, : model.nv]), False)
+def reusable(result: Evaluation, memory: Any) -> Any:
+    """Return a result in memory that evaluate may write again, filled with NaN."""
+    for part in memory:
+        part.fill(np.nan)
     result._memory = memory
     return result
 
 
 def memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel, maker: str) -> Any:
     """Return the memory of a result that may be overwritten."""
-    if type(out) is kind and out._model is model:
-        try:
-            return out._memory
-        except AttributeError:  # a permanent result
-            pass
-    elif type(out) is kind:
-        other, names = out._model, model.dof_names
-        why = f"{len(other.dof_names)} dof" if other.dof_names != names else "another model"
-        raise InputError(f"out is of robot '{other.name}' ({why}), expected '{model.name}' ({len(names)} dof).")
+    memory = getattr(out, "_memory", None)
+    if memory is not None and type(out) is kind and out._model is model:
+        return memory
     name = type(out).__name__
-    found = f"an earlier call's {name}, which stays as it is" if isinstance(out, Evaluation) else f"of type {name}"
-    raise InputError(f"out is {found}, expected what {maker} of this robot's dynamics has made.")
+    if type(out) is not kind:
+        found = f"of type {name}"
+    elif out.model is not model:
+        found = f"of another model, robot '{out.model.name}' ({out.model.nv} dof)"
+    else:
+        found = f"an earlier call's {name}, which stays as it is"
+    raise InputError(f"out is {found}, expected what {maker} of the dynamics of '{model.name}' has made.")
 
 
-def _nu_dot(rows: Array | Sequence[Array], external: Array | None, friction: Array | None) -> Array:
-    rate = rows[_EPSILON] - rows[_CORIOLIS] - rows[_GRAVITY]
-    if external is not None:
-        rate += external
-    if friction is not None:
-        rate -= friction
-    return rate
-
-
-def _xi_dot(rows: Array | Sequence[Array], nu_dot: Array) -> Array:
-    moments = np.sqrt(rows[_D]) * (nu_dot + rows[_CORIOLIS])
-    return (moments - rows[_CORIOLIS_UNNORMALIZED]) / rows[_D]
-
-
-def write_rates(rows: Array, external: Array | None, friction: Array | None) -> None:
-    """Write ν̇ and ξ̇ with wrenches and friction into rows of a single state."""
+def rates(rows: Any, external: Term, friction: Term) -> tuple[Array, Array]:
+    """Return ν̇ and ξ̇ of one state or many from their other rows."""
+    D, C = rows[ws.ARTICULATED_INERTIA], rows[ws.CORIOLIS]
     with np.errstate(over="ignore", invalid="ignore"):
-        rows[_NU_DOT] = _nu_dot(rows, external, friction)
-        rows[_XI_DOT] = _xi_dot(rows, rows[_NU_DOT])
+        nu_dot = rows[ws.EPSILON] - C - rows[ws.GRAVITY]
+        if external is not None:
+            nu_dot += external
+        if friction is not None:
+            nu_dot -= friction
+        return nu_dot, (np.sqrt(D) * (nu_dot + C) - rows[ws.CORIOLIS_UNNORMALIZED]) / D
 
 
-def add_power(nu: Array, power: Array, external: Array | None, friction: Array | None) -> None:
+def add_power(nu: Array, power: Array, external: Term, friction: Term) -> None:
     """Add the power of wrenches and friction to that of efforts, at one state or many."""
     with np.errstate(over="ignore", invalid="ignore"):
         if external is not None:
@@ -513,10 +405,8 @@ def read_only(array: Array) -> Array:
     return array
 
 
-def _restore(
-    model: RobotModel, state: Array, with_tau: bool, external: Array | None, friction: Array | None
-) -> Evaluation:
-    """Return the Evaluation of a copy or pickle; unpickled arrays are writable."""
+def evaluation_of(model: RobotModel, state: Array, with_tau: bool, external: Term, friction: Term) -> Evaluation:
+    """Return the permanent result of a state, whose arrays are read-only from now on."""
     for term in (external, friction):
         if term is not None:
             read_only(term)

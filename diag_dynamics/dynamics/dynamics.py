@@ -5,30 +5,58 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 
+from diag_dynamics import results
 from diag_dynamics.arrays import Array, Frame, ManyWrenches, MatrixLike, PointLike, RowsLike, StatesLike, VectorLike
-from diag_dynamics.checks import numbers, unit
+from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vector, whole
 from diag_dynamics.contact.impact import Impact, impact
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
-from diag_dynamics.dynamics import calls, links
-from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, check_finite, is_batch, raise_failure, to_rows
-from diag_dynamics.dynamics.entries import compile_methods
-from diag_dynamics.dynamics.evaluating import evaluate_many, evaluate_one
+from diag_dynamics.dynamics import calls
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, Factors, memory_of, new_evaluation
+from diag_dynamics.numerics import kernel
+from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, Factors
 from diag_dynamics.sweeps import classical, derivatives, evaluation, kinematics, mobilities
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factors import factors as fill_factors
+from diag_dynamics.threads import cores
 
-_ARRAY, _FLOAT, _MISFIT, _empty = ARRAY, FLOAT, ws.BAD_LENGTH, np.empty
+_ARRAY, _FLOAT, _MISFIT, _empty = np.ndarray, np.dtype(np.float64), ws.BAD_LENGTH, np.empty
 _new = tuple.__new__  # half of the time that a namedtuple's own takes
+
+_Result = TypeVar("_Result")
+
+ROUNDING = 4e-15
+"""Maximum of ℓJᵀu by rounding, as a fraction of the entries of ℓJᵀ, per degree of freedom."""
+
+
+def _for_rows(method: Callable[..., _Result], names: str, doc: str) -> Callable[..., _Result]:
+    """Return a method for many states only: its first arguments are rows, and have these names."""
+    capitals, parameters = names.split(), list(inspect.signature(method).parameters.values())
+    has_threads = parameters[-1].name == "threads"
+    for k, name in enumerate(capitals):
+        parameters[1 + k] = parameters[1 + k].replace(name=name)
+
+    def call(self: DiagonalDynamics, *arguments: Any, **options: Any) -> _Result:
+        options = {name.lower() if name in capitals else name: x for name, x in options.items()}
+        first = arguments[0] if arguments else options.get(capitals[0].lower())
+        if not is_rows(first):
+            model = self.model
+            rows(capitals[0], first, model.dof_names if capitals[0] == "QD" else model.coordinate_names)  # its error
+        if has_threads and options.get("threads") is None:
+            options["threads"] = cores()  # the method does not take them for one state then
+        return method(self, *arguments, **options)
+
+    call.__signature__, call.__doc__ = inspect.Signature(parameters), doc  # type: ignore[attr-defined]
+    call.__name__ = f"{method.__name__}_batch"
+    return call
 
 
 class DiagonalDynamics:
@@ -70,11 +98,17 @@ class DiagonalDynamics:
 
     def refuse(self, status: int, workspace: Any, q: Array, **inputs: Array) -> None:
         """Raise the error of a sweep's status in another workspace of this robot; `q` and `inputs` are its vectors."""
-        raise_failure(self.model, status, workspace.work, q, inputs)
+        calls.raise_failure(self.model, status, workspace.work, calls.States(q, inputs))
 
     def compile(self, *methods: str) -> None:
         """Compile methods by name, all if none is given, so that no later call waits for the compiler."""
-        compile_methods(methods)
+        known = set(" ".join(calls.ENTRIES.values()).split())
+        for name in methods:
+            if name not in known:
+                raise InputError(f"compile: {name!r} is none of {', '.join(sorted(known))}.")
+        for entry, users in calls.ENTRIES.items():
+            if not methods or not set(methods).isdisjoint(users.split()):
+                kernel.ready(entry)
 
     # --- All quantities
 
@@ -115,10 +149,10 @@ class DiagonalDynamics:
         """
         if out is None:
             state = _empty(self._shape)
-        elif isinstance(out, BatchEvaluation) and is_batch(q):
-            return evaluate_many(self._caller, q, qd, tau, f_ext, frame, friction, threads, out, self.evaluate)
+        elif isinstance(out, BatchEvaluation) and is_rows(q):
+            return self._evaluate_rows(q, qd, tau, f_ext, frame, friction, threads, out)
         else:
-            state = memory_of(out, Evaluation, self.model, "new_evaluation()")
+            state = results.memory_of(out, Evaluation, self.model, "new_evaluation()")
         effort, status = self._zero if tau is None else tau, _MISFIT
         try:
             # numba may take another byte order for this one, and what a mask hides
@@ -131,9 +165,10 @@ class DiagonalDynamics:
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass
         if status or friction or frame != "link":
-            if out is None and is_batch(q):
-                return evaluate_many(self._caller, q, qd, tau, f_ext, frame, friction, threads, None, self.evaluate)
-            return evaluate_one(self._caller, q, qd, tau, f_ext, frame, friction, state, out)
+            if out is None and is_rows(q):
+                return self._evaluate_rows(q, qd, tau, f_ext, frame, friction, threads, None)
+            at = self._caller.one(q, qd=qd, tau=calls.ZEROS if tau is None else tau)
+            return self._caller.evaluate(at, tau is not None, f_ext, frame, friction, state, out)
         if out is None:
             state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
             return Evaluation(self.model, state, state if self._whole else state[:, : self._nv], tau is not None)
@@ -145,7 +180,9 @@ class DiagonalDynamics:
 
         Only `evaluate` writes it. Arrays that were read from it before then show the new results.
         """
-        return new_evaluation(self.model, self._shape)
+        memory = np.empty(self._shape)
+        state = results.read_only(memory.view())
+        return results.reusable(Evaluation(self.model, state, tuple(state[:, : self._nv]), False), memory)
 
     def evaluate_batch(
         self,
@@ -160,16 +197,35 @@ class DiagonalDynamics:
         out: BatchEvaluation | None = None,
     ) -> BatchEvaluation:
         """Evaluate many states, as :meth:`evaluate`."""
-        return evaluate_many(self._caller, Q, QD, TAU, f_ext, frame, friction, threads, out, self.evaluate)
+        return self._evaluate_rows(Q, QD, TAU, f_ext, frame, friction, threads, out)
+
+    def _evaluate_rows(
+        self,
+        Q: Any,
+        QD: Any,
+        TAU: Any,
+        f_ext: ManyWrenches | None,
+        frame: Frame,
+        friction: bool,
+        threads: int | None,
+        out: BatchEvaluation | None,
+    ) -> BatchEvaluation:
+        at = self._caller.many(Q, threads, qd=QD, tau=calls.ZEROS if TAU is None else TAU)
+        if out is None:
+            memory = BatchMemory.allocate(self.model, len(at.q))
+        else:
+            memory = results.memory_of(out, BatchEvaluation, self.model, "new_batch(T)")
+            if len(out) != len(at.q):
+                raise InputError(f"out has room for {len(out)} states, expected {len(at.q)}: a row for each of Q.")
+            at = at.apart_from(memory)
+        return self._caller.evaluate(at, TAU is not None, f_ext, frame, friction, memory, out)
 
     def new_batch(self, count: int) -> BatchEvaluation:
         """Return a BatchEvaluation of `count` states for ``evaluate(…, out=…)``; see :meth:`new_evaluation`."""
         if not (isinstance(count, (int, np.integer)) and count >= 0):
             raise InputError(f"count is {count!r}, expected a whole number >= 0.")
         memory = BatchMemory.allocate(self.model, int(count))
-        for part in memory:
-            part.fill(np.nan)
-        return BatchEvaluation(self.model, memory, False, keep=True)
+        return results.reusable(BatchEvaluation(self.model, memory, False), memory)
 
     def evaluate_stream(
         self,
@@ -185,8 +241,7 @@ class DiagonalDynamics:
 
         Arrays that are mapped from files are read batch by batch.
         """
-        if not (isinstance(size, (int, np.integer)) and size >= 1):
-            raise InputError(f"size is {size!r}, expected a whole number >= 1.")
+        whole("size", size)
         for name, value in (("QD", QD), ("TAU", TAU)):
             if value is not None and len(value) != len(Q):
                 raise InputError(f"{name} has {len(value)} states, expected as many as Q, {len(Q)}.")
@@ -206,8 +261,8 @@ class DiagonalDynamics:
         except (AttributeError, TypeError, ValueError):  # no vector of float64: no error yet
             pass
         if status:
-            q = self._caller.positions(q)
-            self._caller.check(fill_factors(self._robot, q, factors, D), q)
+            at = self._caller.one(q)
+            self._caller.check(fill_factors(self._robot, at.q, factors, D), at)
         factors.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         D.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         return _new(Factors, (factors[0], factors[1], factors[2], D))
@@ -228,7 +283,7 @@ class DiagonalDynamics:
         τ_fric, see :meth:`friction_torque`, is zero unless `friction` is true. For a joint of several degrees of freedom q̈
         is the rate of its twist's components.
         """
-        if f_ext is None and not friction and frame == "link":
+        if f_ext is None and not friction and frame == "link" and threads is None:
             try:
                 if (
                     type(q) is type(qd) is type(tau) is _ARRAY  # as in evaluate
@@ -238,9 +293,8 @@ class DiagonalDynamics:
                     return qdd
             except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
                 pass
-        return calls.forward_dynamics(
-            self._caller, self._caller.states(q, threads, qd=qd, tau=tau), f_ext, frame, friction
-        )
+        at = self._caller.states(q, threads, qd=qd, tau=tau)
+        return self._caller.forward_dynamics(at, f_ext, frame, friction)
 
     def inverse_dynamics(
         self,
@@ -257,9 +311,8 @@ class DiagonalDynamics:
 
         τ_fric is zero unless `friction` is true.
         """
-        return calls.inverse_dynamics(
-            self._caller, self._caller.states(q, threads, qd=qd, qdd=qdd), f_ext, frame, friction
-        )
+        at = self._caller.states(q, threads, qd=qd, qdd=qdd)
+        return self._caller.inverse_dynamics(at, f_ext, frame, friction)
 
     def friction_torque(self, qd: StatesLike) -> Array:
         """Return τ_fric = d q̇ + f tanh(q̇/v₀) + o [N m, N], shape (nv,) or (T, nv).
@@ -268,11 +321,12 @@ class DiagonalDynamics:
         and at rest τ_fric does not jump with the sign of a noisy velocity. Other quantities have no friction unless
         requested.
         """
-        return calls.friction_torque(self._caller, qd)
+        names = self.model.dof_names
+        return self._caller.friction(rows("QD", qd, names) if is_rows(qd) else vector("qd", qd, names, finite=False))
 
     def mass_matrix(self, q: StatesLike, *, threads: int | None = None) -> Array:
         """Return M(q) [kg m², kg, mixed kg m], shape (nv, nv), including armature."""
-        return calls.mass_matrix(self._caller, self._caller.states(q, threads))
+        return self._caller.mass_matrix(self._caller.states(q, threads))
 
     def bias(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Array:
         """Return c(q, q̇) of M q̈ + c + g = τ [N m, N], shape (nv,), without gravity. It is not C(q, ν)."""
@@ -280,9 +334,8 @@ class DiagonalDynamics:
 
     def gravity_torque(self, q: StatesLike, *, threads: int | None = None) -> Array:
         """Return g(q) [N m, N], shape (nv,): the effort that balances gravity at rest."""
-        return self._caller.run(
-            calls.INVERSE_DYNAMICS, self._caller.states(q, threads, qd=calls.ZEROS, qdd=calls.ZEROS)
-        )
+        at = self._caller.states(q, threads, qd=calls.ZEROS, qdd=calls.ZEROS)
+        return self._caller.run(calls.INVERSE_DYNAMICS, at)
 
     # --- The four sweeps
 
@@ -305,7 +358,8 @@ class DiagonalDynamics:
     def _transform(self, sweep: calls.Sweep, q: Any, name: str, x: Any, threads: int | None) -> Array:
         try:
             if (
-                type(q) is type(x) is _ARRAY  # as in evaluate
+                threads is None
+                and type(q) is type(x) is _ARRAY  # as in evaluate
                 and q.dtype is x.dtype is _FLOAT
                 and not sweep.single(self._robot, q, x, result := _empty(self._nv))
             ):
@@ -321,21 +375,21 @@ class DiagonalDynamics:
 
         It is mᵀ's own rate, from d(mᵀx)/dt: ṁᵀq̇ = ν̇ − mᵀq̈.
         """
-        return calls.derivative(self._caller, derivatives.m_rate_transposed, q, qd, x)
+        return self._caller.derivative(derivatives.m_rate_transposed, self._caller.one(q, qd=qd, x=x))
 
     def coriolis_bracket(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return B(q, ν)x [J^½/s], shape (nv,), of x [J^½], in O(N).
 
         B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of :meth:`coriolis_product`.
         """
-        return calls.derivative(self._caller, derivatives.coriolis_bracket, q, qd, x, scratch=2)
+        return self._caller.derivative(derivatives.coriolis_bracket, self._caller.one(q, qd=qd, x=x), scratch=2)
 
     def coriolis_product(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return C_s(q, q̇)x [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N): C_s q̇ = c, and Ṁ − 2C_s is skew.
 
         It is the Newton–Euler pass of two velocities that passivity-based tracking needs.
         """
-        return calls.derivative(self._caller, derivatives.coriolis_product, q, qd, x)
+        return self._caller.derivative(derivatives.coriolis_product, self._caller.one(q, qd=qd, x=x))
 
     def mass_matrix_rate(self, q: VectorLike, qd: VectorLike) -> Array:
         """Return Ṁ = Σ q̇_i ∂M/∂q_i [kg m²/s, …], shape (nv, nv) (Identity 6.3).
@@ -347,20 +401,20 @@ class DiagonalDynamics:
         check_finite("qd", at.vectors["qd"], self.model.dof_names)
         M, M_rate = np.zeros((2, self._nv, self._nv))
         status = derivatives.mass_matrix_rate(self._robot, at.q, at.vectors["qd"], M, M_rate)
-        self._caller.check(status, at.q, **at.vectors)
+        self._caller.check(status, at)
         return M_rate
 
     def mass_matrix_rate_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return Ṁx [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N) without forming Ṁ (Identity 6.3)."""
-        return calls.derivative(self._caller, derivatives.mass_matrix_rate_times, q, qd, x)
+        return self._caller.derivative(derivatives.mass_matrix_rate_times, self._caller.one(q, qd=qd, x=x))
 
     def log_det(self, q: VectorLike) -> float:
         """Return ln det M = Σ ln D_k of the numerical values in SI units."""
-        return float(np.log(calls.articulated_inertias(self._caller, q, self._zero)[0]).sum())
+        return float(np.log(self._caller.articulated_inertias(self._caller.one(q, qd=calls.ZEROS))[0]).sum())
 
     def log_det_rate(self, q: VectorLike, qd: VectorLike) -> float:
         """Return d/dt ln det M = Σ Ḋ_k/D_k [1/s] along q̇."""
-        D, D_rate = calls.articulated_inertias(self._caller, q, qd)
+        D, D_rate = self._caller.articulated_inertias(self._caller.one(q, qd=qd))
         return float((D_rate / D).sum())
 
     # --- Links
@@ -368,9 +422,8 @@ class DiagonalDynamics:
     def placement(self, q: VectorLike, link: str) -> Array:
         """Return the placement of a link's frame in the world, shape (4, 4): axes, and the origin [m] in column 3."""
         body, in_body = self.model.placement_in_body(link)
-        result = np.eye(4)
-        q = self._caller.positions(q)
-        self._caller.check(kinematics.placement(self._robot, q, body, result[:3]), q)
+        at, result = self._caller.one(q), np.eye(4)
+        self._caller.check(kinematics.placement(self._robot, at.q, body, result[:3]), at)
         return result @ in_body
 
     def jacobian(self, q: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), *, frame: Frame = "link") -> Array:
@@ -387,14 +440,17 @@ class DiagonalDynamics:
         frame : {"link", "world"}
             Axes of the rows: Pinocchio's LOCAL, or its LOCAL_WORLD_ALIGNED.
         """
-        return links.jacobian(self._caller, q, link, point, frame)
+        at, J = self._caller.one(q), np.empty((6, self._nv))
+        body, in_body, rotation = self._caller.point_frame(at.q, link, point, frame)
+        self._caller.check(kinematics.jacobian(self._robot, at.q, body, in_body, J), at)
+        return calls.rotate(rotation, J)
 
     def link_velocity(
         self, q: VectorLike, qd: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), *, frame: Frame = "link"
     ) -> Array:
         """Return J q̇ of a point of a link, shape (6,): velocity [m/s], angular velocity [rad/s]; see :meth:`jacobian`."""
-        twist, _, rotation = links.motion(self._caller, q, qd, calls.ZEROS, link, point, frame)
-        return links.rotate(rotation, twist)
+        twist, _, rotation = self._caller.motion(self._caller.one(q, qd=qd, qdd=calls.ZEROS), link, point, frame)
+        return calls.rotate(rotation, twist)
 
     def link_acceleration(
         self,
@@ -413,10 +469,10 @@ class DiagonalDynamics:
         getFrameClassicalAcceleration. If `spatial`, it is the spatial acceleration, getFrameAcceleration: less ω × v. Other
         arguments are those of :meth:`jacobian`.
         """
-        twist, rate, rotation = links.motion(self._caller, q, qd, qdd, link, point, frame)
+        twist, rate, rotation = self._caller.motion(self._caller.one(q, qd=qd, qdd=qdd), link, point, frame)
         if not spatial:
             rate[:3] += np.cross(twist[3:], twist[:3])
-        return links.rotate(rotation, rate)
+        return calls.rotate(rotation, rate)
 
     def wrench_factor(
         self, q: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), frame: Frame = "link"
@@ -426,14 +482,14 @@ class DiagonalDynamics:
         Columns are force (x, y, z) [J^½/(s N)], then moment [J^½/(s N m)], in the axes of `frame`; `point` [m] is that of
         :meth:`jacobian`.
         """
-        return links.wrench_factor(self._caller, q, link, np.eye(6), point, frame)
+        return self._caller.wrench_factor(self._caller.one(q), link, np.eye(6), point, frame)
 
     def epsilon_from_wrench(
         self, q: VectorLike, link: str, wrench: VectorLike, point: PointLike = (0.0, 0.0, 0.0), frame: Frame = "link"
     ) -> Array:
         """Return ℓJᵀw [J^½/s], shape (nv,), of one wrench, force [N] then moment [N m]; see :meth:`wrench_factor`."""
         w = numbers("wrench", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
-        return links.wrench_factor(self._caller, q, link, w[None], point, frame)[:, 0]
+        return self._caller.wrench_factor(self._caller.one(q), link, w[None], point, frame)[:, 0]
 
     def operational_inverse_inertia(
         self, q: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), frame: Frame = "link"
@@ -442,7 +498,7 @@ class DiagonalDynamics:
 
         Blocks [1/kg], [1/(kg m)] and [1/(kg m²)]; arguments are those of :meth:`wrench_factor`.
         """
-        return links.squared(self.wrench_factor(q, link, point, frame), point)
+        return calls.squared(self.wrench_factor(q, link, point, frame), point)
 
     def reflected_mass(
         self,
@@ -456,8 +512,11 @@ class DiagonalDynamics:
 
         The direction, shape (3,), is any vector along u in the axes of `frame`; see :meth:`wrench_factor`.
         """
-        u = unit("direction", direction)
-        return links.reflected_mass(self.wrench_factor(q, link, point, frame), u, point)
+        u, factor = unit("direction", direction), self.wrench_factor(q, link, point, frame)
+        w = factor[:, :3] @ u
+        if np.abs(w).max(initial=0.0) <= ROUNDING * max(len(w), 3) * np.abs(factor).max(initial=0.0):
+            return math.inf
+        return 1.0 / float(calls.squared(w, point))
 
     def mobilities(self, q: VectorLike) -> Array:
         """Return Υ = J M⁻¹Jᵀ of every link at its origin, in its axes, shape (links, 6, 6), in one O(N) sweep.
@@ -467,10 +526,9 @@ class DiagonalDynamics:
         :meth:`operational_inverse_inertia`.
         """
         if self._frames is None:
-            self._frames = links.frames(self.model)
-        result = np.empty((len(self._frames), 6, 6))
-        q = self._caller.positions(q)
-        self._caller.check(mobilities.mobilities(self._robot, q, self._frames, result), q)
+            self._frames = self._caller.link_frames()
+        at, result = self._caller.one(q), np.empty((len(self._frames), 6, 6))
+        self._caller.check(mobilities.mobilities(self._robot, at.q, self._frames, result), at)
         return result
 
     # --- Contact. It is advisory: no result is safety-rated.
@@ -489,7 +547,7 @@ class DiagonalDynamics:
         joints. It is conservative: they enlarge the reflected mass, and the drive train between them and the link is stiffer
         than a human body.
         """
-        return links.contact(self._caller, self._caller.states(q, threads, qd=qd), points)
+        return self._caller.contact(self._caller.states(q, threads, qd=qd), points)
 
     def impact(
         self,
@@ -523,79 +581,22 @@ class DiagonalDynamics:
         after = impact(self.nu_from_qd(q, qd), w, mass, restitution)
         return after._replace(qd_after=self.qd_from_nu(q, after.nu_after))
 
-    # --- Names of methods for many states only: arguments are rows
+    # --- Names of methods for many states only
 
-    def forward_dynamics_batch(
-        self,
-        Q: MatrixLike,
-        QD: MatrixLike,
-        TAU: MatrixLike,
-        f_ext: ManyWrenches | None = None,
-        *,
-        frame: Frame = "link",
-        friction: bool = False,
-        threads: int | None = None,
-    ) -> Array:
-        """Return Q̈, shape (T, nv): :meth:`forward_dynamics`."""
-        return calls.forward_dynamics(
-            self._caller, self._caller.many(Q, threads, qd=QD, tau=TAU), f_ext, frame, friction
-        )
-
-    def inverse_dynamics_batch(
-        self,
-        Q: MatrixLike,
-        QD: MatrixLike,
-        QDD: MatrixLike,
-        f_ext: ManyWrenches | None = None,
-        *,
-        frame: Frame = "link",
-        friction: bool = False,
-        threads: int | None = None,
-    ) -> Array:
-        """Return τ, shape (T, nv): :meth:`inverse_dynamics`."""
-        return calls.inverse_dynamics(
-            self._caller, self._caller.many(Q, threads, qd=QD, qdd=QDD), f_ext, frame, friction
-        )
-
-    def mass_matrix_batch(self, Q: MatrixLike, *, threads: int | None = None) -> Array:
-        """Return M(q), shape (T, nv, nv): :meth:`mass_matrix`."""
-        return calls.mass_matrix(self._caller, self._caller.many(Q, threads))
-
-    def friction_torque_batch(self, QD: MatrixLike) -> Array:
-        """Return τ_fric, shape (T, nv): :meth:`friction_torque`."""
-        return calls.friction_of(self.model, to_rows("QD", QD, self.model.dof_names))
-
-    def bias_batch(self, Q: MatrixLike, QD: MatrixLike, *, threads: int | None = None) -> Array:
-        """Return c(q, q̇), shape (T, nv): :meth:`bias`."""
-        return self._caller.run(calls.WITHOUT_GRAVITY, self._caller.many(Q, threads, qd=QD, qdd=calls.ZEROS))
-
-    def gravity_torque_batch(self, Q: MatrixLike, *, threads: int | None = None) -> Array:
-        """Return g(q), shape (T, nv): :meth:`gravity_torque`."""
-        return self._caller.run(calls.INVERSE_DYNAMICS, self._caller.many(Q, threads, qd=calls.ZEROS, qdd=calls.ZEROS))
-
-    def nu_from_qd_batch(self, Q: MatrixLike, QD: MatrixLike, *, threads: int | None = None) -> Array:
-        """Return ν, shape (T, nv): :meth:`nu_from_qd`."""
-        return self._caller.run(calls.NU_FROM_QD, self._caller.many(Q, threads, qd=QD))
-
-    def qd_from_nu_batch(self, Q: MatrixLike, NU: MatrixLike, *, threads: int | None = None) -> Array:
-        """Return q̇, shape (T, nv): :meth:`qd_from_nu`."""
-        return self._caller.run(calls.QD_FROM_NU, self._caller.many(Q, threads, nu=NU))
-
-    def epsilon_from_tau_batch(self, Q: MatrixLike, TAU: MatrixLike, *, threads: int | None = None) -> Array:
-        """Return ε, shape (T, nv): :meth:`epsilon_from_tau`."""
-        return self._caller.run(calls.EPSILON_FROM_TAU, self._caller.many(Q, threads, tau=TAU))
-
-    def tau_from_epsilon_batch(self, Q: MatrixLike, EPSILON: MatrixLike, *, threads: int | None = None) -> Array:
-        """Return τ, shape (T, nv): :meth:`tau_from_epsilon`."""
-        return self._caller.run(calls.TAU_FROM_EPSILON, self._caller.many(Q, threads, epsilon=EPSILON))
-
-    def contact_batch(
-        self,
-        Q: MatrixLike,
-        QD: MatrixLike,
-        points: ContactPoints | Iterable[ContactPoint],
-        *,
-        threads: int | None = None,
-    ) -> Contact:
-        """Return contact quantities with one row per state: :meth:`contact`."""
-        return links.contact(self._caller, self._caller.many(Q, threads, qd=QD), points)
+    forward_dynamics_batch = _for_rows(
+        forward_dynamics, "Q QD TAU", "Return Q̈, shape (T, nv): :meth:`forward_dynamics`."
+    )
+    inverse_dynamics_batch = _for_rows(
+        inverse_dynamics, "Q QD QDD", "Return τ, shape (T, nv): :meth:`inverse_dynamics`."
+    )
+    mass_matrix_batch = _for_rows(mass_matrix, "Q", "Return M(q), shape (T, nv, nv): :meth:`mass_matrix`.")
+    friction_torque_batch = _for_rows(friction_torque, "QD", "Return τ_fric, shape (T, nv): :meth:`friction_torque`.")
+    bias_batch = _for_rows(bias, "Q QD", "Return c(q, q̇), shape (T, nv): :meth:`bias`.")
+    gravity_torque_batch = _for_rows(gravity_torque, "Q", "Return g(q), shape (T, nv): :meth:`gravity_torque`.")
+    nu_from_qd_batch = _for_rows(nu_from_qd, "Q QD", "Return ν, shape (T, nv): :meth:`nu_from_qd`.")
+    qd_from_nu_batch = _for_rows(qd_from_nu, "Q NU", "Return q̇, shape (T, nv): :meth:`qd_from_nu`.")
+    epsilon_from_tau_batch = _for_rows(epsilon_from_tau, "Q TAU", "Return ε, shape (T, nv): :meth:`epsilon_from_tau`.")
+    tau_from_epsilon_batch = _for_rows(
+        tau_from_epsilon, "Q EPSILON", "Return τ, shape (T, nv): :meth:`tau_from_epsilon`."
+    )
+    contact_batch = _for_rows(contact, "Q QD", "Return contact quantities with one row per state: :meth:`contact`.")

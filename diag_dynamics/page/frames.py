@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.model.wrenches import wrenches_at
 from diag_dynamics.page.layout import CAUSES, Layout
-from diag_dynamics.sweeps import evaluation, factorization
+from diag_dynamics.sweeps import evaluation, factorization, records
 from diag_dynamics.sweeps import workspace as ws
 
 GAP = 0.5
@@ -165,7 +165,8 @@ class FrameMaker:
     def _link_energies(self, states):
         energies = np.empty((len(states.t), len(self._model.link_names)))
         q, qd = (np.ascontiguousarray(x, dtype=float) for x in (states.q, states.qd))
-        if not evaluation.link_energies(self._model.bodies, self._model.links, q, qd, energies):
+        bodies, links = self._model.bodies, self._model.links
+        if not evaluation.link_energies(bodies, links, np.empty(len(bodies), records.WORK), q, qd, energies):
             energies[:] = np.nan
         return energies
 

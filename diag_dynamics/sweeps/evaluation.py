@@ -5,8 +5,6 @@
 
 import math
 
-import numpy as np
-
 from diag_dynamics.numerics.arrays import address_of
 from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
@@ -365,17 +363,13 @@ def energies_of_links(bodies, links, work, qd, energy):
     return math.isfinite(total)
 
 
-def link_energies(bodies, links, Q, QD, energies):
+@entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, MATRIX, FILLED_MATRIX, nogil=True)
+def link_energies(bodies, links, work, Q, QD, energies):
     """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each of many states, a row each.
 
     It returns whether all are finite: K may be where those of links of no rigid body are not. Rows of QD may be longer
     than nv. I is taken in the frame of the body that the link belongs to.
     """
-    return _link_energies(bodies, links, np.empty(len(bodies), records.WORK), Q, QD, energies)
-
-
-@entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, MATRIX, FILLED_MATRIX, nogil=True)
-def _link_energies(bodies, links, work, Q, QD, energies):
     finite = True
     for t in range(len(Q)):
         finite &= _link_energies_at(bodies, links, work, Q[t], QD[t], energies[t])

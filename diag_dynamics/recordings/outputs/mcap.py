@@ -135,7 +135,6 @@ class TopicRows:
         model, observation = reading.model, reading.settings.observation
         self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
         self._dynamics, self._message = DiagonalDynamics(model), message_type(self.type, our_definitions())
-        self._links = len(model.link_names)
         limits = observation.alarms.limits(model.dof_names) if observation and observation.alarms else None
         self._constants = {
             "dof_names": list(model.dof_names),
@@ -180,9 +179,6 @@ class TopicRows:
             if field in ("header", "oldest_stamp"):
                 stamp, path = (states.stamp, "header.stamp") if field == "header" else (states.oldest_stamp, field)
                 values |= {f"{path}.sec": stamp // SECOND, f"{path}.nanosec": stamp % SECOND}
-            elif field == "link_energy":
-                values[field] = np.empty((len(states), self._links))
-                piece.s.write_link_energy(values[field])
             elif field not in self._constants and not field.endswith("valid"):
                 name = "gravity_torque" if (self._topic, field) == ("joint_space_dynamics", "gravity") else field
                 values[field] = VALUES[name](piece, self._dynamics) if name in VALUES else getattr(piece.s, name)

@@ -121,9 +121,7 @@ def make_columns(model, piece, offset=0, friction=False):
         if quantity not in OBSERVED and (friction or quantity != "friction"):
             add_quantity(quantity, getattr(states if quantity in OF_STATES else s, quantity))
     columns += [("kinetic_energy", "J", s.kinetic_energy), ("base_energy", "J", s.base_energy)]
-    link_energy = np.empty((len(states), len(model.link_names)))
-    s.write_link_energy(link_energy)
-    add_block("link_energy", link_energy, dict.fromkeys(model.link_names, "J"))
+    add_block("link_energy", s.link_energy, dict.fromkeys(model.link_names, "J"))
     columns.append(("power", "W", np.where(states.effort_known, s.effort_power, np.nan)))
     add_quantity("residual", residual)
     add_quantity("external_torque", torque)
