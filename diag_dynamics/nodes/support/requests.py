@@ -6,7 +6,7 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.base import base_state
+from diag_dynamics.joint_states.odometry import base_state
 from diag_dynamics.model.joint_types import single_joints
 
 MAX_WRENCHES = 1000  # more would keep the node from other work
