@@ -72,7 +72,7 @@ def _write_parameters(chosen, found, earlier, robot):
     """Write parameters and URDF; return the links that share a payload in the latter."""
     parameters = found.parameters
     if earlier:  # the model has them
-        parameters = Parameters.load(earlier).followed_by(parameters)
+        parameters = Parameters.load(earlier).merged_with(parameters)
     if chosen.output:
         parameters.save(chosen.output)
     if not chosen.write_urdf:

@@ -76,7 +76,7 @@ def link_geometry(
     choice("geometry", geometry, ("frames", "primitives", "meshes"))
     most = max(8, whole("most", most))
     text = read_source(urdf).text
-    robot, meshes = parse_urdf(text.encode(errors="replace")), Meshes(folder_of(urdf))
+    robot, meshes = parse_urdf(text), Meshes(folder_of(urdf))
     elements = {element.get("name", ""): element for element in robot.findall("link")}
     points, source, grown, left_out = [], {}, {}, {}
     for link in model.link_names:

@@ -21,7 +21,7 @@ from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.urdf import Found, Urdf
 from diag_dynamics.model import RobotModel, load_urdf
 from diag_dynamics.model.catalog import read_source
-from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.remarks import handle_warnings
 from diag_dynamics.model.sources import folder_of
 
 SEVERITIES = ("ok", "note", "warning", "error")
@@ -159,7 +159,7 @@ def _load(text: str, options: dict[str, Any]) -> tuple[RobotModel | None, Motion
     model, rows = None, list[Any]()
     for _ in range(3):
         try:
-            with warnings_told(lambda text: None):  # possible_inertias reports them
+            with handle_warnings(lambda text: None):  # possible_inertias reports them
                 model = load_urdf(text, **options)
             return model, Motion(model) if model.nv else None, rows
         except exceptions.MasslessLinkError as error:

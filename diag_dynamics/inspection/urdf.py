@@ -125,7 +125,7 @@ class Urdf:
     """Links and joints of a URDF's text; of two links of one name the first."""
 
     def __init__(self, text: str, folder: Path | None) -> None:
-        robot = parse_urdf(text.encode(errors="replace"))
+        robot = parse_urdf(text)
         self.name: str = robot.get("name") or "robot"
         self.remarks = remarks_of(robot)
         self.rotors: dict[str, float] = {}

@@ -9,9 +9,9 @@ raises a UrdfError that names the element.
 
 from diag_dynamics.model.catalog import load_robot
 from diag_dynamics.model.end_effector import end_effector_link
+from diag_dynamics.model.inertias import Payload
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
-from diag_dynamics.model.options import Payload
 from diag_dynamics.model.parameters import JointParameters, Parameters
 from diag_dynamics.model.robot import RobotModel, load_urdf
 from diag_dynamics.model.sources import urdf_text

@@ -22,12 +22,12 @@ from diag_dynamics.model.robot import RobotModel, load_urdf
 from diag_dynamics.model.sources import urdf_text
 from diag_dynamics.model.xacro_files import expanded
 
+DESCRIPTIONS = "robot_descriptions"
+"""A package whose modules, one for each robot, clone a repository from the net when they are imported."""
+
 _FOLDER = "example-robot-data/robots/"
 
 logger = logging.getLogger("diag_dynamics")
-
-DESCRIPTIONS = "robot_descriptions"
-"""A package whose modules, one for each robot, clone a repository from the net when they are imported."""
 
 
 def load_robot(name: str, **options: Any) -> RobotModel:
@@ -40,55 +40,39 @@ def load_robot(name: str, **options: Any) -> RobotModel:
         any part of its path that is its alone. Or, where `robot_descriptions` is installed, the name of a description there
         with a URDF (``panda_description``): the first time, that package clones it from the net, which a line on stderr says.
     **options
-        Those of :func:`load_urdf`.
-
-    Returns
-    -------
-    RobotModel
-
-    Raises
-    ------
-    InputError
-        There is no robot of that name, and the message names those of a similar one; or it could not be cloned.
-    DiagDynamicsError
-        As :func:`load_urdf`.
+        Those of :func:`load_urdf`, whose errors it has. An unknown name is an InputError that names similar ones.
     """
     return load_urdf(robot_path(name), **options)
 
 
-def robot_path(name: str) -> str | Path:
-    """Path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it."""
+def robot_path(name: str) -> Path:
+    """Return the path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it."""
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
-    return _cloned(name) if name in described() else _found(name)
-
-
-def _found(name: str) -> Path:
-    """Path of the URDF of an example robot."""
+    known = _descriptions()
+    if name in known:
+        return _cloned(name)
     try:
         return find_urdf(name)
     except InputError as error:
-        near = get_close_matches(name, described(), n=3)
-        if near:
+        if near := get_close_matches(name, known, n=3):
             raise InputError(f"{error} {DESCRIPTIONS} has {' and '.join(near)}.") from None
-        if not example_urdfs():
-            raise InputError(f"{error} pip install example-robot-data brings it.") from None
         raise
 
 
-def described() -> tuple[str, ...]:
-    """Names of the descriptions with a URDF that robot_descriptions has; none where it is not installed."""
+def _descriptions() -> list[str]:
+    """Return the names of the descriptions with a URDF that robot_descriptions has; none where it is not installed."""
     if util.find_spec(DESCRIPTIONS) is None:
-        return ()
+        return []
     try:
         table = import_module(f"{DESCRIPTIONS}._descriptions").DESCRIPTIONS  # public in some versions only
     except (ImportError, AttributeError):
-        return ()
-    return tuple(name for name, one in table.items() if one.has_urdf)
+        return []
+    return [name for name, one in table.items() if one.has_urdf]
 
 
-def _cloned(name: str) -> str:
-    """Path of the URDF of a description."""
+def _cloned(name: str) -> Path:
+    """Return the path of the URDF of a description."""
     message = f"robot '{name}': {DESCRIPTIONS} gets it from the net if it has not yet, which may take a minute."
     logger.info(message)
     print(f"diag_dynamics: {message}", file=sys.stderr, flush=True)
@@ -99,14 +83,11 @@ def _cloned(name: str) -> str:
     path = getattr(module, "URDF_PATH", None) or getattr(module, "XACRO_PATH", None)  # load_urdf expands the latter
     if path is None:
         raise InputError(f"robot '{name}': {DESCRIPTIONS} has neither a URDF nor a xacro file of it.")
-    return path
+    return Path(path)
 
 
-# --- Example robots
-
-
-def example_urdfs():
-    """Paths of all URDFs of the wheel by their short name (``panda_description/urdf/panda``); empty without it."""
+def example_urdfs() -> dict[str, Path]:
+    """Return the paths of all URDFs of example-robot-data by their short name (``panda_description/urdf/panda``)."""
     try:
         files = metadata.files("example-robot-data") or ()
     except metadata.PackageNotFoundError:
@@ -115,11 +96,11 @@ def example_urdfs():
     for file in files:
         text = file.as_posix()
         if text.endswith(".urdf") and _FOLDER in text:
-            found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(file.locate()).resolve()
+            found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(str(file.locate())).resolve()
     return dict(sorted(found.items()))
 
 
-def find_urdf(robot):
+def find_urdf(robot: str) -> Path:
     """Return the path of a URDF, given as a path, or as the name of an example robot.
 
     A name is that of the file (``panda``), or a part of one path only.
@@ -130,36 +111,32 @@ def find_urdf(robot):
             return path.resolve()
     except OSError as error:  # of a folder without permission
         raise InputError(f"robot '{robot}' cannot be read: {error.strerror}.") from error
-    urdfs = example_urdfs()
-    name = robot.removesuffix(".urdf")
+    urdfs, name = example_urdfs(), robot.removesuffix(".urdf")
     stems = {key: key.rsplit("/", 1)[-1] for key in urdfs}
-    exact = [urdfs[key] for key, stem in stems.items() if name in (key, stem)]
-    exact = exact or [urdfs[key] for key, stem in stems.items() if stem == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
-    part = {key: path for key, path in urdfs.items() if name.lower() in key.lower()}
+    exact = [key for key, stem in stems.items() if name in (key, stem)]
+    exact = exact or [key for key, stem in stems.items() if stem == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
     if len(exact) == 1:
-        return exact[0]
+        return urdfs[exact[0]]
     if robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro")):  # meant as a path
         raise InputError(f"robot '{robot}': no such file.")
-    if len(part) == 1:
-        return next(iter(part.values()))
-    if part:
-        known = list(stems.values())
-        short = (stems[key] if known.count(stems[key]) == 1 else key for key in part)
+    partial = [key for key in urdfs if name.lower() in key.lower()]
+    if len(partial) == 1:
+        return urdfs[partial[0]]
+    names = list(stems.values())
+    if partial:
+        short = (stems[key] if names.count(stems[key]) == 1 else key for key in partial)
         raise InputError(f"robot '{robot}' could be any of: {', '.join(short)}.")
     if not urdfs:
         raise InputError(
-            f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent."
+            f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent. "
+            "pip install example-robot-data brings it."
         )
-    known = sorted({key.rsplit("/", 1)[-1] for key in urdfs})
-    near = get_close_matches(name.lower(), known, n=3, cutoff=0.6)
+    near = get_close_matches(name.lower(), sorted(set(names)), n=3, cutoff=0.6)
     meant = f"; did you mean {' or '.join(near)}?" if near else "."
     raise InputError(
         f"robot '{robot}' is neither a file nor one of the {len(urdfs)} example robots{meant} "
         "All of them: diag-dynamics robots"
     )
-
-
-# --- Sources
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:

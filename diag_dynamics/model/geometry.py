@@ -18,7 +18,7 @@ from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import LARGEST, floats, placement_of
-from diag_dynamics.model.rewriting import inertial_element, insert_first
+from diag_dynamics.model.rewriting import insert_inertia
 from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.rigid_body import RigidBody
 
@@ -72,23 +72,21 @@ def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
 
 def shape_of(element: Any, where: str) -> Shape | None:
     """Return the shape of one <visual> or <collision>, None without geometry; `where` is for errors."""
-    geometry = element.findall("geometry/*")
-    return _shape(element, geometry[0], where) if geometry else None
-
-
-def _shape(element: Any, shape: Any, where: str) -> Shape:
+    shape, origin = element.find("geometry/*"), element.find("origin")
+    if shape is None:
+        return None
     if shape.tag not in KINDS:
         raise UrdfError(f"{where}: <{shape.tag}> is no shape of a URDF; known are {', '.join(KINDS)}.")
     numbers: list[float] = []
     for attribute, count in KINDS[shape.tag].items():
-        text = shape.get(attribute, "1 1 1" if attribute == "scale" else "")
+        is_scale = attribute == "scale"
+        text = shape.get(attribute, "1 1 1" if is_scale else "")
         parts = floats(text, count)
-        if parts is None or (attribute != "scale" and min(parts) < 0.0) or (attribute == "scale" and 0.0 in parts):
+        if parts is None or (0.0 in parts if is_scale else min(parts) < 0.0):
             raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is not {count} finite number(s) > 0.")
         if max(map(abs, parts)) > LARGEST:
             raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is beyond {LARGEST:g}.")
         numbers += parts
-    origin = element.find("origin")
     if shape.tag == "mesh" and not shape.get("filename"):
         raise UrdfError(f"{where}: <mesh> has no filename.")
     placement = np.eye(4) if origin is None else placement_of(origin, where)
@@ -96,17 +94,15 @@ def _shape(element: Any, shape: Any, where: str) -> Shape:
 
 
 def solid_of(shape: Shape, meshes: Meshes) -> Solid:
-    """What a shape encloses, in the link's axes; a mesh that is not watertight is measured by its convex hull."""
-    volume, centre, inertia, corners, of = _measured(shape, meshes)
-    if not volume > 0.0:
-        raise UrdfError(f"{of} encloses no volume.")
-    return moved(Solid(volume, centre, inertia, corners, (of,)), shape.placement)
+    """Return the content of a shape, in the link's axes; a mesh that is not watertight counts by its convex hull."""
+    solid = _mesh(shape, meshes) if shape.kind == "mesh" else _primitive(shape)
+    if not solid.volume > 0.0:
+        raise UrdfError(f"{solid.of[0]} encloses no volume.")
+    return moved(solid, shape.placement)
 
 
-def _measured(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array, str]:
-    """Volume, centre, inertia of unit density about it, corners, and what was measured, in the shape's own axes."""
-    if shape.kind == "mesh":
-        return _mesh(shape, meshes)
+def _primitive(shape: Shape) -> Solid:
+    """Return the content of a shape in its own axes, from its second moments ∫x², ∫y², ∫z²."""
     numbers = shape.numbers
     if shape.kind == "box":
         half = 0.5 * np.array(numbers)
@@ -125,15 +121,14 @@ def _measured(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array,
         across = cylinder * r**2 / 4.0 + ball * r**2 / 5.0
         along = cylinder * length**2 / 12.0 + ball * (r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0)
         squares = np.array([across, across, along])
-    # Second moments ∫x², ∫y², ∫z² give each moment of inertia as the sum of the other two.
-    return volume, np.zeros(3), np.diag(squares.sum() - squares), _CORNERS * half, shape.kind
+    return Solid(volume, np.zeros(3), np.diag(squares.sum() - squares), _CORNERS * half, (shape.kind,))
 
 
-def _mesh(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array, str]:
+def _mesh(shape: Shape, meshes: Meshes) -> Solid:
     mesh, of = meshes.mesh(shape.file).copy(), shape.file.rsplit("/", 1)[-1]
     mesh.apply_transform(np.diag([*shape.numbers, 1.0]))
     corners = _CORNERS * (0.5 * mesh.extents) + mesh.bounds.mean(axis=0)
-    with np.errstate(all="ignore"):  # of a flat mesh, which is refused for its volume of zero
+    with np.errstate(all="ignore"):  # of a flat mesh, which is rejected for its volume of zero
         if not (mesh.is_watertight and mesh.is_winding_consistent):
             try:
                 mesh, of = mesh.convex_hull, f"convex hull of {of}"
@@ -142,7 +137,7 @@ def _mesh(shape: Shape, meshes: Meshes) -> tuple[float, Array, Array, Array, str
         elif mesh.volume < 0.0:  # all faces look inward
             mesh.invert()
         found = mesh.mass_properties
-    return float(found.volume), np.array(found.center_mass), np.array(found.inertia), corners, of
+    return Solid(float(found.volume), np.array(found.center_mass), np.array(found.inertia), corners, (of,))
 
 
 def united(solids: Iterable[Solid]) -> Solid:
@@ -171,20 +166,14 @@ def _body(solid: Solid) -> RigidBody:
 class Estimate(NamedTuple):
     """Estimated inertia of a link: mass [kg], centre (3,) in its axes [m], inertia (3, 3) about the centre [kg m²].
 
-    `role` is the geometry, "collision" or "visual"; `of` the shapes, a mesh that is not watertight by its convex hull.
+    `source` has the geometry, "collision" or "visual", and its shapes.
     """
 
     link: str
     mass: float
     centre: Array
     inertia: Array
-    role: str
-    of: tuple[str, ...]
-
-    @property
-    def source(self) -> str:
-        """What it is estimated from, in words."""
-        return f"{self.role} {' + '.join(self.of)}"
+    source: str
 
 
 class Estimated(NamedTuple):
@@ -198,8 +187,8 @@ class Estimated(NamedTuple):
     density: float
     failed: dict[str, str]
 
-    def said(self, robot: str) -> str:
-        """What was done, in a sentence or two for people; empty if nothing was."""
+    def warning(self, robot: str) -> str:
+        """Return the text of a warning of both; empty if no link lacked an inertia."""
         parts = []
         if self.estimates:
             names = ", ".join(f"'{estimate.link}'" for estimate in self.estimates)
@@ -213,25 +202,19 @@ class Estimated(NamedTuple):
         return " ".join(parts)
 
 
-def density_of(value: object) -> float:
-    """A density, checked [kg/m³]."""
-    density = positive("estimate_inertias", value, "[kg/m³]")
-    if density > LARGEST_DENSITY:
-        raise InputError(
-            f"estimate_inertias is {value!r}, expected a density in kg/m³ up to {LARGEST_DENSITY:g}: water has 1000, "
-            "aluminium 2700, steel 7850."
-        )
-    return density
-
-
 def estimated(text: str, density: object, folder: Path | None) -> Estimated:
     """Return the URDF with an inertia for every link that has geometry and lacks one, at a uniform density [kg/m³].
 
     The collision geometry counts, or the visual one if that cannot be measured. Primitives and watertight meshes are exact,
     other meshes are replaced by their convex hull. Where shapes overlap, they count twice. Meshes begin from `folder`.
     """
-    rho = density_of(density)
-    robot, meshes = parse_urdf(text.encode(errors="replace"), comments=True), Meshes(folder)
+    rho = positive("estimate_inertias", density, "[kg/m³]")
+    if rho > LARGEST_DENSITY:
+        raise InputError(
+            f"estimate_inertias is {density!r}, expected a density in kg/m³ up to {LARGEST_DENSITY:g}: water has 1000, "
+            "aluminium 2700, steel 7850."
+        )
+    robot, meshes = parse_urdf(text, comments=True), Meshes(folder)
     estimates, failed = [], {}
     for link in robot.findall("link"):
         name = link.get("name", "")
@@ -242,21 +225,21 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
         except UrdfError as error:
             failed[name] = str(error)
             continue
-        estimate = Estimate(name, rho * solid.volume, solid.centre, rho * solid.inertia, role, solid.of)
-        said = f"estimated by diag_dynamics from {estimate.source} at {rho:g} kg/m3"
-        insert_first(link, inertial_element(said, estimate.mass, estimate.centre, estimate.inertia))
+        source = f"{role} {' + '.join(solid.of)}"
+        estimate = Estimate(name, rho * solid.volume, solid.centre, rho * solid.inertia, source)
+        said = f"estimated by diag_dynamics from {source} at {rho:g} kg/m3"
+        insert_inertia(link, said, estimate.mass, estimate.centre, estimate.inertia)
         estimates.append(estimate)
     whole = etree.tostring(robot.getroottree(), encoding="unicode")
     return Estimated(whole, tuple(estimates), rho, failed)
 
 
 def _measured_link(link: Any, meshes: Meshes) -> tuple[str, Solid]:
-    """Which geometry of a link counts, and what it encloses."""
+    """Return the geometry of a link that counts, and its content."""
     reason = None
     for role in ("collision", "visual"):
         try:
-            shapes = shapes_of(link, role)
-            if shapes:
+            if shapes := shapes_of(link, role):
                 return role, united(solid_of(shape, meshes) for shape in shapes)
         except UrdfError as error:
             reason = reason or error

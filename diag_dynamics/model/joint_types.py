@@ -55,7 +55,14 @@ def places(names, among):
 def sliding_dofs(model):
     """Return whether each degree of freedom slides, a list of nv bool; the others turn."""
     bodies = model.bodies
-    own = [k for k in range(1, len(bodies)) if bodies["leader"][k] == k]
+    own = bodies["leader"] == np.arange(len(bodies))  # a mimic joint has its leader's
+    own[0] = False
     slides = np.zeros(model.nv, dtype=bool)
     slides[bodies["dof"][own]] = np.isin(bodies["direction"][own], (LINEAR_X, LINEAR_Y, LINEAR_Z))
     return slides.tolist()
+
+
+def is_angle(model):
+    """Return whether each position coordinate is an angle, as an array."""
+    turning = {name for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True) if not slides}
+    return np.array([name.endswith("/theta") or name in turning for name in model.coordinate_names], dtype=bool)

@@ -6,10 +6,13 @@
 import numpy as np
 
 from diag_dynamics.exceptions import MasslessLinkError
-from diag_dynamics.model.options import negative_moments
+from diag_dynamics.model.inertias import negative_moments
 from diag_dynamics.sweeps import factorization
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.joints import SINGULAR
+
+MAX_LISTED = 50
+"""Largest number of joints that a message lists."""
 
 
 def massless_freedoms(model):
@@ -20,9 +23,9 @@ def massless_freedoms(model):
     rng = np.random.default_rng(0)
     own = ws.Workspace(model.bodies, model.gravity)
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
+    turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
     for spread in (0.0, 1.0, 1.0, 1.0):
         q = model.neutral
-        turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
         factorization.joint_inertias(own.robot, q, D, magnitude)
@@ -31,67 +34,70 @@ def massless_freedoms(model):
     return np.flatnonzero(massless), smallest
 
 
-MAX_LISTED = 50
-"""Largest number of joints that a message lists."""
+def positions_to_hold(model, tree, found):
+    """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
+    joints, at = _joints_of_dofs(tree), {name: k for k, name in enumerate(model.coordinate_names)}
+    names = [joints[k].name for k in found[0] if joints[k].is_single]
+    return {name: float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]])) for name in names}
 
 
 def _joints_of_dofs(tree):
-    return [joint for joint in tree.joints for _ in joint.dof_names]
+    return [joint for joint in tree.joints for _ in joint.type.freedoms]
 
 
-def refuse_massless(model, tree, found):
+def reject_massless(model, tree, found):
     """Raise, naming all joints that move no inertia, and their cures."""
     massless, smallest = found
     if not len(massless):
         return
     joints = _joints_of_dofs(tree)
+    named = {k: f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in massless}
     negative = {k: links for k in massless if (links := _negative_links(tree, joints[k]))}
-    text = _negative_text(model, smallest, negative) if negative else _massless_text(model, tree, joints, *found)
+    if negative:
+        links = list(dict.fromkeys(text for texts in negative.values() for text in texts))[:MAX_LISTED]
+        text = (
+            f"robot '{model.name}': {'; '.join(links)}. Expected positive moments, because the mass matrix is not "
+            "positive definite with these, at the joint(s) "
+            f"{', '.join(named[k] for k in list(negative)[:MAX_LISTED])}. Correct the inertia in the URDF."
+        )
+    else:
+        text = _massless_text(model, tree, {named[k]: joints[k] for k in massless})
     which = list(negative or massless)
     raise MasslessLinkError(text, [model.dof_names[k] for k in which], smallest[which])
 
 
-def _negative_text(model, smallest, negative):
-    links = list(dict.fromkeys(text for found in negative.values() for text in found))[:MAX_LISTED]
-    names = ", ".join(f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in list(negative)[:MAX_LISTED])
-    return (
-        f"robot '{model.name}': {'; '.join(links)}. Expected positive moments, because the mass matrix is not positive "
-        f"definite with these, at the joint(s) {names}. Correct the inertia in the URDF."
-    )
-
-
-def _massless_text(model, tree, joints, massless, smallest):
-    heavy, lines = tree.joints_with_inertia(), []
-    for k in massless[:MAX_LISTED]:
-        joint = joints[k]
+def _massless_text(model, tree, named):
+    with_inertia = {body for link, body, _ in tree.links if _has_inertia(link)}
+    lines = []
+    for text, joint in list(named.items())[:MAX_LISTED]:
         link = joint.joint.child if joint.joint else model.root_link
-        why = "has little inertia about that axis" if joint.name in heavy else "has no <inertial>"
-        lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' {why}")
-    if len(massless) > MAX_LISTED:
-        lines.append(f"… and {len(massless) - MAX_LISTED} more")
+        why = "has little inertia about that axis" if tree.body_of(joint.name) in with_inertia else "has no <inertial>"
+        lines.append(f"joint {text}: link '{link}' {why}")
+    if len(named) > MAX_LISTED:
+        lines.append(f"… and {len(named) - MAX_LISTED} more")
     advice = "Give the link mass and inertia in the URDF, or make the joint fixed."
-    single = next((joints[k].name for k in massless if joints[k].is_single), None)
-    if single is not None:
+    if single := next((joint.name for joint in named.values() if joint.is_single), None):
         advice += (
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."
         )
     return (
-        f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix "
+        f"robot '{model.name}' has {len(named)} joint(s) that move no inertia, which makes its mass matrix "
         f"singular: {'; '.join(lines)}. {advice}"
     )
 
 
+def _has_inertia(link):
+    return link.inertial is not None and (link.inertial.mass or np.any(link.inertial.inertia))
+
+
 def _negative_links(tree, moved):
     """Return texts on the links that a joint moves and whose inertia has negative principal moments."""
-    children = {}
-    for joint in tree.robot.joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    ahead = [moved.joint.child if moved.joint else tree.root]
-    outboard = set(ahead)
-    while ahead:
-        ahead += (more := children.get(ahead.pop(), []))
-        outboard.update(more)
+    inboard = {joint.child: joint.parent for joint in tree.robot.joints}
+    outboard = {moved.joint.child if moved.joint else tree.root}
+    for link, _, _ in tree.links:  # base to tip
+        if inboard.get(link.name) in outboard:
+            outboard.add(link.name)
     return [
         f"link '{link.name}' has negative principal moments of inertia, {moments} kg m²"
         for link in tree.robot.links
@@ -99,14 +105,3 @@ def _negative_links(tree, moved):
         and link.inertial is not None
         and (moments := negative_moments(link.inertial.inertia, link.inertial.mass))
     ]
-
-
-def positions_to_hold(model, tree, found):
-    """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
-    joints, at = _joints_of_dofs(tree), {name: k for k, name in enumerate(model.coordinate_names)}
-    held = {}
-    for k in found[0]:
-        if joints[k].is_single:
-            i = at[joints[k].name]
-            held[joints[k].name] = float(np.clip(0.0, model.lower[i], model.upper[i]))
-    return held

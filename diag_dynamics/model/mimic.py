@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 from diag_dynamics.exceptions import MimicJointError
@@ -19,16 +19,9 @@ _Source: TypeAlias = tuple[Any, float, float]
 
 
 class Mimic(NamedTuple):
-    """Coupling of a joint to its leader: position = multiplier · leader's position + offset.
+    """Coupling of a joint to an independent one: position = multiplier · leader's position + offset.
 
-    Attributes
-    ----------
-    leader : str
-        Name of an independent joint.
-    multiplier : float
-        [rad/rad, or as the joints are, m/rad, rad/m].
-    offset : float
-        [rad, m].
+    The multiplier is in [rad/rad, or as the joints are, m/rad, rad/m], the offset in [rad, m].
     """
 
     leader: str
@@ -49,15 +42,14 @@ def resolve_mimics(robot: Any, mode: str, locked: Mapping[str, float]) -> tuple[
     joints = {joint.name: joint for joint in robot.joints}
     sources: dict[str, _Source] = {}
     for joint in robot.joints:
-        if not _follows(joint, locked):
-            continue
-        leader, multiplier, offset = _source(joint, joints, locked, sources)
-        if leader.name in locked or leader.type == "fixed":
-            held[joint.name] = offset + multiplier * locked.get(leader.name, 0.0)
-        elif mode == "lock" or multiplier == 0.0:
-            held[joint.name] = offset
-        else:
-            mimics[joint.name] = Mimic(leader.name, multiplier, offset)
+        if _follows(joint, locked):
+            source, multiplier, offset = _source(joint, joints, locked, sources)
+            if source.name in locked or source.type == "fixed":
+                held[joint.name] = offset + multiplier * locked.get(source.name, 0.0)
+            elif mode == "lock" or multiplier == 0.0:
+                held[joint.name] = offset
+            else:
+                mimics[joint.name] = Mimic(source.name, multiplier, offset)
     return mimics, held
 
 
@@ -86,22 +78,6 @@ def _source(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], 
     return source
 
 
-def _compose(joint: Any, leader: Any, multiplier: float, offset: float) -> _Source:
-    """Return the source of a mimic joint, given that of the joint that it names."""
-    own = joint.mimic
-    factor = 1.0 if own.multiplier is None else own.multiplier
-    product = factor * multiplier
-    offset = (own.offset or 0.0) + factor * offset
-    vanished = product == 0.0 and multiplier != 0.0 and factor != 0.0
-    if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
-        raise MimicJointError(
-            f"joint '{joint.name}' follows '{leader.name}' with multiplier {product:g} and offset {offset:g}: these are "
-            f"beyond {LARGEST:g}, or vanish. {_CURE}",
-            [joint.name, leader.name],
-        )
-    return leader, product, offset
-
-
 def _require_single(joint: Any, chain: list[str]) -> None:
     if joint.type not in (*SINGLE, "fixed"):
         follows = f"joint '{chain[-2]}' mimics it" if len(chain) > 1 else "it mimics another joint"
@@ -111,54 +87,55 @@ def _require_single(joint: Any, chain: list[str]) -> None:
         )
 
 
-def coupled_groups(
-    mimics: Mapping[str, Mimic], joints: Iterable[str], carriers: Mapping[str, str | None]
-) -> dict[str, frozenset[str]]:
-    """Return the group of each joint that is eliminated together with others.
+def _compose(joint: Any, source: Any, multiplier: float, offset: float) -> _Source:
+    """Return the source of a mimic joint, given that of the joint that it names."""
+    own = joint.mimic
+    factor = 1.0 if own.multiplier is None else own.multiplier
+    product = factor * multiplier
+    offset = (own.offset or 0.0) + factor * offset
+    vanished = product == 0.0 and multiplier != 0.0 and factor != 0.0
+    if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
+        raise MimicJointError(
+            f"joint '{joint.name}' follows '{source.name}' with multiplier {product:g} and offset {offset:g}: these are "
+            f"beyond {LARGEST:g}, or vanish. {_CURE}",
+            [joint.name, source.name],
+        )
+    return source, product, offset
 
-    A group is all moving joints from the lowest body that carries a leader and its mimic joints, exclusive, down to these.
-    Groups that share a joint are one group.
 
-    Parameters
-    ----------
-    mimics : dict
-        :class:`Mimic` by name of the mimic joint.
-    joints : iterable of str
-        All moving joints, base to tip.
-    carriers : dict
-        Moving joint that carries each moving joint, or None.
+def coupled_groups(mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None]) -> dict[str, set[str]]:
+    """Return the group of each joint that is eliminated together with others, the same set for all of its members.
+
+    A group is all moving joints from the lowest body that carries a source joint and its mimic joints, exclusive, down to
+    these. Groups that share a joint are one group. `carriers` has the joint that carries each moving joint, or None.
     """
     depth: dict[str | None, int] = {None: 0}
-    for name in joints:
-        depth[name] = depth[carriers[name]] + 1
+    for name, carrier in carriers.items():
+        depth[name] = depth[carrier] + 1
     families: dict[str, list[str]] = {}
-    for follower, mimic in mimics.items():
-        families.setdefault(mimic.leader, [mimic.leader]).append(follower)
-    groups: dict[str, set[str]] = {}  # the same set for all of its members
+    for name, mimic in mimics.items():
+        families.setdefault(mimic.leader, [mimic.leader]).append(name)
+    groups: dict[str, set[str]] = {}
     for family in families.values():
         group = _joints_between(family, depth, carriers)
         for other in {id(groups[name]): groups[name] for name in group if name in groups}.values():
             group |= other
         groups.update(dict.fromkeys(group, group))
-    distinct = {id(group): group for group in groups.values()}
-    frozen = {key: frozenset(group) for key, group in distinct.items()}
-    return {name: frozen[id(group)] for name, group in groups.items()}
+    return groups
 
 
 def _joints_between(family: list[str], depth: Mapping[str | None, int], carriers: Mapping[str, str | None]) -> set[str]:
     """Return the joints of a family, and all joints between them and the lowest joint that carries all of them."""
-    found = {family[0]}
+    found: set[str | None] = {family[0]}
     carrier = carriers[family[0]]  # of all joints that were found
     for name in family[1:]:
         found.add(name)
         other = carriers[name]
         while carrier != other and other not in found:
             if depth[carrier] >= depth[other]:
-                assert carrier is not None  # the world alone has depth 0
                 found.add(carrier)
-                carrier = carriers[carrier]
+                carrier = carriers[carrier]  # type: ignore[index]  # the world alone, None, has depth 0
             else:
-                assert other is not None
                 found.add(other)
-                other = carriers[other]
-    return found
+                other = carriers[other]  # type: ignore[index]
+    return found  # type: ignore[return-value]

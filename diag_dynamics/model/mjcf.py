@@ -11,15 +11,15 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 from types import MappingProxyType
 from typing import Any, NamedTuple
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from lxml import etree
 
 from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
-from diag_dynamics.model.options import warn
-from diag_dynamics.model.parameters import of_joints, parameters_of
-from diag_dynamics.model.rewriting import ENTRIES
+from diag_dynamics.model.parameters import read_parameters
+from diag_dynamics.model.remarks import warn
+from diag_dynamics.model.rewriting import numbers_text, set_inertia
 from diag_dynamics.model.robot import RobotModel, load_urdf
 
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
@@ -42,16 +42,10 @@ MAX_PREAMBLE = 1 << 16
 
 
 class Described(NamedTuple):
-    """A robot as a URDF, and what a URDF cannot say.
+    """A robot as the text of a URDF, and what a URDF cannot say.
 
-    Attributes
-    ----------
-    text : str
-        The URDF.
-    options : dict
-        Options of :func:`load_urdf` that an MJCF says itself: floating_base, gravity, armature; none of a URDF.
-    omitted : tuple of str
-        See :attr:`RobotModel.omitted`.
+    `options` are those of :func:`load_urdf` that an MJCF says itself: floating_base, gravity, armature; none of a URDF.
+    `omitted` is :attr:`RobotModel.omitted`.
     """
 
     text: str
@@ -68,24 +62,19 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
     Hinges and slides, several at a body, with `pos` and `ref`; free bodies at the world; armature and damping, those of
-    actuators times gear² included; friction loss and ranges; inertias as the compiler gives them, those of geometries
-    included. Names are the file's, or ``body<number>`` and ``joint<number>``. Joints that an equality couples linearly are
-    mimic joints. What a flag of the option disables is left out: gravity, equality, frictionloss, limit, spring, damper.
-    Degrees of freedom are in the order of their names (see :class:`RobotModel`), which need not be MuJoCo's; of a free body
-    q is x y z qx qy qz qw, and its rates are a twist in its own axes, linear first. A single free body is a floating base.
+    actuators times gear² included; friction loss, ranges, inertias as the compiler gives them. Joints that an equality
+    couples linearly are mimic joints. Names are the file's, or ``body<number>`` and ``joint<number>``. A single free body is
+    a floating base; of any free body q is x y z qx qy qz qw, and its rates are a twist in its own axes, linear first. What a
+    flag of the option disables is left out. Degrees of freedom are in the order of their names (see :class:`RobotModel`),
+    which need not be MuJoCo's. The library's documentation has a table of all elements.
 
     Springs, tendons, gravity compensation, fluids, flexible bodies, passive plugins, nonlinear damping, and damping and
-    friction loss of free joints change neither M nor C, ν, K and gravity. Forward and inverse dynamics omit their forces. A
-    warning at load names them, and so does :attr:`RobotModel.omitted`. `gravcomp` is such a force: g(q) is gravity alone.
-
-    A mocap body without joints below it is no part of the model, and neither are its children. A mocap body that carries
-    joints is fixed where the file places it. The warning names both.
+    friction loss of free joints change neither M nor C, ν, K and gravity. Forward and inverse dynamics omit their forces.
 
     A joint's effort limit is the lesser of the largest magnitude in its `actuatorfrcrange` and of the sum over the enabled
     actuators at that joint; infinite where neither is limited. An actuator's part is its gear times the largest magnitude in
     `forcerange`, or, of a plain motor (fixed gain, neither bias nor activation), of the gain times `ctrlrange`, if that is
-    less. One actuator without a limit makes the sum infinite. The `ctrlrange` of any other actuator is no limit of effort,
-    for it bounds a position, a velocity or an activation. Actuators at sites, bodies and tendons do not count.
+    less.
 
     Parameters
     ----------
@@ -94,14 +83,8 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     **options
         Those of :func:`load_urdf`, but for gravity, floating_base, armature and estimate_inertias, which the file has.
 
-    Returns
-    -------
-    RobotModel
-
     Raises
     ------
-    InputError
-        mujoco is not installed, or an option is one that the file has.
     UrdfError
         MuJoCo refuses the file.
     UnsupportedError
@@ -128,9 +111,8 @@ def loaded(described: Described, **options: Any) -> RobotModel:
     Parameters beside the file, and `armature`, replace the armature of the joints that they name.
     """
     armature = dict(described.options.get("armature", {}))
-    beside = options.get("parameters")
-    if beside is not None:
-        armature |= of_joints(parameters_of(beside), "armature")
+    if (beside := options.get("parameters")) is not None:
+        armature |= read_parameters(beside).by_joint("armature")
     armature |= options.get("armature") or {}
     model = load_urdf(described.text, **{**described.options, **options, "armature": armature})
     if described.omitted:
@@ -157,12 +139,12 @@ def read_mjcf(source: str | os.PathLike[str]) -> Described:
     """Compile an MJCF, and describe it as a URDF; see :func:`load_mjcf`, also for its errors."""
     c = _Compiled(source)
     _reject_unsupported(c)
-    top = [b for b in range(1, c.m.nbody) if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
+    top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
     floating = sum(map(c.is_free, c.joints)) == 1 and len(top) == 1
     writer = _Writer(c, floating)
     gravity = np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy()
     options = {"floating_base": floating, "gravity": gravity, "armature": writer.armature}
-    return Described(writer.urdf(), options, tuple(_omitted(c)))
+    return Described(etree.tostring(writer.robot, encoding="unicode"), options, tuple(_omitted(c)))
 
 
 class _Compiled:
@@ -183,36 +165,39 @@ class _Compiled:
                 self.m = build.from_xml_path(os.path.expanduser(text))
         except (ValueError, self.mujoco.FatalError) as error:
             raise UrdfError(f"MuJoCo refuses the MJCF: {' '.join(str(error).split())}") from error
+        m = self.m
+        self.bodies, self.joints, self.tendons = range(1, m.nbody), range(m.njnt), range(m.ntendon)
         # nu counts controls since these may be several of one actuator.
-        self.joints, self.actuators = range(self.m.njnt), range(getattr(self.m, "nactuator", self.m.nu))
-        self.has_passive_forces = not (self.is_disabled("spring") and self.is_disabled("damper"))
-        self.equalities = [] if self.is_disabled("equality") else list(filter(self._holds, range(self.m.neq)))
+        self.actuators = range(getattr(m, "nactuator", m.nu))
+        self.equalities = [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
 
     def is_disabled(self, thing):
-        """Return whether a flag of the file disables a key of FLAGS."""
         bits = (getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in FLAGS[thing])
         return any(self.m.opt.disableflags & int(bit) for bit in bits)
+
+    def is_a(self, attribute, k, enum, *names):
+        """Return whether the type of an object is one of an enumeration's names."""
+        kinds = getattr(self.mujoco, f"mjt{enum}")
+        return int(getattr(self.m, attribute)[k]) in [int(getattr(kinds, f"mj{name}")) for name in names]
 
     def name(self, kind, k):
         """Return the name of an object, made of its number if the file gives none."""
         return self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), k) or f"{kind}{k}"
 
     def is_free(self, j):
-        """Return whether a joint is free."""
-        return self.m.jnt_type[j] == self.mujoco.mjtJoint.mjJNT_FREE
+        return self.is_a("jnt_type", j, "Joint", "JNT_FREE")
 
     def slides(self, j):
-        """Return whether a joint is a slide."""
-        return self.m.jnt_type[j] == self.mujoco.mjtJoint.mjJNT_SLIDE
-
-    def dofs(self, j):
-        """Return the degrees of freedom of a hinge, a slide or a free joint."""
-        begin = int(self.m.jnt_dofadr[j])
-        return slice(begin, begin + (6 if self.is_free(j) else 1))
+        return self.is_a("jnt_type", j, "Joint", "JNT_SLIDE")
 
     def any(self, attribute, index):
         """Return whether an attribute is nonzero there."""
-        return hasattr(self.m, attribute) and np.any(getattr(self.m, attribute)[index])
+        return hasattr(self.m, attribute) and bool(np.any(getattr(self.m, attribute)[index]))
+
+    def any_dof(self, attribute, j):
+        """Return whether an attribute is nonzero at a degree of freedom of a hinge, a slide or a free joint."""
+        begin = int(self.m.jnt_dofadr[j])
+        return self.any(attribute, slice(begin, begin + (6 if self.is_free(j) else 1)))
 
     def moves(self, b):
         """Return whether a joint moves a body."""
@@ -225,11 +210,10 @@ class _Compiled:
 
     def joint_of(self, a):
         """Return the hinge or slide at which an actuator acts, None if it acts elsewhere."""
-        transmissions = self.mujoco.mjtTrn.mjTRN_JOINT, self.mujoco.mjtTrn.mjTRN_JOINTINPARENT
-        if int(self.m.actuator_trntype[a]) not in map(int, transmissions):
+        if not self.is_a("actuator_trntype", a, "Trn", "TRN_JOINT", "TRN_JOINTINPARENT"):
             return None
         j = int(self.m.actuator_trnid[a, 0])
-        return j if self.slides(j) or self.m.jnt_type[j] == self.mujoco.mjtJoint.mjJNT_HINGE else None
+        return j if self.is_a("jnt_type", j, "Joint", "JNT_SLIDE", "JNT_HINGE") else None
 
     def gear(self, a):
         """Return the gear of an actuator at a hinge or slide."""
@@ -238,8 +222,8 @@ class _Compiled:
 
     def _holds(self, e):
         """Return whether an equality is active, and not between bodies that cannot move against each other."""
-        m, kinds = self.m, self.mujoco.mjtEq
-        if not m.eq_active0[e] or int(m.eq_type[e]) not in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
+        m = self.m
+        if not m.eq_active0[e] or not self.is_a("eq_type", e, "Eq", "EQ_CONNECT", "EQ_WELD"):
             return bool(m.eq_active0[e])
         ends = [int(m.eq_obj1id[e]), int(m.eq_obj2id[e])]
         if self.is_of_sites(e):
@@ -247,38 +231,42 @@ class _Compiled:
         return m.body_weldid[ends[0]] != m.body_weldid[ends[1]] and any(map(self.moves, ends))
 
     def is_of_sites(self, e):
-        """Return whether an equality holds sites."""
-        return hasattr(self.m, "eq_objtype") and self.m.eq_objtype[e] == self.mujoco.mjtObj.mjOBJ_SITE
+        return hasattr(self.m, "eq_objtype") and self.is_a("eq_objtype", e, "Obj", "OBJ_SITE")
 
 
 def _reject_unsupported(c):
     """Reject what changes M, C, ν or K and cannot be modelled."""
     for j in c.joints:
-        _reject_joint(c, j, f"joint '{c.name('joint', j)}'")
+        named = f"joint '{c.name('joint', j)}'"
+        if c.is_a("jnt_type", j, "Joint", "JNT_BALL"):
+            raise UnsupportedError(f"{named} is a ball joint, which is not supported.")
+        if c.is_free(j) and c.m.body_parentid[c.m.jnt_bodyid[j]] != 0:
+            raise UnsupportedError(f"{named} is free, but its body is not at the world.")
+        if c.is_free(j) and c.any_dof("dof_armature", j):
+            raise UnsupportedError(f"{named} is free and has armature, which is not supported.")
     for a in c.actuators:
         if c.joint_of(a) is None and c.any("actuator_armature", a):
             raise UnsupportedError(
                 f"actuator '{c.name('actuator', a)}' has armature, but is not at a hinge or slide, which is not supported."
             )
-    for t in range(c.m.ntendon):
+    for t in c.tendons:
         if c.any("tendon_armature", t):
             raise UnsupportedError(f"tendon '{c.name('tendon', t)}' has armature, which is not supported.")
     coupled = {}
     for e in c.equalities:
-        name = c.name("equality", e)
-        is_of_joints = c.m.eq_type[e] == c.mujoco.mjtEq.mjEQ_JOINT and c.m.eq_obj2id[e] >= 0
+        name, first = c.name("equality", e), int(c.m.eq_obj1id[e])
+        is_of_joints = c.is_a("eq_type", e, "Eq", "EQ_JOINT") and c.m.eq_obj2id[e] >= 0
         if not is_of_joints or np.any(c.m.eq_data[e, 2:5]):
             raise UnsupportedError(
                 f"equality '{name}' ({_ends_of(c, e)}) is not a linear coupling of two joints, and is not supported. "
                 'Remove it, or set active="false", if the model may move without it.'
             )
-        first = int(c.m.eq_obj1id[e])
         if first in coupled:
             raise UnsupportedError(
-                f"equality '{name}' couples joint '{c.name('joint', first)}', as equality "
-                f"'{c.name('equality', coupled[first])}' does; only one is supported."
+                f"equality '{name}' couples joint '{c.name('joint', first)}', as equality '{coupled[first]}' does; only one "
+                "is supported."
             )
-        coupled[first] = e
+        coupled[first] = name
 
 
 def _ends_of(c, e):
@@ -290,73 +278,60 @@ def _ends_of(c, e):
     return f"{kind} of {of} " + ", ".join(f"'{c.name(of, k)}'" for k in ends)
 
 
-def _reject_joint(c, j, named):
-    if c.m.jnt_type[j] == c.mujoco.mjtJoint.mjJNT_BALL:
-        raise UnsupportedError(f"{named} is a ball joint, which is not supported.")
-    if c.is_free(j) and c.m.body_parentid[c.m.jnt_bodyid[j]] != 0:
-        raise UnsupportedError(f"{named} is free, but its body is not at the world.")
-    if c.is_free(j) and np.any(c.m.dof_armature[c.dofs(j)]):
-        raise UnsupportedError(f"{named} is free and has armature, which is not supported.")
-
-
 def _omitted(c) -> Iterator[str]:
     """Yield the texts of :attr:`RobotModel.omitted`, one for each kind, and for each tendon."""
-    for what, kind, which in (*_omitted_of_joints(c), *_omitted_of_bodies(c)):
+    for what, kind, which in _omitted_objects(c):
         if which:
             yield f"{what} {', '.join(repr(c.name(kind, k)) for k in which)}"
     tendons: dict[str, list[str]] = {}
-    for t in range(c.m.ntendon):
-        tendons.setdefault(", ".join(_parts_of_tendon(c, t)), []).append(repr(c.name("tendon", t)))
-    for parts, names in tendons.items():
-        yield f"tendon {', '.join(names)}{f' ({parts})' if parts else ''}"
-    if c.has_passive_forces and (c.m.opt.density or c.m.opt.viscosity):
-        yield f"fluid (density {c.m.opt.density:g}, viscosity {c.m.opt.viscosity:g})"
+    for t in c.tendons:
+        tendons.setdefault(", ".join(_forces_of_tendon(c, t)), []).append(repr(c.name("tendon", t)))
+    for forces, names in tendons.items():
+        yield f"tendon {', '.join(names)}{f' ({forces})' if forces else ''}"
+    opt = c.m.opt
+    if (opt.density or opt.viscosity) and not (c.is_disabled("spring") and c.is_disabled("damper")):
+        yield f"fluid (density {opt.density:g}, viscosity {opt.viscosity:g})"
 
 
-def _omitted_of_joints(c):
-    """Yield a text, the kind and the numbers of joints and actuators of which forces are omitted."""
+def _omitted_objects(c):
+    """Yield a text, the kind and the numbers of objects of which forces are omitted."""
     m, free = c.m, list(filter(c.is_free, c.joints))
-    if not c.is_disabled("spring"):
-        yield "spring of joint", "joint", [j for j in c.joints if m.jnt_stiffness[j] or c.any("jnt_stiffnesspoly", j)]
-    if not c.is_disabled("damper"):
-        yield "damping of free joint", "joint", [j for j in free if np.any(m.dof_damping[c.dofs(j)])]
-        yield "nonlinear damping of joint", "joint", [j for j in c.joints if c.any("dof_dampingpoly", c.dofs(j))]
+    spring, damper = not c.is_disabled("spring"), not c.is_disabled("damper")
+    if spring:
+        springs = [j for j in c.joints if c.any("jnt_stiffness", j) or c.any("jnt_stiffnesspoly", j)]
+        yield "spring of joint", "joint", springs
+    if damper:
+        yield "damping of free joint", "joint", [j for j in free if c.any_dof("dof_damping", j)]
+        yield "nonlinear damping of joint", "joint", [j for j in c.joints if c.any_dof("dof_dampingpoly", j)]
         elsewhere = [a for a in c.actuators if c.joint_of(a) is None]
         yield "damping of actuator", "actuator", [a for a in elsewhere if c.any("actuator_damping", a)]
         nonlinear = [a for a in c.actuators if c.any("actuator_dampingpoly", a)]
         yield "nonlinear damping of actuator", "actuator", nonlinear
     if not c.is_disabled("frictionloss"):
-        yield "friction loss of free joint", "joint", [j for j in free if np.any(m.dof_frictionloss[c.dofs(j)])]
-
-
-def _omitted_of_bodies(c):
-    """Yield what is omitted of bodies, as :func:`_omitted_of_joints`."""
-    m, bodies = c.m, range(1, c.m.nbody)
-    if c.has_passive_forces:
+        yield "friction loss of free joint", "joint", [j for j in free if c.any_dof("dof_frictionloss", j)]
+    if spring or damper:
         if np.any(m.opt.gravity) and not c.is_disabled("gravity"):
-            carried = [b for b in bodies if m.body_gravcomp[b] and m.body_mass[b] and c.moves(b)]
+            carried = [b for b in c.bodies if m.body_gravcomp[b] and m.body_mass[b] and c.moves(b)]
             yield "gravity compensation of body", "body", carried
-        yield "plugin of body", "body", [b for b in bodies if m.body_plugin[b] >= 0]
+        yield "plugin of body", "body", [b for b in c.bodies if m.body_plugin[b] >= 0]
         yield "flexible body", "flex", list(range(getattr(m, "nflex", 0)))
-    mocap = [b for b in bodies if m.body_mocapid[b] >= 0]
+    mocap = [b for b in c.bodies if m.body_mocapid[b] >= 0]
     yield "mocap body", "body", [b for b in mocap if c.is_marker(b)]
     yield "motion of mocap body", "body", [b for b in mocap if not c.is_marker(b)]
 
 
-def _parts_of_tendon(c, t):
+def _forces_of_tendon(c, t):
     """Yield the forces of a tendon."""
-    m = c.m
-    if not c.is_disabled("spring") and (m.tendon_stiffness[t] or c.any("tendon_stiffnesspoly", t)):
-        yield "spring"
-    if not c.is_disabled("damper") and (m.tendon_damping[t] or c.any("tendon_dampingpoly", t)):
-        yield "damping"
-    if not c.is_disabled("frictionloss") and m.tendon_frictionloss[t]:
-        yield "friction loss"
-    if not c.is_disabled("limit") and m.tendon_limited[t]:
-        yield "limits"
-    at_tendon = int(c.mujoco.mjtTrn.mjTRN_TENDON)
+    for force, flag, *attributes in (
+        ("spring", "spring", "tendon_stiffness", "tendon_stiffnesspoly"),
+        ("damping", "damper", "tendon_damping", "tendon_dampingpoly"),
+        ("friction loss", "frictionloss", "tendon_frictionloss"),
+        ("limits", "limit", "tendon_limited"),
+    ):
+        if not c.is_disabled(flag) and any(c.any(attribute, t) for attribute in attributes):
+            yield force
     for a in c.actuators:
-        if int(m.actuator_trntype[a]) == at_tendon and int(m.actuator_trnid[a, 0]) == t:
+        if c.is_a("actuator_trntype", a, "Trn", "TRN_TENDON") and int(c.m.actuator_trnid[a, 0]) == t:
             yield f"actuator '{c.name('actuator', a)}'"
 
 
@@ -364,23 +339,18 @@ def _effort_limits(c):
     """Return the effort limit of each joint [N m, N], infinite where there is none."""
     sums = {}
     for a in c.actuators:
-        j = c.joint_of(a)
-        if j is not None and not _is_disabled_actuator(c, a):
+        j, group = c.joint_of(a), int(c.m.actuator_group[a])
+        disabled = c.is_disabled("actuation") or (0 <= group <= 30 and c.m.opt.disableactuator >> group & 1)
+        if j is not None and not disabled:
             sums[j] = sums.get(j, 0.0) + _actuator_limit(c, a)
     limits = np.array([sums.get(j, np.inf) for j in c.joints])
     own = np.where(c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf)
     return np.minimum(limits, own)
 
 
-def _is_disabled_actuator(c, a):
-    """Return whether a flag or the actuator's group disables it."""
-    group = int(c.m.actuator_group[a])
-    return c.is_disabled("actuation") or (0 <= group <= 30 and bool(c.m.opt.disableactuator >> group & 1))
-
-
 def _actuator_limit(c, a):
     """Return the largest effort of an actuator at its joint, infinite where there is none."""
-    m, mujoco = c.m, c.mujoco
+    m = c.m
     gear, force = abs(c.gear(a)), np.inf
     if gear == 0.0:
         return 0.0
@@ -388,9 +358,9 @@ def _actuator_limit(c, a):
         force = float(np.abs(m.actuator_forcerange[a]).max())
     control = m.actuator_ctrladr[a] if hasattr(m, "actuator_ctrladr") else a
     is_motor = (
-        m.actuator_gaintype[a] == mujoco.mjtGain.mjGAIN_FIXED
-        and m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
-        and m.actuator_dyntype[a] == mujoco.mjtDyn.mjDYN_NONE
+        c.is_a("actuator_gaintype", a, "Gain", "GAIN_FIXED")
+        and c.is_a("actuator_biastype", a, "Bias", "BIAS_NONE")
+        and c.is_a("actuator_dyntype", a, "Dyn", "DYN_NONE")
         and m.actuator_plugin[a] < 0
     )
     if is_motor and m.actuator_ctrllimited[control] and not c.is_disabled("clampctrl"):
@@ -399,21 +369,15 @@ def _actuator_limit(c, a):
 
 
 class _Writer:
-    """Writer of a compiled model as a URDF; `armature` [kg m², kg] by joint name is complete after `urdf`."""
+    """Writer of a compiled model as the <robot> element of a URDF; `armature` [kg m², kg] is by joint name."""
 
     def __init__(self, c, floating):
+        self._c, self._m, self._floating, self.armature = c, c.m, floating, {}
         m = c.m
-        self._c, self._m, self._floating = c, m, floating
-        self._elements, self._mimic, self.armature = [], {}, {}
-        for e in c.equalities:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2)
-            first, second = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
-            multiplier = float(m.eq_data[e, 1])
-            ref = [float(m.qpos0[m.jnt_qposadr[j]]) for j in (first, second)]
-            offset = float(m.eq_data[e, 0]) + ref[0] - multiplier * ref[1]
-            self._mimic[first] = c.name("joint", second), multiplier, offset
         self._limited = np.zeros(m.njnt, bool) if c.is_disabled("limit") else m.jnt_limited.astype(bool)
-        self._friction = np.zeros(m.nv) if c.is_disabled("frictionloss") else m.dof_frictionloss
         self._effort = _effort_limits(c)
+        self._equality = {int(m.eq_obj1id[e]): e for e in c.equalities}
+        self._friction = np.zeros(m.nv) if c.is_disabled("frictionloss") else m.dof_frictionloss
         self._armature, self._damping = m.dof_armature.copy(), m.dof_damping.copy()
         for values, attribute in ((self._armature, "actuator_armature"), (self._damping, "actuator_damping")):
             for a in c.actuators:  # MuJoCo adds these at run time
@@ -422,87 +386,73 @@ class _Writer:
                     values[m.jnt_dofadr[joint]] += getattr(m, attribute)[a] * c.gear(a) ** 2
         if c.is_disabled("damper"):
             self._damping[:] = 0.0
+        self.robot = etree.Element("robot", name=m.names[: m.names.index(b"\0")].decode() or "mjcf")
+        if not floating:
+            self._add("link", name="world")
+        for b in c.bodies:
+            if not c.is_marker(b):
+                self._add_body(b)
 
-    def urdf(self):
-        """Return the text of the URDF."""
-        m = self._m
-        if not self._floating:
-            self._link("world")
-        for b in range(1, m.nbody):
-            if not self._c.is_marker(b):
-                self._body(b)
-        robot = m.names[: m.names.index(b"\0")].decode() or "mjcf"
-        return f"<robot name={quoteattr(robot)}>{''.join(self._elements)}</robot>"
+    def _add(self, tag, parent=None, **attributes):
+        return etree.SubElement(self.robot if parent is None else parent, tag, attributes)
 
-    def _body(self, b):
+    def _add_body(self, b):
         m, c = self._m, self._c
         name, parent = c.name("body", b), c.name("body", int(m.body_parentid[b]))
-        place, turn = m.body_pos[b], self._rotation(m.body_quat[b])
+        link = self._add("link", name=name)
+        if m.body_mass[b] > 0.0:
+            turn = self._rotation(m.body_iquat[b])
+            inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
+            set_inertia(self._add("inertial", link), m.body_mass[b], m.body_ipos[b], inertia)
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
-        self._link(name, b)
         if any(map(c.is_free, joints)):
             if not self._floating:
-                self._joint(c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3), "")
+                self._add_joint(c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3))
             return
-        # Each joint turns or shifts all that follows about its anchor; the links between joints of one body have no inertia.
-        anchor = np.zeros(3)
+        # Each joint turns or shifts all that follows about its anchor; links between joints of one body have no inertia.
+        place, turn, anchor = m.body_pos[b], self._rotation(m.body_quat[b]), np.zeros(3)
         for j in joints:
             joint, axis, ref = c.name("joint", j), m.jnt_axis[j], float(m.qpos0[m.jnt_qposadr[j]])
             child = f"{name}/{joint}"
-            self._link(child)
+            self._add("link", name=child)
             place = place + turn @ (m.jnt_pos[j] - anchor)
             if c.slides(j):  # at `ref` the body is where the file has it
                 place = place - ref * (turn @ axis)
             else:
                 turn = turn @ rotations.about_axis(axis, -ref)
-            self._joint(joint, self._kind(j), parent, child, place, turn, self._of_joint(j))
+            kind = "prismatic" if c.slides(j) else "revolute" if self._limited[j] else "continuous"
+            self._describe(self._add_joint(joint, kind, parent, child, place, turn), j)
             parent, place, turn, anchor = child, np.zeros(3), np.eye(3), m.jnt_pos[j]
             self.armature[joint] = float(self._armature[m.jnt_dofadr[j]])
-        self._joint(f"{name}/fixed", "fixed", parent, name, place - turn @ anchor, turn, "")
+        self._add_joint(f"{name}/fixed", "fixed", parent, name, place - turn @ anchor, turn)
 
-    def _kind(self, j):
-        return "prismatic" if self._c.slides(j) else "revolute" if self._limited[j] else "continuous"
+    def _add_joint(self, name, kind, parent, child, place, turn):
+        joint = self._add("joint", name=name, type=kind)
+        self._add("parent", joint, link=parent)
+        self._add("child", joint, link=child)
+        self._add("origin", joint, xyz=numbers_text(place), rpy=numbers_text(rotations.to_rpy(turn)))
+        return joint
 
-    def _of_joint(self, j):
+    def _describe(self, joint, j):
+        """Add axis, friction, limits and coupling of a hinge or slide."""
         m, dof = self._m, self._m.jnt_dofadr[j]
-        text = f'<axis xyz="{_text(m.jnt_axis[j])}"/>'
-        text += f'<dynamics damping="{_number(self._damping[dof])}" friction="{_number(self._friction[dof])}"/>'
-        lower, upper = m.jnt_range[j] if self._limited[j] else (-np.inf, np.inf)
-        limits = f'lower="{_number(lower)}" upper="{_number(upper)}" ' if self._kind(j) != "continuous" else ""
-        text += f'<limit {limits}effort="{_number(self._effort[j])}" velocity="inf"/>'
-        if j in self._mimic:
-            leader, multiplier, offset = self._mimic[j]
-            text += f'<mimic joint={quoteattr(leader)} multiplier="{_number(multiplier)}" offset="{_number(offset)}"/>'
-        return text
-
-    def _link(self, name, b=None):
-        inertial = ""
-        if b is not None and self._m.body_mass[b] > 0.0:
-            m = self._m
-            turn = self._rotation(m.body_iquat[b])
-            own = turn @ np.diag(m.body_inertia[b]) @ turn.T
-            inertia = " ".join(f'{entry}="{_number(own[place])}"' for entry, place in ENTRIES.items())
-            inertial = f'<inertial><origin xyz="{_text(m.body_ipos[b])}"/><mass value="{_number(m.body_mass[b])}"/>'
-            inertial += f"<inertia {inertia}/></inertial>"
-        self._elements.append(f"<link name={quoteattr(name)}>{inertial}</link>")
-
-    def _joint(self, name, kind, parent, child, place, turn, more):
-        rpy = _text(rotations.to_rpy(turn))
-        self._elements.append(
-            f"<joint name={quoteattr(name)} type={quoteattr(kind)}><parent link={quoteattr(parent)}/>"
-            f'<child link={quoteattr(child)}/><origin xyz="{_text(place)}" rpy="{rpy}"/>{more}</joint>'
-        )
+        self._add("axis", joint, xyz=numbers_text(m.jnt_axis[j]))
+        friction = {"damping": self._damping[dof], "friction": self._friction[dof]}
+        limits = {"effort": self._effort[j], "velocity": np.inf}
+        if joint.get("type") != "continuous":
+            limits["lower"], limits["upper"] = m.jnt_range[j] if self._limited[j] else (-np.inf, np.inf)
+        for tag, values in (("dynamics", friction), ("limit", limits)):
+            self._add(tag, joint, **{name: repr(float(value)) for name, value in values.items()})
+        if j in self._equality:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2)
+            e = self._equality[j]
+            source, multiplier = int(m.eq_obj2id[e]), float(m.eq_data[e, 1])
+            ref, ref_of_source = (float(m.qpos0[m.jnt_qposadr[k]]) for k in (j, source))
+            offset = float(m.eq_data[e, 0]) + ref - multiplier * ref_of_source
+            name = self._c.name("joint", source)
+            self._add("mimic", joint, joint=name, multiplier=repr(multiplier), offset=repr(offset))
 
     def _rotation(self, quaternion):
         """Return the rotation matrix of a quaternion (w, x, y, z)."""
         matrix = np.zeros(9)
         self._c.mujoco.mju_quat2Mat(matrix, quaternion)
         return matrix.reshape(3, 3)
-
-
-def _number(value):
-    return repr(float(value))
-
-
-def _text(values):
-    return " ".join(map(_number, values))

@@ -18,44 +18,37 @@ LARGEST = 1e30
 """Largest number accepted, of whatever unit: products of a few must not overflow."""
 
 
-def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False) -> list[float]:
-    """Return the numbers of an attribute that the element has; `where` is for errors.
+def floats(text: str | None, count: int, may_be_infinite: bool = False) -> list[float] | None:
+    """Return the numbers of a text, None if these are not `count` finite ones."""
+    try:
+        numbers = [float(part) for part in (text or "").split() if part.isascii() and "_" not in part]
+    except ValueError:
+        return None
+    valid = all(not math.isnan(number) and (may_be_infinite or math.isfinite(number)) for number in numbers)
+    return numbers if len(numbers) == count and valid else None
 
-    They are `count` finite numbers within ±`LARGEST`, unless they may be infinite.
-    """
+
+def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False) -> list[float]:
+    """Return the numbers of an attribute that the element has, within ±:data:`LARGEST`; `where` is for errors."""
     text = element.get(attribute)
     shown = f"{where}: <{element.tag} {attribute}={short(text)}>"
     if "${" in text or "$(" in text:
         raise UrdfError(f"{shown} is unexpanded xacro. Run xacro on it first.")
-    try:
-        numbers = [float(part) for part in text.split() if part.isascii() and "_" not in part]
-    except ValueError:
-        numbers = []
-    finite = may_be_infinite or all(map(math.isfinite, numbers))
-    if len(numbers) != count or not finite or any(map(math.isnan, numbers)):
-        expected = f"{count} finite numbers" if count > 1 else "a finite number"
-        raise UrdfError(f"{shown} is not {expected}.")
+    numbers = floats(text, count, may_be_infinite)
+    if numbers is None:
+        raise UrdfError(f"{shown} is not {f'{count} finite numbers' if count > 1 else 'a finite number'}.")
     if not may_be_infinite and any(abs(number) > LARGEST for number in numbers):
         raise UrdfError(f"{shown} is beyond {LARGEST:g}.")
     return numbers
 
 
-def floats(text: str | None, count: int) -> list[float] | None:
-    """Return the finite numbers of a text, None if these are not `count`."""
-    try:
-        numbers = [float(part) for part in (text or "").split() if "_" not in part]
-    except ValueError:
-        return None
-    return numbers if len(numbers) == count and all(map(math.isfinite, numbers)) else None
-
-
 def local_name(element: Any) -> str:
-    """Tag of an element without namespace or prefix."""
+    """Return the tag of an element without namespace or prefix."""
     return str(element.tag).rpartition("}")[2].rpartition(":")[2]
 
 
 def short(value: object) -> str:
-    """A value as messages show it."""
+    """Return a value as messages show it."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:60]}… ({len(text)} characters)"
 
@@ -74,12 +67,12 @@ def placement_of(element: Any, where: str) -> Array:
         raise UrdfError(f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. Remove the other.")
     placement, turn = np.eye(4), np.eye(4)
     placement[:3, 3] = given.get("xyz", (0.0, 0.0, 0.0))
-    if "quat_xyzw" in given:
-        if not any(given["quat_xyzw"]):
+    if "rpy" in given:
+        turn[:3, :3] = rotations.from_rpy(*given["rpy"])
+    elif "quat_xyzw" in given:
+        largest = max(map(abs, given["quat_xyzw"]))
+        if largest == 0.0:
             shown = f"{where}: <{element.tag} quat_xyzw={short(element.get('quat_xyzw'))}>"
             raise UrdfError(f"{shown} is no rotation; expected a quaternion x y z w of length 1.")
-        largest = max(map(abs, given["quat_xyzw"]))
         turn[:3, :3] = rotations.from_quaternion(*(number / largest for number in given["quat_xyzw"]))
-    elif "rpy" in given:
-        turn[:3, :3] = rotations.from_rpy(*given["rpy"])
     return placement @ turn

@@ -5,56 +5,71 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import choice, number, whole
-from diag_dynamics.exceptions import InputError, MimicJointError
-from diag_dynamics.model.configurations import difference, integrated, random_positions
+from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, vector, whole
+from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError
 from diag_dynamics.model.geometry import estimated
-from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, refuse_massless
+from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
+from diag_dynamics.model.joint_types import SINGLE, is_angle
+from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
 from diag_dynamics.model.mimic import Mimic, resolve_mimics
-from diag_dynamics.model.options import (
-    FRICTION_VELOCITY,
-    Options,
-    Payload,
-    armature_by_joint,
-    checked_payloads,
-    friction_velocity_of,
-    gravity_vector,
-    locked_positions,
-    warn,
-    warn_of_inertias,
-)
 from diag_dynamics.model.parameters import (
     Parameters,
-    of_joints,
-    parameters_of,
+    apply_parameters,
     perturbed_links,
-    refuse_too_light,
-    robot_with,
+    read_parameters,
+    reject_too_light,
 )
-from diag_dynamics.model.remarks import limits_in_degrees, remarks_of, warning_of
+from diag_dynamics.model.remarks import limits_in_degrees, remarks_of, warn, warning_of
 from diag_dynamics.model.sources import folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
-from diag_dynamics.model.tree import Tree, refuse_same_names
+from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_element
 from diag_dynamics.model.xacro_files import expanded
+from diag_dynamics.sweeps import configuration, joints
 from diag_dynamics.sweeps.workspace import Workspace
 
 MAX_COUPLED = 200
 """Largest number of bodies in a coupled group, by default."""
 
+FRICTION_VELOCITY = 5e-3
+"""Default v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]: estimated velocities at rest are milliradians per second."""
 
-@dataclass(frozen=True, eq=False)
+LARGEST_GRAVITY = 1000.0
+"""Largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it."""
+
+REACH = 1.0
+"""Random position coordinates without limits are within this distance of zero [m]; angles within a turn."""
+
+
+class Options(NamedTuple):
+    """Arguments of :func:`load_urdf`, checked; `held` are the joints that massless="lock" locks, None before it is known."""
+
+    floating_base: bool
+    gravity: Array
+    mimic: str
+    massless: str
+    locked: dict[str, float]
+    armature: dict[str, float]
+    effort_offset: dict[str, float]
+    payloads: dict[str, Payload]
+    max_coupled: int
+    friction_velocity: float
+    estimated_links: tuple[str, ...]
+    omitted: tuple[str, ...] = ()
+    held: dict[str, float] | None = None
+
+
 class RobotModel:
     """A robot as a tree of rigid bodies; immutable. Made by :func:`load_urdf`. A wrong argument raises an InputError.
 
@@ -77,8 +92,10 @@ class RobotModel:
         several degrees of freedom ``<joint>/v_x`` … ``<joint>/w_z``; the joint of a floating base is ``root_joint``.
     coordinate_names : tuple of str
         The nq position coordinates; likewise, ``<joint>/x`` … ``<joint>/qw``.
-    joint_names : tuple of str
-        Joints that move, in the same order.
+    joint_names, fixed_joints, mimic_joints : tuple of str
+        Joints that move, in the same order; joints of the URDF that do not move; those that follow another one there.
+    continuous_joints : tuple of str
+        Joints whose position is an angle that turns round, be they independent or not.
     link_names : tuple of str
         All links, base to tip: the order of link energies.
     root_link : str
@@ -90,63 +107,87 @@ class RobotModel:
     lower, upper : ndarray, shape (nq,)
         Position limits [rad, m]; infinite where there are none.
     velocity_limit, effort_limit : ndarray, shape (nv,)
-        Limits [rad/s, m/s] and [N m, N]; infinite where there are none. These limits and those of position are a joint's
-        own: a follower's do not bind its leader.
+        Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. These limits and those of position are a
+        joint's own: a follower's do not bind its leader.
+    velocity_bound, effort_bound : ndarray, shape (nv,)
+        These limits, infinite where the URDF has 0, as authors write who know none.
     damping, friction, effort_offset : ndarray, shape (nv,)
         Joint damping [N m s/rad, N s/m] and Coulomb friction [N m, N] as the URDF gives them, or parameters beside it, and
-        the effort that is measured where none acts [N m, N]; a follower's reflected to its leader. No dynamic quantity holds
-        them unless it is asked to.
-    mimic_joints : tuple of str
-        Joints that follow another one in the URDF.
+        the effort that is measured where none acts [N m, N]; a follower's reflected to its leader. No dynamic quantity
+        holds them unless it is asked to.
+    friction_velocity : float
+        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none.
+    armature : ndarray, shape (nv,)
+        Reflected rotor inertia [kg m², kg], that of followers included.
     mimics : mapping
         :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name; chains of
         mimics are followed to their end.
     coupled_groups : tuple of tuple of str
         Joints, independent ones and followers, of each coupled group, base to tip.
-    fixed_joints : tuple of str
-        Joints of the URDF that do not move.
-    continuous_joints : tuple of str
-        Joints whose position is an angle that turns round, be they independent or not.
     locked_joints : mapping
         Joints that are held, with their positions [rad, m]; followers of joints that stand still are among them.
     payloads : mapping
         :class:`Payload` by link name.
     total_mass : float
         Mass of all links and payloads [kg].
+    estimated_links : tuple of str
+        Links whose inertia the URDF lacks and `estimate_inertias` has estimated, in the URDF's order.
+    omitted : tuple of str
+        What forward and inverse dynamics omit of an MJCF, such as ``spring of joint 'knee'``; empty for a URDF.
     """
 
-    name: str
-    dof_names: tuple[str, ...]
-    coordinate_names: tuple[str, ...]
-    joint_names: tuple[str, ...]
-    link_names: tuple[str, ...]
-    root_link: str
-    floating_base: bool
-    gravity: Array
-    lower: Array
-    upper: Array
-    velocity_limit: Array
-    effort_limit: Array
-    damping: Array
-    friction: Array
-    effort_offset: Array
-    mimic_joints: tuple[str, ...]
-    mimics: Mapping[str, Mimic]
-    coupled_groups: tuple[tuple[str, ...], ...]
-    fixed_joints: tuple[str, ...]
-    continuous_joints: tuple[str, ...]
-    locked_joints: Mapping[str, float]
-    payloads: Mapping[str, Payload]
-    total_mass: float
-    bodies: npt.NDArray[np.void] = field(repr=False)
-    links: npt.NDArray[np.void] = field(repr=False)
-    _tree: Tree = field(repr=False)
-    _options: Options = field(repr=False)
+    def __init__(self, tree: Tree, options: Options) -> None:
+        bodies, links = tree.records(options.armature, options.payloads)
+        of_urdf = tree.robot.joints
+        self.name: str = tree.robot.name
+        self.dof_names: tuple[str, ...] = tree.dof_names
+        self.coordinate_names: tuple[str, ...] = tree.coordinate_names
+        self.joint_names: tuple[str, ...] = tuple(joint.name for joint in tree.joints)
+        self.fixed_joints: tuple[str, ...] = tuple(j.name for j in of_urdf if j.type == "fixed")
+        self.mimic_joints: tuple[str, ...] = tuple(j.name for j in of_urdf if j.mimic is not None and j.type != "fixed")
+        self.continuous_joints: tuple[str, ...] = tuple(j.name for j in of_urdf if j.type == "continuous")
+        self.link_names: tuple[str, ...] = tuple(link.name for link, _, _ in tree.links)
+        self.root_link: str = tree.root
+        self.floating_base: bool = tree.floating_base
+        self.gravity: Array = options.gravity
+        self.lower: Array = tree.limits("lower", -np.inf)
+        self.upper: Array = tree.limits("upper", np.inf)
+        self.velocity_limit: Array = tree.per_dof("limit", "velocity", np.inf)
+        self.effort_limit: Array = tree.per_dof("limit", "effort", np.inf)
+        self.damping: Array = tree.resistance("damping", 2)
+        self.friction: Array = tree.resistance("friction", 1)
+        self.effort_offset: Array = tree.reflected(options.effort_offset)
+        self.friction_velocity: float = options.friction_velocity
+        self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
+        self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
+        self.locked_joints: Mapping[str, float] = MappingProxyType(tree.locked)
+        self.payloads: Mapping[str, Payload] = MappingProxyType(options.payloads)
+        self.total_mass = float(links["mass"].sum())
+        self.estimated_links: tuple[str, ...] = options.estimated_links
+        self.omitted: tuple[str, ...] = options.omitted
+        self.bodies: npt.NDArray[np.void] = bodies
+        self.links: npt.NDArray[np.void] = links
+        self._tree, self._options = tree, options
+        self._freeze()
 
-    def __post_init__(self) -> None:
+    def _freeze(self) -> None:
         for value in vars(self).values():
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
+        vars(self)["_is_frozen"] = True
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if "_is_frozen" in vars(self):
+            raise AttributeError(f"A RobotModel is immutable: {name} cannot be set.")
+        super().__setattr__(name, value)
+
+    def _with(self, options: Options, **changes: Any) -> RobotModel:
+        """Return this model with other attributes; the rest is shared."""
+        model = object.__new__(RobotModel)
+        vars(model).update(vars(self) | changes, _options=options)
+        vars(model).pop("workspace", None)
+        model._freeze()
+        return model
 
     @property
     def nv(self) -> int:
@@ -164,45 +205,23 @@ class RobotModel:
         return self._tree.orientations
 
     @property
-    def friction_velocity(self) -> float:
-        """v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none."""
-        return self._options.friction_velocity
-
-    @property
     def has_friction(self) -> bool:
         """Whether any joint has damping, Coulomb friction, or an offset of its effort."""
         return bool(self.damping.any() or self.friction.any() or self.effort_offset.any())
 
     @property
-    def estimated_links(self) -> tuple[str, ...]:
-        """Links whose inertia the URDF lacks and `estimate_inertias` has estimated, in the URDF's order."""
-        return self._options.estimated_links
-
-    @property
-    def omitted(self) -> tuple[str, ...]:
-        """What forward and inverse dynamics omit of an MJCF, such as ``spring of joint 'knee'``; empty for a URDF."""
-        return self._options.omitted
-
-    def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
-        """Return this model with these texts as :attr:`omitted`."""
-        return replace(self, _options=self._options._replace(omitted=tuple(omitted)))
-
-    @property
-    def armature(self) -> Array:
-        """Reflected rotor inertia [kg m², kg], shape (nv,), that of followers included."""
+    def armature(self) -> Array:  # noqa: D102  # with the other attributes
         moving, reflected = self.bodies[1:], np.zeros(self.nv)
         np.add.at(reflected, moving["dof"], moving["multiplier"] ** 2 * moving["armature"])
         reflected.flags.writeable = False
         return reflected
 
     @property
-    def velocity_bound(self) -> Array:
-        """Velocity limits, infinite where the URDF has 0, as authors write who know none; shape (nv,) [rad/s, m/s]."""
+    def velocity_bound(self) -> Array:  # noqa: D102
         return np.where(self.velocity_limit > 0.0, self.velocity_limit, np.inf)
 
     @property
-    def effort_bound(self) -> Array:
-        """Effort limits, infinite where the URDF has 0; shape (nv,) [N m, N]."""
+    def effort_bound(self) -> Array:  # noqa: D102
         return np.where(self.effort_limit > 0.0, self.effort_limit, np.inf)
 
     @property
@@ -218,7 +237,23 @@ class RobotModel:
         rng : numpy.random.Generator or int, optional
             Generator or seed. Without limits, angles are within a turn and positions within a metre of zero.
         """
-        return random_positions(self, rng)
+        if not isinstance(rng, np.random.Generator):
+            try:
+                rng = np.random.default_rng(rng)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"rng is {rng!r}, expected a numpy.random.Generator or a seed.") from error
+        free = np.where(is_angle(self), math.pi, REACH)
+        has_lower, has_upper = np.isfinite(self.lower), np.isfinite(self.upper)
+        lower, upper = np.where(has_lower, self.lower, -free), np.where(has_upper, self.upper, free)
+        # With one limit alone, the range begins or ends there.
+        lower = np.where(~has_lower & has_upper, upper - 2.0 * free, lower)
+        upper = np.where(~has_upper & has_lower, lower + 2.0 * free, upper)
+        q = rng.uniform(lower, upper)
+        for k, component in enumerate(self.orientations):
+            if component == 3:
+                quaternion = rng.normal(size=4)
+                q[k - 3 : k + 1] = quaternion / np.linalg.norm(quaternion)
+        return q
 
     def integrate(self, q: VectorLike, v: VectorLike) -> Array:
         """Return the positions reached from q along v, shape (nq,): v [rad, m], shape (nv,), is a rate times a time.
@@ -226,7 +261,10 @@ class RobotModel:
         q + v of joints of one degree of freedom; of a planar or floating joint, v is a twist in its own axes that is held
         for a unit of time, as in Pinocchio.
         """
-        return integrated(self, q, v)
+        q, v, result = self._positions("q", q), vector("v", v, self.dof_names), np.empty(self.nq)
+        if configuration.integrate(self.workspace.robot, q, v, result):
+            raise InputError("q and v are too large: a result overflows.")
+        return result
 
     def difference(self, q0: VectorLike, q1: VectorLike) -> Array:
         """Return v, shape (nv,), with ``integrate(q0, v)`` at q1: [rad, m].
@@ -234,17 +272,38 @@ class RobotModel:
         Of a planar and a floating joint, and of a continuous one that no other joint follows, it is the shorter way round,
         so that it may arrive a whole number of turns from q1, and a quaternion at −1 times it.
         """
-        return difference(self, q0, q1)
+        turning = set(self.continuous_joints) - {mimic.leader for mimic in self.mimics.values()}
+        turns = np.array([1.0 if name in turning else 0.0 for name in self.dof_names])
+        q0, q1, v = self._positions("q0", q0), self._positions("q1", q1), np.empty(self.nv)
+        if configuration.difference(self.workspace.robot, q0, q1, turns, v):
+            raise InputError("q0 and q1 are too large: a result overflows.")
+        return v
+
+    def _positions(self, name: str, q: VectorLike) -> Array:
+        """Return positions as a new array; each quaternion has length 1."""
+        q = vector(name, q, self.coordinate_names)
+        for k, component in enumerate(self.orientations):
+            quaternion = q[k - 3 : k + 1]
+            if component == 3 and abs(quaternion @ quaternion - 1.0) >= joints.UNIT_TOLERANCE:
+                raise InputError(
+                    f"{name} of joint '{self.coordinate_names[k].rpartition('/')[0]}' has the quaternion "
+                    f"{quaternion.tolist()} (x, y, z, w), expected one of length 1."
+                )
+        return q
 
     @cached_property
     def workspace(self) -> Workspace:
         """Arguments of sweeps; shared, so only for those that write to no memory of the workspace."""
         return Workspace(self.bodies, self.gravity)
 
+    def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
+        """Return this model with these texts as :attr:`omitted`."""
+        return self._with(self._options._replace(omitted=tuple(omitted)), omitted=tuple(omitted))
+
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""
-        vector = gravity_vector(gravity)
-        return replace(self, gravity=vector, _options=self._options._replace(gravity=vector))
+        g = _gravity(gravity)
+        return self._with(self._options._replace(gravity=g), gravity=g)
 
     def with_payload(
         self, link: str, mass: float, com: VectorLike = (0.0, 0.0, 0.0), inertia: MatrixLike | None = None
@@ -260,26 +319,20 @@ class RobotModel:
 
         Raises
         ------
-        InputError
-            No such link, or numbers that are not finite or of the wrong shape.
         MasslessLinkError
             Without the payload a joint moves no inertia.
         """
-        if link not in self.link_names:
-            raise InputError(f"payloads: {link!r} is not a link of robot '{self.name}'.")
-        payloads = {name: payload for name, payload in self.payloads.items() if name != link}
         added = checked_payloads({link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot)
-        payloads |= added
+        payloads = {name: payload for name, payload in self.payloads.items() if name != link} | added
         bodies, links = self._tree.records(self._options.armature, payloads)
-        model = replace(
-            self,
+        model = self._with(
+            self._options._replace(payloads=payloads),
             payloads=MappingProxyType(payloads),
             bodies=bodies,
             links=links,
             total_mass=float(links["mass"].sum()),
-            _options=self._options._replace(payloads=payloads),
         )
-        refuse_massless(model, self._tree, massless_freedoms(model))
+        reject_massless(model, self._tree, massless_freedoms(model))
         return model
 
     def without_payload(self, link: str) -> RobotModel:
@@ -304,16 +357,16 @@ class RobotModel:
         MasslessLinkError
             With them a joint moves no inertia.
         """
-        given = parameters_of(parameters)
-        robot = robot_with(self._tree.robot, given)
-        options = self._options._replace(
-            armature=self._options.armature | armature_by_joint(of_joints(given, "armature"), robot),
-            effort_offset=self._options.effort_offset | of_joints(given, "effort_offset"),
+        given, own = read_parameters(parameters), self._options
+        robot = apply_parameters(self._tree.robot, given)
+        options = own._replace(
+            armature=own.armature | given.by_joint("armature"),
+            effort_offset=own.effort_offset | given.by_joint("effort_offset"),
             held=None,
         )
         if given.friction_velocity is not None:
             options = options._replace(friction_velocity=given.friction_velocity)
-        return _model_beside(robot, self._tree.root, options, given)
+        return _model(robot, self._tree.root, options, given)
 
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
         """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
@@ -337,8 +390,7 @@ class RobotModel:
         Joints that other options of load_urdf lock are added.
         """
         robot = self._tree.robot
-        options = self._options._replace(locked=locked_positions(locked_joints, robot), held=None)
-        return _model(robot, self._tree.root, options)
+        return _model(robot, self._tree.root, self._options._replace(locked=_locked(locked_joints, robot), held=None))
 
     def placement_in_root(self, link: str) -> Array:
         """Return the placement (4x4) in the root link of a link that is rigidly attached to it."""
@@ -415,15 +467,11 @@ def load_urdf(
         Arguments of a xacro file, by name.
     estimate_inertias : float
         Density [kg/m³] of links that have geometry and no <inertial>. Their collision geometry counts, else the visual one; a
-        mesh that is not watertight by its convex hull. :attr:`RobotModel.estimated_links` names them. It opens the files
-        that the URDF names, so it is not for untrusted descriptions; meshes need trimesh.
+        mesh that is not watertight by its convex hull. It opens the files that the URDF names, so it is not for untrusted
+        descriptions; meshes need trimesh.
     parameters : str, os.PathLike, Parameters or dict
         Friction, offsets, rotor inertias, inertias of links and payloads beside the URDF, see :class:`Parameters`; `armature`
         and `friction_velocity` have precedence over those in it.
-
-    Returns
-    -------
-    RobotModel
 
     Raises
     ------
@@ -434,8 +482,6 @@ def load_urdf(
         group is larger than `max_coupled`.
     MasslessLinkError
         Joints move no inertia: the mass matrix would be singular.
-    InputError
-        An argument has a wrong value.
 
     Warns
     -----
@@ -443,73 +489,101 @@ def load_urdf(
         The URDF has probable mistakes: unknown attributes or version, an axis without xyz, angles in degrees. One warning
         names all of them.
     InertiaWarning
-        A link's inertia is not that of any rigid body. With `estimate_inertias`, which links' are estimated, and of which no
-        inertia could be.
+        A link's inertia is not that of any rigid body, or was estimated, or could not be.
     """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
-    vector = gravity_vector(gravity)
+    g = _gravity(gravity)
     folder, source = folder_of(source), expanded(source, xacro_args)
     found = None
     if estimate_inertias is not None:
         found = estimated(urdf_text(source), estimate_inertias, folder)
         source = found.text
-    element = parse_urdf(urdf_text(source).encode(errors="replace"))
+    element = parse_urdf(urdf_text(source))
     robot, root = read_element(element, whole("max_joints", max_joints))
-    beside = Parameters() if parameters is None else parameters_of(parameters)
-    robot = robot_with(robot, beside)
-    rotors, left_out = reflected_inertias(element)
-    if mistakes := warning_of(robot.name, [*remarks_of(element), *limits_in_degrees(element), *left_out]):
+    given = Parameters() if parameters is None else read_parameters(parameters)
+    robot = apply_parameters(robot, given)
+    rotors, ignored = reflected_inertias(element)
+    if mistakes := warning_of(robot.name, [*remarks_of(element), *limits_in_degrees(element), *ignored]):
         warn(mistakes)
-    warn_of_inertias(robot, found.said(robot.name) if found else "", beside.lighter_links)
+    if found and (text := found.warning(robot.name)):
+        warn(text, InertiaWarning)
+    for link in robot.links:
+        reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
+        if reason and link.name not in given.lighter_links:
+            text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
+            warn(text, InertiaWarning)
     if friction_velocity is None:
-        friction_velocity = FRICTION_VELOCITY if beside.friction_velocity is None else beside.friction_velocity
+        friction_velocity = given.friction_velocity
+    v_0 = FRICTION_VELOCITY if friction_velocity is None else friction_velocity
     options = Options(
-        bool(floating_base),
-        vector,
-        mimic,
-        massless,
-        locked_positions({} if locked_joints is None else locked_joints, robot),
-        rotors | armature_by_joint(of_joints(beside, "armature"), robot) | armature_by_joint(armature, robot),
-        of_joints(beside, "effort_offset"),
-        checked_payloads({} if payloads is None else payloads, robot),
-        whole("max_coupled", max_coupled),
-        friction_velocity=friction_velocity_of(friction_velocity),
+        floating_base=bool(floating_base),
+        gravity=g,
+        mimic=mimic,
+        massless=massless,
+        locked=_locked({} if locked_joints is None else locked_joints, robot),
+        armature=rotors | given.by_joint("armature") | _armature(armature, robot),
+        effort_offset=given.by_joint("effort_offset"),
+        payloads=checked_payloads({} if payloads is None else payloads, robot),
+        max_coupled=whole("max_coupled", max_coupled),
+        friction_velocity=not_negative("friction_velocity", v_0, "[rad/s, m/s]"),
         estimated_links=tuple(estimate.link for estimate in found.estimates) if found else (),
     )
-    return _model_beside(robot, root, options, beside)
+    return _model(robot, root, options, given)
 
 
-def _model_beside(robot: Any, root: str, options: Options, given: Parameters) -> RobotModel:
-    """Build the model of a robot with parameters applied; the mass that they take off must be there."""
-    lighter = given.lighter_links
-    if lighter:
-        refuse_too_light(_tree(robot, root, options, options.held or {}), lighter, given.origin)
-    return _model(robot, root, options)
+def _gravity(value: object) -> Array:
+    return numbers("gravity", value, (3,), "three finite numbers [m/s²]", LARGEST_GRAVITY)
 
 
-def _model(robot: Any, root: str, options: Options) -> RobotModel:
-    """Build the model of a robot with all options."""
-    tree = _tree(robot, root, options, options.held or {})
-    model = _model_of(tree, options)
-    found = massless_freedoms(model)
-    held: dict[str, float] = {}
-    while options.massless == "lock" and options.held is None and len(found[0]):
-        more = positions_to_hold(model, tree, found)
-        if not more:
-            break
-        held |= more
-        tree = _tree(robot, root, options, held)
-        model = _model_of(tree, options)
+def _armature(value: object, robot: Any) -> dict[str, float]:
+    """Return the armature by joint name, given one number or a dict."""
+    if value is not None and not isinstance(value, Mapping):
+        one = number("armature", value, "a finite number >= 0, or such by joint name")
+        value = {joint.name: one for joint in robot.joints if joint.type in SINGLE}
+    expected = "a finite number >= 0 [kg m², kg]"
+    return _by_joint("armature", {} if value is None else value, robot, expected, lambda x: 0.0 <= x <= LARGEST)
+
+
+def _locked(value: object, robot: Any) -> dict[str, float]:
+    """Return the positions of locked joints by name."""
+    expected = f"a finite number [rad, m] within ±{LARGEST:g}"
+    return _by_joint("locked_joints", value, robot, expected, lambda x: abs(x) <= LARGEST)
+
+
+def _by_joint(name: str, value: object, robot: Any, expected: str, valid: Callable[[float], bool]) -> dict[str, float]:
+    """Return a number by name of joints of one degree of freedom."""
+    types = {joint.name: joint.type for joint in robot.joints}
+    for joint in mapping(name, value):
+        if joint not in types:
+            raise InputError(f"{name}: {joint!r} is not a joint of robot '{robot.name}'.")
+        if types[joint] not in SINGLE:
+            raise InputError(f"{name}: joint '{joint}' is {types[joint]}, expected one degree of freedom.")
+    return {
+        joint: number(f"{name} of joint '{joint}'", x, expected, valid) for joint, x in mapping(name, value).items()
+    }
+
+
+def _model(robot: Any, root: str, options: Options, applied: Parameters | None = None) -> RobotModel:
+    """Build the model of a robot with all options; the mass that applied parameters take off must be there."""
+    is_known, held = options.held is not None, options.held or {}
+    while True:
+        options = options._replace(held=held)
+        tree = _tree(robot, root, options)
+        if applied is not None:
+            reject_too_light(tree, applied)
+        model = RobotModel(tree, options)
         found = massless_freedoms(model)
-    refuse_massless(model, tree, found)
-    return model if options.held is not None else replace(model, _options=options._replace(held=held))
+        more = positions_to_hold(model, tree, found) if options.massless == "lock" and not is_known else {}
+        if not more:
+            reject_massless(model, tree, found)
+            return model
+        held = held | more
 
 
-def _tree(robot: Any, root: str, options: Options, held: dict[str, float]) -> Tree:
-    """Walk the robot with more joints locked than the options lock."""
-    mimics, held = resolve_mimics(robot, options.mimic, options.locked | held)
-    tree = Tree(robot, root, options.floating_base, held, mimics)
+def _tree(robot: Any, root: str, options: Options) -> Tree:
+    mimics, locked = resolve_mimics(robot, options.mimic, options.locked | (options.held or {}))
+    tree = Tree(robot, root, options.floating_base, locked, mimics)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):
         if size > options.max_coupled:
             raise MimicJointError(
@@ -524,39 +598,3 @@ def _tree(robot: Any, root: str, options: Options, held: dict[str, float]) -> Tr
 def _restored(robot: Any, root: str, options: Options) -> RobotModel:
     """Build a model from its pickled parts, whose arrays are writeable again."""
     return _model(robot, root, options._replace(payloads=checked_payloads(options.payloads, robot)))
-
-
-def _model_of(tree: Tree, options: Options) -> RobotModel:
-    """Build the model of a tree."""
-    bodies, links = tree.records(options.armature, options.payloads)
-    refuse_same_names("degrees of freedom", tree.dof_names)
-    refuse_same_names("positions", tree.coordinate_names)
-    return RobotModel(
-        name=tree.robot.name,
-        dof_names=tree.dof_names,
-        coordinate_names=tree.coordinate_names,
-        joint_names=tuple(joint.name for joint in tree.joints),
-        link_names=tuple(link.name for link, _, _ in tree.links),
-        root_link=tree.root,
-        floating_base=tree.floating_base,
-        gravity=options.gravity,
-        lower=tree.limits("lower", -np.inf),
-        upper=tree.limits("upper", np.inf),
-        velocity_limit=tree.per_dof("limit", "velocity", np.inf),
-        effort_limit=tree.per_dof("limit", "effort", np.inf),
-        damping=tree.resistance("damping", 2),
-        friction=tree.resistance("friction", 1),
-        effort_offset=tree.reflected(options.effort_offset),
-        mimic_joints=tuple(j.name for j in tree.robot.joints if j.mimic is not None and j.type != "fixed"),
-        mimics=MappingProxyType(tree.mimics),
-        coupled_groups=tuple(tree.groups),
-        fixed_joints=tree.of_type("fixed"),
-        continuous_joints=tree.of_type("continuous"),
-        locked_joints=MappingProxyType(dict(tree.locked)),
-        payloads=MappingProxyType(dict(options.payloads)),
-        total_mass=float(links["mass"].sum()),
-        bodies=bodies,
-        links=links,
-        _tree=tree,
-        _options=options,
-    )

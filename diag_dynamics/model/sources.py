@@ -44,41 +44,37 @@ UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
 GIT_LFS = b"version https://git-lfs"
 """First bytes of a pointer of Git LFS."""
 
-FORMATS = (
+FORMATS: tuple[tuple[bytes | tuple[bytes, ...], str], ...] = (
     (GIT_LFS, "a pointer of Git LFS. Run git lfs pull"),
     (b"\x1f\x8b", "compressed by gzip. Unpack it"),
-    (b"PK\x03\x04", "a zip archive. Unpack it, and load the URDF in it"),
     (b"BZh", "compressed by bzip2. Unpack it"),
     (b"\xfd7zXZ", "compressed by xz. Unpack it"),
     (b"\x28\xb5\x2f\xfd", "compressed by zstd. Unpack it"),
+    (b"PK\x03\x04", "a zip archive. Unpack it, and load the URDF in it"),
     (b"7z\xbc\xaf", "a 7z archive. Unpack it, and load the URDF in it"),
     (b"solid ", "a mesh (STL). Load the URDF that names it"),
-    (b"ply\n", "a mesh (PLY). Load the URDF that names it"),
-    (b"ply\r", "a mesh (PLY). Load the URDF that names it"),
+    ((b"ply\n", b"ply\r"), "a mesh (PLY). Load the URDF that names it"),
     (b"glTF", "a mesh (glTF). Load the URDF that names it"),
-    (b"# Blender", "a mesh (OBJ). Load the URDF that names it"),
-    (b"v ", "a mesh (OBJ). Load the URDF that names it"),
-    (b"mtllib ", "a mesh (OBJ). Load the URDF that names it"),
+    ((b"# Blender", b"v ", b"mtllib "), "a mesh (OBJ). Load the URDF that names it"),
     (b"Kaydara FBX", "a mesh (FBX). Load the URDF that names it"),
     (b"ISO-10303-21", "a CAD model (STEP). Export a URDF from it"),
-    (b"PXR-USDC", "a USD scene. Load a URDF or MJCF of the robot"),
-    (b"#usda", "a USD scene. Load a URDF or MJCF of the robot"),
+    ((b"PXR-USDC", b"#usda"), "a USD scene. Load a URDF or MJCF of the robot"),
     (b"#VRML", "a VRML scene. Load the URDF of the robot"),
     (b"#ROSBAG", "a recording (ROS 1 bag). Load the URDF of its robot"),
     (b"\x89MCAP", "a recording (MCAP). Load the URDF of its robot"),
     (b"SQLite format 3", "a database, as recordings are. Load the URDF of its robot"),
-    (b"\x89PNG", "a picture. Load the URDF of the robot"),
-    (b"\xff\xd8\xff", "a picture. Load the URDF of the robot"),
+    ((b"\x89PNG", b"\xff\xd8\xff"), "a picture. Load the URDF of the robot"),
     (b"%PDF", "a PDF. Load the URDF of the robot"),
     (b"#!", "a program. Load the URDF that it writes"),
 )
 """First bytes of files that are no XML: their kind, and what to do."""
 
+_SDF = "an SDF of Gazebo. Load the URDF that it was made from"
 ROOTS = {
     "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
     "mujocoinclude": "a part of an MJCF of MuJoCo. Load the whole MJCF with load_mjcf",
-    "sdf": "an SDF of Gazebo. Load the URDF that it was made from",
-    "gazebo": "an SDF of Gazebo. Load the URDF that it was made from",
+    "sdf": _SDF,
+    "gazebo": _SDF,
     "world": "an SDF of Gazebo. Load the URDF of the robot in it",
     "model": "an SDF or its configuration. Load the URDF that it was made from",
     "collada": "a mesh (COLLADA). Load the URDF that names it",
@@ -103,28 +99,46 @@ def urdf_text(source: Any) -> str:
     Bytes that are not in the encoding count as Latin-1. Comments with ``--`` and bare ampersands, which XML forbids, are
     corrected. Lines keep their numbers.
     """
-    if isinstance(source, str) and not _is_path(source):
-        text = source
-    elif isinstance(source, (bytes, bytearray)):
-        text = _decoded(bytes(source))
-    elif isinstance(source, (str, os.PathLike)):
-        text = _decoded(_file(Path(os.path.expanduser(source))))
-    elif hasattr(source, "read"):
-        text = _read_open(source)
-    else:
-        raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
-    if len(text) > MAX_BYTES:
+    data = _read(source)
+    text = data if isinstance(data, str) else _decoded(bytes(data))
+    if len(data) > MAX_BYTES:
         raise UrdfError(f"The URDF has more than the {MAX_BYTES} bytes accepted.")
     text = re.sub(r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*", lambda found: "\n" * found[0].count("\n"), text.rstrip("\0"))
     if not text.strip():
         raise UrdfError("The URDF is empty.")
     start = text.lstrip()[:10_000]
-    refuse_other_kinds(start.encode(errors="replace"))
+    reject_other_kinds(start.encode(errors="replace"))
     if not start.startswith("<"):
         raise UrdfError(f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>.")
     if "<!DOCTYPE" in text[: text.find("<robot")]:
         raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
     return _corrected(text)
+
+
+def _read(source: Any) -> str | bytes | bytearray:
+    """Return the contents of a source, up to a byte more than are accepted."""
+    if isinstance(source, (bytes, bytearray)) or (isinstance(source, str) and not _is_path(source)):
+        return source
+    if hasattr(source, "read"):
+        try:
+            return source.read(MAX_BYTES + 1)
+        except UnicodeError as error:
+            raise UrdfError(f"The open file is not {source.encoding} text: {error}. Open it in binary mode.") from error
+    if not isinstance(source, (str, os.PathLike)):
+        raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
+    path = Path(os.path.expanduser(source))
+    try:
+        if not path.exists() or path.is_file():
+            with path.open("rb") as file:
+                return file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
+    raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
+
+
+def _is_path(text: str) -> bool:
+    stripped = text.lstrip("\ufeff \t\r\n")
+    return bool(stripped) and not stripped.startswith("<") and "\n" not in stripped
 
 
 def folder_of(source: Any) -> Path | None:
@@ -136,38 +150,14 @@ def folder_of(source: Any) -> Path | None:
     return Path(os.path.expanduser(place)).parent if isinstance(place, (str, os.PathLike)) else None
 
 
-def refuse_root(tag: str) -> None:
+def reject_root(tag: str) -> None:
     """Reject the root element of another kind of file."""
     found = f"The root element is <{short(tag)[1:-1]}>, expected <robot>"
     kind = ROOTS.get(tag.lower())
     raise UrdfError(f"{found}: the file is {kind}." if kind else f"{found}.")
 
 
-def _is_path(text: str) -> bool:
-    stripped = text.lstrip("\ufeff \t\r\n")
-    return bool(stripped) and not stripped.startswith("<") and "\n" not in stripped
-
-
-def _file(path: Path) -> bytes:
-    try:
-        if not path.exists() or path.is_file():
-            with path.open("rb") as file:
-                return file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
-    raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
-
-
-def _read_open(source: Any) -> str:
-    """Return the text of an open file."""
-    try:
-        read = source.read(MAX_BYTES + 1)
-    except UnicodeError as error:
-        raise UrdfError(f"The open file is not {source.encoding} text: {error}. Open it in binary mode.") from error
-    return read if isinstance(read, str) else _decoded(bytes(read))
-
-
-def refuse_other_kinds(start: bytes) -> None:
+def reject_other_kinds(start: bytes) -> None:
     """Reject the first bytes of a file that is no XML, or HTML."""
     for first, kind in FORMATS:
         if start.startswith(first):
@@ -184,7 +174,7 @@ def _decoded(data: bytes) -> str:
     for mark, encoding in MARKS:
         if data.startswith(mark):
             return data.decode(encoding, "replace")
-    refuse_other_kinds(data[:10_000])
+    reject_other_kinds(data[:10_000])
     if len(data) > 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         raise UrdfError("The file is no URDF: it is a mesh (STL). Load the URDF that names it.")
     data = data.removeprefix(codecs.BOM_UTF8)

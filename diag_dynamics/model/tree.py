@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 
 from diag_dynamics import rotations
-from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import coupled_groups
 from diag_dynamics.rigid_body import parallel_axes
@@ -17,37 +17,20 @@ from diag_dynamics.sweeps.records import BODY, LINK
 _UPPER = np.triu_indices(3)
 
 
-def refuse_same_names(what, names):
-    """Reject names of which two are the same."""
-    if len(set(names)) < len(names):
-        [(twice, _)] = Counter(names).most_common(1)
-        raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
-
-
 class MovingJoint:
-    """A moving joint: name, type by name and as a JointType, and joint of the URDF (None for a floating base)."""
+    """A moving joint, with the joint that carries it, or None, and its placement (4, 4) in the frame of that one's body.
 
-    def __init__(self, name, kind, joint=None):
-        self.name, self.kind, self.joint = name, kind, joint
-        self.type = JOINT_TYPES[kind]
+    `joint` is that of the URDF, None for a floating base.
+    """
 
-    def _named(self, suffixes):
-        return tuple(f"{self.name}/{suffix}" if suffix else self.name for suffix in suffixes)
+    def __init__(self, name, kind, carrier, placement, joint=None):
+        self.name, self.kind, self.type = name, kind, JOINT_TYPES[kind]
+        self.carrier, self.placement, self.joint = carrier, placement, joint
+        self.is_single = len(self.type.freedoms) == 1
 
-    @property
-    def dof_names(self):
-        """Names of degrees of freedom."""
-        return self._named(suffix for suffix, _ in self.type.freedoms)
-
-    @property
-    def coordinate_names(self):
-        """Names of position coordinates."""
-        return self._named(self.type.coordinates)
-
-    @property
-    def is_single(self):
-        """Whether it has one degree of freedom."""
-        return len(self.type.freedoms) == 1
+    def names(self, suffixes):
+        """Return the names of degrees of freedom or coordinates with these suffixes."""
+        return [f"{self.name}/{suffix}" if suffix else self.name for suffix in suffixes]
 
     def number(self, element, attribute, default):
         """Return a number of a child element in the URDF."""
@@ -73,190 +56,145 @@ class Tree:
     joints : list of MovingJoint
         Independent joints, base to tip; those of a coupled group come together, before what the group carries.
     groups : list of tuple of str
-        Joints of each coupled group, base to tip.
-    group_sizes : list of int
-        Bodies of each of them.
+        Joints of each coupled group, base to tip; `group_sizes` has their numbers of bodies.
     links : list of (yourdfpy.Link, int, ndarray)
-        Each link with its body and its 4x4 placement in that body's frame.
+        Each link with its body and its placement (4, 4) in that body's frame.
+    dof_names, coordinate_names : tuple of str
+        Names of all degrees of freedom and position coordinates.
+    orientations : tuple of int
+        For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1.
     """
 
-    def __init__(self, robot, root, floating_base=False, locked=None, mimics=None):
-        self.robot, self.root = robot, root
-        self.floating_base, self.locked, self.mimics = floating_base, dict(locked or {}), dict(mimics or {})
-        self.joints, self.groups, self.group_sizes, self.links = [], [], [], []
-        self._records = [np.zeros((), BODY)]
+    def __init__(self, robot, root, floating_base, locked, mimics):
+        self.robot, self.root, self.floating_base = robot, root, floating_base
+        self.locked, self.mimics = locked, mimics
+        self.joints, self.groups, self.group_sizes = [], [], []
         self._coordinates = self._dofs = 0
-        self._body = {}  # last body of each moving joint, by name
-        self._link = {link.name: link for link in robot.links}
-        self._outboard = {}
-        for joint in sorted(robot.joints, key=lambda joint: joint.name.encode(), reverse=True):
-            self._outboard.setdefault(joint.parent, []).append(joint)  # reversed, as a stack takes the last one first
-        self._order = {name: k for k, name in enumerate(self._depth_first())}
-        self._walk(coupled_groups(self.mimics, *self._carriers()))
+        self._records = [np.zeros((), BODY)]
+        self._body = {None: 0}  # last body of each moving joint, by name
+        self._moving = {}
+        places = self._merge_links()
+        self._order = {link: k for k, link in enumerate(places)}
+        groups = coupled_groups(mimics, {name: joint.carrier for name, joint in self._moving.items()})
+        for block in self._blocks(groups):
+            self._add_block(block)
+            if block[0] in groups:
+                self.groups.append(tuple(block))
+                self.group_sizes.append(sum(len(self._moving[name].type.freedoms) for name in block))
+        links = {link.name: link for link in robot.links}
+        self.links = [(links[link], self._body[carrier], place) for link, (carrier, place) in places.items()]
+        self.dof_names = tuple(n for j in self.joints for n in j.names(suffix for suffix, _ in j.type.freedoms))
+        self.coordinate_names = tuple(n for j in self.joints for n in j.names(j.type.coordinates))
+        self.orientations = tuple(
+            QUATERNION.index(suffix) if suffix in QUATERNION else -1
+            for j in self.joints
+            for suffix in j.type.coordinates
+        )
+        for what, names in (("degrees of freedom", self.dof_names), ("positions", self.coordinate_names)):
+            _reject_same_names(what, names)
 
-    def _depth_first(self):
-        """Names of all links."""
-        stack = [self.root]
-        while stack:
-            link = stack.pop()
-            yield link
-            stack.extend(joint.child for joint in self._outboard.get(link, ()))
-
-    def _moves(self, joint):
-        return joint.type != "fixed" and joint.name not in self.locked
-
-    def _carriers(self):
-        """Return the moving joints, and of each the one that carries it, or None."""
-        inboard = {joint.child: joint for joint in self.robot.joints}
-        carrier_of_link, carriers = {self.root: None}, {}
-        for link in list(self._order)[1:]:
-            joint = inboard[link]
-            carrier = carrier_of_link[joint.parent]
-            if self._moves(joint):
-                carriers[joint.name] = carrier
-                carrier = joint.name
-            carrier_of_link[link] = carrier
-        return list(carriers), carriers
-
-    def _walk(self, group_of):
-        body, placement = 0, np.eye(4)
+    def _merge_links(self):
+        """Find the moving joints; return the joint that moves each link, and the link's placement in its frame."""
+        outboard = {}
+        for joint in sorted(self.robot.joints, key=lambda joint: joint.name.encode(), reverse=True):
+            outboard.setdefault(joint.parent, []).append(joint)  # reversed, as a stack takes the last one first
+        base = None
         if self.floating_base:
-            body, placement = self._add_joint(MovingJoint(self._base_name(), "floating"), 0, placement)
-        waiting = {}  # joints of each group that leave its carrier
-        ahead = self._note_groups(self._add_links(self.root, body, placement), group_of, waiting)
+            base, taken = "root_joint", {joint.name for joint in self.robot.joints}
+            while base in taken:
+                base += "_"
+            self._moving[base] = MovingJoint(base, "floating", None, np.eye(4))
+        places = {self.root: (base, np.eye(4))}
+        stack = list(outboard.get(self.root, ()))
+        while stack:
+            joint = stack.pop()
+            stack += outboard.get(joint.child, ())
+            carrier, placement = places[joint.parent]
+            origin = placement if joint.origin is None else placement @ joint.origin
+            if joint.name in self.locked:
+                origin = origin @ _displacement(joint, self.locked[joint.name])
+            elif joint.type != "fixed":
+                turn = np.eye(4)  # z of a body is the joint's axis
+                if joint.type != "floating":
+                    turn[:3, :3] = rotations.frame_about(joint.axis)
+                self._moving[joint.name] = MovingJoint(joint.name, joint.type, carrier, origin @ turn, joint)
+                carrier, origin = joint.name, turn.T
+            places[joint.child] = carrier, origin
+        return places
+
+    def _blocks(self, groups):
+        """Yield the names of joints base to tip, depth first; those of a group come together."""
+        carried, rank = {}, {name: k for k, name in enumerate(self._moving)}
+        for name, joint in self._moving.items():
+            carried.setdefault(joint.carrier, []).append(name)
+        ahead, done = carried.get(None, [])[::-1], set()
         while ahead:
-            joint, body, origin = ahead.pop()
-            if joint.name in self._body:
-                continue  # added with its group
-            if joint.name in group_of:
-                leaving = self._add_group(group_of[joint.name], waiting)
-            else:
-                freedom = MovingJoint(joint.name, joint.type, joint)
-                leaving = self._add_links(joint.child, *self._add_joint(freedom, body, origin))
-            ahead += self._note_groups(leaving, group_of, waiting)
-        self.links.sort(key=lambda entry: self._order[entry[0].name])
-
-    def _add_links(self, link, body, placement):
-        """Add a link and all that move with it; return the moving joints that leave them, the first one last."""
-        stack, leaving = [(link, placement)], []
-        while stack:
-            link, placement = stack.pop()
-            if not isinstance(link, str):
-                leaving.append((link, body, placement))
+            name = ahead.pop()
+            if name in done:
                 continue
-            self.links.append((self._link[link], body, placement))
-            for joint in self._outboard.get(link, ()):
-                origin = placement if joint.origin is None else placement @ joint.origin
-                if self._moves(joint):
-                    stack.append((joint, origin))
-                elif joint.name in self.locked:
-                    stack.append((joint.child, origin @ _displacement(joint, self.locked[joint.name])))
-                else:
-                    stack.append((joint.child, origin))
-        return leaving[::-1]
+            block = sorted(groups.get(name, (name,)), key=rank.__getitem__)
+            done.update(block)
+            yield block
+            ahead += [one for member in block[::-1] for one in carried.get(member, ())[::-1] if one not in done]
 
-    def _note_groups(self, leaving, group_of, waiting):
-        """Note the joints of groups among those that leave a body."""
-        for entry in leaving:
-            if entry[0].name in group_of:
-                waiting.setdefault(group_of[entry[0].name], []).append(entry)
-        return leaving
-
-    def _add_group(self, group, waiting):
-        """Add all bodies of a coupled group; return the moving joints that leave them, the first one last."""
-        first, start, names = len(self._records), self._dofs, []
-        stack = waiting.pop(group)
-        carried = []
-        while stack:
-            joint, body, origin = stack.pop()
-            names.append(joint.name)
-            freedom = MovingJoint(joint.name, joint.type, joint)
-            leaving = self._add_links(joint.child, *self._add_joint(freedom, body, origin))
-            stack += [entry for entry in leaving if entry[0].name in group]
-            carried.append([entry for entry in leaving if entry[0].name not in group])
+    def _add_block(self, block):
+        """Add the bodies of joints that are eliminated together."""
+        first, start = len(self._records), self._dofs
+        for name in block:
+            self._add_joint(self._moving[name])
         for record in self._records[first:]:
             record["first"], record["last"], record["start"] = first, len(self._records) - 1, start
-        for name in names:
+        for name in block:
             if name in self.mimics:
                 leader, multiplier, offset = self.mimics[name]
-                follower, led = self._records[self._body[name]], self._records[self._body[leader]]
-                follower["q"], follower["dof"], follower["leader"] = led["q"], led["dof"], self._body[leader]
-                follower["multiplier"], follower["offset"] = multiplier, offset
-        self.groups.append(tuple(names))
-        self.group_sizes.append(len(self._records) - first)
-        return [entry for leaving in reversed(carried) for entry in leaving]
+                record, led = self._records[self._body[name]], self._records[self._body[leader]]
+                record["q"], record["dof"], record["leader"] = led["q"], led["dof"], self._body[leader]
+                record["multiplier"], record["offset"] = multiplier, offset
 
-    def _base_name(self):
-        name, taken = "root_joint", {joint.name for joint in self.robot.joints}
-        while name in taken:
-            name += "_"
-        return name
-
-    def _add_joint(self, freedom, parent, origin):
-        """Add the bodies of a joint, whose z is its axis; return the last one, and the link's placement in it."""
-        turn = np.eye(4)
-        if freedom.kind != "floating":
-            turn[:3, :3] = rotations.frame_about(freedom.joint.axis)
-        placement = origin @ turn
-        directions = [direction for _, direction in freedom.type.freedoms]
-        first, follows = len(self._records), freedom.name in self.mimics
-        for rank, direction in enumerate(directions):
+    def _add_joint(self, joint):
+        """Add the bodies of a joint, one for each degree of freedom."""
+        parent, placement = self._body[joint.carrier], joint.placement
+        for rank, (_, direction) in enumerate(joint.type.freedoms):
             body, own = np.zeros((), BODY), len(self._records)
             body["parent"], body["direction"] = parent, direction
-            body["kind"], body["dofs"], body["rank"] = freedom.type.kind, len(directions), rank
-            body["q"] = self._coordinates
-            body["dof"], body["leader"], body["multiplier"] = self._dofs + rank, own, 1.0
-            body["first"], body["last"], body["start"] = first, first + len(directions) - 1, self._dofs
-            body["link"] = self._order[freedom.joint.child if freedom.joint else self.root]
+            body["kind"], body["dofs"], body["rank"] = joint.type.kind, len(joint.type.freedoms), rank
+            body["q"], body["dof"] = self._coordinates, self._dofs + rank
+            body["leader"], body["multiplier"] = own, 1.0
+            body["link"] = self._order[joint.joint.child if joint.joint else self.root]
             body["rotation"], body["translation"] = placement[:3, :3].ravel(), placement[:3, 3]
             parent, placement = own, np.eye(4)
             self._records.append(body)
-        self._body[freedom.name] = parent
-        if not follows:
-            self._coordinates += len(freedom.type.coordinates)
-            self._dofs += len(directions)
-            self.joints.append(freedom)
-        return parent, turn.T
+        self._body[joint.name] = parent
+        if joint.name not in self.mimics:
+            self._coordinates += len(joint.type.coordinates)
+            self._dofs += len(joint.type.freedoms)
+            self.joints.append(joint)
 
-    @property
-    def dof_names(self):
-        """Names of all degrees of freedom."""
-        return tuple(name for joint in self.joints for name in joint.dof_names)
-
-    @property
-    def coordinate_names(self):
-        """Names of all position coordinates."""
-        return tuple(name for joint in self.joints for name in joint.coordinate_names)
-
-    @property
-    def orientations(self):
-        """For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1."""
-        return tuple(
-            QUATERNION.index(suffix) if suffix in QUATERNION else -1
-            for joint in self.joints
-            for suffix in joint.type.coordinates
-        )
-
-    def of_type(self, kind):
-        """Names of the URDF's joints of a type, in its order."""
-        return tuple(joint.name for joint in self.robot.joints if joint.type == kind)
+    def body_of(self, joint):
+        """Return the last body of a moving joint."""
+        return self._body[joint]
 
     def per_dof(self, element, attribute, default):
         """Return a number of the URDF for each degree of freedom; those of one joint share it."""
         return np.array(
-            [joint.number(element, attribute, default) for joint in self.joints for _ in joint.type.freedoms],
-            dtype=float,
+            [joint.number(element, attribute, default) for joint in self.joints for _ in joint.type.freedoms], float
         )
+
+    def limits(self, attribute, default):
+        """Return a position limit for each coordinate; continuous joints and those of several coordinates have none."""
+        values = []
+        for joint in self.joints:
+            limited = joint.kind in ("revolute", "prismatic")
+            value = joint.number("limit", attribute, default) if limited else default
+            values += [value] * len(joint.type.coordinates)
+        return np.array(values, float)
 
     def resistance(self, attribute, exponent):
         """Return damping or friction of each degree of freedom, with that of mimic joints times |multiplier|^exponent."""
         values = self.per_dof("dynamics", attribute, 0.0)
-        for joint in self.robot.joints:
-            if joint.name in self.mimics:
-                own = MovingJoint(joint.name, joint.type, joint).number("dynamics", attribute, 0.0)
-                values[self._records[self._body[joint.name]]["dof"]] += (
-                    own * abs(self.mimics[joint.name].multiplier) ** exponent
-                )
+        for name, mimic in self.mimics.items():
+            own = self._moving[name].number("dynamics", attribute, 0.0)
+            values[self._records[self._body[name]]["dof"]] += own * abs(mimic.multiplier) ** exponent
         return values
 
     def reflected(self, efforts):
@@ -268,23 +206,12 @@ class Tree:
                 values[record["dof"]] += effort * record["multiplier"]
         return values
 
-    def limits(self, attribute, default):
-        """Return a position limit for each coordinate; continuous joints and those of several coordinates have none."""
-        return np.array(
-            [
-                joint.number("limit", attribute, default) if joint.kind in ("revolute", "prismatic") else default
-                for joint in self.joints
-                for _ in joint.type.coordinates
-            ],
-            dtype=float,
-        )
-
     def records(self, armature, payloads):
         """Return the arrays of bodies and links, given rotor inertias by joint [kg m², kg] and payloads by link."""
         links = self._link_records(payloads)
         bodies = np.array(self._records, BODY)
-        for name, body in self._body.items():
-            bodies["armature"][body] = armature.get(name, 0.0)  # joints of several degrees of freedom have no limits
+        for name in self._moving:
+            bodies["armature"][self._body[name]] = armature.get(name, 0.0)
         for part in ("mass", "first_moment", "inertia"):
             np.add.at(bodies[part], links["body"], links[part])
         return bodies, links
@@ -306,14 +233,11 @@ class Tree:
                     records.append((body, index, mass, first_moment, inertia[_UPPER]))
         return np.array(records, LINK)
 
-    def joints_with_inertia(self):
-        """Return the joints that move, directly or through fixed joints, a link with mass or inertia in the URDF."""
-        bodies = {
-            body
-            for link, body, _ in self.links
-            if link.inertial is not None and (link.inertial.mass or np.any(link.inertial.inertia))
-        }
-        return {name for name, body in self._body.items() if body in bodies}
+
+def _reject_same_names(what, names):
+    if len(set(names)) < len(names):
+        [(twice, _)] = Counter(names).most_common(1)
+        raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
 
 
 def _about_origin(centre, mass, inertia):
@@ -333,8 +257,6 @@ def _displacement(joint, position):
     axis = np.asarray(joint.axis, dtype=float) / np.linalg.norm(joint.axis)
     if joint.type == "prismatic":
         return _translation(position * axis)
-    if joint.type not in ("revolute", "continuous"):
-        raise InputError(f"joint '{joint.name}' cannot be locked: it is {joint.type}.")
     turn = np.eye(4)
     frame = rotations.frame_about(axis)
     c, s = np.cos(position), np.sin(position)

@@ -15,7 +15,7 @@ from lxml import etree
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES
 from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
-from diag_dynamics.model.sources import refuse_root, urdf_text
+from diag_dynamics.model.sources import reject_root, urdf_text
 
 MAX_JOINTS = 2000
 """Largest number of joints, by default; the largest public robots have some 200."""
@@ -34,42 +34,45 @@ LOOPS = ("loopjoint", "loop", "constraint", "coupling", "closedloop", "loopclosu
 CONTAINERS = ("robot", "link", "joint", "gazebo")
 """Elements whose children may close loops."""
 
-# Elements of a link and of a joint that matter to dynamics, each with the attributes that hold numbers.
-_INERTIAL_NUMBERS = {
-    "mass": {"value": 1},
-    "inertia": {"ixx": 1, "ixy": 1, "ixz": 1, "iyy": 1, "iyz": 1, "izz": 1},
-}
-_JOINT_NUMBERS = {
+INERTIAL = {"mass": {"value": 1}, "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1)}
+"""Elements of an inertial that dynamics needs, each with the attributes that hold numbers."""
+
+JOINT = {
     "axis": {"xyz": 3},
-    "limit": {"lower": 1, "upper": 1, "effort": 1, "velocity": 1},
-    "dynamics": {"damping": 1, "friction": 1},
-    "mimic": {"multiplier": 1, "offset": 1},
+    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
+    "dynamics": dict.fromkeys(("damping", "friction"), 1),
+    "mimic": dict.fromkeys(("multiplier", "offset"), 1),
 }
-_MAY_BE_INFINITE = {"limit"}
+"""Likewise, of a joint. Limits may be infinite."""
 
 
 def read_urdf(source, max_joints=MAX_JOINTS):
     """Return links and joints of a URDF without geometry (yourdfpy.Robot), and the name of the root link."""
-    return read_element(parse_urdf(urdf_text(source).encode(errors="replace")), max_joints)
+    return read_element(parse_urdf(urdf_text(source)), max_joints)
 
 
 def read_element(robot, max_joints=MAX_JOINTS):
     """Check a parsed <robot> element; see :func:`read_urdf`."""
-    _refuse_size(robot, max_joints)
-    _refuse_loops(robot)
-    reduced = etree.Element("robot", name=_plain(robot.get("name"), "The robot's name") or "robot")
-    inertials, joints = _add_links(robot, reduced), _add_joints(robot, reduced)
+    joints, links = (len(robot.findall(tag)) for tag in ("joint", "link"))
+    if max(joints, links - 1) > max_joints:
+        raise UrdfError(
+            f"The URDF has {joints} joints and {links} links, and no more than {max_joints} joints are accepted. Raise "
+            "max_joints if it is to be loaded."
+        )
+    _reject_loops(robot)
+    reduced = etree.Element("robot", name=_expanded(robot.get("name"), "The robot's name") or "robot")
+    inertials, origins = _add_links(robot, reduced), _add_joints(robot, reduced)
     root = _root_link(reduced)
-    read = _objects_of(reduced)
+    read = _read(reduced)
     for link in read.links:
         if link.name in inertials:
             link.inertial.origin = inertials[link.name]
     for joint in read.joints:
-        joint.origin = joints.get(joint.name)
+        joint.origin = origins.get(joint.name)
     return read, root
 
 
-def _objects_of(reduced):
+def _read(reduced):
     """Return the links and joints of a checked <robot> element; importing yourdfpy takes a second."""
     try:
         import yourdfpy
@@ -81,17 +84,7 @@ def _objects_of(reduced):
     return yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
 
 
-def _refuse_size(robot, max_joints):
-    """Reject more than `max_joints` joints, or links than these can connect."""
-    joints, links = (len(robot.findall(tag)) for tag in ("joint", "link"))
-    if max(joints, links - 1) > max_joints:
-        raise UrdfError(
-            f"The URDF has {joints} joints and {links} links, and no more than {max_joints} joints are accepted. Raise "
-            "max_joints if it is to be loaded."
-        )
-
-
-def _refuse_loops(robot):
+def _reject_loops(robot):
     """Reject elements of dialects of URDF that change dynamics."""
     for element in robot.iter(etree.Element):
         parent = element.getparent()
@@ -113,8 +106,8 @@ def _refuse_loops(robot):
             )
 
 
-def parse_urdf(data, comments=False):
-    """Return the <robot> element of XML in UTF-8 without declaration, with comments or without; nothing in it is checked.
+def parse_urdf(text, comments=False):
+    """Return the <robot> element of XML text without declaration, with comments or without; nothing in it is checked.
 
     It has neither unexpanded xacro nor entities.
     """
@@ -122,14 +115,12 @@ def parse_urdf(data, comments=False):
         resolve_entities=False,
         no_network=True,
         load_dtd=False,
-        dtd_validation=False,
         remove_comments=not comments,
         remove_pis=True,
-        huge_tree=False,
         recover=True,  # from undeclared prefixes, as extensions have them, and from nothing else: see below
     )
     try:
-        robot = etree.fromstring(data, parser)
+        robot = etree.fromstring(text.encode(errors="replace"), parser)
     except (etree.XMLSyntaxError, ValueError) as error:
         raise UrdfError(f"The URDF is not well-formed XML: {error}") from error
     for entry in parser.error_log:
@@ -139,35 +130,31 @@ def parse_urdf(data, comments=False):
         raise UrdfError("The URDF is not well-formed XML: it has no element.")
     if robot.getroottree().docinfo.internalDTD is not None:  # whatever stood before it in the text
         raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
-    _check_xacro(robot)
+    _reject_xacro(robot)
     for element in robot.iter(etree.Element):
-        if (
-            element.prefix is None and "}" in element.tag
-        ):  # a default namespace, as some schemas ask for, says nothing to us
+        if element.prefix is None and "}" in element.tag:  # a default namespace, as some schemas ask for
             element.tag = element.tag.rpartition("}")[2]
     if robot.tag != "robot":
-        refuse_root(robot.tag)
+        reject_root(robot.tag)
     return robot
 
 
-def _check_xacro(robot):
+def _reject_xacro(robot):
     """Reject unexpanded xacro; definitions that nothing uses have no effect."""
     stack = [robot]
     while stack:
         for element in stack.pop().iterchildren(etree.Element):
-            tag = local_name(element)
             if not _is_xacro(element):
                 stack.append(element)
-            elif tag not in DEFINITIONS:
-                raise UrdfError(f"The URDF contains <xacro:{tag}>: {UNEXPANDED}")
+            elif local_name(element) not in DEFINITIONS:
+                raise UrdfError(f"The URDF contains <xacro:{local_name(element)}>: {UNEXPANDED}")
 
 
 def _is_xacro(element):
-    namespace = element.tag.rpartition("}")[0]
-    return "xacro" in namespace or element.prefix == "xacro" or element.tag.startswith("xacro:")
+    return "xacro" in element.tag.rpartition("}")[0] or element.prefix == "xacro" or element.tag.startswith("xacro:")
 
 
-def _refuse_no_links(robot):
+def _reject_no_links(robot):
     """Reject a robot without links, and name the kind of file."""
     what = "The URDF has no <link>."
     if any(robot.find(tag) is not None for tag in SEMANTIC):
@@ -178,7 +165,7 @@ def _refuse_no_links(robot):
     raise UrdfError(what)
 
 
-def _plain(value, where):
+def _expanded(value, where):
     """Return a name or type, which xacro must have expanded."""
     if value and ("${" in value or "$(" in value):
         raise UrdfError(f"{where} is {short(value)}, which is unexpanded xacro. Run xacro on it first.")
@@ -189,88 +176,91 @@ def _add_links(robot, reduced):
     """Copy the links; return the placements of inertials that have an origin, by the link's name."""
     names, placements = set(), {}
     for link in robot.findall("link"):
-        name = _name(link, names)
-        copy = etree.SubElement(reduced, "link", name=name)
-        inertial = link.find("inertial")
+        where = f"link '{_name(link, names)}'"
+        name = link.get("name")
+        copy, inertial = etree.SubElement(reduced, "link", name=name), link.find("inertial")
         for origin in link.iterfind("*/origin"):  # of geometry, too: viewers and contacts read it
             if origin.get("rpy") is not None and origin.get("quat_xyzw") is not None:
-                placement_of(origin, f"link '{name}'")
+                placement_of(origin, where)
         if inertial is None:
             continue
-        _copy_numbers(inertial, etree.SubElement(copy, "inertial"), _INERTIAL_NUMBERS, f"link '{name}'")
+        _copy_numbers(inertial, etree.SubElement(copy, "inertial"), INERTIAL, where)
         if inertial.find("origin") is not None:
-            placements[name] = placement_of(inertial.find("origin"), f"link '{name}'")
-        for part in ("mass", "inertia"):
+            placements[name] = placement_of(inertial.find("origin"), where)
+        for part, attributes in INERTIAL.items():
             element = inertial.find(part)
-            missing = [a for a in _INERTIAL_NUMBERS[part] if element is None or element.get(a) is None]
+            missing = [a for a in attributes if element is None or element.get(a) is None]
             if missing:
-                raise UrdfError(f"link '{name}': <inertial> lacks <{part} {missing[0]}=…>.")
-        if float(inertial.find("mass").get("value")) < 0.0:
-            raise UrdfError(f"link '{name}': mass {inertial.find('mass').get('value')} kg is negative.")
+                raise UrdfError(f"{where}: <inertial> lacks <{part} {missing[0]}=…>.")
+        _reject_negative(inertial, "mass", "value", f"{where}: mass", " kg")
     if not names:
-        _refuse_no_links(robot)
+        _reject_no_links(robot)
     return placements
 
 
 def _add_joints(robot, reduced):
     """Copy the joints; return the placements of those that have an origin, by name."""
-    links = {link.get("name") for link in reduced.findall("link")}
+    links = {link.get("name") for link in reduced}
     names, parents, placements = set(), {}, {}
     for joint in robot.findall("joint"):
         name = _name(joint, names)
-        kind = _plain(joint.get("type"), f"joint '{name}': type")
+        where = f"joint '{name}'"
+        kind = _expanded(joint.get("type"), f"{where}: type")
         if kind not in JOINT_TYPES:
-            raise UrdfError(f"joint '{name}': unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}.")
+            raise UrdfError(f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}.")
         copy = etree.SubElement(reduced, "joint", name=name, type=kind)
         for end in ("parent", "child"):
-            element = joint.find(end)
-            if len(joint.findall(end)) > 1:
-                raise UrdfError(f"joint '{name}' has {len(joint.findall(end))} <{end}> elements; expected one.")
-            link = _plain(element.get("link"), f"joint '{name}': {end} link") if element is not None else None
+            elements = joint.findall(end)
+            if len(elements) > 1:
+                raise UrdfError(f"{where} has {len(elements)} <{end}> elements; expected one.")
+            link = _expanded(elements[0].get("link"), f"{where}: {end} link") if elements else None
             if link not in links:
-                raise UrdfError(f"joint '{name}': {end} link {short(link)} is not a link of this URDF.")
+                raise UrdfError(f"{where}: {end} link {short(link)} is not a link of this URDF.")
             etree.SubElement(copy, end, link=link)
-        child = joint.find("child").get("link")
-        if child in parents:
+        if link in parents:
             raise UrdfError(
-                f"link '{child}' is the child of two joints, '{parents[child]}' and '{name}': the URDF has a loop, "
+                f"link '{link}' is the child of two joints, '{parents[link]}' and '{name}': the URDF has a loop, "
                 "and only trees can be modelled. Cut it at one of the two."
             )
-        parents[child] = name
-        _copy_numbers(joint, copy, _JOINT_NUMBERS, f"joint '{name}'")
+        parents[link] = name
+        _copy_numbers(joint, copy, JOINT, where)
         if joint.find("origin") is not None:
-            placements[name] = placement_of(joint.find("origin"), f"joint '{name}'")
+            placements[name] = placement_of(joint.find("origin"), where)
         if copy.find("mimic") is not None:
-            leader = _plain(joint.find("mimic").get("joint"), f"joint '{name}': the joint it mimics")
-            copy.find("mimic").set("joint", leader or "")
+            source = _expanded(joint.find("mimic").get("joint"), f"{where}: the joint it mimics")
+            copy.find("mimic").set("joint", source or "")
         if kind == "planar" and copy.find("axis") is None:
             etree.SubElement(copy, "axis", xyz="0 0 1")  # as everybody takes it, whatever the default of other joints
-        _check_joint_numbers(copy, name)
-        axis = copy.find("axis")
-        if kind not in ("fixed", "floating") and axis is not None:
-            xyz = [float(x) for x in axis.get("xyz", "1 0 0").split()]
-            if math.hypot(*xyz) < 1e-9:
-                raise UrdfError(f"joint '{name}': axis '{axis.get('xyz')}' has no direction.")
+        _check_numbers(copy, kind, where)
     return placements
 
 
-def _check_joint_numbers(joint, name):
+def _check_numbers(joint, kind, where):
     """Reject numbers that no joint can have."""
     for attribute in ("damping", "friction"):
-        value = joint.find("dynamics").get(attribute, "0") if joint.find("dynamics") is not None else "0"
-        if float(value) < 0.0:
-            raise UrdfError(f"joint '{name}': {attribute} {value} is negative.")
-    limit = joint.find("limit") if joint.get("type") in ("revolute", "prismatic") else None
-    if limit is not None and float(limit.get("lower", "-inf")) > float(limit.get("upper", "inf")):
-        raise UrdfError(
-            f"joint '{name}': lower limit {limit.get('lower')} is above the upper one, {limit.get('upper')}."
-        )
+        _reject_negative(joint, "dynamics", attribute, f"{where}: {attribute}")
+    limit, axis = joint.find("limit"), joint.find("axis")
+    if kind in ("revolute", "prismatic") and limit is not None:
+        lower, upper = limit.get("lower", "-inf"), limit.get("upper", "inf")
+        if float(lower) > float(upper):
+            raise UrdfError(f"{where}: lower limit {lower} is above the upper one, {upper}.")
+    if kind not in ("fixed", "floating") and axis is not None:
+        xyz = axis.get("xyz", "1 0 0")
+        if math.hypot(*map(float, xyz.split())) < 1e-9:
+            raise UrdfError(f"{where}: axis '{xyz}' has no direction.")
+
+
+def _reject_negative(element, tag, attribute, named, unit=""):
+    child = element.find(tag)
+    value = "0" if child is None else child.get(attribute, "0")
+    if float(value) < 0.0:
+        raise UrdfError(f"{named} {value}{unit} is negative.")
 
 
 def _name(element, taken):
     """Return the name of a link or joint; reject missing names and duplicates."""
     tag = local_name(element)
-    name = _plain(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
+    name = _expanded(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
     if not name:
         raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
     if name in taken:
@@ -279,25 +269,23 @@ def _name(element, taken):
     return name
 
 
-def _copy_numbers(element, copy, wanted, where):
-    """Copy the children in `wanted`, whose attributes are as many finite numbers as expected."""
-    for tag, attributes in wanted.items():
+def _copy_numbers(element, copy, tags, where):
+    """Copy the first child of each tag, with the attributes that hold so many numbers."""
+    for tag, attributes in tags.items():
         child = element.find(tag)
         if child is None:
             continue
         target = etree.SubElement(copy, tag)
         for attribute, count in attributes.items():
             text = child.get(attribute)
-            if text is None or (tag == "limit" and not text.strip()):
-                continue
-            numbers = numbers_of(child, attribute, count, where, tag in _MAY_BE_INFINITE)
-            target.set(attribute, " ".join(map(repr, numbers)))
+            if text is not None and (text.strip() or tag != "limit"):
+                numbers = numbers_of(child, attribute, count, where, tag == "limit")
+                target.set(attribute, " ".join(map(repr, numbers)))
 
 
 def _root_link(reduced):
     """Return the one link without a parent, from which all others must be reached."""
-    links = [link.get("name") for link in reduced.findall("link")]
-    children = {}
+    links, children = [link.get("name") for link in reduced.findall("link")], {}
     for joint in reduced.findall("joint"):
         children.setdefault(joint.find("parent").get("link"), []).append(joint.find("child").get("link"))
     has_parent = {child for group in children.values() for child in group}
@@ -307,12 +295,11 @@ def _root_link(reduced):
     if len(roots) > 1:
         listed = ", ".join(f"'{root}'" for root in roots[:6]) + (", …" if len(roots) > 6 else "")
         raise UrdfError(f"The URDF has {len(roots)} root links ({listed}), expected one: join them with fixed joints.")
-    reached, front = set(), [roots[0]]
-    while front:
-        link = front.pop()
-        reached.add(link)
-        front.extend(children.get(link, ()))
-    unreached = [link for link in links if link not in reached]
+    front = list(roots)
+    for link in front:
+        front += children.get(link, ())
+    unreached = set(links).difference(front)
     if unreached:
-        raise UrdfError(f"link '{unreached[0]}' is part of a loop of joints that the root '{roots[0]}' does not reach.")
+        first = next(link for link in links if link in unreached)
+        raise UrdfError(f"link '{first}' is part of a loop of joints that the root '{roots[0]}' does not reach.")
     return roots[0]

@@ -49,7 +49,7 @@ def links_of(model, source, missing=None):
     The dict `missing` receives the errors of shapes that are left out, by link.
     """
     missing = {} if missing is None else missing
-    robot = parse_urdf(read_source(source).text.encode(errors="replace"))
+    robot = parse_urdf(read_source(source).text)
     elements = {element.get("name"): element for element in robot.findall("link")}
     origins, bones = {}, {name: [] for name in model.link_names}
     for joint in robot.findall("joint"):

@@ -16,7 +16,7 @@ from lxml import etree
 import diag_dynamics as dd
 from diag_dynamics.model.geometry import Shape, estimated, shapes_of, solid_of, united
 from diag_dynamics.model.meshes import Meshes, find_mesh
-from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.remarks import handle_warnings
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 """Corners of the unit cube in the first octant."""
@@ -248,7 +248,7 @@ def test_models_keep_the_names_of_estimated_links(bare):
     warnings_of_inertias = []
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with warnings_told(warnings_of_inertias.append):
+        with handle_warnings(warnings_of_inertias.append):
             dd.load_urdf(bare, estimate_inertias=500.0)
         assert dd.load_robot("panda", estimate_inertias=500.0).estimated_links == ()
     assert len(warnings_of_inertias) == 1

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
-from diag_dynamics.model.options import not_physical
+from diag_dynamics.model.inertias import not_physical
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS
@@ -92,7 +92,7 @@ def test_mass_matrix_against_pinocchio():
 def test_sources(tmp_path, options):
     """A dict, a file and `with_parameters` give the same model; pickles keep it."""
     path = tmp_path / "arm.yaml"
-    dd.Parameters.of(ALL).save(path)
+    dd.Parameters.from_dict(ALL).save(path)
     plain = dd.load_urdf(PANDA, **options)
     model = dd.load_urdf(PANDA, parameters=ALL, **options)
     others = [dd.load_urdf(PANDA, parameters=path, **options)]
@@ -114,7 +114,7 @@ def test_unnamed_entries_stay():
 
 
 def test_later_parameters():
-    """A model with these and then those equals one that is loaded with `followed_by`."""
+    """A model with these and then those equals one that is loaded with `merged_with`."""
     first, second = (dd.Payload(mass, (0.0, 0.0, 0.1), 2e-3 * np.eye(3)) for mass in (0.5, 1.0))
     own = {"panda_link2": dd.Payload(2.0, (0.0, -0.1, 0.0), 0.02 * np.eye(3))}
     joints = {"panda_joint1": dd.JointParameters(damping=0.5, armature=0.2)}
@@ -127,7 +127,7 @@ def test_later_parameters():
         payloads={"panda_link7": dd.Payload(-0.8, (0.0, 0.02, 0.12), -1e-3 * np.eye(3))},
         origin={"date": "after"},
     )
-    both = earlier.followed_by(later)
+    both = earlier.merged_with(later)
     assert both.joints["panda_joint1"] == dd.JointParameters(damping=0.3, armature=0.2)
     assert both.payloads["panda_link7"].mass == pytest.approx(0.2)
     assert (both.friction_velocity, both.origin) == (0.02, {"date": "after"})
@@ -135,10 +135,10 @@ def test_later_parameters():
     a, b = evaluation(twice), evaluation(once)
     np.testing.assert_allclose(a.coriolis, b.coriolis, atol=1e-12)
     np.testing.assert_array_equal(twice.damping, once.damping)
-    replaced = earlier.followed_by(dd.Parameters(links={"panda_link4": dd.Payload(3.0)}))
+    replaced = earlier.merged_with(dd.Parameters(links={"panda_link4": dd.Payload(3.0)}))
     assert set(replaced.payloads) == {"panda_link7"}  # the later inertia of a link contains its payload
     with pytest.raises(dd.InputError, match="two payloads of link 'panda_link4'"):
-        earlier.followed_by(dd.Parameters(payloads={"panda_link4": dd.Payload(-0.5)}))
+        earlier.merged_with(dd.Parameters(payloads={"panda_link4": dd.Payload(-0.5)}))
 
 
 # --- Friction and offsets
@@ -295,7 +295,7 @@ def test_perturbed_inertias():
 def test_parameters_file_of_a_node(tmp_path):
     """The node's own parameters precede those of the file."""
     path = tmp_path / "arm.yaml"
-    dd.Parameters.of(ALL).save(path)
+    dd.Parameters.from_dict(ALL).save(path)
     values = {name: spec.default for name, spec in PARAMETERS.items()} | {"parameters_file": str(path)}
     model = model_of(str(PANDA), values)
     assert same(model, dd.load_urdf(PANDA, parameters=path)) and model.friction_velocity == 0.02

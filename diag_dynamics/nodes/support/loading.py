@@ -10,7 +10,7 @@ from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import load_urdf
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
-from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.remarks import handle_warnings
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.text import plain
 
@@ -58,7 +58,7 @@ def load_robot(node, description, values):
     _refuse_mjcf(description)
     node.get_logger().info("Loading a robot.")
     warnings = []
-    with warnings_told(warnings.append):
+    with handle_warnings(warnings.append):
         model = model_of(description, values)
     for text in warnings[:MAX_WARNINGS]:
         node.get_logger().warning(plain(text))

@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.catalog import read_source
-from diag_dynamics.model.options import warnings_told
+from diag_dynamics.model.remarks import handle_warnings
 from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque
 from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import shortened
@@ -205,7 +205,7 @@ class RobotSubscription:
     def _load_robot(self, description, values):
         """Return the dynamics, scene and meshes of a robot; in a thread."""
         source = description if values["robot_description"] else description.encode(errors="replace")
-        with warnings_told(lambda text: None):  # the monitor logs them
+        with handle_warnings(lambda text: None):  # the monitor logs them
             text = read_source(source).text
             try:
                 model = model_of(text, values)

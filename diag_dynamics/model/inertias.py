@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Inertias of payloads and links: their checks, and the bounds that those of rigid bodies keep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
+from diag_dynamics.checks import mapping, numbers
+from diag_dynamics.exceptions import InputError
+
+LARGEST = 1e9
+"""Largest mass, length, inertia or armature accepted, in SI units."""
+
+
+class Payload(NamedTuple):
+    """A rigid body attached to a link, in the link's axes.
+
+    Attributes
+    ----------
+    mass : float
+        [kg].
+    com : array_like, shape (3,)
+        Centre of mass from the link's origin [m].
+    inertia : array_like, shape (3, 3)
+        About the centre of mass [kg m²]; that of a point by default.
+    """
+
+    mass: float
+    com: VectorLike = (0.0, 0.0, 0.0)
+    inertia: MatrixLike = ((0.0,) * 3,) * 3
+
+
+def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
+    """Return each :class:`Payload` with mass, of read-only arrays."""
+    links = [link.name for link in robot.links]
+    checked = {}
+    for name, given in mapping("payloads", value).items():
+        if name not in links:
+            raise InputError(f"payloads: {name!r} is not a link of robot '{robot.name}'.")
+        try:
+            payload = Payload(*given)
+        except TypeError as error:
+            raise InputError(f"payloads: '{name}' has {given!r}, expected (mass, com, inertia).") from error
+        payload = checked_body(payload, "payloads: ", f" on link '{name}'")
+        if payload.mass > 0.0:
+            checked[name] = payload
+    return checked
+
+
+def checked_body(body: Payload, before: str, after: str = "", may_be_negative: bool = False) -> Payload:
+    """Return mass, centre and inertia of a rigid body as read-only arrays; errors name a part between two texts.
+
+    Mass may be negative if something is taken off.
+    """
+    mass_name, com_name, inertia_name = (f"{before}{part}{after}" for part in Payload._fields)
+    expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
+    mass = float(numbers(mass_name, body.mass, (), expected, LARGEST))
+    if mass < 0.0 and not may_be_negative:
+        raise InputError(f"{mass_name} is {mass}, expected {expected}.")
+    com = numbers(com_name, body.com, (3,), "three finite numbers [m]", LARGEST)
+    inertia = numbers(inertia_name, body.inertia, (3, 3), "3 x 3 finite numbers [kg m²]", LARGEST)
+    reason = None if mass < 0.0 else not_physical(inertia, mass)
+    if reason or np.abs(inertia - inertia.T).max() > 1e-9 * np.abs(inertia).max():
+        raise InputError(f"{inertia_name} is {inertia.tolist()}, {reason or 'not symmetric'}.")
+    inertia = 0.5 * (inertia + inertia.T)
+    com.flags.writeable = inertia.flags.writeable = False
+    return Payload(mass, com, inertia)
+
+
+def negative_moments(inertia: Array, mass: float) -> str:
+    """Return the principal moments of an inertia as text if one is negative beyond rounding; else an empty text."""
+    moments, rounding = _moments(inertia, mass)
+    return _short(moments) if moments[0] < -rounding else ""
+
+
+def not_physical(inertia: Array, mass: float) -> str | None:
+    """Return the reason why no rigid body has an inertia about its centre of mass, or None."""
+    if negative := negative_moments(inertia, mass):
+        return f"whose principal moments {negative} are not all positive"
+    moments, rounding = _moments(inertia, mass)
+    if moments[2] > moments[0] + moments[1] + rounding:
+        return f"whose principal moments {_short(moments)} break the triangle inequality"
+    return None
+
+
+def _moments(inertia: Array, mass: float) -> tuple[Array, float]:
+    """Return the principal moments, and how far beyond a bound they may be by rounding [kg m²].
+
+    The moments of plates and rods lie on the bound; rounded to four digits, they are beyond it. A radius of gyration of a
+    micrometre counts as that of a point.
+    """
+    moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
+    return moments, float(max(1e-3 * np.abs(moments).max(), 1e-12 * mass))
+
+
+def _short(numbers: Iterable[float]) -> str:
+    return ", ".join(f"{number:.3g}" for number in numbers)
