@@ -24,8 +24,8 @@ _NAMES = {
     "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",
     "contact.results": "Contact",
     "simulation": "CompliantLimits EnergyAudit Simulation",
-    "control": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter GravityCompensation JointTracking "
-    "PoseRegulation PositionRepulsion RateDamping",
+    "control.laws": "GravityCompensation JointTracking PoseRegulation RateDamping",
+    "control.limits": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter PositionRepulsion",
     "control.observer": "DisturbanceObserver",
     "collision.detector": "AlarmDetector AlarmThresholds",
     "collision.calibration": "Calibration",
@@ -52,15 +52,15 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.contact.points import ContactPoint as ContactPoint
     from diag_dynamics.contact.points import ContactPoints as ContactPoints
     from diag_dynamics.contact.results import Contact as Contact
-    from diag_dynamics.control import ContactLimiter as ContactLimiter
-    from diag_dynamics.control import EffortRateLimiter as EffortRateLimiter
-    from diag_dynamics.control import EffortSaturation as EffortSaturation
-    from diag_dynamics.control import EnergyLimiter as EnergyLimiter
-    from diag_dynamics.control import GravityCompensation as GravityCompensation
-    from diag_dynamics.control import JointTracking as JointTracking
-    from diag_dynamics.control import PoseRegulation as PoseRegulation
-    from diag_dynamics.control import PositionRepulsion as PositionRepulsion
-    from diag_dynamics.control import RateDamping as RateDamping
+    from diag_dynamics.control.laws import GravityCompensation as GravityCompensation
+    from diag_dynamics.control.laws import JointTracking as JointTracking
+    from diag_dynamics.control.laws import PoseRegulation as PoseRegulation
+    from diag_dynamics.control.laws import RateDamping as RateDamping
+    from diag_dynamics.control.limits import ContactLimiter as ContactLimiter
+    from diag_dynamics.control.limits import EffortRateLimiter as EffortRateLimiter
+    from diag_dynamics.control.limits import EffortSaturation as EffortSaturation
+    from diag_dynamics.control.limits import EnergyLimiter as EnergyLimiter
+    from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion
     from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver
     from diag_dynamics.dynamics import DiagonalDynamics as DiagonalDynamics
     from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError

@@ -3,14 +3,11 @@
 
 """Filters of the control loop in their order, for robots with and without gravity compensation of their own."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from diag_dynamics.control import limits
 from diag_dynamics.control.by_dof import by_dof, effort_limits
-from diag_dynamics.control.command import Command
-from diag_dynamics.control.contact_limit import ContactLimiter
+from diag_dynamics.control.limits import ContactLimiter
 
 MAX_RAMP_TIME = 0.1
 """Maximum time in which efforts reach gravity compensation without a warning [s]."""
@@ -19,19 +16,10 @@ FIRST_PERIOD = 1e-3
 """Assumed length of the first cycle [s]."""
 
 
-class Filtered(NamedTuple):
-    """Effort to send [N m, N], shape (nv,), before the rate limit; its command; which limiters removed power."""
-
-    effort: np.ndarray
-    command: Command
-    energy_limited: bool
-    contact_limited: bool
-
-
 class Efforts:
     """Filters of one robot, the last effort `sent` [N m, N], and the `scale` of the effort limits on the last command.
 
-    Arguments are those of :class:`ControlLoop`. `energy_limiter` and `contact_limiter` are None without limits.
+    Arguments are those of :class:`ControlLoop`. Limiters are None without limits; `unlimited` joints have no effort limit.
     """
 
     def __init__(self, dynamics, values, compensated, points=None):
@@ -46,6 +34,7 @@ class Efforts:
         if points is not None:
             self.contact_limiter = ContactLimiter(dynamics, points, values["contact.rate"])
         self._saturation = limits.EffortSaturation(model, effort_limits(values["effort_limit"], model))
+        self.unlimited = limits.names_where(self._names, np.isinf(self._saturation.limit))
         self.sent = np.zeros(model.nv)
         # The rate is that of the command, not of the total torque: a robot with gravity compensation is released by zero.
         rate = by_dof("effort_rate", values["effort_rate"], model.dof_names)
@@ -53,11 +42,14 @@ class Efforts:
         self.begin()
 
     def begin(self):
-        """Start anew from the last effort."""
+        """Start from the last effort."""
         self._gravity, self._time, self.scale = np.zeros_like(self.sent), None, 1.0  # time of the last command [ns]
 
     def filtered(self, state, command, external):
-        """Return the effort for a command at a state, before the rate limit; `external` is the observer's ε, or None."""
+        """Return effort before the rate limit, command, and whether the energy and contact limiters removed power.
+
+        `external` are working moments of external forces by the observer, or None.
+        """
         q, qd = state.position, state.velocity
         self._gravity = g = command.gravity_torque
         if self._springs:
@@ -75,7 +67,7 @@ class Efforts:
             bound = np.maximum(self._saturation.limit, np.abs(g))
             effort = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
         limited = command._replace(scale=self.scale, limited=saturated.limited)
-        return Filtered(effort, limited, slower is not unlimited, command is not slower)
+        return effort, limited, slower is not unlimited, command is not slower
 
     def ramped(self, effort, time):
         """Return the effort to send at a time [ns] and the joints that wait for their rate.
@@ -83,8 +75,8 @@ class Efforts:
         After a stall efforts change by no more than within the longest cycle.
         """
         self.sent, waiting = self._ramp.filter(effort, self._elapsed(time))
-        back = self._time is not None and time - self._time < -self._max_period * 1e9
-        self._time = time if self._time is None or back else max(time, self._time)
+        if self._time is None or not -self._max_period * 1e9 <= time - self._time < 0:
+            self._time = time
         return self.sent, waiting
 
     def _elapsed(self, time):
@@ -121,19 +113,11 @@ class Efforts:
         return self.sent + self._gravity if self._compensated else self.sent
 
     @property
-    def unlimited(self):
-        """Joints without effort limit."""
-        return self._named(np.isinf(self._saturation.limit))
-
-    @property
     def heavy(self):
         """Joints whose gravity torque exceeds HEAVY of their effort limit in the last state."""
-        return self._named(np.abs(self._gravity) > limits.HEAVY * self._saturation.limit)
+        return limits.names_where(self._names, np.abs(self._gravity) > limits.HEAVY * self._saturation.limit)
 
     @property
     def slow(self):
         """Joints that need more than MAX_RAMP_TIME for gravity compensation in the last state."""
-        return self._named(np.abs(self.carrying) > MAX_RAMP_TIME * self._ramp.rate)
-
-    def _named(self, mask):
-        return tuple(name for name, is_in in zip(self._names, mask, strict=True) if is_in)
+        return limits.names_where(self._names, np.abs(self.carrying) > MAX_RAMP_TIME * self._ramp.rate)

@@ -1,32 +1,65 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control laws in (ν, ε): rate damping, gravity compensation and joint tracking."""
+"""Control laws in (ν, ε) and their commands: damping, gravity compensation, joint tracking and pose regulation.
+
+Gains are one number for all degrees of freedom, or one for each.
+"""
 
 from __future__ import annotations
 
+import math
+from typing import Any, NamedTuple, TypeAlias
+
 import numpy as np
 
-from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import instance, per_name, vector
-from diag_dynamics.control.command import Command, PoseError
+from diag_dynamics import rotations
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
+from diag_dynamics.checks import array_of, instance, numbers, per_name, positive, vector
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import UnsupportedError
-from diag_dynamics.rotations import wrap_angle
+from diag_dynamics.exceptions import InputError, UnsupportedError
+
+Gain: TypeAlias = VectorLike | float
+
+ORTHOGONAL = 1e-6
+"""Maximum deviation of RᵀR of a desired orientation from the identity."""
+
+UNIT = 1e-3
+"""Maximum deviation of a quaternion's length from 1."""
+
+
+class PoseError(NamedTuple):
+    """Error of a frame's pose in the root link's axes, desired less actual; a part that is not regulated is None."""
+
+    position: Array | None  # [m], shape (3,)
+    orientation: Array | None  # rotation vector from the actual to the desired orientation [rad], shape (3,)
+
+
+class Command(NamedTuple):
+    """Joint efforts and their reasons: one evaluation of a law. Arrays have shape (nv,) and are the caller's own.
+
+    A robot with gravity compensation of its own receives τ − g.
+    """
+
+    tau: Array  # joint efforts [N m, N], τ = m(ε + ε_g)
+    epsilon: Array  # working moments ε that move the robot [J^½/s], without gravity
+    gravity_torque: Array  # g(q) [N m, N], the part of tau that holds the robot
+    nu: Array  # total joint rates ν [J^½]
+    lyapunov: float  # Lyapunov function V of the law [J]
+    lyapunov_rate: float  # dV/dt [W] by the law alone: without filters, pushes and friction, for a target at rest
+    error: Array | PoseError | None = None  # what the law reduces: q_d − q of a joint-space target, or that of a pose
+    scale: float = 1.0  # factor of the effort limits on the part of tau that moves the robot
+    limited: tuple[str, ...] = ()  # degrees of freedom at their effort limits
 
 
 def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
     """Return the dynamics of a robot with a motor at every degree of freedom; raise UnsupportedError for others."""
     model = instance("dynamics", dynamics, DiagonalDynamics).model
     if model.floating_base:
-        raise UnsupportedError(
-            f"robot '{model.name}' has a floating base, which no motor drives: control needs a fixed base."
-        )
+        raise UnsupportedError(f"robot '{model.name}' has a floating base, which no motor drives.")
     for joint in model.joint_names:
         if joint not in model.dof_names:
-            raise UnsupportedError(
-                f"joint '{joint}' of robot '{model.name}' has several degrees of freedom, which no motor drives; lock it."
-            )
+            raise UnsupportedError(f"joint '{joint}' has several degrees of freedom, which no motor drives; lock it.")
     return dynamics
 
 
@@ -43,35 +76,21 @@ class Law:
         self.dynamics = actuated(dynamics)
         dynamics.compile(*self.METHODS)
 
-    def _command(
-        self,
-        q: VectorLike,
-        nu: Array,
-        epsilon: Array,
-        lyapunov: float,
-        rate: float,
-        error: PoseError | None = None,
-    ) -> Command:
-        """Return the command of working moments without gravity: τ = mε + g."""
+    def _command(self, q: VectorLike, nu: Array, epsilon: Array, rate: float, stored: float = 0.0) -> Command:
+        """Return the command τ = mε + g of working moments; V is K and a stored energy."""
         g = self.dynamics.gravity_torque(q)
         tau = self.dynamics.tau_from_epsilon(q, epsilon)
         tau += g
-        return Command(tau, epsilon, g, nu, lyapunov, rate, error)
+        return Command(tau, epsilon, g, nu, 0.5 * float(nu @ nu) + stored, rate)
 
 
 class RateDamping(Law):
-    """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own.
+    """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own; the gain is c > 0 [1/s].
 
     V = K = ½|ν|² and dV/dt = −νᵀcν. With equal gains K decays as exp(−2ct), in any configuration and motion.
-
-    Parameters
-    ----------
-    dynamics : DiagonalDynamics
-    gain : float or array_like, shape (nv,)
-        c > 0 [1/s], one for all total rates or one for each.
     """
 
-    def __init__(self, dynamics: DiagonalDynamics, gain: VectorLike | float) -> None:
+    def __init__(self, dynamics: DiagonalDynamics, gain: Gain) -> None:
         super().__init__(dynamics)
         self.gain = per_name("gain", gain, dynamics.model.dof_names, "a finite number > 0 [1/s]")
 
@@ -79,7 +98,7 @@ class RateDamping(Law):
         """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
         nu = self.dynamics.nu_from_qd(q, qd)
         epsilon = -self.gain * nu
-        return self._command(q, nu, epsilon, 0.5 * float(nu @ nu), float(nu @ epsilon))
+        return self._command(q, nu, epsilon, float(nu @ epsilon))
 
 
 class GravityCompensation(Law):
@@ -91,7 +110,7 @@ class GravityCompensation(Law):
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
         """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
         nu = self.dynamics.nu_from_qd(q, qd)
-        return self._command(q, nu, 0.0 * nu, 0.5 * float(nu @ nu), 0.0)
+        return self._command(q, nu, 0.0 * nu, 0.0)
 
 
 class JointTracking(Law):
@@ -101,34 +120,19 @@ class JointTracking(Law):
     V = ½|s|² falls at −sᵀKs in every configuration. Once s is zero, q − q_d decays at Λ. ν̇_r + Bν_r is evaluated as
     ℓ(M q̈_r + C_s q̇_r), a Newton–Euler pass with two velocities, q̈_r = q̈_d − Λ(q̇ − q̇_d).
 
-    Parameters
-    ----------
-    dynamics : DiagonalDynamics
-    gain : float or array_like, shape (nv,)
-        K > 0 [1/s], one for all components of s or one for each.
-    convergence : float or array_like, shape (nv,)
-        Λ > 0 [1/s], one for all joints or one for each.
-    closing : float or array_like, shape (nv,)
-        Largest part of q̇_r that reduces the error [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V
-        falls as before.
+    The gain is K > 0 [1/s], the convergence Λ > 0 [1/s]. `closing` is the largest part of q̇_r that reduces the error
+    [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V falls as before.
     """
 
     METHODS = (*Law.METHODS, "inverse_dynamics", "coriolis_product", "epsilon_from_tau")
 
-    def __init__(
-        self,
-        dynamics: DiagonalDynamics,
-        gain: VectorLike | float,
-        convergence: VectorLike | float,
-        closing: VectorLike | float = np.inf,
-    ) -> None:
+    def __init__(self, dynamics: DiagonalDynamics, gain: Gain, convergence: Gain, closing: Gain = np.inf) -> None:
         super().__init__(dynamics)
         model, names = dynamics.model, dynamics.model.dof_names
         self.gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
         self.convergence = per_name("convergence", convergence, names, "a finite number > 0 [1/s]")
         self.closing = per_name("closing", closing, names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
         self._continuous = np.array([name in model.continuous_joints for name in names])
-        self._has_continuous = bool(model.continuous_joints)
         self._zero = np.zeros(model.nv)
 
     def command(
@@ -139,20 +143,14 @@ class JointTracking(Law):
         desired_qd: VectorLike | None = None,
         desired_qdd: VectorLike | None = None,
     ) -> Command:
-        """Return the command at one state for the desired motion at this time.
+        """Return the command at q [rad, m] and qd [rad/s, m/s] for a desired motion, whose derivatives are 0 by default.
 
-        V is ½|s|², and the error q_d − q, of a continuous joint the shorter way round.
-
-        Parameters
-        ----------
-        q, qd : array_like, shape (nv,)
-            Positions [rad, m] and rates [rad/s, m/s].
-        desired_q, desired_qd, desired_qdd : array_like, shape (nv,)
-            Desired positions, rates and accelerations [rad/s², m/s²]; at rest by default.
+        All have shape (nv,). V is ½|s|², and the error q_d − q, of a continuous joint the shorter way round.
         """
         dynamics, names = self.dynamics, self.dynamics.model.dof_names
         q, qd = vector("q", q, names), vector("qd", qd, names)
-        error = self._error(vector("desired_q", desired_q, names), q)
+        error = vector("desired_q", desired_q, names) - q
+        error = np.where(self._continuous, rotations.wrap_angle(error), error)
         qd_d = self._zero if desired_qd is None else vector("desired_qd", desired_qd, names)
         qdd_d = self._zero if desired_qdd is None else vector("desired_qdd", desired_qdd, names)
         closing = self.convergence * error
@@ -169,8 +167,90 @@ class JointTracking(Law):
         epsilon = dynamics.epsilon_from_tau(q, tau - g)
         return Command(tau, epsilon, g, nu, 0.5 * float(s @ s), -float(s @ braking), error)
 
-    def _error(self, desired_q: Array, q: Array) -> Array:
-        error = desired_q - q
-        if self._has_continuous:
-            error[self._continuous] = wrap_angle(error[self._continuous])
-        return error
+
+class PoseRegulation(Law):
+    """Pose regulation ε = −c₁ν + ℓJᵀC₂e (Control 8.2, with the sign that converges): springs pull a frame to its target.
+
+    e = Y_d − Y(q), Y the frame's position and its three axes a_j, and JᵀC₂e = J₆ᵀ[c_p; Σ a_j × c_j] with c = C₂e, a wrench
+    at the frame. V = ½|ν|² + ½eᵀC₂e falls at −νᵀc₁ν, which includes the null space of a redundant arm. The robot comes to
+    rest where ℓJᵀC₂e = 0: at the target; at a singularity or a target out of reach; and at an orientation error of exactly
+    180°, if its stiffness is the same about all axes.
+
+    The frame has the link's axes and its origin at a point [m] in these. The damping is c₁ > 0 [1/s], the position stiffness
+    C₂ > 0 [N/m], one number or one for each of the root link's axes. The orientation stiffness > 0 [N m/rad] against small
+    rotations is twice the weight C₂ of an axis.
+    """
+
+    METHODS = (*Law.METHODS, "placement", "epsilon_from_wrench")
+
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        link: str,
+        damping: Gain,
+        position_stiffness: Gain,
+        orientation_stiffness: float,
+        point: VectorLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        super().__init__(dynamics)
+        if link not in dynamics.model.link_names:
+            raise InputError(f"'{link}' is not a link of robot '{dynamics.model.name}'.")
+        self.link = link
+        self.damping = per_name("damping", damping, dynamics.model.dof_names, "a finite number > 0 [1/s]")
+        self.position_stiffness = per_name("position_stiffness", position_stiffness, "xyz", "a finite number > 0 [N/m]")
+        self.orientation_stiffness = positive("orientation_stiffness", orientation_stiffness, "[N m/rad]")
+        self.point = numbers("point", point, (3,), "three finite numbers [m]")
+        self._position: Array | None = None
+        self._axes: Array | None = None
+
+    def aim(self, position: VectorLike | None = None, orientation: MatrixLike | None = None) -> None:
+        """Set the target in the root link's axes, which a command requires; a part that is None is not regulated.
+
+        The position [m] is from the root link's origin, shape (3,). The orientation is a rotation matrix, with the frame's
+        axes as columns, or a unit quaternion (x, y, z, w).
+        """
+        if position is None and orientation is None:
+            raise InputError("position and orientation are both None: there is nothing to aim at.")
+        axes = None if orientation is None else rotation_of(orientation)
+        self._position = None if position is None else numbers("position", position, (3,), "three finite numbers [m]")
+        self._axes = axes
+
+    def pose(self, q: VectorLike) -> tuple[Array, Array]:
+        """Return the frame's position [m], shape (3,), and axes as columns, shape (3, 3), at q in the root link's axes."""
+        X = self.dynamics.placement(q, self.link)
+        return X[:3, :3] @ self.point + X[:3, 3], X[:3, :3]
+
+    def command(self, q: VectorLike, qd: VectorLike) -> Command:
+        """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
+        if self._position is None and self._axes is None:
+            raise InputError("PoseRegulation has no target: call aim first.")
+        nu = self.dynamics.nu_from_qd(q, qd)
+        position, axes = self.pose(q)
+        wrench, stored, distance, rotation = np.zeros(6), 0.0, None, None
+        if self._position is not None:
+            distance = self._position - position
+            wrench[:3] = self.position_stiffness * distance
+            stored += 0.5 * float(wrench[:3] @ distance)
+        if self._axes is not None:
+            weight, R = 0.5 * self.orientation_stiffness, self._axes @ axes.T
+            wrench[3:] = weight * rotations.vee(R)  # Σ a_j × (a_dj − a_j)
+            stored += weight * (3.0 - float(np.trace(R)))  # ½ Σ |a_dj − a_j|²
+            rotation = rotations.to_vector(R)
+        spring = self.dynamics.epsilon_from_wrench(q, self.link, wrench, self.point, "world")
+        damped = self.damping * nu
+        command = self._command(q, nu, spring - damped, -float(nu @ damped), stored)
+        return command._replace(error=PoseError(distance, rotation))
+
+
+def rotation_of(orientation: Any) -> Array:
+    """Return the rotation matrix of a unit quaternion (x, y, z, w) or a rotation matrix."""
+    expected, array = "a rotation matrix or a unit quaternion (x, y, z, w)", array_of(orientation)
+    if array is not None and array.shape == (4,) and np.isfinite(array).all():
+        length = math.sqrt(float(array @ array))
+        if abs(length - 1.0) > UNIT:
+            raise InputError(f"orientation is {array.tolist()}, of length {length:.6g}, expected {expected}.")
+        return rotations.from_quaternion(*array)
+    R = numbers("orientation", orientation, (3, 3), expected)
+    if np.abs(R.T @ R - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(R) < 0.0:
+        raise InputError(f"orientation is {R.tolist()}, expected {expected}.")
+    return R

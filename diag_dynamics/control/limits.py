@@ -1,22 +1,43 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Filters of commands: limits of kinetic energy, efforts, effort rates and joint positions."""
+"""Filters of commands: limits of kinetic energy, contact, efforts, effort rates and joint positions.
+
+Limits and gains are one number for all degrees of freedom, or one for each.
+"""
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
-from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import instance, not_negative, per_name, positive, vector
-from diag_dynamics.control.command import Command
-from diag_dynamics.control.laws import actuated
+from diag_dynamics.arrays import Array, BoolArray, VectorLike
+from diag_dynamics.checks import instance, not_negative, number, per_name, positive, vector
+from diag_dynamics.contact.points import ContactPoints
+from diag_dynamics.contact.results import Contact
+from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 
 HEAVY = 0.9
 """Fraction of an effort limit; a joint with a larger gravity torque begins to be left out of the common scale."""
+
+AIM = 0.99
+"""Fraction of the allowed contact speeds that is commanded; the rest covers the error of a cycle of some milliseconds."""
+
+PASSES = 8
+"""Maximum number of points that are slowed one after the other, before the whole robot is."""
+
+IMMOBILE = 1e-9
+"""Fraction of the largest mobility of a point below which it is immobile in a direction."""
+
+
+def names_where(names: tuple[str, ...], mask: BoolArray) -> tuple[str, ...]:
+    """Return the names at which a mask of bool is true."""
+    return tuple(name for name, is_true in zip(names, mask.tolist(), strict=True) if is_true)
 
 
 class EnergyLimiter:
@@ -26,13 +47,7 @@ class EnergyLimiter:
     As νᵀC = 0 (Lemma 7.1) the filter needs no dynamics but ν. It removes power along ν and never adds any. External forces
     of the power P let K rise to K_max + P/α, unless an estimate of them is passed on.
 
-    Parameters
-    ----------
-    dynamics : DiagonalDynamics
-    limit : float
-        K_max > 0 [J].
-    rate : float
-        α > 0 [1/s]. A loop of period h [s] needs αh < 1.
+    The limit is K_max > 0 [J], the rate α > 0 [1/s]. A loop of period h [s] needs αh < 1.
     """
 
     def __init__(self, dynamics: DiagonalDynamics, limit: float, rate: float) -> None:
@@ -40,24 +55,19 @@ class EnergyLimiter:
         self.limit, self.rate = positive("limit", limit, "[J]"), positive("rate", rate, "[1/s]")
         dynamics.compile("tau_from_epsilon")
 
-    def excess_power(self, command: Command, external: VectorLike | None = None) -> float:
-        """Return the power to remove from a command [W]: max(0, νᵀ(ε + ε_ext) − αh)."""
-        nu = command.nu
-        power = float(nu @ command.epsilon)
-        if external is not None:
-            power += float(nu @ vector("external", external, self.dynamics.model.dof_names))
-        return max(0.0, power - self.rate * (self.limit - 0.5 * float(nu @ nu)))
-
     def filter(self, q: VectorLike, command: Command, external: VectorLike | None = None) -> Command:
         """Return the command at the positions q [rad, m], or one of less power.
 
         `external` are working moments of external forces [J^½/s], such as a disturbance observer's residual.
         """
-        excess = self.excess_power(command, external)
-        if excess == 0.0:
-            return command
         nu = command.nu
-        removed = nu * (excess / float(nu @ nu))  # excess > 0 bounds ν from below: |ν||ε| > αh, or K > K_max
+        power, square = float(nu @ command.epsilon), float(nu @ nu)
+        if external is not None:
+            power += float(nu @ vector("external", external, self.dynamics.model.dof_names))
+        excess = power - self.rate * (self.limit - 0.5 * square)
+        if not excess > 0.0:
+            return command
+        removed = nu * (excess / square)  # excess > 0 bounds ν from below: |ν||ε| > αh, or K > K_max
         tau = command.tau - self.dynamics.tau_from_epsilon(q, removed)
         return command._replace(tau=tau, epsilon=command.epsilon - removed)
 
@@ -69,11 +79,7 @@ class EffortSaturation:
     by joint can turn braking into driving. A joint whose gravity torque alone exceeds its limit is at its limit, and has no
     part in s. Between `HEAVY` of its limit and all of it the two cases are interpolated.
 
-    Parameters
-    ----------
-    model : RobotModel
-    limit : array_like, shape (nv,), optional
-        L > 0 [N m, N], by default the URDF's; inf where there is none.
+    The limit is L > 0 [N m, N], shape (nv,), by default the URDF's; inf where there is none.
     """
 
     def __init__(self, model: RobotModel, limit: VectorLike | None = None) -> None:
@@ -83,27 +89,20 @@ class EffortSaturation:
 
     def filter(self, command: Command) -> Command:
         """Return the command within the limits, with its `scale` s and the joints at their limits in `limited`."""
-        limit = self.limit
+        limit, g = self.limit, command.gravity_torque
         if (np.abs(command.tau) <= limit).all():
             return command
-        g = command.gravity_torque
         moving = command.tau - g
-        scale = self._scale(g, moving)
-        scaled = g + scale * moving
-        at_limit = np.abs(scaled) >= limit * (1.0 - 1e-12)
-        limited = tuple(name for name, is_at in zip(self._names, at_limit, strict=True) if is_at)
-        tau = np.clip(scaled, -limit, limit)
-        return command._replace(tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited)
-
-    def _scale(self, g: Array, moving: Array) -> float:
-        """Return s."""
-        limit = self.limit
         margin = np.where(moving > 0.0, limit - g, limit + g)
         factor = np.ones_like(moving)
         beyond = np.abs(moving) > np.maximum(margin, 0.0)  # and so not zero
         factor[beyond] = margin[beyond] / np.abs(moving[beyond])
         overload = np.clip((np.abs(g) / limit - HEAVY) / (1.0 - HEAVY), 0.0, 1.0)
-        return float(np.where(overload < 1.0, factor + overload * (1.0 - factor), 1.0).min())
+        scale = float(np.where(overload < 1.0, factor + overload * (1.0 - factor), 1.0).min())
+        scaled = g + scale * moving
+        limited = names_where(self._names, np.abs(scaled) >= limit * (1.0 - 1e-12))
+        tau = np.clip(scaled, -limit, limit)
+        return command._replace(tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited)
 
 
 class EffortRateLimiter:
@@ -112,16 +111,11 @@ class EffortRateLimiter:
     Each joint approaches its effort at its own rate, because a slow joint must not delay the gravity torque of the others.
     Efforts between two that keep the effort limits keep them too: this filter is the last one.
 
-    Parameters
-    ----------
-    model : RobotModel
-    rate : float or array_like, shape (nv,)
-        R > 0 [N m/s, N/s], one for all joints or one for each.
-    start : array_like, shape (nv,), optional
-        Present effort of the joints [N m, N]. Without it the first command passes unchanged.
+    The rate is R > 0 [N m/s, N/s], and the start the present effort of the joints [N m, N], shape (nv,). Without it the first
+    command passes unchanged.
     """
 
-    def __init__(self, model: RobotModel, rate: VectorLike | float, start: VectorLike | None = None) -> None:
+    def __init__(self, model: RobotModel, rate: Gain, start: VectorLike | None = None) -> None:
         self._names = instance("model", model, RobotModel).dof_names
         self.rate = per_name("effort rate", rate, self._names, "a finite number > 0 [N m/s, N/s]")
         self.reset(start)
@@ -137,9 +131,7 @@ class EffortRateLimiter:
         limited: tuple[str, ...] = ()
         if self._last is not None:
             near = np.clip(tau, self._last - change, self._last + change)
-            far = (near != tau).tolist()
-            limited = tuple(name for name, is_far in zip(self._names, far, strict=True) if is_far)
-            tau = near
+            limited, tau = names_where(self._names, near != tau), near
         self._last = tau
         return tau.copy(), limited
 
@@ -151,39 +143,22 @@ class PositionRepulsion:
     The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that damps rates or regulates a pose, and their
     damping only removes energy. Under such a law a robot of less than ½k margin² of V + U reaches no hard stop.
 
-    Parameters
-    ----------
-    dynamics : DiagonalDynamics
-    margin : float or array_like, shape (nv,)
-        Range of the springs from the limits inward, > 0 [rad, m]; at most half of a joint's range is used.
-    stiffness : float or array_like, shape (nv,)
-        k > 0 [N m/rad, N/m].
-    damping : float or array_like, shape (nv,)
-        b ≥ 0 [N m s/rad, N s/m] at the limit; none by default.
+    The margin > 0 [rad, m] from the limits inward is at most half of a joint's range. The stiffness is k > 0 [N m/rad, N/m],
+    the damping b ≥ 0 [N m s/rad, N s/m] at the limit.
     """
 
-    def __init__(
-        self,
-        dynamics: DiagonalDynamics,
-        margin: VectorLike | float,
-        stiffness: VectorLike | float,
-        damping: VectorLike | float = 0.0,
-    ) -> None:
+    def __init__(self, dynamics: DiagonalDynamics, margin: Gain, stiffness: Gain, damping: Gain = 0.0) -> None:
         self.dynamics = actuated(dynamics)
         model, names = dynamics.model, dynamics.model.dof_names
         margin = per_name("margin", margin, names, "a finite number > 0 [rad, m]")
         self.stiffness = per_name("stiffness", stiffness, names, "a finite number > 0 [N m/rad, N/m]")
-        self.damping = per_name(
-            "damping", damping, names, "a finite number >= 0 [N m s/rad, N s/m]", lambda x: 0.0 <= x < np.inf
-        )
+        expected = "a finite number >= 0 [N m s/rad, N s/m]"
+        self.damping = per_name("damping", damping, names, expected, lambda x: 0.0 <= x < np.inf)
         self._margin = np.minimum(margin, 0.5 * (model.upper - model.lower))
         self._lower, self._upper = model.lower + self._margin, model.upper - self._margin
-        fixed = self._margin <= 0.0
-        if fixed.any():
-            k = int(np.argmax(fixed))
-            raise InputError(
-                f"joint '{names[k]}' has limits [{model.lower[k]}, {model.upper[k]}]: no range to keep it in."
-            )
+        for k in np.flatnonzero(self._margin <= 0.0)[:1]:
+            limits = f"[{model.lower[k]}, {model.upper[k]}]"
+            raise InputError(f"joint '{names[k]}' has limits {limits}: no range to keep it in.")
         dynamics.compile("epsilon_from_tau")
 
     def depth(self, q: VectorLike) -> Array:
@@ -212,3 +187,120 @@ class PositionRepulsion:
             return command
         added = self.dynamics.epsilon_from_tau(q, effort)
         return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
+
+
+class ContactSeen(NamedTuple):
+    """Contact at a state, by its worst entry: that with the largest fraction of its allowed speed."""
+
+    contact: Contact
+    worst: int  # the entry; -1 if nothing moves
+    energy: float  # its transferable energy [J]
+    limit: float  # its limit [J]: the energy at the allowed speed, scaled; inf at rest or without a limit
+    link: str  # its link; empty if nothing moves
+
+
+class ContactLimiter:
+    """Contact limiter, a filter on any law's command: no point with a limit exceeds its allowed speed.
+
+    B = (v/v_max)² of a point along its own motion is its transferable energy, or the square of its contact force, relative
+    to its limit. The filter predicts the state at the end of the cycle. Where a point has B above B₀ + αh(σ² − B₀) there, it
+    changes ν along one direction, ŵ of the impulse Λv, Λ = (JM⁻¹Jᵀ)⁻¹, that slows the point without turning it:
+
+        ν ← ν − (1 − f) ℓJᵀΛv,  then v ← f v and B ← f²B.
+
+    An impulse along the motion itself, ŵ = ℓJᵀv/|ℓJᵀv|, would turn the point towards its lighter directions: with more than
+    45° between v and JM⁻¹Jᵀv its energy along the motion rises while ν along ŵ falls. The filter slows the worst point first,
+    at most `PASSES` of them, each by a contact evaluation and three sweeps, and then all of ν. It only removes power.
+    External forces come on top, unless an estimate of them is passed on.
+
+    At least one of the points has a limit. The rate is α > 0 [1/s], of the approach to a limit and of the return from above.
+    """
+
+    seen: ContactSeen | None = None  #: contact at the last state
+
+    def __init__(self, dynamics: DiagonalDynamics, points: ContactPoints, rate: float) -> None:
+        self.dynamics, self.points = actuated(dynamics), points
+        self.rate = positive("rate", rate, "[1/s]")
+        if not points.limited.any():
+            raise InputError("points have no limit: there is nothing to bound.")
+        self._scale = 1.0
+        dynamics.compile(
+            *("contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon", "link_velocity"),
+            *("operational_inverse_inertia", "epsilon_from_wrench"),
+        )
+
+    @property
+    def scale(self) -> float:
+        """σ in [0, 1]: fraction of the allowed speeds that is allowed now, for instance by the distance of people."""
+        return self._scale
+
+    @scale.setter
+    def scale(self, value: float) -> None:
+        self._scale = number("scale", value, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)
+
+    def look(self, q: VectorLike, qd: VectorLike) -> ContactSeen:
+        """Return the contact at a state, and store it in `seen`."""
+        contact = self.dynamics.contact(q, qd, self.points)
+        usage = contact.usage
+        k = int(np.argmax(usage))
+        self.seen = ContactSeen(contact, -1, 0.0, math.inf, "")
+        if usage[k] > 0.0:
+            allowed = self._scale * float(contact.allowed_speed[k])
+            limit = 0.5 * float(contact.reflected_mass[k]) * allowed * allowed
+            self.seen = ContactSeen(contact, k, float(contact.energy[k]), limit, contact.links[k])
+        return self.seen
+
+    def filter(
+        self, q: VectorLike, qd: VectorLike, command: Command, period: float, external: VectorLike | None = None
+    ) -> Command:
+        """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
+
+        `period` is h > 0, until the next command [s]; `external` are working moments of external forces [J^½/s], such as a
+        disturbance observer's residual.
+        """
+        dynamics, names, h = self.dynamics, self.dynamics.model.dof_names, positive("period", period, "[s]")
+        q, qd = vector("q", q, names), vector("qd", qd, names)
+        now = self.look(q, qd).contact.usage ** 2
+        tau = command.tau
+        if external is not None:
+            tau = tau + dynamics.tau_from_epsilon(q, vector("external", external, names))
+        # an explicit step of order 2
+        qdd = dynamics.forward_dynamics(q, qd, tau)
+        ahead, then = dynamics.model.integrate(q, h * qd + 0.5 * h * h * qdd), qd + h * qdd
+        allowed = now + min(self.rate * h, 1.0) * ((AIM * self._scale) ** 2 - now)
+        change = self._slowed(ahead, then, allowed) - then
+        if not change.any():
+            return command
+        epsilon = dynamics.nu_from_qd(q, change) / h
+        return command._replace(
+            tau=command.tau + dynamics.tau_from_epsilon(q, epsilon), epsilon=command.epsilon + epsilon
+        )
+
+    def _slowed(self, q: Array, qd: Array, allowed: Array) -> Array:
+        """Return rates at which no entry exceeds its allowed B."""
+        for _ in range(PASSES):
+            contact = self.dynamics.contact(q, qd, self.points)
+            fraction = _fraction(contact.usage**2, allowed)
+            k = int(np.argmin(fraction))
+            if fraction[k] >= 1.0:
+                return qd
+            qd = qd - self._impulse(q, qd, contact, k) * (1.0 - fraction[k])
+        contact = self.dynamics.contact(q, qd, self.points)
+        return qd * min(1.0, float(_fraction(contact.usage**2, allowed).min()))
+
+    def _impulse(self, q: Array, qd: Array, contact: Contact, k: int) -> Array:
+        """Return M⁻¹JᵀΛv, the change of rates by an impulse that stops the worst point of an entry."""
+        dynamics, link, point = self.dynamics, contact.links[k], self.points.points[k][contact.point[k]]
+        v = dynamics.link_velocity(q, qd, link, point)[:3]
+        mobility = dynamics.operational_inverse_inertia(q, link, point)[:3, :3]
+        impulse = np.linalg.pinv(mobility, rcond=IMMOBILE, hermitian=True) @ v
+        w = dynamics.epsilon_from_wrench(q, link, np.concatenate([impulse, np.zeros(3)]), point)
+        return dynamics.qd_from_nu(q, w)
+
+
+def _fraction(found: Array, allowed: Array) -> Array:
+    """Return the fraction of its speed that each entry may keep."""
+    above = found > np.maximum(allowed, 0.0) * (1.0 + 1e-9)
+    fraction = np.ones_like(found)
+    fraction[above] = np.sqrt(np.maximum(allowed[above], 0.0) / found[above])
+    return fraction

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.checks import number
-from diag_dynamics.control.command import Command
 from diag_dynamics.control.efforts import Efforts
-from diag_dynamics.control.modes import DAMPING, LAWS, highest_speeds
+from diag_dynamics.control.laws import Command
+from diag_dynamics.control.modes import DAMPING, LAWS, POSE, highest_speeds
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -41,51 +41,33 @@ class Sent(NamedTuple):
 
 
 class ControlLoop:
-    """Laws, filters and safety of one robot, without ROS.
+    """Laws, filters and safety of one RobotModel, without ROS.
 
-    Parameters
-    ----------
-    model : RobotModel
-    values : dict
-        Values of parameters.controller.PARAMETERS.
-    compensated : bool
-        Whether the robot adds gravity compensation to the efforts that it receives.
-    points : ContactPoints, optional
-        Points with contact limits.
-
-    Attributes
-    ----------
-    dynamics : DiagonalDynamics
-    supervisor : Supervisor
-    efforts : Efforts
-    modes : dict
-        The :class:`~modes.Mode` objects that the parameters allow, by name.
-    state : RobotState or None
-        Last valid state.
-    energy : float
-        Its kinetic energy [J].
+    `values` are those of parameters.controller.PARAMETERS, `compensated` is whether the robot adds gravity compensation to
+    the efforts that it receives, and `points` are ContactPoints with limits. `modes` are those that the parameters allow, by
+    name, `state` is the last valid RobotState or None, and `energy` its kinetic energy [J].
     """
 
     def __init__(self, model, values, compensated, points=None):
         self.dynamics = dynamics = DiagonalDynamics(model)
         self.efforts = Efforts(dynamics, values, compensated, points)
         self._scale_timeout, self._scale = values["contact.scale_timeout"], None  # scale, and its time [ns]
-        self._missing = {name: kind.missing(values) for name, kind in LAWS.items()}
-        self.modes = {name: kind(dynamics, values) for name, kind in LAWS.items() if not self._missing[name]}
+        allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
+        self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
         self._slow = SLOW * highest_speeds(model)
-        gain = values["observer_gain"]
+        gain, hold_time, max_age = (values[name] for name in ("observer_gain", "hold_time", "max_state_age"))
         self._observer = DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
-        if values["hold_time"] < 2.0 * values["max_state_age"]:
+        if hold_time < 2.0 * max_age:
             raise InputError(
-                f"parameter 'hold_time' is {values['hold_time']:g} s, expected at least twice max_state_age = "
-                f"{values['max_state_age']:g} s: a single state that fails would let the robot go."
+                f"parameter 'hold_time' is {hold_time:g} s, expected at least twice max_state_age = {max_age:g} s: a single "
+                "state that fails would let the robot go."
             )
-        self.supervisor = Supervisor(values["max_state_age"], values["hold_time"], values["resume_after_ramp"])
+        self.supervisor = Supervisor(max_age, hold_time, values["resume_after_ramp"])
         self._initial_mode = self._mode_of(values["initial_mode"])
         self.forget()
 
     def forget(self):
-        """Start anew with the next valid state in the initial mode.
+        """Wait for the next valid state, which starts the initial mode.
 
         Efforts go on from the part of the last one that carries the robot, which may have been moved meanwhile.
         """
@@ -111,8 +93,8 @@ class ControlLoop:
     def _mode_of(self, name):
         if name not in LAWS:
             raise InputError(f"mode is '{name}', expected one of {', '.join(LAWS)}.")
-        if missing := self._missing[name]:
-            raise InputError(missing)
+        if name not in self.modes:
+            raise InputError("parameter 'controlled_link' is empty: there is no pose to regulate.")
         return self.modes[name]
 
     def switch(self, mode):
@@ -138,13 +120,13 @@ class ControlLoop:
     def take_pose(self, link, position, orientation):
         """Go to a position [m] and an orientation, as unit quaternion x y z w or rotation matrix; see :class:`PoseTarget`.
 
-        They are in the axes of a link and from its origin, where these are now, and replace the target before.
+        They are in the axes of a link and from its origin, where these are now. Each target replaces the one before.
         """
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
 
     def take_trajectory(self, waypoints, stamp, now):
-        """Follow Waypoints within position and velocity limits; see :class:`Trajectory`. They replace the target before.
+        """Follow Waypoints within position and velocity limits; see :class:`Trajectory`.
 
         The trajectory starts from the desired position, at a stamp [ns] or, if that is 0, with the last state.
         """
@@ -152,7 +134,7 @@ class ControlLoop:
         self._mode.take_trajectory(self.state, waypoints, stamp, now)
 
     def take_set_point(self, position):
-        """Go to positions [rad, m], shape (nv,), within limits; see :class:`SetPoint`. They replace the target before."""
+        """Go to positions [rad, m], shape (nv,), within limits; see :class:`SetPoint`."""
         self.require("set_point")
         self._mode.take_set_point(self.state, position)
 
@@ -165,11 +147,10 @@ class ControlLoop:
     def _scale_contact(self, now):
         """Set the scale of the contact limiter; with a timeout, a missing or stale scale counts as 0."""
         limiter, timeout = self.efforts.contact_limiter, self._scale_timeout
-        if limiter is None:
-            return
-        scale, time = self._scale or (1.0, None)
-        fresh = not timeout or (time is not None and 0.0 <= (now - time) * 1e-9 <= timeout)
-        limiter.scale = scale if fresh else 0.0
+        if limiter is not None:
+            scale, time = self._scale or (1.0, None)
+            fresh = not timeout or (time is not None and 0.0 <= (now - time) * 1e-9 <= timeout)
+            limiter.scale = scale if fresh else 0.0
 
     # --- Cycles ---
 
@@ -179,64 +160,61 @@ class ControlLoop:
         if problem := self.age_problem(state, now):
             return self.without_state(now, problem)
         if supervisor.latched:
-            return self._stopped(state, now)
-        anew = supervisor.anew
-        if anew:
+            supervisor.wait()
+            self.state = state
+            nu = self.dynamics.nu_from_qd(state.position, state.velocity)
+            self.energy = 0.5 * float(nu @ nu)
+            return self._sent(self.at_rest, now, now)
+        if supervisor.anew:
             if problem := self._outside_limits(state.position):
                 return self.without_state(now, problem)
             self._carried_since = None
-        if not self._follows(state):
+        starting, lost = supervisor.anew or supervisor.starting, ""
+        if starting or not self._follows(state):
             self._mode.void()
         before, self.state = self.state, state
         self._mode.begin(state)
         external = self._observed(state)
         self._scale_contact(now)
-        starting, lost = anew or supervisor.starting, ""
         if starting:
-            command, filtered, starting = self._start(state, before, external)
+            command = self.modes[DAMPING].command(state)
+            effort, *reasons = self.efforts.filtered(state, command, external)
+            starting = self._is_starting(effort, state, before)
         if not starting:
-            command, lost = self._mode.followed(state, supervisor.phase == HOLDING)
-            filtered = self.efforts.filtered(state, command, external)
+            command, lost = self._mode.follow(state, supervisor.phase == HOLDING)
+            effort, *reasons = self.efforts.filtered(state, command, external)
         self.energy = 0.5 * float(command.nu @ command.nu)
         rate = None if starting else self._mode.measured_rate(command, state.newest)
-        effort, waiting = self.efforts.ramped(filtered.effort, state.newest)
+        sent = self._sent(effort, state.newest, now, *reasons, rate, lost)
         supervisor.valid(now, not starting)  # after the command: a law that fails must not prolong the hold
-        limited = filtered.command.limited
+        return sent
+
+    def _sent(self, effort, time, now, command=None, *reasons):
+        """Return what to send at a time [ns] for an effort before the rate limit."""
+        effort, waiting = self.efforts.ramped(effort, time)
+        limited = command.limited if command else ()
         saturated = limited + tuple(name for name in waiting if name not in limited)
-        return Sent(effort, saturated, state.newest, self._age(now), *filtered[1:], rate, lost)
+        return Sent(effort, saturated, self.state.newest, (now - self.state.newest) * 1e-9, command, *reasons)
 
     def _outside_limits(self, q):
         """Return the error of positions outside of their limits, where springs would throw a joint; None if valid."""
         model = self.dynamics.model
         beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
-        if not beyond.any():
-            return None
-        k = int(np.argmax(beyond))
-        limits = f"{model.lower[k]:g} … {model.upper[k]:g}"
-        return f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}: no law begins there"
+        for k in np.flatnonzero(beyond):
+            limits = f"{model.lower[k]:g} … {model.upper[k]:g}"
+            return f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}: no law begins there"
+        return None
 
-    def _start(self, state, before, external):
-        """Return damping, its effort, and whether the robot is still starting: not carried, or fast before the timeout."""
-        command = self.modes[DAMPING].law.command(state.position, state.velocity)
-        filtered = self.efforts.filtered(state, command, external)
+    def _is_starting(self, effort, state, before):
+        """Return whether the efforts do not carry the robot yet, or the robot is fast before the timeout."""
         if before is None:
             self.efforts.carry_on()
-        if self._carried_since is None and self.efforts.carry(filtered.effort, state.newest):
+        if self._carried_since is None and self.efforts.carry(effort, state.newest):
             self._carried_since = state.newest
-        self._mode.void()
-        self._mode.begin(state)
         if self._carried_since is None:
-            return command, filtered, True
+            return True
         timeout = state.newest - self._carried_since > START_TIMEOUT * 1e9
-        return command, filtered, not (timeout or (np.abs(state.velocity) <= self._slow).all())
-
-    def _stopped(self, state, now):
-        """Return what to send to a stopped robot with valid states: efforts on their way to zero."""
-        self.supervisor.wait()
-        self.state = state
-        nu = self.dynamics.nu_from_qd(state.position, state.velocity)
-        self.energy = 0.5 * float(nu @ nu)
-        return Sent(*self.efforts.ramped(self.at_rest, now), state.newest, self._age(now))
+        return not (timeout or (np.abs(state.velocity) <= self._slow).all())
 
     def age_problem(self, state, now):
         """Return the error of the age of a state's joints at a time [ns]; None if it is valid."""
@@ -264,7 +242,7 @@ class ControlLoop:
         self._mode.forget_rate()
         if self._observer:
             self._observer.reset()
-        return Sent(*self.efforts.ramped(self.at_rest, now), self.state.newest, self._age(now))
+        return self._sent(self.at_rest, now, now)
 
     @property
     def at_rest(self):
@@ -278,9 +256,6 @@ class ControlLoop:
             return None
         self.efforts.reset(self.at_rest)
         return self.efforts.sent
-
-    def _age(self, now):
-        return (now - self.state.newest) * 1e-9
 
     def _observed(self, state):
         """Return ε of external forces by the observer; None without a result."""

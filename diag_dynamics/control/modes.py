@@ -7,11 +7,15 @@ import numpy as np
 
 from diag_dynamics.checks import numbers, vector
 from diag_dynamics.control.by_dof import by_dof
-from diag_dynamics.control.command import PoseError
-from diag_dynamics.control.laws import GravityCompensation, JointTracking, RateDamping
-from diag_dynamics.control.pose import PoseRegulation, rotation_of
-from diag_dynamics.control.references import PoseTarget, SetPoint, at_rest, nearest
-from diag_dynamics.control.trajectory import Trajectory
+from diag_dynamics.control.laws import (
+    GravityCompensation,
+    JointTracking,
+    PoseError,
+    PoseRegulation,
+    RateDamping,
+    rotation_of,
+)
+from diag_dynamics.control.references import PoseTarget, SetPoint, Trajectory, at_rest, nearest
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rotations import to_vector
 
@@ -40,11 +44,13 @@ def highest_speeds(model):
 class Mode:
     """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
 
-    The constructors of subclasses take the dynamics and the values of parameters.controller.PARAMETERS.
+    The constructors of subclasses take the dynamics and the values of parameters.controller.PARAMETERS. `begin`, `follow` and
+    `take_*` receive the last RobotState.
     """
 
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
     targets = ()  # topics: take_pose accepts "target", take_trajectory "trajectory", take_set_point "set_point"
+    _moving = False  # whether the target of the last command moves, and V with it
 
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
@@ -52,16 +58,9 @@ class Mode:
         self._target = None
         self.void()
 
-    @staticmethod
-    def missing(values):
-        """Return which parameter is missing for this mode; empty if none is."""
-        return ""
-
-    # --- Target
-
     def void(self):
         """Make the next state the target."""
-        self._begun, self._error = False, 0.0
+        self._begun, self._lag = False, 0.0  # V of the last command relative to following_energy
         self.forget_rate()
 
     def begin(self, state):
@@ -73,33 +72,19 @@ class Mode:
     def _stay(self, state):
         """Make the position of a state the target."""
 
-    @property
-    def is_moving(self):
-        """Whether the target moves, and V with it."""
-        return False
-
-    # --- Every cycle
-
-    def followed(self, state, held):
-        """Return the command for a state, and why the target was given up, if it was; `held`: after a hold."""
+    def follow(self, state, held):
+        """Return the command, and why the position replaced the target, if it did; `held`: after a hold."""
         return self.command(state), ""
 
     def command(self, state):
         """Return the command of the law for a state."""
         return self.law.command(state.position, state.velocity)
 
-    @property
-    def _lag(self):
-        """V of the last command relative to following_energy."""
-        return self._error / self._max_error
-
     def measured_rate(self, command, time):
         """Return dV/dt from the last command to this one at a time [ns]; None unless both have the same target."""
-        V, self._error, last = command.lyapunov, command.lyapunov, self._last
-        self._last = None if self.is_moving else (V, time)
-        if last is None or time <= last[1]:
-            return None
-        return (V - last[0]) / ((time - last[1]) * 1e-9)
+        V, last = command.lyapunov, self._last
+        self._lag, self._last = V / self._max_error, None if self._moving else (V, time)
+        return None if last is None or time <= last[1] else (V - last[0]) / ((time - last[1]) * 1e-9)
 
     def forget_rate(self):
         """Measure no rate from the last command to the next one."""
@@ -128,8 +113,7 @@ class DampingMode(Mode):
 class PoseMode(Mode):
     """Pose regulation of a link, whose springs pull to a pose that moves to the target at bounded speed."""
 
-    name = "pose"
-    targets = ("target",)
+    name, targets = "pose", ("target",)
 
     def __init__(self, dynamics, values):
         gain = by_dof("pose_damping", values["pose_damping"], dynamics.model.dof_names)
@@ -138,44 +122,31 @@ class PoseMode(Mode):
         self._speed = np.array([values["position_speed"], values["orientation_speed"]])
         self._aim = None  # position [m] and axes to which the springs pull
 
-    @staticmethod
-    def missing(values):
-        """See :meth:`Mode.missing`."""
-        if values["controlled_link"]:
-            return ""
-        return "parameter 'controlled_link' is empty: there is no pose to regulate."
-
     def _stay(self, state):
         self._aim, self._target = self.law.pose(state.position), None
         self.law.aim(*self._aim)
-
-    @property
-    def is_moving(self):
-        """See :meth:`Mode.is_moving`."""
-        return self._target is not None
 
     def take_pose(self, state, link, position, orientation):
         """See :meth:`ControlLoop.take_pose`."""
         position = numbers("position", position, (3,), "three finite numbers [m]")
         axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
-        goal = X[:3, :3] @ position + X[:3, 3], _orthonormal(X[:3, :3] @ axes)
+        U, _, V = np.linalg.svd(X[:3, :3] @ axes)  # the nearest rotation: the URDF's angles are rounded
         self.begin(state)
-        rate, before = np.full(2, POSE_RATE), self._target
+        goal, rate, before = (X[:3, :3] @ position + X[:3, 3], U @ V), np.full(2, POSE_RATE), self._target
         self._target = PoseTarget(goal, state.newest, self._aim, self._speed, rate, self._max_period, before)
         self.forget_rate()
 
     def command(self, state):
         """Return the command towards the aim, with the error from the target."""
         target = self._target
-        if target is None:
-            return super().command(state)
-        self._aim = target.sample(state.newest, self._lag)
-        self.law.aim(*self._aim)
+        if target:
+            self._aim = target.sample(state.newest, self._lag)
+            self.law.aim(*self._aim)
         command = super().command(state)
-        if target.arrived:
+        self._moving = target is not None and not target.arrived
+        if not self._moving:
             self._target = None
             return command
-        self.forget_rate()
         position, axes = self.law.pose(state.position)
         return command._replace(error=PoseError(target.goal[0] - position, to_vector(target.goal[1] @ axes.T)))
 
@@ -183,8 +154,7 @@ class PoseMode(Mode):
 class TrackingMode(Mode):
     """Tracking of set-points and trajectories."""
 
-    name = "tracking"
-    targets = ("trajectory", "set_point")
+    name, targets = "tracking", ("trajectory", "set_point")
 
     def __init__(self, dynamics, values):
         model, names = dynamics.model, dynamics.model.dof_names
@@ -198,32 +168,29 @@ class TrackingMode(Mode):
 
     def _stay(self, state):
         self._desired = at_rest(state.position)
-        self._target = self._set_point(state.position, state)
+        self._set_target(state.position, state)
 
-    def _set_point(self, position, state):
-        """Return a set-point that starts from the desired motion."""
+    def _set_target(self, position, state):
+        """Make a position the target, from the desired motion on."""
         here, moving, model = self._desired.position, self._desired.velocity, self._model
         room = np.where(moving > 0.0, model.upper - here, here - model.lower)
-        rate, time = self.law.convergence, state.newest
-        return SetPoint(position, time, self._desired, self._speed, rate, self._continuous, self._max_period, room)
+        motion = self._desired, self._speed, self.law.convergence, self._continuous
+        self._target = SetPoint(position, state.newest, *motion, self._max_period, room)
+        self.forget_rate()
 
     def take_set_point(self, state, position):
         """See :meth:`ControlLoop.take_set_point`."""
         position = vector("set_point.position", position, self._model.dof_names)
         self._require_within_limits("set_point.position", position)
         self.begin(state)
-        self._target = self._set_point(position, state)
-        self.forget_rate()
+        self._set_target(position, state)
 
     def take_trajectory(self, state, waypoints, stamp, now):
         """See :meth:`ControlLoop.take_trajectory`."""
         trajectory = Trajectory(waypoints, self._model.dof_names, self._model.continuous_joints, stamp)
         self._require_within_limits("trajectory.points[{}].positions", trajectory.positions)
-        wait = (stamp - now) * 1e-9
-        if wait > MAX_WAIT:
-            raise InputError(
-                f"trajectory.header.stamp is {wait:.6g} s in the future, expected no more than {MAX_WAIT:g} s."
-            )
+        if (wait := (stamp - now) * 1e-9) > MAX_WAIT:
+            raise InputError(f"trajectory.header.stamp is {wait:.6g} s in the future, expected {MAX_WAIT:g} s at most.")
         if trajectory.ends_before(now):
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
         self.begin(state)
@@ -237,12 +204,9 @@ class TrackingMode(Mode):
         """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""
         model, positions = self._model, np.atleast_2d(positions)
         beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
-        if beyond.size:
-            row, k = beyond[0]
-            raise InputError(
-                f"{what.format(row)} of joint '{model.dof_names[k]}' is {positions[row, k]:.6g}, expected within its "
-                f"limits {model.lower[k]:g} … {model.upper[k]:g}."
-            )
+        for row, k in beyond[:1]:
+            joint, limits = f"joint '{model.dof_names[k]}'", f"{model.lower[k]:g} … {model.upper[k]:g}"
+            raise InputError(f"{what.format(row)} of {joint} is {positions[row, k]:.6g}, expected within {limits}.")
 
     def _distance(self, there, here):
         """Return the distance between positions [rad, m], the shorter way round for continuous joints."""
@@ -250,61 +214,44 @@ class TrackingMode(Mode):
 
     def _require_near(self, position, state):
         away = np.minimum(*(self._distance(position, here) for here in (state.position, self._desired.position)))
-        if (away > MAX_STEP).any():
-            k = int(np.argmax(away))
+        k = int(np.argmax(away))
+        if away[k] > MAX_STEP:
+            joint = f"joint '{self._model.dof_names[k]}'"
             raise InputError(
-                f"trajectory begins {away[k]:.3g} from where joint '{self._model.dof_names[k]}' is and should be, "
-                f"expected no more than {MAX_STEP:g}."
+                f"trajectory begins {away[k]:.3g} from where {joint} is and should be; expected {MAX_STEP:g}."
             )
 
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
-        beyond = ~(fastest <= MAX_OVERSPEED * self._max_speed) | ~np.isfinite(fastest)
-        if beyond.any():
-            k = int(np.argmax(beyond))
-            name, limit = self._model.dof_names[k], f"its limit {self._max_speed[k]:g}"
-            if not self._model.velocity_limit[k] > 0.0:
-                limit = f"{self._max_speed[k]:g}, as the URDF has no velocity limit for it"
+        for k in np.flatnonzero(~(fastest <= MAX_OVERSPEED * self._max_speed))[:1]:
+            limit = f"{self._max_speed[k]:g}, as the URDF has no velocity limit for it"
+            if self._model.velocity_limit[k] > 0.0:
+                limit = f"its limit {self._max_speed[k]:g}"
+            name = self._model.dof_names[k]
             raise InputError(f"trajectory has joint '{name}' move at {fastest[k]:.6g}, expected no more than {limit}.")
 
-    def followed(self, state, held):
-        """Return the command, and why the robot's position replaced the target, if it did."""
+    def follow(self, state, held):
+        """See :meth:`Mode.follow`."""
         before = self._desired.position
         command = self.command(state)
-        lost = self._lost(command, self._distance(self._desired.position, before), held)
-        if not lost:
+        V, moved = command.lyapunov, self._distance(self._desired.position, before)
+        behind = self._max_error < V
+        if not behind and not (held and (moved > MAX_STEP).any()):
             return command, ""
+        k = int(np.argmax(np.abs(command.error) if behind else moved))
+        joint = f"joint '{self._model.dof_names[k]}'"
+        lost = f"that of {joint} has gone on by {moved[k]:.3g} during a hold, expected at most {MAX_STEP:g}"
+        if behind:
+            limit = f"expected at most following_energy = {self._max_error:g} J"
+            lost = f"V is {V:.3g} J, {limit}; {joint} is {abs(command.error[k]):.3g} behind"
         self.void()
         self.begin(state)
         return self.command(state), f"target given up: {lost}"
-
-    def _lost(self, command, moved, held):
-        """Return why the target, which has moved by a distance, is to be given up; empty if it is not."""
-        names = self._model.dof_names
-        if command.lyapunov > self._max_error:
-            k = int(np.argmax(np.abs(command.error)))
-            return (
-                f"V is {command.lyapunov:.3g} J, expected no more than following_energy = {self._max_error:g} J; joint "
-                f"'{names[k]}' is {abs(command.error[k]):.3g} behind"
-            )
-        if held and (moved > MAX_STEP).any():
-            k = int(np.argmax(moved))
-            return (
-                f"that of joint '{names[k]}' has gone on by {moved[k]:.3g} during a hold, expected no more than "
-                f"{MAX_STEP:g}"
-            )
-        return ""
 
     def command(self, state):
         """Return the command towards the desired motion of now."""
         self._desired = self._target.sample(state.newest, self._lag)
         return self.law.command(state.position, state.velocity, *self._desired)
-
-
-def _orthonormal(R):
-    """Return the rotation nearest to one with rounding errors of a URDF's angles."""
-    U, _, V = np.linalg.svd(R)
-    return U @ V
 
 
 LAWS = {mode.name: mode for mode in (GravityCompensationMode, DampingMode, PoseMode, TrackingMode)}

@@ -11,7 +11,9 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import choice, in_order, instance, number, per_name, positive
+from diag_dynamics.checks import array_of, choice, in_order, instance, number, per_name, positive, vector
+from diag_dynamics.control.laws import Gain
+from diag_dynamics.control.limits import names_where
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
@@ -34,12 +36,10 @@ class Disturbance(NamedTuple):
 
 
 class _Sample(NamedTuple):
-    """Last sample: time [s], q, ν, C + ε_g + ε_fric, and ε."""
-
-    time: float
+    time: float  # [s]
     q: Array
     nu: Array
-    resisting: Array
+    resisting: Array  # C + ε_g + ε_fric
     epsilon: Array
 
 
@@ -53,29 +53,17 @@ class DisturbanceObserver:
     The impulse of ε_ext between two samples is Δν − ∫(ε − C − ε_g − ε_fric)dt by the trapezoidal rule. r is the exact
     response to it spread evenly: stable for any K_O dt, where an Euler step needs K_O dt < 0.5.
 
-    Parameters
-    ----------
-    dynamics : DiagonalDynamics
-        Its workspace is used at every sample: one thread.
-    gain : float or array_like, shape (nv,)
-        K_O > 0 [1/s], one for all components or one for each.
-    threshold : float
-        |r| above which `collision` is set [J^½/s]; by default never.
-    release : float, optional
-        |r| below which `collision` is reset [J^½/s], at most the threshold; by default half of it.
-    effort : {"sampled", "held"}
-        Whether `tau` was measured with the state, or was held on the joints since the last sample, as a command is.
-    friction : bool
-        Whether to use the friction of the model, if any: see :meth:`DiagonalDynamics.friction_torque`. Static friction is
-        unknown and remains in r.
-    max_gap : float
-        Maximum interval of the integration [s]; a longer one resets.
+    The gain is K_O > 0 [1/s], one for all components or one for each. `collision` is set above the threshold of |r| [J^½/s],
+    by default never, and reset below `release`, by default half of it. Efforts are "sampled" with the state, or "held" on the
+    joints since the last sample, as a command is. The friction is that of the model, if any, without static friction, which
+    remains in r: :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets. The workspace of
+    the dynamics is used at every sample: one thread.
     """
 
     def __init__(
         self,
         dynamics: DiagonalDynamics,
-        gain: VectorLike | float,
+        gain: Gain,
         threshold: float = math.inf,
         release: float | None = None,
         *,
@@ -119,22 +107,17 @@ class DisturbanceObserver:
         A time before the last one, or more than `max_gap` after it, resets. A sample at the time of the last one is ignored.
         One without efforts counts as lost: the next one integrates over the gap.
 
-        Parameters
-        ----------
-        time : float
-            Time of the state [s].
-        q, qd : array_like, shape (nq,) and (nv,)
-            Positions [rad, m] and rates [rad/s, m/s].
-        tau : array_like, shape (nv,), or None
-            Joint efforts [N m, N], gravity included; nan where unknown, None if all are.
+        The sample is the time [s], positions [rad, m], shape (nq,), rates [rad/s, m/s], shape (nv,), and joint efforts
+        [N m, N] with gravity, shape (nv,): nan where unknown, None if all are.
         """
         time = number("time", time, "a finite number [s]")
         if tau is None:
             return Disturbance(False, "no effort of any joint")
-        q = in_order("q", q, self._dynamics.model.coordinate_names)
-        qd = in_order("qd", qd, self._names)
-        effort: VectorLike = in_order("tau", tau, self._names)
-        if missing := self._missing(effort):
+        q = vector("q", q, self._dynamics.model.coordinate_names)
+        effort = in_order("tau", tau, self._names)
+        known = array_of(effort)
+        if known is not None and known.shape == (len(self._names),) and np.isnan(known).any():
+            missing = ", ".join(f"'{name}'" for name in names_where(self._names, np.isnan(known)))
             return Disturbance(False, f"no effort of {missing}")
         before = self._sample
         interval = 0.0 if before is None else time - before.time
@@ -145,28 +128,19 @@ class DisturbanceObserver:
         resisting, applied = s.coriolis + s.gravity, cast(Array, s.epsilon)  # there are efforts
         if s.friction is not None:
             resisting += s.friction
-        reason = self._gap(before, interval)
-        if before is None or reason:
+        if gap := _gap(before, interval, self.max_gap):
             self.reset()
-            self._last = Disturbance(False, reason)
-        else:
+            self._last = Disturbance(False, gap)
+        elif before:
             epsilon = dynamics.epsilon_from_tau(before.q, effort) if self._held else before.epsilon
             mean = 0.5 * (epsilon + applied - before.resisting - resisting)
             external = (s.nu - before.nu) / interval - mean
             self._residual = self._residual - np.expm1(-self.gain * interval) * (external - self._residual)
             self._last = self._result(q)
-        self._sample = _Sample(time, np.array(q, dtype=float), s.nu, resisting, applied)
+        self._sample = _Sample(time, q, s.nu, resisting, applied)
         return self._last
 
-    def _gap(self, before: _Sample | None, interval: float) -> str:
-        """Return why a sample does not continue the one before; empty if it does."""
-        if before is None:
-            return "first sample"
-        if interval < 0.0:
-            return f"time went back by {-interval:g} s"
-        return f"no sample for {interval:g} s" if interval > self.max_gap else ""
-
-    def _result(self, q: VectorLike) -> Disturbance:
+    def _result(self, q: Array) -> Disturbance:
         r = self._residual
         with np.errstate(over="ignore", invalid="ignore"):
             norm = math.sqrt(r @ r)
@@ -176,15 +150,14 @@ class DisturbanceObserver:
         self._collision = norm >= self.release if self._collision else norm > self.threshold
         return Disturbance(True, "", r.copy(), self._dynamics.tau_from_epsilon(q, r), norm, self._collision)
 
-    def _missing(self, tau: VectorLike) -> str:
-        """Return the names of the degrees of freedom without effort."""
-        try:
-            unknown = np.isnan(np.asarray(tau))
-        except TypeError:
-            return ""  # no numbers: evaluate rejects them
-        if np.shape(unknown) != (len(self._names),) or not unknown.any():
-            return ""
-        return ", ".join(f"'{name}'" for name, is_unknown in zip(self._names, unknown, strict=True) if is_unknown)
+
+def _gap(before: _Sample | None, interval: float, max_gap: float) -> str:
+    """Return why a sample does not continue the one before; empty if it does."""
+    if before is None:
+        return "first sample"
+    if interval < 0.0:
+        return f"time went back by {-interval:g} s"
+    return f"no sample for {interval:g} s" if interval > max_gap else ""
 
 
 def _threshold(name: str, value: float) -> float:

@@ -1,13 +1,17 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Desired motion to a set-point or a pose, at bounded speed and acceleration."""
+"""Desired motions: to a set-point or a pose at bounded speed and acceleration, and along a joint trajectory.
+
+Trajectories are interpolated like those of ros2_control's joint trajectory controller.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics import rotations
+from diag_dynamics.exceptions import InputError
 
 REACHED = 1e-6
 """Distance at which a pose counts as reached [m, rad]."""
@@ -20,6 +24,15 @@ MIN_ROOM = 1e-2
 
 MAX_HARDER = 4.0
 """Additional braking for a robot that lags behind, relative to the acceleration."""
+
+MAX_NUMBER = 1e8
+"""Maximum number in a point; polynomials of larger ones overflow."""
+
+SAMPLES = 9
+"""Samples of the velocity in each segment."""
+
+MAX_COAST = 0.3
+"""Maximum distance by which the robot's motion carries it off its way to the first point [rad, m]."""
 
 
 class Desired(NamedTuple):
@@ -69,19 +82,16 @@ class SetPoint:
         elapsed, self._time = min(max(time - self._time, 0) * 1e-9, self._max_period), time
         if elapsed == 0.0:
             return Desired(self._position.copy(), self.velocity.copy(), np.zeros_like(self._goal))
+        left, a, k = self._goal - self._position, self._acceleration, self._rate
+        far, near = np.abs(left), a / k**2  # both velocities are equal at `near`, and so are their slopes
+        velocity = np.where(far > near, np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0)), k * far)
+        velocity = np.sign(left) * np.minimum(np.minimum(velocity, self._speed), far / elapsed)
         slower = min(max(1.5 - 2.0 * lag, 0.0), 1.0)
-        max_change = self._acceleration * elapsed * (1.0 + MAX_HARDER * (1.0 - slower))
-        change = np.clip(slower * self._velocity_to_goal(elapsed) - self.velocity, -max_change, max_change)
+        max_change = a * elapsed * (1.0 + MAX_HARDER * (1.0 - slower))
+        change = np.clip(slower * velocity - self.velocity, -max_change, max_change)
         self.velocity = self.velocity + change
         self._position = self._position + self.velocity * elapsed
         return Desired(self._position.copy(), self.velocity.copy(), change / elapsed)
-
-    def _velocity_to_goal(self, elapsed):
-        left, a, k = self._goal - self._position, self._acceleration, self._rate
-        far = np.abs(left)
-        near = a / k**2  # where both have the same velocity and slope
-        velocity = np.where(far > near, np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0)), k * far)
-        return np.sign(left) * np.minimum(np.minimum(velocity, self._speed), far / elapsed)
 
 
 class PoseTarget:
@@ -95,13 +105,11 @@ class PoseTarget:
     def __init__(self, goal, time, start, speed, rate, max_period, before=None):
         self.goal, self._start, self.arrived = goal, start, False
         self._vectors = np.array([goal[0] - start[0], rotations.to_vector(goal[1] @ start[1].T)])
-        self._lengths = np.array([np.linalg.norm(vector) for vector in self._vectors])
+        self._lengths = np.linalg.norm(self._vectors, axis=1)
         moving = self._lengths[:, None] > REACHED
         self._directions = np.divide(self._vectors, self._lengths[:, None], out=np.zeros((2, 3)), where=moving)
-        motion = np.zeros(2)
-        if before is not None:
-            motion = np.sum(self._directions * before.velocity, axis=1).clip(0.0)
-        desired = at_rest(np.zeros(2))._replace(velocity=motion)
+        velocity = np.zeros((2, 3)) if before is None else before.velocity
+        desired = at_rest(np.zeros(2))._replace(velocity=np.sum(self._directions * velocity, axis=1).clip(0.0))
         self._along = SetPoint(self._lengths, time, desired, speed, rate, np.zeros(2, dtype=bool), max_period)
 
     @property
@@ -115,8 +123,125 @@ class PoseTarget:
         if (self._lengths - done <= REACHED).all():
             self.arrived = True
             return self.goal
-        fraction, turned = np.divide(done, self._lengths, out=np.ones(2), where=self._lengths > 0.0)
-        R, angle = np.eye(3), self._lengths[1]
-        if angle > REACHED:
-            R = rotations.about_axis(self._directions[1], turned * angle)
-        return self._start[0] + fraction * self._vectors[0], R @ self._start[1]
+        fraction = np.divide(done, self._lengths, out=np.ones(2), where=self._lengths > 0.0)
+        turned = fraction[1] * self._lengths[1] if self._lengths[1] > REACHED else 0.0
+        R = rotations.about_axis(self._directions[1], turned)
+        return self._start[0] + fraction[0] * self._vectors[0], R @ self._start[1]
+
+
+class Waypoints(NamedTuple):
+    """Points of a trajectory, joints in the robot's order; at least one."""
+
+    times: np.ndarray  # from the start [s], increasing, shape (points,)
+    positions: np.ndarray  # [rad, m], shape (points, nv)
+    velocities: np.ndarray  # [rad/s, m/s], shape (points, nv); zero where a point has none
+    accelerations: np.ndarray  # [rad/s², m/s²], shape (points, nv); zero where a point has none
+    with_velocity: np.ndarray  # of bool, shape (points,)
+    with_acceleration: np.ndarray  # of bool, shape (points,)
+
+
+class Trajectory:
+    """Trajectory of the joints of a robot.
+
+    The positions between two points are a quintic of time if both have accelerations, a cubic if both have velocities, else
+    linear. The approach to the first point starts from the robot's motion at the start; the robot rests at the last point. A
+    continuous joint goes to the first point the shorter way round.
+
+    Times of waypoints increase, numbers are finite and at most :data:`MAX_NUMBER`, and the last velocity is zero. `names` are
+    the joints of the robot in its order, and `stamp` is the start [ns]; 0: the first state.
+    """
+
+    def __init__(self, waypoints, names, continuous=(), stamp=0):
+        self._stamp, self._continuous = stamp, np.array([name in continuous for name in names])
+        self._points, self._times, self.positions = waypoints, waypoints.times, waypoints.positions
+        _require_order(self._times)
+        for field in ("positions", "velocities", "accelerations"):
+            _require_numbers(field, getattr(waypoints, field), names)
+        for joint in np.flatnonzero(waypoints.velocities[-1])[:1]:
+            raise InputError(
+                f"velocity of joint '{names[joint]}' at the last point of the trajectory is "
+                f"{waypoints.velocities[-1][joint]:g}, expected 0: the robot rests there."
+            )
+
+    def ends_before(self, time):
+        """Return whether a trajectory with a stamp ends before a time [ns]."""
+        return bool(self._stamp) and self._stamp + round(self._times[-1] * 1e9) < time
+
+    def begin(self, time, position, velocity):
+        """Start at a time [ns], or at the stamp, from the position and velocity at that time.
+
+        A cubic to a first point far ahead would follow that velocity a long way before it turns: :data:`MAX_COAST` bounds it.
+        """
+        self._start = self._stamp or time
+        self._begin = (time - self._start) * 1e-9
+        first = self._times[0]
+        begin = min(self._begin, first - 1e-9)
+        max_speed = MAX_COAST * 27.0 / 4.0 / (first - begin)
+        here = nearest(np.array(position, dtype=float), self.positions[0], self._continuous)
+        moving = np.clip(velocity, -max_speed, max_speed)
+        start = begin, here, moving, np.zeros_like(here), True, False
+        knots = [np.concatenate([[value], field]) for value, field in zip(start, self._points, strict=True)]
+        self._knots = knots[0]
+        ends = (Waypoints(*(field[part] for field in knots)) for part in (slice(-1), slice(1, None)))
+        self._segments = _polynomials(*ends)
+
+    def fastest(self):
+        """Return the maximum speeds [rad/s, m/s], shape (segments, nv), of each segment that is left after the start."""
+        left = self._times > self._begin
+        c = np.moveaxis(self._segments[left], 1, 0)[:, :, None]
+        s = (np.diff(self._knots)[left, None] * np.linspace(0.0, 1.0, SAMPLES))[..., None]
+        return np.abs(_velocity(c, s)).max(axis=1)
+
+    def sample(self, time, lag=0.0):
+        """Return the desired motion at a time [ns]; unlike a SetPoint, it does not wait for a robot that lags behind."""
+        t = (time - self._start) * 1e-9
+        k = int(np.searchsorted(self._times, t, side="right"))
+        if k == len(self._times):
+            return at_rest(self.positions[-1])
+        c, s = self._segments[k], t - self._knots[k]
+        position = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
+        acceleration = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]))
+        return Desired(position, _velocity(c, s), acceleration)
+
+
+def _velocity(c, s):
+    """Return the derivative of polynomials with six coefficients at a time [s]."""
+    return c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])))
+
+
+def _require_order(times):
+    """Reject times [s] that do not increase, or begin before the start."""
+    if times[0] < 0.0:
+        raise InputError(f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0.")
+    for k in np.flatnonzero(np.diff(times) <= 0.0)[:1]:
+        raise InputError(
+            f"trajectory.points[{k + 1}].time_from_start is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the "
+            "point before."
+        )
+
+
+def _require_numbers(field, table, names):
+    """Reject numbers that are not finite, or larger than MAX_NUMBER."""
+    for k, joint in np.argwhere(~(np.abs(table) <= MAX_NUMBER))[:1]:
+        raise InputError(
+            f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number "
+            f"of no more than {MAX_NUMBER:g}."
+        )
+
+
+def _polynomials(start, end):
+    """Return the coefficients from Waypoints to the next ones: quintic, cubic or linear, shape (points, 6, nv)."""
+    (times, q, v, a, has_v, has_a), (times1, q1, v1, a1, has_v1, has_a1) = start, end
+    T, step = (times1 - times)[:, None], q1 - q
+    c = np.zeros((len(T), 6, q.shape[1]))
+    c[:, 0], c[:, 1] = q, step / T
+    k = has_v & has_v1
+    c[k, 1] = v[k]
+    c[k, 2] = ((3.0 * step - (2.0 * v + v1) * T) / T**2)[k]
+    c[k, 3] = ((-2.0 * step + (v + v1) * T) / T**3)[k]
+    k = k & has_a & has_a1
+    c[k, 2] = 0.5 * a[k]
+    c[k, 3] = ((20.0 * step - (12.0 * v + 8.0 * v1) * T - (3.0 * a - a1) * T**2) / (2.0 * T**3))[k]
+    c[k, 4] = ((-30.0 * step + (16.0 * v + 14.0 * v1) * T + (3.0 * a - 2.0 * a1) * T**2) / (2.0 * T**4))[k]
+    c[k, 5] = ((12.0 * step - 6.0 * (v + v1) * T - (a - a1) * T**2) / (2.0 * T**5))[k]
+    return c

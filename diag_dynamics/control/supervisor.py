@@ -18,7 +18,7 @@ MIN_STANDSTILL = 1.0
 class State(IntEnum):
     """States of the loop; each determines the command."""
 
-    WAITING = 0  # no valid state yet: no command
+    WAITING = 0  # none: no valid state yet
     STARTING = 1  # damping until the efforts carry the robot
     ACTIVE = 2  # the law
     HOLDING_START = 3  # gravity compensation without a valid state, returns to STARTING
@@ -57,9 +57,6 @@ TRANSITIONS = {
 RESUMING = (_S.STARTING, _S.ACTIVE, _S.RAMPING_DOWN, _S.RAMPING_DOWN, _S.RAMPING_DOWN)
 """Row of RAMPING_DOWN for a loop that resumes by itself."""
 
-_VALID, _CARRIED, _INVALID, _TIMEOUT, _SWITCH = Event  # attributes of an Enum are slow
-_STOPPED, _START = _S.STOPPED, (_S.STARTING, _S.HOLDING_START)
-
 _PHASES = INACTIVE, ACTIVE, ACTIVE, HOLDING, HOLDING, RAMPING_DOWN, RAMPING_DOWN, RAMPING_DOWN
 """Phase by state."""
 
@@ -78,8 +75,7 @@ class Supervisor:
     def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
         self.max_age, self.hold_time = max_age, hold_time
         self._machine_time = machine_time
-        table = TRANSITIONS | ({State.RAMPING_DOWN: RESUMING} if resumes else {})
-        self._transitions = [table[state] for state in State]
+        self._transitions = TRANSITIONS | ({State.RAMPING_DOWN: RESUMING} if resumes else {})
         self.forget()
 
     def forget(self):
@@ -104,12 +100,12 @@ class Supervisor:
     @property
     def latched(self):
         """Whether a valid state leaves the loop stopped."""
-        return self._next(_VALID) == _STOPPED
+        return self._next(Event.VALID) == State.STOPPED
 
     @property
     def starting(self):
         """Whether the efforts do not carry the robot yet."""
-        return self.state in _START
+        return self.state in (State.STARTING, State.HOLDING_START)
 
     def age_problem(self, stamp, now):
         """Return the error of the age of a state, both times in nanoseconds; None if it is valid."""
@@ -118,9 +114,8 @@ class Supervisor:
             return None
         if not now:
             return "use_sim_time, but nothing on /clock yet"
-        if age < 0.0:
-            return f"the state is {-age:.6g} s in the future, expected no more than max_state_age = {self.max_age:g} s"
-        return f"the state is {age:.6g} s old, expected no more than max_state_age = {self.max_age:g} s"
+        where = f"{-age:.6g} s in the future" if age < 0.0 else f"{age:.6g} s old"
+        return f"the state is {where}, expected no more than max_state_age = {self.max_age:g} s"
 
     def valid(self, now, carried=True):
         """Accept a valid state for which there is a command, at a time [ns].
@@ -132,7 +127,7 @@ class Supervisor:
             self._outage = 0
         elif self.phase == ACTIVE:
             self._outage = max(self._outage - max(now - self._last, 0), 0)
-        self.state = self._next(_CARRIED if carried else _VALID)
+        self.state = self._next(Event.CARRIED if carried else Event.VALID)
         self.reason, self._last = "", now
 
     def invalid(self, now, reason):
@@ -152,16 +147,16 @@ class Supervisor:
         timeout = stands_still or self._outage * 1e-9 >= self.hold_time
         if timeout and self.phase != RAMPING_DOWN:
             self._cause = f"{reason}; the clock stands still" if stands_still else reason
-        self.state = self._next(_TIMEOUT if timeout else _INVALID)
+        self.state = self._next(Event.TIMEOUT if timeout else Event.INVALID)
 
     def wait(self):
         """Accept a valid state while the loop is stopped."""
-        self.state = _STOPPED
+        self.state = State.STOPPED
         self.reason = f"states are valid again; choose a mode to go on. The robot was given up: {self._cause}"
 
     def release(self):
         """Accept the choice of a mode; raise InputError while a stopped loop has no valid state."""
-        after = self._next(_SWITCH)
+        after = self._next(Event.SWITCH)
         if after is None:
             raise InputError(f"the robot was given up, and there is no valid state yet: {self.reason}.")
         self.state = after

@@ -16,7 +16,7 @@ import pytest
 import diag_dynamics as dd
 import robots
 from described import subject
-from diag_dynamics.control.pose import rotation_of
+from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.rotations import to_vector as rotation_vector
 

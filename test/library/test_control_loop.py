@@ -13,9 +13,9 @@ from arm import gravity_of, pinocchio_command, state_at, waypoints
 from described import MS, UR5, S, robot
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
+from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES, POSE, TRACKING
-from diag_dynamics.control.pose import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.parameters.controller import PARAMETERS
@@ -195,6 +195,32 @@ def test_the_energy_limit_holds_under_a_push(strong):
         simulation.advance(sent.effort, f_ext={"tool0": (0, 30.0, 20.0, 0, 0, 0)} if k > 50 else None)
         energies.append(loop.energy)
     assert 0.4 < max(energies) < 1.02 * 0.5
+
+
+@pytest.mark.parametrize(
+    ("timeout", "scale", "age", "expected"),
+    [
+        (0.5, None, 0, 0.0),
+        (0.5, 0.6, 500, 0.6),
+        (0.5, 0.6, 501, 0.0),
+        (0.5, 0.6, -1, 0.0),  # of a clock that went back
+        (0.0, None, 0, 1.0),
+        (0.0, 0.6, 10**6, 0.6),
+    ],
+)
+def test_the_scale_of_contact_speeds(strong, timeout, scale, age, expected):
+    """With a timeout a missing or stale scale stops every point that has a limit."""
+    points = dd.ContactPoints(strong, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1.0}}))
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"contact.scale_timeout": timeout}
+    loop = ControlLoop(strong, values, False, points)
+    if scale is not None:
+        loop.take_scale(scale, S)
+    loop.step(state_at(S + age * MS, Q), S + age * MS)
+    assert loop.efforts.contact_limiter.scale == expected
+    with pytest.raises(InputError, match=r"contact_scale is 1\.1"):
+        loop.take_scale(1.1, S)
+    with pytest.raises(InputError, match="contacts are not bounded"):
+        slow_loop_of(strong).take_scale(0.5, S)
 
 
 def test_targets_end_with_a_stall_longer_than_the_hold(strong):

@@ -266,6 +266,26 @@ def test_a_mode_chosen_without_a_state(strong, name):
     assert one.state == "ACTIVE" and not one.sent.command.error.any() and one.sent.lyapunov_rate is None
 
 
+def test_a_refused_switch_keeps_the_mode(strong):
+    one = driven(strong, "RAMPING_DOWN", mode=DAMPING)
+    with pytest.raises(InputError, match="no valid state yet"):
+        one.loop.switch(TRACKING)
+    assert one.loop.mode == DAMPING
+
+
+def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
+    """The arm stays where it is, also where the mode had another target when it was last in force."""
+    one = driven(strong, "ACTIVE", mode=TRACKING)
+    one.loop.take_set_point(Q + 0.2)
+    for _ in range(50):
+        one.step()
+    assert one.sent.command.error.any()
+    for mode, q in ((DAMPING, Q), (TRACKING, Q + 0.1)):
+        one.loop.switch(mode)
+        one.step(q)
+    assert not one.sent.command.error.any() and one.sent.lyapunov_rate is None
+
+
 def test_a_missing_state_revokes_the_choice_of_a_stopped_loop(strong):
     one = driven(strong, "RELEASED")
     one.without()

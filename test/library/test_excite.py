@@ -12,7 +12,7 @@ import yaml
 import diag_dynamics as dd
 from diag_dynamics import excite
 from diag_dynamics.cli.main import main
-from diag_dynamics.control.trajectory import Trajectory, Waypoints
+from diag_dynamics.control.references import Trajectory, Waypoints
 from examples import shortened
 from motions import efforts
 from oracles import Oracle

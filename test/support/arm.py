@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from described import UR5, robot
-from diag_dynamics.control.trajectory import Waypoints
+from diag_dynamics.control.references import Waypoints
 from diag_dynamics.joint_states.joints import RobotState
 
 

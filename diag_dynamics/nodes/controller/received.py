@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.control.trajectory import Waypoints
+from diag_dynamics.control.references import Waypoints
 from diag_dynamics.exceptions import InputError
 
 MAX_POINTS = 2000

@@ -5,7 +5,7 @@
 
 from collections import Counter
 
-from diag_dynamics.control import PoseError
+from diag_dynamics.control.laws import PoseError
 from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
