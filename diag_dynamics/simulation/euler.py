@@ -7,7 +7,7 @@ import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
-from diag_dynamics.simulation.modes import HELD, classify_joints, is_limited, solve_stiction
+from diag_dynamics.simulation.modes import HELD, classify_joints, solve_stiction
 from diag_dynamics.simulation.runge_kutta import integrate, wrench_efforts
 from diag_dynamics.sweeps import classical, factorization, groups
 from diag_dynamics.sweeps import spatial as sp
@@ -34,7 +34,7 @@ def euler_step(address, h, load, may_have_modes):
         status = _free_rates(address, h, load.tau)
         if status == 0:
             status = _move(address, h, load.tau)
-    if status == 0 and reaches_limit(sim.lower, sim.upper, sim.q) and is_beyond_hard_limit(address):
+    if status == 0 and is_beyond_hard_limit(address):
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status == 0:
             status = resolve_impacts(address, h)
@@ -78,16 +78,13 @@ def _free_rates(address, h, tau):
 def _touches_spring(address, h):
     """Let joints that pass a compliant limit in the step lean on it; return whether there are any."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
     found = False
-    for i in range(1, len(bodies)):
-        k, c = bodies[i].dof, bodies[i].q
-        if is_limited(bodies, i) and sim.spring[k] == 0.0 and math.isfinite(sim.stiffness[k]):
-            end = sim.q[c] + h * sim.after[k]
-            side = 1.0 if end > sim.upper[c] else -1.0 if end < sim.lower[c] else 0.0
-            if side * sim.after[k] > 0.0:
-                sim.spring[k], found = side, True
-                sim.depth[k] = sim.q[c] - (sim.upper[c] if side > 0.0 else sim.lower[c])
+    for k in range(len(sim.after)):
+        x, rate, lower, upper = sim.q[sim.coordinate[k]], sim.after[k], sim.lower[k], sim.upper[k]
+        side = 1.0 if x + h * rate > upper else -1.0 if x + h * rate < lower else 0.0
+        if side * rate > 0.0 and sim.spring[k] == 0.0 and sim.stiffness[k] < math.inf:
+            sim.spring[k], found = side, True
+            sim.depth[k] = x - (upper if side > 0.0 else lower)
     return found
 
 
@@ -177,12 +174,10 @@ def _stored(stiffness, depth):
 def book_springs(address):
     """Book the energy of compliant limits that a joint has left as lost: they return without the joint."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
-    for i in range(1, len(bodies)):
-        k, c = bodies[i].dof, bodies[i].q
-        if is_limited(bodies, i) and sim.spring[k] == 0.0 and math.isfinite(sim.stiffness[k]):
-            now = max(sim.q[c] - sim.upper[c], sim.lower[c] - sim.q[c])
-            before = max(sim.first_q[c] - sim.upper[c], sim.lower[c] - sim.first_q[c])
+    for k in range(len(sim.spring)):
+        if sim.spring[k] == 0.0 and sim.stiffness[k] < math.inf:
+            q, first_q = sim.q[sim.coordinate[k]], sim.first_q[sim.coordinate[k]]
+            now, before = max(q - sim.upper[k], sim.lower[k] - q), max(first_q - sim.upper[k], sim.lower[k] - first_q)
             sim.accounts[LIMITS] += _stored(sim.stiffness[k], now) - _stored(sim.stiffness[k], before)
 
 
@@ -205,26 +200,26 @@ def _energy(address):
     return kinetic_energy(sim.nu) + potential
 
 
-@kernel
-def reaches_limit(lower, upper, q):
-    """Whether a coordinate is at its limits or beyond them."""
-    for k in range(len(q)):
-        if q[k] <= lower[k] or q[k] >= upper[k]:
-            return True
-    return False
+@large_kernel
+def reaches_limit(address):
+    """Whether a joint is at its limits or beyond them."""
+    sim = opened(address)
+    found = False
+    for k in range(len(sim.lower)):
+        q = sim.q[sim.coordinate[k]]
+        found |= q <= sim.lower[k] or q >= sim.upper[k]
+    return found
 
 
 @large_kernel
 def is_beyond_hard_limit(address):
     """Whether a joint is beyond a hard limit."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
-    for i in range(1, len(bodies)):
-        k, c = bodies[i].dof, bodies[i].q
-        beyond = sim.q[c] < sim.lower[c] or sim.q[c] > sim.upper[c]
-        if beyond and is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
-            return True
-    return False
+    found = False
+    for k in range(len(sim.lower)):
+        q = sim.q[sim.coordinate[k]]
+        found |= (q < sim.lower[k] or q > sim.upper[k]) and sim.stiffness[k] == math.inf
+    return found
 
 
 @large_kernel
@@ -235,19 +230,18 @@ def resolve_impacts(address, h):
     impulse, so joints at rest can start to move; those that would hardly move, or only for a moment, stay at rest.
     """
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
     energy = _energy(address)
     ws.clear(sim.locks)
     ws.copy(sim.qd, sim.before)
-    for i in range(1, len(bodies)):
-        k, c = bodies[i].dof, bodies[i].q
-        if is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
-            sim.q[c] = min(max(sim.q[c], sim.lower[c]), sim.upper[c])
+    for k in range(len(sim.locks)):
+        if sim.stiffness[k] == math.inf:
+            c = sim.coordinate[k]
+            sim.q[c] = min(max(sim.q[c], sim.lower[k]), sim.upper[k])
     status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
     while status == 0 and _lock_stopped(address, h):
-        status = factorization.rates_with_added_inertia(
-            sim.robot, sim.q, sim.nu, sim.locks, sim.zeros, sim.momentum, sim.qd
-        )
+        status = factorization.tau_from_epsilon(sim.robot, sim.q, sim.nu, sim.momentum)
+        if status == 0:
+            status = factorization.qd_from_momentum(sim.robot, sim.q, sim.locks, sim.momentum, sim.qd)
         for k in range(len(sim.qd)):
             if sim.locks[k] != 0.0:
                 sim.qd[k] = 0.0
@@ -266,15 +260,14 @@ def _lock_stopped(address, h):
     for k in range(len(sim.qd)):
         largest = max(largest, abs(sim.qd[k] - sim.before[k]))
     for i in range(1, len(bodies)):
-        k, c = bodies[i].dof, bodies[i].q
+        k = bodies[i].dof
         if not groups.is_leader(bodies, i) or sim.locks[k] != 0.0:
             continue
-        rate, D = abs(sim.qd[k]), work[i].D  # the joint's inertia or more
-        stays = rate <= UNMOVED * largest or D * rate <= SHORT * h * sim.friction[k]
+        q, rate, D = sim.q[sim.coordinate[k]], sim.qd[k], work[i].D  # the joint's inertia or more
+        stays = abs(rate) <= UNMOVED * largest or D * abs(rate) <= SHORT * h * sim.friction[k]
         stopped = sim.before[k] == 0.0 and stays
-        if is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
-            stopped |= sim.q[c] == sim.lower[c] and sim.qd[k] < 0.0
-            stopped |= sim.q[c] == sim.upper[c] and sim.qd[k] > 0.0
+        if sim.stiffness[k] == math.inf:
+            stopped |= (q == sim.lower[k] and rate < 0.0) or (q == sim.upper[k] and rate > 0.0)
         if stopped:
             sim.locks[k], found = math.inf, True
     return found

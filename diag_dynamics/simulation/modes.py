@@ -15,7 +15,7 @@ import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import opened
-from diag_dynamics.sweeps import classical, configuration, factorization, groups
+from diag_dynamics.sweeps import classical, configuration, factorization
 from diag_dynamics.sweeps import workspace as ws
 
 FREE, HELD = 0.0, 2.0
@@ -31,23 +31,7 @@ ROUNDS_OF_ALL = 3
 
 
 @kernel
-def is_limited(bodies, i):
-    """Whether limits apply to a body's degree of freedom: its joint has one, and is no mimic joint."""
-    return bodies[i].dofs == 1 and groups.is_leader(bodies, i)
-
-
-@kernel
-def limit_violation(lower, upper, x):
-    """Side of the limit that a coordinate has reached (−1, 1; 0 for none), and the distance beyond, with that sign."""
-    if x >= upper:
-        return 1.0, x - upper
-    if x <= lower:
-        return -1.0, x - lower
-    return 0.0, 0.0
-
-
-@kernel
-def limit_force(stiffness, damping, side, depth, rate):
+def _limit_force(stiffness, damping, side, depth, rate):
     """Force of a compliant limit into the range, and the sum of the sizes of its parts."""
     elastic, viscous = stiffness * side * depth, damping * side * rate
     return elastic + viscous, elastic + abs(viscous)
@@ -57,21 +41,20 @@ def limit_force(stiffness, damping, side, depth, rate):
 def classify_joints(address):
     """Set mode, spring and depth of each joint from q and q̇; return whether a joint has a mode, and whether one leans."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
     moded, leaning = False, False
-    for i in range(1, len(bodies)):
-        if not groups.is_leader(bodies, i):
-            continue
-        k, c = bodies[i].dof, bodies[i].q
-        rate, side = sim.qd[k], 0.0
-        sim.mode[k], sim.spring[k], sim.depth[k] = FREE, 0.0, 0.0
-        if is_limited(bodies, i):
-            side, sim.depth[k] = limit_violation(sim.lower[c], sim.upper[c], sim.q[c])
-            if side != 0.0 and math.isfinite(sim.stiffness[k]):
-                force, size = limit_force(sim.stiffness[k], sim.limit_damping[k], side, sim.depth[k], rate)
-                if force > NO_FORCE * size or (size == 0.0 and side * rate > 0.0):
-                    sim.spring[k], leaning = side, True
-                side = 0.0
+    for k in range(len(sim.qd)):
+        x, rate = sim.q[sim.coordinate[k]], sim.qd[k]
+        side, depth = 0.0, 0.0
+        if x >= sim.upper[k]:
+            side, depth = 1.0, x - sim.upper[k]
+        elif x <= sim.lower[k]:
+            side, depth = -1.0, x - sim.lower[k]
+        sim.mode[k], sim.spring[k], sim.depth[k] = FREE, 0.0, depth
+        if side != 0.0 and sim.stiffness[k] < math.inf:
+            force, size = _limit_force(sim.stiffness[k], sim.limit_damping[k], side, depth, rate)
+            if force > NO_FORCE * size or (size == 0.0 and side * rate > 0.0):
+                sim.spring[k], leaning = side, True
+            side = 0.0
         if rate == 0.0 and (sim.friction[k] > 0.0 or side != 0.0):
             sim.mode[k], moded = HELD, True
         elif sim.friction[k] > 0.0:
@@ -107,18 +90,15 @@ def _solve_modes(address, h, tau):
     sim = opened(address)
     holding = False
     for k in range(len(tau)):
-        mode, added = sim.mode[k], h * sim.damping[k]
-        sim.impulse[k] = h * (tau[k] + sim.pushed[k] - sim.bias[k])
+        mode, added, momentum = sim.mode[k], h * sim.damping[k], h * (tau[k] + sim.pushed[k] - sim.bias[k])
         if sim.spring[k] != 0.0:
             added += h * (sim.limit_damping[k] + h * sim.stiffness[k])
-            sim.impulse[k] -= h * sim.stiffness[k] * sim.depth[k]
+            momentum -= h * sim.stiffness[k] * sim.depth[k]
         if abs(mode) == 1.0:
-            sim.impulse[k] -= h * sim.friction[k] * mode
-        sim.added[k] = math.inf if mode == HELD else added
+            momentum -= h * sim.friction[k] * mode
+        sim.added[k], sim.momentum[k] = math.inf if mode == HELD else added, momentum
         holding |= mode == HELD
-    status = factorization.rates_with_added_inertia(
-        sim.robot, sim.q, sim.zeros, sim.added, sim.impulse, sim.momentum, sim.after
-    )
+    status = factorization.qd_from_momentum(sim.robot, sim.q, sim.added, sim.momentum, sim.after)
     if status != 0 or not holding:
         return status
     for k in range(len(tau)):
@@ -131,20 +111,18 @@ def _solve_modes(address, h, tau):
 def _exchange_modes(address, h, all_together, may_release):
     """Hold joints that slide backwards, release joints beyond their bounds; return whether a mode has changed."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
     changed = False
-    for i in range(1, len(bodies)):
-        k, c = bodies[i].dof, bodies[i].q
-        if not groups.is_leader(bodies, i) or sim.mode[k] == FREE or (changed and not all_together):
+    for k in range(len(sim.mode)):
+        if sim.mode[k] == FREE or (changed and not all_together):
             continue
         if sim.mode[k] != HELD:
             if sim.mode[k] * sim.after[k] < 0.0:
                 sim.mode[k], changed = HELD, True
         elif may_release:
             low, high = -h * sim.friction[k], h * sim.friction[k]
-            if is_limited(bodies, i) and not math.isfinite(sim.stiffness[k]):
-                high = math.inf if sim.q[c] <= sim.lower[c] else high
-                low = -math.inf if sim.q[c] >= sim.upper[c] else low
+            if sim.stiffness[k] == math.inf:
+                x = sim.q[sim.coordinate[k]]
+                low, high = -math.inf if x >= sim.upper[k] else low, math.inf if x <= sim.lower[k] else high
             impulse = sim.needed[k] - sim.momentum[k]
             slack = ROUNDING * (abs(sim.needed[k]) + abs(sim.momentum[k]))
             if impulse > high + slack:
@@ -170,50 +148,32 @@ def is_stopping(address):
 def is_mode_left(address):
     """Whether the step has taken a joint out of its mode: it slides backwards, has passed a limit, or left one."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
-    for i in range(1, len(bodies)):
-        if not groups.is_leader(bodies, i):
+    for k in range(len(sim.qd)):
+        x, spring, stiffness = sim.q[sim.coordinate[k]], sim.spring[k], sim.stiffness[k]
+        if sim.mode[k] == HELD:
             continue
-        k, c = bodies[i].dof, bodies[i].q
-        mode, rate, depth = sim.mode[k], sim.qd[k], sim.depth[k]
-        if mode == HELD:
-            continue
-        if sim.friction[k] > 0.0 and mode * rate < 0.0:
+        if sim.friction[k] > 0.0 and sim.mode[k] * sim.qd[k] < 0.0:
             return True
-        if not is_limited(bodies, i):
-            continue
-        beyond = max(sim.q[c] - sim.upper[c], sim.lower[c] - sim.q[c])
-        if sim.spring[k] == 0.0 and (depth == 0.0 or not math.isfinite(sim.stiffness[k])):
-            if beyond > 0.0:
+        if spring == 0.0 and (sim.depth[k] == 0.0 or stiffness == math.inf):
+            if x > sim.upper[k] or x < sim.lower[k]:
                 return True
         else:
-            side = sim.spring[k] if sim.spring[k] != 0.0 else math.copysign(1.0, depth)
-            deep = sim.q[c] - (sim.upper[c] if side > 0.0 else sim.lower[c])
-            force, _ = limit_force(sim.stiffness[k], sim.limit_damping[k], side, deep, rate)
-            if sim.spring[k] != 0.0 and force < 0.0:
-                return True
-            if sim.spring[k] == 0.0 and side * deep > 0.0 and force > 0.0:
+            side = spring if spring != 0.0 else math.copysign(1.0, sim.depth[k])
+            depth = x - (sim.upper[k] if side > 0.0 else sim.lower[k])
+            force, _ = _limit_force(stiffness, sim.limit_damping[k], side, depth, sim.qd[k])
+            if (spring != 0.0 and force < 0.0) or (spring == 0.0 and side * depth > 0.0 and force > 0.0):
                 return True
     return False
 
 
 @large_kernel
-def lock_joints(address):
-    """Lock the joints that are held, and no others; return whether there are any."""
+def lock_joints(address, lock):
+    """Lock the joints that are held, or none; return whether any is locked."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
-    holding = False
+    locked = False
     for k in range(len(sim.mode)):
-        sim.locks[k] = 1.0 if sim.mode[k] == HELD else 0.0
-        holding |= sim.mode[k] == HELD
+        sim.locks[k] = 1.0 if lock and sim.mode[k] == HELD else 0.0
+        locked |= sim.locks[k] == 1.0
     configuration.lock_joints(bodies, sim.armature, sim.locks)
-    return holding
-
-
-@large_kernel
-def unlock_joints(address):
-    """Lock no joint."""
-    sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
-    ws.clear(sim.locks)
-    configuration.lock_joints(bodies, sim.armature, sim.locks)
+    return locked

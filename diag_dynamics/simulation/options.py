@@ -8,8 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import VectorLike
-from diag_dynamics.checks import array_of, in_order, numbers
+from diag_dynamics.checks import array_of, in_order, vector
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.sweeps.records import WRENCH
+
+NO_WRENCHES = np.zeros(0, WRENCH)
 
 
 def rest_position(model):
@@ -32,58 +35,46 @@ class CompliantLimits(NamedTuple):
     """Position limits that give way: a spring and a damper that push a joint back into its range, and never pull.
 
     Each number is for all joints, or an array of shape (nv,). Of degrees of freedom without limits it has no effect.
-
-    Attributes
-    ----------
-    stiffness : float or array_like, shape (nv,)
-        [N m/rad, N/m], greater than zero; inf is a hard limit.
-    damping : float or array_like, shape (nv,)
-        [N m s/rad, N s/m].
     """
 
     stiffness: VectorLike | float
+    """[N m/rad, N/m], greater than zero; inf is a hard limit."""
     damping: VectorLike | float = 0.0
+    """[N m s/rad, N s/m]."""
 
 
-def resistance(name, value, names):
+def not_negative(name, value, names):
     """Return `value` as a new vector of numbers ≥ 0, one for each name."""
-    value, length = in_order(name, value, names), len(names)
-    array = numbers(name, value, (length,), f"{length} finite numbers")
+    array = vector(name, value, names)
     if (array < 0.0).any():
-        raise InputError(f"{name} is {array.tolist()}, expected {length} finite numbers >= 0.")
+        raise InputError(f"{name} is {array.tolist()}, expected {len(names)} finite numbers >= 0.")
     return array
 
 
 def limits_of(value, model):
-    """Return the bounds, shape (2, nq), and stiffness and damping of the limits, shape (nv,) each."""
-    nv, bounds = model.nv, np.array([model.lower, model.upper])
+    """Return whether there are limits, and their stiffness and damping, shape (nv,) each."""
+    nv, checked = model.nv, []
     if isinstance(value, (bool, np.bool_)):
-        unlimited = np.array([[-np.inf], [np.inf]]) * np.ones(model.nq)
-        return bounds if value else unlimited, np.full(nv, np.inf), np.zeros(nv)
+        return bool(value), np.full(nv, np.inf), np.zeros(nv)
     if not isinstance(value, CompliantLimits):
         raise InputError(f"limits is {value!r}, expected True, False or CompliantLimits(stiffness, damping).")
-    checked = []
-    for name, given in zip(("stiffness", "damping"), value, strict=True):
+    for name, given in value._asdict().items():
         array = array_of(in_order(f"{name} of limits", given, model.dof_names))
         if array is None or array.shape not in ((), (1,), (nv,)):
             array = np.array(np.nan)
         array = np.array(np.broadcast_to(array, (nv,)))
-        wrong = array <= 0.0 if name == "stiffness" else (array < 0.0) | np.isinf(array)
-        if np.isnan(array).any() or wrong.any():
+        valid = array > 0.0 if name == "stiffness" else (array >= 0.0) & np.isfinite(array)
+        if not valid.all():
             expected = "greater than zero" if name == "stiffness" else ">= 0 and finite"
             raise InputError(f"{name} of limits is {given!r}, expected a number or {nv} numbers, {expected}.")
         checked.append(array)
-    return bounds, *checked
+    return True, *checked
 
 
 def effort_limits_of(value, model):
-    """Return the largest efforts, shape (nv,): `value`, those of the model, or inf.
-
-    A URDF must give each joint an effort limit. Authors who know none write 0, so 0 counts as no limit.
-    """
+    """Return the largest efforts, shape (nv,): `value`, those of the model, or inf."""
     if isinstance(value, (bool, np.bool_)):
-        own = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)
-        return own if value else np.full(model.nv, np.inf)
+        return model.effort_bound.copy() if value else np.full(model.nv, np.inf)
     array = array_of(in_order("effort_limits", value, model.dof_names))
     if array is None or array.shape != (model.nv,) or not (array >= 0.0).all():
         raise InputError(f"effort_limits is {value!r}, expected True, False or {model.nv} numbers >= 0, inf for none.")

@@ -7,7 +7,7 @@ from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
-from diag_dynamics.sweeps import classical, configuration, evaluation, factorization, groups
+from diag_dynamics.sweeps import classical, configuration, factorization, groups, total_rates
 from diag_dynamics.sweeps import workspace as ws
 
 UNRESOLVED = 1.5
@@ -33,15 +33,19 @@ def integrate(flat, bodies, q, u, target):
 
 
 @large_kernel
+def _add(target, scale, row):
+    """Add scale · row to a vector."""
+    for k in range(len(target)):
+        target[k] += scale * row[k]
+
+
+@large_kernel
 def runge_kutta(address, h, load):
     """Step (q, q̇, ν) by the pair of methods, and add the work done to the accounts. Held joints are locked already."""
     stiff = _start_stages(address, h, load.tau)
     for i in range(STAGES):
-        status = _predict(address, h, i, stiff)
-        if status == 0:
-            status = _stage_rates(address, h, i, stiff)
-        if status == 0:
-            status = _explicit_accelerations(address, i, load)
+        _predict(address, h, i, stiff)
+        status = _stage_rates(address, h, i, stiff, load)
         if status != 0:
             return status
     return _combine_stages(address, h, stiff, load)
@@ -58,7 +62,6 @@ def _start_stages(address, h, tau):
             resistance += sim.limit_damping[k]
             stiffness = sim.stiffness[k]
         sim.added[k] = h * GAMMA * (resistance + h * GAMMA * stiffness)
-        sim.impulse[k] = 0.0
         stiff |= sim.added[k] > 0.0
         sim.constant_effort[k] = tau[k]
         if abs(sim.mode[k]) == 1.0:
@@ -72,72 +75,86 @@ def _predict(address, h, i, stiff):
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
     charts = sim.rates if sim.flat else sim.charts
-    n = len(sim.qd)
-    for k in range(n):
-        sim.u[k], sim.stage_nu[k] = 0.0, sim.nu[k]
-    for j in range(i):  # row by row: the compiler vectorizes this
+    ws.clear(sim.u)
+    ws.copy(sim.nu, sim.stage_nu)
+    for j in range(i):
         a, b = h * EXPLICIT[i, j], h * IMPLICIT[i, j]
-        for k in range(n):
-            sim.u[k] += a * charts[j, k]
-            sim.stage_nu[k] += a * sim.explicit[j, k]
+        _add(sim.u, a, charts[j])
+        _add(sim.stage_nu, a, sim.explicit[j])
         if stiff:
-            for k in range(n):
-                sim.stage_nu[k] += b * sim.implicit[j, k]
+            _add(sim.stage_nu, b, sim.implicit[j])
     integrate(sim.flat, bodies, sim.q, sim.u, sim.place)
-    return 0
 
 
 @large_kernel
-def _stage_rates(address, h, i, stiff):
-    """q̇ of a stage and the implicit part of ν̇. The first stage is explicit."""
+def _stage_rates(address, h, i, stiff, load):
+    """q̇ of a stage, and ν̇ without and with dampers and springs. The bodies are factorized once for all."""
     sim = opened(address)
-    rates, implicit, nu, momentum = sim.rates[i], sim.implicit[i], sim.stage_nu, sim.momentum
-    n = len(nu)
-    if i == 0:
-        ws.copy(sim.qd, rates)
-        if not stiff:
-            return 0
-        for k in range(n):
-            momentum[k] = -sim.damping[k] * sim.qd[k]
-            if sim.spring[k] != 0.0:
-                momentum[k] -= sim.limit_damping[k] * sim.qd[k] + sim.stiffness[k] * sim.depth[k]
-        return factorization.epsilon_from_tau(sim.robot, sim.place, momentum, implicit)
-    if not stiff:
-        return factorization.qd_from_nu(sim.robot, sim.place, nu, rates)
-    ws.copy(nu, sim.explicit_nu)
-    for k in range(n):
-        if sim.spring[k] != 0.0:
-            # The implicit method moves a spring's position on its own. Both methods agree at the end of the step.
-            stretch = sim.depth[k]
-            for j in range(i):
-                stretch += h * IMPLICIT[i, j] * sim.rates[j, k]
-            sim.impulse[k] = -h * GAMMA * sim.stiffness[k] * stretch
-    status = factorization.rates_with_added_inertia(sim.robot, sim.place, nu, sim.added, sim.impulse, momentum, rates)
-    if status == 0:
-        status = factorization.nu_from_qd(sim.robot, sim.place, rates, nu)
-    for k in range(n):
-        implicit[k] = (nu[k] - sim.explicit_nu[k]) / (h * GAMMA)
-    return status
-
-
-@large_kernel
-def _explicit_accelerations(address, i, load):
-    """Explicit part of ν̇ at a stage: ε − C − ε_g."""
-    sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
-    rates, pushed, explicit = sim.rates[i], sim.stage_pushed[i], sim.explicit[i]
+    bodies, _, work, table = ws.opened(sim.robot)
+    rates, nu, pushed = sim.rates[i], sim.stage_nu, sim.stage_pushed[i]
     ws.copy(sim.constant_effort, sim.effort)
     if len(load.wrenches) > 0:
         status = wrench_efforts(sim.robot, sim.place, load, pushed)
         if status != 0:
             return status
-        for k in range(len(pushed)):
-            sim.effort[k] += pushed[k]
+        _add(sim.effort, 1.0, pushed)
+    status = factorization.factorize_at(bodies, sim.place, work, table[0])
+    if status != 0:
+        return status
+    if i == 0:
+        ws.copy(sim.qd, rates)
+        factorization.xi_from_qd(bodies, rates, work, table[0], nu)
+        if stiff:
+            _first_implicit_part(address)
+    elif stiff:
+        status = _solve_implicitly(address, h, i)
+    else:
+        ws.copy(nu, rates)
+        factorization.scale_by_inertia(bodies, work, -0.5, rates)
+        factorization.qd_from_xi(bodies, rates, work, table[0], rates)
     if not sim.flat:
         configuration.dexp_inverse(bodies, sim.u, rates, sim.charts[i])
-    status = evaluation.evaluate(sim.robot, sim.place, rates, sim.effort, sim.rows)
-    for k in range(len(explicit)):
-        explicit[k] = sim.rows[ws.EPSILON, k] - sim.rows[ws.CORIOLIS, k] - sim.rows[ws.GRAVITY, k]
+    if status != 0:
+        return status
+    return total_rates.nu_dot_from_tau(sim.robot, rates, sim.effort, sim.bias, sim.explicit[i])
+
+
+@large_kernel
+def _first_implicit_part(address):
+    """ν̇ by dampers and springs at the first stage, which is explicit."""
+    sim = opened(address)
+    bodies, _, work, table = ws.opened(sim.robot)
+    momentum, implicit = sim.momentum, sim.implicit[0]
+    for k in range(len(momentum)):
+        momentum[k] = -sim.damping[k] * sim.qd[k]
+        if sim.spring[k] != 0.0:
+            momentum[k] -= sim.limit_damping[k] * sim.qd[k] + sim.stiffness[k] * sim.depth[k]
+    factorization.kappa_from_tau(bodies, momentum, work, table[0], implicit)
+    factorization.scale_by_inertia(bodies, work, -0.5, implicit)
+
+
+@large_kernel
+def _solve_implicitly(address, h, i):
+    """q̇ and ν after the implicit part of a stage, and that part of ν̇."""
+    sim = opened(address)
+    bodies, _, work, table = ws.opened(sim.robot)
+    rates, implicit, nu, momentum = sim.rates[i], sim.implicit[i], sim.stage_nu, sim.momentum
+    ws.copy(nu, sim.explicit_nu)
+    ws.copy(nu, momentum)
+    factorization.scale_by_inertia(bodies, work, 0.5, momentum)
+    factorization.tau_from_kappa(bodies, momentum, work, table[0], momentum)
+    for k in range(len(nu)):
+        if sim.spring[k] != 0.0:
+            # The implicit method moves a spring's position on its own. Both methods agree at the end of the step.
+            stretch = sim.depth[k]
+            for j in range(i):
+                stretch += h * IMPLICIT[i, j] * sim.rates[j, k]
+            momentum[k] -= h * GAMMA * sim.stiffness[k] * stretch
+    status = factorization.qd_from_momentum(sim.damped_robot, sim.place, sim.added, momentum, rates)
+    factorization.xi_from_qd(bodies, rates, work, table[0], nu)
+    factorization.scale_by_inertia(bodies, work, 0.5, nu)
+    for k in range(len(nu)):
+        implicit[k] = (nu[k] - sim.explicit_nu[k]) / (h * GAMMA)
     return status
 
 
@@ -147,33 +164,29 @@ def _combine_stages(address, h, stiff, load):
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
     charts = sim.rates if sim.flat else sim.charts
-    n = len(sim.qd)
-    for k in range(n):
-        sim.u[k], sim.path[k], sim.square[k] = 0.0, 0.0, 0.0
+    ws.clear(sim.u)
+    ws.clear(sim.path)
     for i in range(STAGES):
         b = h * WEIGHTS[i]
-        for k in range(n):
-            sim.u[k] += b * charts[i, k]
-            sim.nu[k] += b * sim.explicit[i, k]
-            sim.path[k] += b * sim.rates[i, k]
-            sim.square[k] += b * sim.rates[i, k] * sim.rates[i, k]
+        _add(sim.u, b, charts[i])
+        _add(sim.nu, b, sim.explicit[i])
+        _add(sim.path, b, sim.rates[i])
         if stiff:
-            for k in range(n):
-                sim.nu[k] += b * sim.implicit[i, k]
+            _add(sim.nu, b, sim.implicit[i])
         if len(load.wrenches) > 0:
-            for k in range(n):
+            for k in range(len(sim.qd)):
                 sim.accounts[WRENCHES] += b * sim.stage_pushed[i, k] * sim.rates[i, k]
     work = 0.0
-    for k in range(n):
+    for k in range(len(sim.qd)):
         if sim.mode[k] == HELD:
-            sim.u[k], sim.path[k], sim.square[k] = 0.0, 0.0, 0.0
+            sim.u[k], sim.path[k] = 0.0, 0.0
         elif sim.mode[k] != FREE:
             sim.accounts[FRICTION] -= sim.friction[k] * sim.mode[k] * sim.path[k]
         work += load.tau[k] * sim.path[k]
     sim.accounts[EFFORT] += work
     integrate(sim.flat, bodies, sim.q, sim.u, sim.q)
     status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
-    for k in range(n):
+    for k in range(len(sim.qd)):
         if sim.mode[k] == HELD:
             sim.qd[k] = 0.0
     if stiff:
@@ -191,10 +204,12 @@ def _book_damping(address, h):
     sim = opened(address)
     bodies, _, work, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
-        if groups.is_leader(bodies, i):
-            k = bodies[i].dof
+        k = bodies[i].dof
+        if groups.is_leader(bodies, i) and sim.mode[k] != HELD:
             limit_damping = sim.limit_damping[k] if sim.spring[k] != 0.0 else 0.0
-            square = sim.square[k]
+            square = 0.0
+            for j in range(STAGES):
+                square += h * WEIGHTS[j] * sim.rates[j, k] * sim.rates[j, k]
             if h * (limit_damping + sim.damping[k]) > UNRESOLVED * work[i].D:
                 square = max(0.0, 0.5 * sim.path[k] * (sim.rates[0, k] + sim.qd[k]))
             sim.accounts[DAMPING] -= sim.damping[k] * square

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
-from diag_dynamics.checks import in_order, number, numbers
+from diag_dynamics.checks import in_order, number, vector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
@@ -22,14 +22,14 @@ from diag_dynamics.simulation import steps as compiled
 from diag_dynamics.simulation.audit import EnergyAudit, potential_energy
 from diag_dynamics.simulation.memory import Memory
 from diag_dynamics.simulation.options import CompliantLimits
-from diag_dynamics.sweeps import records
 
 
 class Simulation:
     """A robot, its state and the effort on its joints, advanced in fixed steps.
 
     Every model that :class:`DiagonalDynamics` takes can move: floating bases, planar and floating joints, coupled mimic
-    joints, payloads, locked joints. The same inputs give the same bits.
+    joints, payloads, locked joints. The same inputs give the same bits. A wrong argument is an InputError that names it, and
+    leaves the state as it was. Arrays that properties return are copies.
 
     Parameters
     ----------
@@ -48,15 +48,10 @@ class Simulation:
         Order of the error in the step: 4, or 1 for steps at a tenth of the cost.
     friction : array_like, shape (nv,), optional
         Coulomb friction f [N m, N], by default that of the model.
-    effort_offset : array_like, shape (nv,), optional
-        Part of a command that has no effect, and of the effort that is measured [N m, N]; by default that of the model.
     effort_limits : bool or array_like, shape (nv,)
         Largest efforts [N m, N], to which commands are cut: those of the URDF, where 0 stands for none; none; or given ones.
-
-    Raises
-    ------
-    InputError
-        A value is out of range.
+    effort_offset : array_like, shape (nv,), optional
+        Part of a command that has no effect, and of the effort that is measured [N m, N]; by default that of the model.
     """
 
     def __init__(
@@ -72,7 +67,7 @@ class Simulation:
         effort_limits: bool | VectorLike = True,
         effort_offset: VectorLike | None = None,
     ) -> None:
-        self._memory = memory = Memory(model.nq, model.nv)
+        self._memory = Memory(model.nq, model.nv)
         self._use(model)
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
@@ -81,11 +76,9 @@ class Simulation:
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
         self.effort_offset = model.effort_offset if effort_offset is None else effort_offset
-        (memory["lower"][:], memory["upper"][:]), stiffness, limit_damping = options.limits_of(limits, model)
-        memory["stiffness"][:], memory["limit_damping"][:] = stiffness, limit_damping
-        self._compliant = np.isfinite(stiffness).any()
+        self._set_limits(limits)
         self.effort_limits = effort_limits
-        self._no_effort, self._no_wrenches = np.zeros(model.nv), np.zeros(0, records.WRENCH)
+        self._no_effort = np.zeros(model.nv)
         self.reset(options.rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
     def __copy__(self):
@@ -94,12 +87,17 @@ class Simulation:
 
     def _use(self, model):
         """Simulate this model from now on."""
-        self.dynamics = DiagonalDynamics(model)
-        self.model = model
+        self.dynamics, self.model = DiagonalDynamics(model), model
         self._memory.use(model.bodies, model.gravity)
-        # The limits' stiffness is that of degrees of freedom, their bounds those of coordinates.
-        single = (model.bodies["dofs"] == 1) & (model.bodies["leader"] == np.arange(len(model.bodies)))
-        self._limited, self._coordinate = model.bodies["dof"][single], model.bodies["q"][single]
+
+    def _set_limits(self, limits):
+        memory, limited = self._memory, self._memory.limited
+        is_on, stiffness, damping = options.limits_of(limits, self.model)
+        memory["lower"][:], memory["upper"][:] = -np.inf, np.inf
+        if is_on:
+            at = memory["coordinate"][limited]
+            memory["lower"][limited], memory["upper"][limited] = self.model.lower[at], self.model.upper[at]
+        memory["stiffness"][:], memory["limit_damping"][:] = stiffness, damping
 
     def reset(self, q: VectorLike, qd: VectorLike) -> None:
         """Put the robot into a state, at time 0; the audit begins anew.
@@ -110,11 +108,6 @@ class Simulation:
             Positions [rad, m]; orientations are brought to unit length.
         qd : array_like, shape (nv,)
             Rates [rad/s, m/s].
-
-        Raises
-        ------
-        InputError
-            Wrong shape, not finite, or no orientation; the state is then as it was.
         """
         memory = self._memory
         q, qd = in_order("q", q, self.model.coordinate_names), in_order("qd", qd, self.model.dof_names)
@@ -132,15 +125,8 @@ class Simulation:
         q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed and height; the audit
         has the difference as `exchanged`. Damping, friction and limits in force stay, too.
 
-        Parameters
-        ----------
-        model : RobotModel
-            As of :meth:`RobotModel.with_payload`.
-
         Raises
         ------
-        InputError
-            Its degrees of freedom or coordinates are others.
         SingularMassMatrixError
             Its mass matrix is singular here; the model is then as it was.
         """
@@ -165,36 +151,34 @@ class Simulation:
 
     @property
     def damping(self) -> Array:
-        """Joint damping in force [N m s/rad, N s/m], shape (nv,); a copy."""
+        """Joint damping in force [N m s/rad, N s/m], shape (nv,)."""
         return self._memory["damping"].copy()
 
     @damping.setter
     def damping(self, value: VectorLike | float) -> None:
-        self._memory["damping"][:] = options.resistance("damping", value, self.model.dof_names)
+        self._memory["damping"][:] = options.not_negative("damping", value, self.model.dof_names)
 
     @property
     def friction(self) -> Array:
-        """Coulomb friction in force [N m, N], shape (nv,); a copy."""
+        """Coulomb friction in force [N m, N], shape (nv,)."""
         return self._memory["friction"].copy()
 
     @friction.setter
     def friction(self, value: VectorLike | float) -> None:
-        self._memory["friction"][:] = options.resistance("friction", value, self.model.dof_names)
+        self._memory["friction"][:] = options.not_negative("friction", value, self.model.dof_names)
 
     @property
     def effort_offset(self) -> Array:
-        """Part of each command and of each measured effort that has no effect [N m, N], shape (nv,); a copy."""
+        """Part of each command and of each measured effort that has no effect [N m, N], shape (nv,)."""
         return self._effort_offset.copy()
 
     @effort_offset.setter
     def effort_offset(self, value: VectorLike) -> None:
-        nv, names = self.model.nv, self.model.dof_names
-        value = in_order("effort_offset", value, names)
-        self._effort_offset = numbers("effort_offset", value, (nv,), f"{nv} finite numbers")
+        self._effort_offset = vector("effort_offset", value, self.model.dof_names)
 
     @property
     def effort_limits(self) -> Array:
-        """Largest efforts in force [N m, N], shape (nv,); a copy. True sets those of the URDF, False none."""
+        """Largest efforts in force [N m, N], shape (nv,). True sets those of the URDF, False none."""
         return self._effort_limits.copy()
 
     @effort_limits.setter
@@ -203,22 +187,22 @@ class Simulation:
 
     @property
     def q(self) -> Array:
-        """Positions [rad, m], shape (nq,); a copy."""
+        """Positions [rad, m], shape (nq,)."""
         return self._memory["q"].copy()
 
     @property
     def nu(self) -> Array:
-        """Total joint rates [J^½], shape (nv,); a copy."""
+        """Total joint rates [J^½], shape (nv,)."""
         return self._memory["nu"].copy()
 
     @property
     def qd(self) -> Array:
-        """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,); a copy. Exactly zero where a joint sticks or rests at a stop."""
+        """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,). Exactly zero where a joint sticks or rests at a stop."""
         return self._memory["qd"].copy()
 
     @property
     def effort(self) -> Array:
-        """Joint efforts in the last steps [N m, N], shape (nv,), after saturation, with their offset; a copy."""
+        """Joint efforts in the last steps [N m, N], shape (nv,), after saturation, with their offset."""
         return self._effort.copy()
 
     @property
@@ -229,19 +213,17 @@ class Simulation:
     @property
     def overspeed(self) -> tuple[str, ...]:
         """Names of the degrees of freedom that are faster than the URDF's velocity limit, where it has one above 0."""
-        limit = self.model.velocity_limit
-        return self._named((limit > 0.0) & (np.abs(self._memory["qd"]) > limit))
+        return self._named(np.abs(self._memory["qd"]) > self.model.velocity_bound)
 
     @property
     def at_limit(self) -> tuple[str, ...]:
         """Names of the joints at or beyond a position limit."""
-        at, (q, lower, upper) = np.zeros(self.model.nv, bool), self._limited_positions()
-        at[self._limited] = (q <= lower) | (q >= upper)
-        return self._named(at)
+        return self._named(self._beyond_limits(self._memory["q"]) >= 0.0)
 
-    def _limited_positions(self):
-        """Return q and its limits of the degrees of freedom that can have limits."""
-        return [self._memory[name][self._coordinate] for name in ("q", "lower", "upper")]
+    def _beyond_limits(self, q):
+        """Distance of each degree of freedom beyond the nearest of its limits; negative within them."""
+        memory, q = self._memory, q[self._memory["coordinate"]]
+        return np.maximum(q - memory["upper"], memory["lower"] - q)
 
     def _named(self, chosen):
         return tuple(self.model.dof_names[k] for k in np.flatnonzero(chosen))
@@ -260,7 +242,6 @@ class Simulation:
         tau : array_like, shape (nv,), optional
             Joint efforts [N m, N], cut to the effort limits; zero by default.
         steps : int
-            How many.
         f_ext : dict, optional
             External wrenches by link name: force [N], then moment [N m], at the link's origin.
         frame : {"link", "world"}
@@ -269,25 +250,19 @@ class Simulation:
         Raises
         ------
         InputError
-            `tau` has the wrong shape or is not finite, a wrench is wrong, or the motion has left what numbers can hold.
+            An argument is wrong, or the motion has left what numbers can hold.
         SingularMassMatrixError
             The robot has arrived where its mass matrix is singular. Either way the state is the last good one.
         """
-        model = self.model
-        wanted = self._no_effort
-        if tau is not None:
-            tau = in_order("tau", tau, model.dof_names)
-            wanted = numbers("tau", tau, (model.nv,), f"{model.nv} finite numbers")
+        wanted = self._no_effort if tau is None else vector("tau", tau, self.model.dof_names)
         if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
             raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
-        wrenches = self._no_wrenches
+        wrenches = options.NO_WRENCHES
         if f_ext is not None or frame != "link":
-            wrenches = wrenches_on_links(model, {} if f_ext is None else f_ext, frame)
+            wrenches = wrenches_on_links(self.model, {} if f_ext is None else f_ext, frame)
         effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
-        memory, h, in_world = self._memory, self.step_size, frame == "world"
-        status = compiled.advance(
-            memory.address, self._order, h, steps, effort - self._effort_offset, wrenches, in_world
-        )
+        memory, tau = self._memory, effort - self._effort_offset
+        status = compiled.advance(memory.address, self._order, self.step_size, steps, tau, wrenches, frame == "world")
         self._effort, self._wanted = effort, wanted
         if status:
             self.dynamics.refuse(status, memory.workspace, memory["q"], nu=memory["nu"])
@@ -315,11 +290,7 @@ class Simulation:
         return self._elastic_energy(self._memory["q"])
 
     def _elastic_energy(self, q):
-        if not self._compliant:
-            return 0.0
-        q, (_, lower, upper) = q[self._coordinate], self._limited_positions()
-        depth = np.maximum(np.maximum(q - upper, lower - q), 0.0)
-        stiffness = self._memory["stiffness"][self._limited]
+        depth, stiffness = self._beyond_limits(q), self._memory["stiffness"]
         leaning = np.isfinite(stiffness) & (depth > 0.0)
         return 0.5 * float(stiffness[leaning] @ depth[leaning] ** 2)
 
@@ -335,16 +306,5 @@ class Simulation:
     @property
     def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
-        kinetic, potential, elastic = (self._energies(self.q, self.nu) - self._energies_at_start()).tolist()
-        effort, wrenches, damping, friction, limits = self._memory["accounts"].tolist()
-        return EnergyAudit(
-            effort=effort,
-            wrenches=wrenches,
-            damping=damping,
-            friction=friction,
-            limits=limits,
-            exchanged=self._exchanged,
-            kinetic=kinetic,
-            potential=potential,
-            elastic=elastic,
-        )
+        stored = self._energies(self.q, self.nu) - self._energies_at_start()
+        return EnergyAudit._make([*self._memory["accounts"].tolist(), self._exchanged, *stored.tolist()])

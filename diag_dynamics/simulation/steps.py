@@ -7,23 +7,8 @@ import math
 from collections import namedtuple
 
 from diag_dynamics.numerics.kernel import COUNT, FLAG, NUMBER, ROBOT, VECTOR, entry_kernel, large_kernel
-from diag_dynamics.simulation.euler import (
-    book_springs,
-    euler_step,
-    is_beyond_hard_limit,
-    kinetic_energy,
-    reaches_limit,
-    resolve_impacts,
-)
+from diag_dynamics.simulation import euler, modes
 from diag_dynamics.simulation.memory import opened
-from diag_dynamics.simulation.modes import (
-    classify_joints,
-    is_mode_left,
-    is_stopping,
-    lock_joints,
-    solve_stiction,
-    unlock_joints,
-)
 from diag_dynamics.simulation.runge_kutta import runge_kutta, wrench_efforts
 from diag_dynamics.sweeps import factorization, records
 from diag_dynamics.sweeps import workspace as ws
@@ -39,45 +24,54 @@ Load = namedtuple("Load", ["tau", "wrenches", "in_world"])
 def _smooth_step(address, h, load, may_have_modes):
     """Take a step of order 4. Return a status, and whether a joint changes its mode: the state is then of no use."""
     sim = opened(address)
-    moded = False
+    status, moded, locked = 0, False, False
     if may_have_modes:
         ws.copy(sim.q, sim.first_q)
-        moded, _ = classify_joints(address)
+        moded, _ = modes.classify_joints(address)
     if moded:
         status = wrench_efforts(sim.robot, sim.q, load, sim.pushed)
         if status == 0:
-            status = solve_stiction(address, h, load.tau)
-        if status != 0 or is_stopping(address):
+            status = modes.solve_stiction(address, h, load.tau)
+        if status != 0 or modes.is_stopping(address):
             return status, True
-    holding = moded and lock_joints(address)
-    status = 0
-    if holding:
+        locked = modes.lock_joints(address, True)
+    if locked:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if status == 0:
         status = runge_kutta(address, h, load)
     if status != 0:
         return status, False
-    changes = (may_have_modes or reaches_limit(sim.lower, sim.upper, sim.q)) and is_mode_left(address)
-    if holding:
-        unlock_joints(address)
+    changes = (may_have_modes or euler.reaches_limit(address)) and modes.is_mode_left(address)
+    if locked:
+        modes.lock_joints(address, False)
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if may_have_modes:
-        book_springs(address)
+        euler.book_springs(address)
     return status, changes
 
 
 @large_kernel
-def _step(address, h, load, may_have_modes):
-    """Take a step of order 4, or its sub-steps of order 1."""
+def _step(address, order, h, load, may_have_modes):
+    """Take a step of order 1, or of order 4 or its sub-steps of order 1."""
     sim = opened(address)
+    if order == 1:
+        return euler.euler_step(address, h, load, may_have_modes)
     status, changes = _smooth_step(address, h, load, may_have_modes)
     if status != 0 or not changes:
         return status
     _restore(address)
     for _ in range(SUBSTEPS):
         if status == 0:
-            status = euler_step(address, h / SUBSTEPS, load, True)
+            status = euler.euler_step(address, h / SUBSTEPS, load, changes)
     return status if status != 0 else factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+
+
+@large_kernel
+def _save(address):
+    """Keep the state and accounts before a step."""
+    sim = opened(address)
+    ws.copy(sim.state, sim.last)
+    ws.copy(sim.accounts, sim.last_accounts)
 
 
 @large_kernel
@@ -93,7 +87,7 @@ def _has_friction_or_springs(address):
     """Whether a joint has friction or compliant limits."""
     sim = opened(address)
     for k in range(len(sim.friction)):
-        if sim.friction[k] > 0.0 or math.isfinite(sim.stiffness[k]):
+        if sim.friction[k] > 0.0 or sim.stiffness[k] < math.inf:
             return True
     return False
 
@@ -103,29 +97,27 @@ def advance(address, order, h, steps, tau, wrenches, in_world):
     """Take `steps` steps of the simulation at an address; a failure leaves the state before the failing step."""
     sim, load = opened(address), Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
-    ws.copy(sim.state, sim.last)
-    ws.copy(sim.accounts, sim.last_accounts)
+    _save(address)
     ws.clear(sim.pushed)
     status, taken = 0, 0
-    if steps > 0 and is_beyond_hard_limit(address):
-        status = resolve_impacts(address, h)
-    classify_joints(address)
+    if steps > 0 and euler.is_beyond_hard_limit(address):
+        status = euler.resolve_impacts(address, h)
+    modes.classify_joints(address)
     always, before = _has_friction_or_springs(address), False
     while status == 0 and taken < steps:
-        ws.copy(sim.state, sim.last)
-        ws.copy(sim.accounts, sim.last_accounts)
-        touching = reaches_limit(sim.lower, sim.upper, sim.q)
+        _save(address)
+        touching = euler.reaches_limit(address)
         may_have_modes = always or touching or before  # once more after a touch, which clears the modes
         before = touching
-        status = euler_step(address, h, load, may_have_modes) if order == 1 else _step(address, h, load, may_have_modes)
+        status = _step(address, order, h, load, may_have_modes)
         taken += 1
     if status == 0 and order == 1 and steps > 0:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
-    if status == 0 and steps > 0 and not math.isfinite(kinetic_energy(sim.nu)):
+    if status == 0 and steps > 0 and not math.isfinite(euler.kinetic_energy(sim.nu)):
         status = -1
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
-        unlock_joints(address)
+        modes.lock_joints(address, False)
         _restore(address)
         taken -= 1
         if order == 1:

@@ -262,22 +262,14 @@ def tau_from_epsilon(robot, q, epsilon, tau):
     return 0 if joints.are_finite(tau) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, VECTOR, FILLED_VECTOR, FILLED_VECTOR)
-def rates_with_added_inertia(robot, q, nu, added, impulse, momentum, qd):
-    """q̇ = (M + diag(added))⁻¹ (m ν + impulse): rates after an implicit step of joint forces, or with joints held.
-
-    The added inertia enters D as armature does; `inf` holds its joint. Nothing else is changed; `momentum` is M q̇ + impulse.
-    """
+@large_kernel
+def qd_from_momentum(robot, q, added, momentum, qd):
+    """q̇ = (M + diag(added))⁻¹ momentum; the added inertia enters D as armature does, and `inf` locks its joint."""
     bodies, _, work, table = opened(robot)
-    status = tau_from_epsilon(robot, q, nu, momentum)
-    if status != 0:
-        return status
+    joints.initialize(bodies, q, work)
     for i in range(1, len(bodies)):
-        joints.init_articulated_inertia(bodies[i], work[i])
         if groups.is_leader(bodies, i):
             work[i].armature += added[bodies[i].dof]
-    for k in range(len(momentum)):
-        momentum[k] += impulse[k]
     status = factorize(bodies, work, table[0])
     kappa_from_tau(bodies, momentum, work, table[0], qd)
     scale_by_inertia(bodies, work, -1.0, qd)
