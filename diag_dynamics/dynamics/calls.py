@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple, NoReturn, TypeGuard
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -30,8 +30,6 @@ from diag_dynamics.sweeps import (
     mobilities,
 )
 from diag_dynamics.sweeps import workspace as ws
-
-FRAMES = "link", "world"
 
 ENTRIES = {
     evaluation.evaluate: "evaluate",
@@ -87,6 +85,16 @@ class States(NamedTuple):
         """Return the arguments, with copies of those that may lie in memory that a sweep writes."""
         vectors = {name: memory.detach(x) for name, x in self.vectors.items()}
         return States(memory.detach(self.q), vectors, self.threads)
+
+
+class Loads:
+    """Wrenches and friction, as arguments of methods."""
+
+    def __init__(self, f_ext: ManyWrenches | None, frame: Frame, friction: bool) -> None:
+        checks.choice("frame", frame, ("link", "world"))
+        self.frame, self.friction = frame, friction
+        # All but None and an empty dict counts, to be checked.
+        self.wrenches: Any = None if isinstance(f_ext, dict) and not f_ext else f_ext
 
 
 class Sweep(NamedTuple):
@@ -209,15 +217,15 @@ class SweepCaller:
 
     # --- Wrenches and friction
 
-    def wrench_effort(self, at: States, f_ext: ManyWrenches, frame: Frame) -> Array:
+    def wrench_effort(self, at: States, loads: Loads) -> Array:
         """Return Jᵀf_ext."""
+        f_ext, frame = loads.wrenches, loads.frame
         tau, in_world = self.empty(at, self.nv), frame == "world"
         if at.threads:
             records = wrenches_on_links_of_many(self.model, f_ext, frame, len(at.q))
             inputs = at.q, records, len(f_ext), in_world
-            self.run_chunks(
-                batch.effort_of_wrenches_each, inputs, (tau,), at, lambda t: self.mass_matrix(at.at(t))
-            )  # only q can be wrong
+            # Only q can be wrong.
+            self.run_chunks(batch.effort_of_wrenches_each, inputs, (tau,), at, lambda t: self.mass_matrix(at.at(t)))
         else:
             records = wrenches_on_links(self.model, f_ext, frame)
             self.check(classical.effort_of_wrenches(self.robot, at.q, records, in_world, tau), States(at.q))
@@ -240,28 +248,26 @@ class SweepCaller:
             direction = np.tanh(qd / v0) if v0 else np.sign(qd)
         return model.damping * qd + model.friction * direction + model.effort_offset
 
-    def forward_dynamics(self, at: States, f_ext: ManyWrenches | None, frame: Frame, friction: bool) -> Array:
+    def forward_dynamics(self, at: States, loads: Loads) -> Array:
         """Return q̈ with wrenches and friction."""
-        checks.choice("frame", frame, FRAMES)
         qd, tau = at.vectors["qd"], at.vectors["tau"]
-        if friction or has_wrenches(f_ext):
+        if loads.friction or loads.wrenches is not None:
             for name, x in at.vectors.items():
                 checks.check_finite(name, x, self.model.dof_names)
-            if friction:
+            if loads.friction:
                 tau = tau - self.friction(qd)
-            if has_wrenches(f_ext):
-                tau = tau + self.wrench_effort(at, f_ext, frame)
+            if loads.wrenches is not None:
+                tau = tau + self.wrench_effort(at, loads)
             require_finite(at, tau, _SUM)
         return self.run(FORWARD_DYNAMICS, at._replace(vectors={"qd": qd, "tau": tau}))
 
-    def inverse_dynamics(self, at: States, f_ext: ManyWrenches | None, frame: Frame, friction: bool) -> Array:
+    def inverse_dynamics(self, at: States, loads: Loads) -> Array:
         """Return τ with wrenches and friction."""
-        checks.choice("frame", frame, FRAMES)
         tau = self.run(INVERSE_DYNAMICS, at)
-        if friction:
+        if loads.friction:
             tau += self.friction(at.vectors["qd"])
-        if has_wrenches(f_ext):
-            tau -= self.wrench_effort(at, f_ext, frame)
+        if loads.wrenches is not None:
+            tau -= self.wrench_effort(at, loads)
         require_finite(at, tau, _SUM)
         return tau
 
@@ -279,26 +285,16 @@ class SweepCaller:
         self.run_chunks(batch.evaluate_many, (at.q, *at.vectors.values()), memory, at, again, ws.WIDTH)
         return memory.results[ws.NU], memory.numbers[ws.POWER - ws.KINETIC_ENERGY]
 
-    def evaluate(
-        self,
-        at: States,
-        with_tau: bool,
-        f_ext: ManyWrenches | None,
-        frame: Frame,
-        friction: bool,
-        memory: Any,
-        out: results.Evaluation | None,
-    ) -> Any:
+    def evaluate(self, at: States, with_tau: bool, loads: Loads, memory: Any, out: results.Evaluation | None) -> Any:
         """Evaluate into memory, of one state or a BatchMemory, which is that of `out` if it is given."""
         model, external, resisting = self.model, None, None
         try:
-            checks.choice("frame", frame, FRAMES)
             # Before memory is written: wrenches may lie in `out`.
-            pushing = self.wrench_effort(at, f_ext, frame) if has_wrenches(f_ext) else None
+            pushing = None if loads.wrenches is None else self.wrench_effort(at, loads)
             nu, power = self._fill(at, memory)
             if pushing is not None:
                 external = self._epsilon(at, pushing, "f_ext is")
-            if friction:
+            if loads.friction:
                 resisting = self._epsilon(at, self.friction(at.vectors["qd"]), "friction or qd are")
             results.add_power(nu, power, external, resisting)
             require_finite(at, power, "qd, f_ext or friction are too large: the power overflows")
@@ -321,7 +317,7 @@ class SweepCaller:
 
     def point_frame(self, q: Array, link: str, point: PointLike, frame: Frame) -> tuple[int, Array, Array]:
         """Return the body of a link, a point of the link in it, and the rotation of its axes to those of `frame`."""
-        checks.choice("frame", frame, FRAMES)
+        checks.choice("frame", frame, ("link", "world"))
         offset = checks.numbers("point", point, (3,), "three finite numbers [m]")
         body, placement = self.model.placement_in_body(link)
         in_body = placement[:3, 3] + placement[:3, :3] @ offset
@@ -380,11 +376,6 @@ def require_finite(at: States, values: Array, problem: str) -> None:
     if not np.isfinite(values).all():
         where = f"state {np.argwhere(~np.isfinite(values))[0][0]}: " if at.threads else ""
         raise InputError(f"{where}{problem}.")
-
-
-def has_wrenches(f_ext: Mapping[str, Any] | None) -> TypeGuard[Mapping[str, Any]]:
-    """Whether an argument has wrenches; anything but None and an empty dict counts, to be checked."""
-    return f_ext is not None and not (isinstance(f_ext, dict) and not f_ext)
 
 
 def rotate(rotation: Array, V: Array) -> Array:

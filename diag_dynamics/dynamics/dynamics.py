@@ -29,7 +29,7 @@ from diag_dynamics.sweeps.factors import factors as fill_factors
 from diag_dynamics.threads import cores
 
 _ARRAY, _FLOAT, _MISFIT, _empty = np.ndarray, np.dtype(np.float64), ws.BAD_LENGTH, np.empty
-_new = tuple.__new__  # half of the time that a namedtuple's own takes
+_memory_of, _new = results.memory_of, tuple.__new__  # half of the time that a namedtuple's own takes
 
 _Result = TypeVar("_Result")
 
@@ -37,7 +37,7 @@ ROUNDING = 4e-15
 """Maximum of ℓJᵀu by rounding, as a fraction of the entries of ℓJᵀ, per degree of freedom."""
 
 
-def _for_rows(method: Callable[..., _Result], names: str, doc: str) -> Callable[..., _Result]:
+def _for_rows(method: Callable[..., _Result], names: str) -> Callable[..., _Result]:
     """Return a method for many states only: its first arguments are rows, and have these names."""
     capitals, parameters = names.split(), list(inspect.signature(method).parameters.values())
     has_threads = parameters[-1].name == "threads"
@@ -54,8 +54,9 @@ def _for_rows(method: Callable[..., _Result], names: str, doc: str) -> Callable[
             options["threads"] = cores()  # the method does not take them for one state then
         return method(self, *arguments, **options)
 
-    call.__signature__, call.__doc__ = inspect.Signature(parameters), doc  # type: ignore[attr-defined]
-    call.__name__ = f"{method.__name__}_batch"
+    name = method.__name__
+    call.__name__, call.__signature__ = f"{name}_batch", inspect.Signature(parameters)  # type: ignore[attr-defined]
+    call.__doc__ = f"Return :meth:`{name}` of many states, with a leading axis T."
     return call
 
 
@@ -149,26 +150,29 @@ class DiagonalDynamics:
         """
         if out is None:
             state = _empty(self._shape)
-        elif isinstance(out, BatchEvaluation) and is_rows(q):
-            return self._evaluate_rows(q, qd, tau, f_ext, frame, friction, threads, out)
+        elif type(out) is BatchEvaluation and is_rows(q):
+            return self._evaluate_rows(q, qd, tau, calls.Loads(f_ext, frame, friction), threads, out)
         else:
-            state = results.memory_of(out, Evaluation, self.model, "new_evaluation()")
+            state = _memory_of(out, Evaluation, self.model, "new_evaluation()")
         effort, status = self._zero if tau is None else tau, _MISFIT
         try:
             # numba may take another byte order for this one, and what a mask hides
             if (
                 f_ext is None
+                and not friction
+                and frame == "link"
                 and type(q) is type(qd) is type(effort) is _ARRAY
                 and q.dtype is qd.dtype is effort.dtype is _FLOAT
             ):
                 status = evaluation.evaluate(self._robot, q, qd, effort, state)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass
-        if status or friction or frame != "link":
+        if status:
+            loads = calls.Loads(f_ext, frame, friction)
             if out is None and is_rows(q):
-                return self._evaluate_rows(q, qd, tau, f_ext, frame, friction, threads, None)
+                return self._evaluate_rows(q, qd, tau, loads, threads, None)
             at = self._caller.one(q, qd=qd, tau=calls.ZEROS if tau is None else tau)
-            return self._caller.evaluate(at, tau is not None, f_ext, frame, friction, state, out)
+            return self._caller.evaluate(at, tau is not None, loads, state, out)
         if out is None:
             state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
             return Evaluation(self.model, state, state if self._whole else state[:, : self._nv], tau is not None)
@@ -197,18 +201,10 @@ class DiagonalDynamics:
         out: BatchEvaluation | None = None,
     ) -> BatchEvaluation:
         """Evaluate many states, as :meth:`evaluate`."""
-        return self._evaluate_rows(Q, QD, TAU, f_ext, frame, friction, threads, out)
+        return self._evaluate_rows(Q, QD, TAU, calls.Loads(f_ext, frame, friction), threads, out)
 
     def _evaluate_rows(
-        self,
-        Q: Any,
-        QD: Any,
-        TAU: Any,
-        f_ext: ManyWrenches | None,
-        frame: Frame,
-        friction: bool,
-        threads: int | None,
-        out: BatchEvaluation | None,
+        self, Q: Any, QD: Any, TAU: Any, loads: calls.Loads, threads: int | None, out: BatchEvaluation | None
     ) -> BatchEvaluation:
         at = self._caller.many(Q, threads, qd=QD, tau=calls.ZEROS if TAU is None else TAU)
         if out is None:
@@ -218,7 +214,7 @@ class DiagonalDynamics:
             if len(out) != len(at.q):
                 raise InputError(f"out has room for {len(out)} states, expected {len(at.q)}: a row for each of Q.")
             at = at.apart_from(memory)
-        return self._caller.evaluate(at, TAU is not None, f_ext, frame, friction, memory, out)
+        return self._caller.evaluate(at, TAU is not None, loads, memory, out)
 
     def new_batch(self, count: int) -> BatchEvaluation:
         """Return a BatchEvaluation of `count` states for ``evaluate(…, out=…)``; see :meth:`new_evaluation`."""
@@ -294,7 +290,7 @@ class DiagonalDynamics:
             except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
                 pass
         at = self._caller.states(q, threads, qd=qd, tau=tau)
-        return self._caller.forward_dynamics(at, f_ext, frame, friction)
+        return self._caller.forward_dynamics(at, calls.Loads(f_ext, frame, friction))
 
     def inverse_dynamics(
         self,
@@ -312,7 +308,7 @@ class DiagonalDynamics:
         τ_fric is zero unless `friction` is true.
         """
         at = self._caller.states(q, threads, qd=qd, qdd=qdd)
-        return self._caller.inverse_dynamics(at, f_ext, frame, friction)
+        return self._caller.inverse_dynamics(at, calls.Loads(f_ext, frame, friction))
 
     def friction_torque(self, qd: StatesLike) -> Array:
         """Return τ_fric = d q̇ + f tanh(q̇/v₀) + o [N m, N], shape (nv,) or (T, nv).
@@ -583,20 +579,14 @@ class DiagonalDynamics:
 
     # --- Names of methods for many states only
 
-    forward_dynamics_batch = _for_rows(
-        forward_dynamics, "Q QD TAU", "Return Q̈, shape (T, nv): :meth:`forward_dynamics`."
-    )
-    inverse_dynamics_batch = _for_rows(
-        inverse_dynamics, "Q QD QDD", "Return τ, shape (T, nv): :meth:`inverse_dynamics`."
-    )
-    mass_matrix_batch = _for_rows(mass_matrix, "Q", "Return M(q), shape (T, nv, nv): :meth:`mass_matrix`.")
-    friction_torque_batch = _for_rows(friction_torque, "QD", "Return τ_fric, shape (T, nv): :meth:`friction_torque`.")
-    bias_batch = _for_rows(bias, "Q QD", "Return c(q, q̇), shape (T, nv): :meth:`bias`.")
-    gravity_torque_batch = _for_rows(gravity_torque, "Q", "Return g(q), shape (T, nv): :meth:`gravity_torque`.")
-    nu_from_qd_batch = _for_rows(nu_from_qd, "Q QD", "Return ν, shape (T, nv): :meth:`nu_from_qd`.")
-    qd_from_nu_batch = _for_rows(qd_from_nu, "Q NU", "Return q̇, shape (T, nv): :meth:`qd_from_nu`.")
-    epsilon_from_tau_batch = _for_rows(epsilon_from_tau, "Q TAU", "Return ε, shape (T, nv): :meth:`epsilon_from_tau`.")
-    tau_from_epsilon_batch = _for_rows(
-        tau_from_epsilon, "Q EPSILON", "Return τ, shape (T, nv): :meth:`tau_from_epsilon`."
-    )
-    contact_batch = _for_rows(contact, "Q QD", "Return contact quantities with one row per state: :meth:`contact`.")
+    forward_dynamics_batch = _for_rows(forward_dynamics, "Q QD TAU")
+    inverse_dynamics_batch = _for_rows(inverse_dynamics, "Q QD QDD")
+    mass_matrix_batch = _for_rows(mass_matrix, "Q")
+    friction_torque_batch = _for_rows(friction_torque, "QD")
+    bias_batch = _for_rows(bias, "Q QD")
+    gravity_torque_batch = _for_rows(gravity_torque, "Q")
+    nu_from_qd_batch = _for_rows(nu_from_qd, "Q QD")
+    qd_from_nu_batch = _for_rows(qd_from_nu, "Q NU")
+    epsilon_from_tau_batch = _for_rows(epsilon_from_tau, "Q TAU")
+    tau_from_epsilon_batch = _for_rows(tau_from_epsilon, "Q EPSILON")
+    contact_batch = _for_rows(contact, "Q QD")
