@@ -115,28 +115,29 @@ def find_urdf(robot: str) -> Path:
     stems = {key: key.rsplit("/", 1)[-1] for key in urdfs}
     exact = [key for key, stem in stems.items() if name in (key, stem)]
     exact = exact or [key for key, stem in stems.items() if stem == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
-    if len(exact) == 1:
-        return urdfs[exact[0]]
-    if robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro")):  # meant as a path
-        raise InputError(f"robot '{robot}': no such file.")
-    partial = [key for key in urdfs if name.lower() in key.lower()]
-    if len(partial) == 1:
-        return urdfs[partial[0]]
+    is_path = robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro"))
+    partial = [] if is_path else [key for key in urdfs if name.lower() in key.lower()]
+    for keys in (exact, partial):
+        if len(keys) == 1:
+            return urdfs[keys[0]]
     names = list(stems.values())
-    if partial:
+    if is_path:
+        reason = ": no such file."
+    elif partial:
         short = (stems[key] if names.count(stems[key]) == 1 else key for key in partial)
-        raise InputError(f"robot '{robot}' could be any of: {', '.join(short)}.")
-    if not urdfs:
-        raise InputError(
-            f"robot '{robot}' is no file, and the package example-robot-data, whose robots have names, is absent. "
-            "pip install example-robot-data brings it."
+        reason = f" could be any of: {', '.join(short)}."
+    elif not urdfs:
+        reason = (
+            " is no file, and the package example-robot-data, whose robots have names, is absent. pip install "
+            "example-robot-data brings it."
         )
-    near = get_close_matches(name.lower(), sorted(set(names)), n=3, cutoff=0.6)
-    meant = f"; did you mean {' or '.join(near)}?" if near else "."
-    raise InputError(
-        f"robot '{robot}' is neither a file nor one of the {len(urdfs)} example robots{meant} "
-        "All of them: diag-dynamics robots"
-    )
+    else:
+        near = " or ".join(get_close_matches(name.lower(), sorted(set(names)), n=3, cutoff=0.6))
+        meant = f"; did you mean {near}?" if near else "."
+        reason = (
+            f" is neither a file nor one of the {len(urdfs)} example robots{meant} All of them: diag-dynamics robots"
+        )
+    raise InputError(f"robot '{robot}'{reason}")
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:

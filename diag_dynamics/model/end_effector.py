@@ -20,7 +20,7 @@ SAME_PLACE = 1e-6
 
 
 def end_effector_link(model: RobotModel) -> str:
-    """Return the name of the end-effector link.
+    """Return the name of the end-effector link; the root link, if no joint moves.
 
     It is the deepest link of the longest chain of actuated joints whose end carries no other joints than fingers. Of chains
     with equally many joints the first one counts. A mimic joint is not actuated. A floating base counts as one joint.
@@ -31,15 +31,6 @@ def end_effector_link(model: RobotModel) -> str:
 
     The deepest link is the one farthest outboard, of those fixed to each other that have :data:`MIN_MASS`: neither the frame
     of a camera nor a tool centre point.
-
-    Parameters
-    ----------
-    model : RobotModel
-
-    Returns
-    -------
-    str
-        The root link, if no joint moves.
     """
     bodies = model.bodies
     count = len(bodies)

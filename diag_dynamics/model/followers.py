@@ -66,8 +66,3 @@ class Followers:
             f"position of joint '{self.names[k]}' is {own:.9g}, expected {expected:.9g} from '{self._leader_names[k]}', "
             f"which it follows, within mimic_tolerance = {self.tolerance:g}"
         )
-
-    def without_leader(self, names):
-        """First follower among these names without its leader among them, and that leader; None if there is none."""
-        pairs = zip(self.names, self._leader_names, strict=True)
-        return next(((name, leader) for name, leader in pairs if name in names and leader not in names), None)

@@ -53,8 +53,7 @@ class Shape(NamedTuple):
 class Solid(NamedTuple):
     """Content of one or several shapes: volume [m³], centre (3,) [m] and inertia (3, 3) of unit density about it [m⁵].
 
-    The convex hull of `corners`, shape (number, 3) [m], holds all of it. `of` names the shapes, such as ``box`` or
-    ``convex hull of link1.dae``.
+    The convex hull of `corners`, shape (number, 3) [m], holds all of it. `of` names the shapes.
     """
 
     volume: float

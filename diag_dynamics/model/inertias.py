@@ -21,14 +21,8 @@ LARGEST = 1e9
 class Payload(NamedTuple):
     """A rigid body attached to a link, in the link's axes.
 
-    Attributes
-    ----------
-    mass : float
-        [kg].
-    com : array_like, shape (3,)
-        Centre of mass from the link's origin [m].
-    inertia : array_like, shape (3, 3)
-        About the centre of mass [kg m²]; that of a point by default.
+    `mass` [kg]; `com`, shape (3,), the centre of mass from the link's origin [m]; `inertia`, shape (3, 3), about the centre
+    of mass [kg m²], that of a point by default.
     """
 
     mass: float

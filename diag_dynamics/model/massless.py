@@ -51,40 +51,37 @@ def reject_massless(model, tree, found):
     if not len(massless):
         return
     joints = _joints_of_dofs(tree)
-    named = {k: f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in massless}
     negative = {k: links for k in massless if (links := _negative_links(tree, joints[k]))}
+    which = list(negative or massless)
+    named = {k: f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in which[:MAX_LISTED]}
     if negative:
         links = list(dict.fromkeys(text for texts in negative.values() for text in texts))[:MAX_LISTED]
         text = (
-            f"robot '{model.name}': {'; '.join(links)}. Expected positive moments, because the mass matrix is not "
-            "positive definite with these, at the joint(s) "
-            f"{', '.join(named[k] for k in list(negative)[:MAX_LISTED])}. Correct the inertia in the URDF."
+            f"{'; '.join(links)}. Expected positive moments, because the mass matrix is not positive definite with these, "
+            f"at the joint(s) {', '.join(named.values())}. Correct the inertia in the URDF."
         )
-    else:
-        text = _massless_text(model, tree, {named[k]: joints[k] for k in massless})
-    which = list(negative or massless)
-    raise MasslessLinkError(text, [model.dof_names[k] for k in which], smallest[which])
-
-
-def _massless_text(model, tree, named):
-    with_inertia = {body for link, body, _ in tree.links if _has_inertia(link)}
+        raise _error(model, f": {text}", which, smallest)
+    heavy = {body for link, body, _ in tree.links if _has_inertia(link)}
     lines = []
-    for text, joint in list(named.items())[:MAX_LISTED]:
-        link = joint.joint.child if joint.joint else model.root_link
-        why = "has little inertia about that axis" if tree.body_of(joint.name) in with_inertia else "has no <inertial>"
-        lines.append(f"joint {text}: link '{link}' {why}")
-    if len(named) > MAX_LISTED:
-        lines.append(f"… and {len(named) - MAX_LISTED} more")
+    for k, name in named.items():
+        link = joints[k].joint.child if joints[k].joint else model.root_link
+        why = "has little inertia about that axis" if tree.body_of(joints[k].name) in heavy else "has no <inertial>"
+        lines.append(f"joint {name}: link '{link}' {why}")
+    if len(which) > MAX_LISTED:
+        lines.append(f"… and {len(which) - MAX_LISTED} more")
     advice = "Give the link mass and inertia in the URDF, or make the joint fixed."
-    if single := next((joint.name for joint in named.values() if joint.is_single), None):
+    if single := next((joints[k].name for k in which if joints[k].is_single), None):
         advice += (
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."
         )
-    return (
-        f"robot '{model.name}' has {len(named)} joint(s) that move no inertia, which makes its mass matrix "
-        f"singular: {'; '.join(lines)}. {advice}"
-    )
+    text = f" has {len(which)} joint(s) that move no inertia, which makes its mass matrix singular: {'; '.join(lines)}."
+    raise _error(model, f"{text} {advice}", which, smallest)
+
+
+def _error(model, text, which, smallest):
+    names = [model.dof_names[k] for k in which]
+    return MasslessLinkError(f"robot '{model.name}'{text}", names, smallest[which])
 
 
 def _has_inertia(link):

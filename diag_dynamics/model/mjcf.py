@@ -61,20 +61,11 @@ class Described(NamedTuple):
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
-    Hinges and slides, several at a body, with `pos` and `ref`; free bodies at the world; armature and damping, those of
-    actuators times gear² included; friction loss, ranges, inertias as the compiler gives them. Joints that an equality
-    couples linearly are mimic joints. Names are the file's, or ``body<number>`` and ``joint<number>``. A single free body is
-    a floating base; of any free body q is x y z qx qy qz qw, and its rates are a twist in its own axes, linear first. What a
-    flag of the option disables is left out. Degrees of freedom are in the order of their names (see :class:`RobotModel`),
-    which need not be MuJoCo's. The library's documentation has a table of all elements.
-
-    Springs, tendons, gravity compensation, fluids, flexible bodies, passive plugins, nonlinear damping, and damping and
-    friction loss of free joints change neither M nor C, ν, K and gravity. Forward and inverse dynamics omit their forces.
-
-    A joint's effort limit is the lesser of the largest magnitude in its `actuatorfrcrange` and of the sum over the enabled
-    actuators at that joint; infinite where neither is limited. An actuator's part is its gear times the largest magnitude in
-    `forcerange`, or, of a plain motor (fixed gain, neither bias nor activation), of the gain times `ctrlrange`, if that is
-    less.
+    Joints that an equality couples linearly are mimic joints. Names are the file's, or ``body<number>`` and
+    ``joint<number>``. A single free body is a floating base; of any free body q is x y z qx qy qz qw, and its rates are a
+    twist in its own axes, linear first. Degrees of freedom are in the order of their names (see :class:`RobotModel`), which
+    need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs. The library's documentation
+    lists what is read, omitted and unsupported.
 
     Parameters
     ----------
@@ -91,8 +82,6 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
         The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities that hold a body that moves,
         equalities of joints other than linear couplings of two, two equalities for one joint, and armature of a free joint,
         a tendon, or an actuator elsewhere than at a hinge or slide. The message names the first.
-    DiagDynamicsError
-        As :func:`load_urdf`.
 
     Warns
     -----

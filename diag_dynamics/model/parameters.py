@@ -45,16 +45,9 @@ _HEAD = """\
 class JointParameters(NamedTuple):
     """Numbers of a joint of one degree of freedom; None leaves what the model has.
 
-    Attributes
-    ----------
-    damping : float or None
-        Viscous friction d, not negative [N m s/rad, N s/m].
-    friction : float or None
-        Coulomb friction f, not negative [N m, N].
-    effort_offset : float or None
-        Effort that is measured, or commanded, where none acts: a part of friction that does not turn round [N m, N].
-    armature : float or None
-        Reflected rotor inertia, not negative [kg m², kg].
+    Viscous friction `damping` [N m s/rad, N s/m], Coulomb `friction` [N m, N] and the reflected rotor inertia `armature`
+    [kg m², kg] are not negative. `effort_offset` [N m, N] is the effort that is measured, or commanded, where none acts: a
+    part of friction that does not turn round.
     """
 
     damping: float | None = None
@@ -147,15 +140,11 @@ class Parameters:
         content: dict[str, Any] = {"joints": {name: entry.known for name, entry in self.joints.items()}}
         for what, bodies in (("links", self.links), ("payloads", self.payloads)):
             content[what] = {
-                name: {
-                    "mass": float(body.mass),
-                    "com": np.asarray(body.com, float).tolist(),
-                    "inertia": np.asarray(body.inertia, float).tolist(),
-                }
+                name: {key: np.asarray(value, float).tolist() for key, value in body._asdict().items()}
                 for name, body in bodies.items()
             }
-        content["friction_velocity"] = None if self.friction_velocity is None else float(self.friction_velocity)
-        content["origin"] = dict(self.origin)
+        velocity = self.friction_velocity
+        content |= {"friction_velocity": None if velocity is None else float(velocity), "origin": dict(self.origin)}
         return {key: value for key, value in content.items() if value not in (None, {})}
 
     def merged_with(self, later: Parameters) -> Parameters:
