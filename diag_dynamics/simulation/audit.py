@@ -27,39 +27,31 @@ class EnergyAudit(NamedTuple):
 
     The work of each force is integrated by the rule that integrates the motion; the work of an impulse is the energy that
     it takes. The residual is the error of the method, and falls with the step as its order says.
-
-    Attributes
-    ----------
-    effort : float
-        Work of the joint efforts, as saturated.
-    wrenches : float
-        Work of the external wrenches.
-    damping, friction : float
-        Work of joint damping and Coulomb friction; neither is ever positive.
-    limits : float
-        Work of position limits, without what they store: impacts and dampers. Of hard limits it includes the work of
-        bringing a joint back to the limit.
-    exchanged : float
-        Energy that came with another model: see :meth:`Simulation.change_model`.
-    kinetic, potential, elastic : float
-        Change of kinetic energy, of the energy in the field of gravity, and of what compliant limits store.
     """
 
     effort: float
+    """Work of the joint efforts, as saturated."""
     wrenches: float
+    """Work of the external wrenches."""
     damping: float
+    """Work of joint damping, never positive."""
     friction: float
+    """Work of Coulomb friction, never positive."""
     limits: float
+    """Work of position limits, without what they store: impacts and dampers, and bringing joints back to hard limits."""
     exchanged: float
+    """Energy that came with another model: see :meth:`Simulation.change_model`."""
     kinetic: float
+    """Change of kinetic energy."""
     potential: float
+    """Change of the energy in the field of gravity."""
     elastic: float
+    """Change of what compliant limits store."""
 
     @property
     def residual(self) -> float:
         """ΔK + ΔU + ΔE_elastic less all work [J]."""
-        work = self.effort + self.wrenches + self.damping + self.friction + self.limits + self.exchanged
-        return self.kinetic + self.potential + self.elastic - work
+        return sum(self[6:]) - sum(self[:6])
 
     def since(self, earlier: EnergyAudit) -> EnergyAudit:
         """Return the audit of the time from an earlier audit to this one."""

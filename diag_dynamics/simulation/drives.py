@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inputs of a simulated robot: effort commands and external wrenches, held until a timeout in simulated time [s]."""
+"""Inputs of a simulated robot: effort commands and external wrenches, held until a timeout in simulated time [s].
+
+A rejected input is a RejectedError, and leaves the last one in force.
+"""
 
 from collections import Counter
 
@@ -21,20 +24,13 @@ WAITING, DRIVEN, TIMED_OUT = "waiting for a command", "driven", "timed out"
 class _Inputs:
     """Received values of one kind, each held for `timeout` [s of simulated time]; 0: until the next one.
 
-    Attributes
-    ----------
-    counts : Counter
-        Values received, rejected by cause, and timed out.
-    last_rejection : str
+    `counts` has how many were received, rejected by cause, and timed out; `last_rejection` is a text.
     """
 
     def __init__(self, kind, timeout):
         self._kind, self.timeout = kind, timeout
         self.counts, self.last_rejection = Counter(), ""
         self.forget()
-
-    def _receive(self):
-        self.counts[f"{self._kind} received"] += 1
 
     def _is_expired(self, since, time):
         return bool(self.timeout) and time - since >= self.timeout - ROUNDING
@@ -46,7 +42,7 @@ class _Inputs:
 
 
 class Drives(_Inputs):
-    """Drives of all joints: each takes an effort. Attributes: those of its inputs.
+    """Drives of all joints: each takes an effort. `phase` is WAITING, DRIVEN or TIMED_OUT.
 
     Parameters
     ----------
@@ -57,79 +53,58 @@ class Drives(_Inputs):
     timeout : float
     without : {"zero", "brake"}
         Behaviour before the first command, and after one has timed out.
-
-    Raises
-    ------
-    InputError
-        `joints` names one twice, or one that has no drive.
     """
 
     def __init__(self, names, joints, timeout, without):
-        joints = [name for name in joints if name] or list(names)
+        joints, parameter = [name for name in joints if name] or list(names), "parameter 'command_joints'"
         for k, name in enumerate(joints):
             if name not in names:
+                drives = ", ".join(names)
                 raise InputError(
-                    f"parameter 'command_joints' names '{name}', which is no joint that can be driven; these are "
-                    f"{', '.join(names)}."
+                    f"{parameter} names '{name}', which is no joint that can be driven; these are {drives}."
                 )
             if name in joints[:k]:
-                raise InputError(f"parameter 'command_joints' names '{name}' twice.")
-        self._joints, self._at = tuple(joints), np.array([list(names).index(name) for name in joints], dtype=int)
-        self.without, self._effort = without, np.zeros(len(names))
+                raise InputError(f"{parameter} names '{name}' twice.")
+        self._joints, self._at = joints, np.array([list(names).index(name) for name in joints], dtype=int)
+        self._without, self._effort = without, np.zeros(len(names))
         super().__init__("commands", timeout)
 
     def forget(self):
         """Drop the command: the phase is that before the first one."""
         self._effort[:] = 0.0
-        self._since, self._timed_out = None, False
+        self.phase, self._since = WAITING, None
 
     def command(self, data, time):
-        """Accept a command at a simulated time [s]. A rejected one leaves the last one in force.
-
-        Raises
-        ------
-        RejectedError
-            Wrong length, or an entry is not finite.
-        """
-        self._receive()
-        if len(data) != len(self._joints):
-            raise self._rejected(
-                "wrong length",
-                f"data has {len(data)} entries, expected {len(self._joints)}, for {', '.join(self._joints)}",
-            )
+        """Accept a command at a simulated time [s]."""
+        self.counts["commands received"] += 1
+        expected = len(self._joints)
+        if len(data) != expected:
+            message = f"data has {len(data)} entries, expected {expected}, for {', '.join(self._joints)}"
+            raise self._rejected("wrong length", message)
         effort = np.array(data, dtype=float)
-        wrong = np.flatnonzero(~np.isfinite(effort))
-        if len(wrong):
-            k = int(wrong[0])
-            raise self._rejected(
-                "not finite", f"effort of joint '{self._joints[k]}' is {effort[k]}, expected a finite number"
-            )
+        if not np.isfinite(effort).all():
+            k = int(np.argmin(np.isfinite(effort)))
+            message = f"effort of joint '{self._joints[k]}' is {effort[k]}, expected a finite number"
+            raise self._rejected("not finite", message)
         self._effort[self._at] = effort
-        self._since, self._timed_out = time, False
+        self.phase, self._since = DRIVEN, time
 
     def effort(self, time):
         """Return the commanded efforts at a simulated time [s], zero without a command; shape (number of drives,)."""
-        if self._since is not None and not self._timed_out and self._is_expired(self._since, time):
-            self._timed_out = True
-            self._effort[:] = 0.0
+        if self.phase == DRIVEN and self._is_expired(self._since, time):
+            self.forget()
+            self.phase = TIMED_OUT
             self.counts["commands timed out"] += 1
         return self._effort
 
     @property
-    def phase(self):
-        """Waiting for a command, driven, or timed out."""
-        if self._since is None:
-            return WAITING
-        return TIMED_OUT if self._timed_out else DRIVEN
-
-    @property
     def braked(self):
         """Whether the brakes are closed."""
-        return self.without == BRAKE and self.phase != DRIVEN
+        return self._without == BRAKE and self.phase != DRIVEN
 
 
 class Pushes(_Inputs):
-    """External wrenches, each on one of the robot's `links`. Attributes: those of its inputs."""
+    """External wrenches, each on one of the robot's `links`."""
 
     def __init__(self, links, timeout):
         self._links = frozenset(links)
@@ -140,14 +115,8 @@ class Pushes(_Inputs):
         self._held = {}
 
     def push(self, link, wrench, time):
-        """Accept a wrench on a link, force first, shape (6,), at a simulated time [s]; zeros end it.
-
-        Raises
-        ------
-        RejectedError
-            Unknown link, or a number is not finite. Nothing changes then.
-        """
-        self._receive()
+        """Accept a wrench on a link, force first, shape (6,), at a simulated time [s]; zeros end it."""
+        self.counts["wrenches received"] += 1
         wrench = np.array(wrench, dtype=float)
         if link not in self._links:
             raise self._rejected("unknown link", f"header.frame_id '{link}' is no link of this robot")

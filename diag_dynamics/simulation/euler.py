@@ -26,15 +26,13 @@ def euler_step(address, h, load, may_have_modes):
     """Step (q, q̇), and add the work done to the accounts; ν is scratch. Return a status."""
     sim = opened(address)
     status = wrench_efforts(sim.robot, sim.q, load, sim.pushed)
-    if status != 0:
-        return status
-    if may_have_modes:
+    if status == 0 and may_have_modes:
         status = _step_with_modes(address, h, load.tau)
-    else:
+    elif status == 0:
         status = _free_rates(address, h, load.tau)
         if status == 0:
             status = _move(address, h, load.tau)
-    if status == 0 and is_beyond_hard_limit(address):
+    if status == 0 and find_limits(address)[1]:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status == 0:
             status = resolve_impacts(address, h)
@@ -201,25 +199,15 @@ def _energy(address):
 
 
 @large_kernel
-def reaches_limit(address):
-    """Whether a joint is at its limits or beyond them."""
+def find_limits(address):
+    """Return whether a joint is at its limits or beyond them, and whether one is beyond hard limits."""
     sim = opened(address)
-    found = False
+    reached, beyond = False, False
     for k in range(len(sim.lower)):
         q = sim.q[sim.coordinate[k]]
-        found |= q <= sim.lower[k] or q >= sim.upper[k]
-    return found
-
-
-@large_kernel
-def is_beyond_hard_limit(address):
-    """Whether a joint is beyond a hard limit."""
-    sim = opened(address)
-    found = False
-    for k in range(len(sim.lower)):
-        q = sim.q[sim.coordinate[k]]
-        found |= (q < sim.lower[k] or q > sim.upper[k]) and sim.stiffness[k] == math.inf
-    return found
+        reached |= q <= sim.lower[k] or q >= sim.upper[k]
+        beyond |= (q < sim.lower[k] or q > sim.upper[k]) and sim.stiffness[k] == math.inf
+    return reached, beyond
 
 
 @large_kernel

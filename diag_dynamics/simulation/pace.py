@@ -14,17 +14,16 @@ COMMAND_TIMEOUT = 1.0
 
 
 class Kept(NamedTuple):
-    """Record of the pace since the last report."""
+    """Record of the pace since the last report: ticks, their lateness [s], ticks that were late by a period or more.
+
+    `let_go` is the dropped time in all [s of simulated time].
+    """
 
     ticks: int
     mean: float
-    """Mean lateness of ticks [s]."""
     largest: float
-    """Largest lateness of ticks [s]."""
     overruns: int
-    """Ticks that were late by a period or more."""
     let_go: float
-    """Dropped time, in all [s of simulated time]."""
 
 
 class Pace:
@@ -56,11 +55,10 @@ class Pace:
         self._span = period / factor if factor else 0.0  # between two ticks [s of the clock]
         self.skipped = self.let_go = 0.0
         self.overruns = 0
-        self._reported_overruns = 0
         self._start_report()
 
     def _start_report(self):
-        self._ticks, self._late, self._latest = 0, 0.0, 0.0
+        self._ticks, self._late, self._latest, self._reported_overruns = 0, 0.0, 0.0, self.overruns
 
     def resume(self, now, simulated):
         """Go on from a simulated time [s] at a time [s] of the clock."""
@@ -89,17 +87,16 @@ class Pace:
         """Record how late this tick is; ticks are due a period apart."""
         if late < -0.5 * self._span:
             return  # the extra tick of a late timer
-        self._ticks += 1
-        self._late += max(late, 0.0)
-        self._latest = max(self._latest, late)
-        missed = int(max(late, 0.0) / self._span)
+        late = max(late, 0.0)
+        missed = int(late / self._span)
+        self._ticks, self._late, self._latest = self._ticks + 1, self._late + late, max(self._latest, late)
         self.overruns += missed
         self._due += (missed + 1) * self._span
 
     def kept(self):
         """Return the :class:`Kept` since the last call."""
-        overruns, self._reported_overruns = self.overruns - self._reported_overruns, self.overruns
-        kept = Kept(self._ticks, self._late / max(self._ticks, 1), self._latest, overruns, self.let_go)
+        overruns, mean = self.overruns - self._reported_overruns, self._late / max(self._ticks, 1)
+        kept = Kept(self._ticks, mean, self._latest, overruns, self.let_go)
         self._start_report()
         return kept
 

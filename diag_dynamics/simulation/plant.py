@@ -4,6 +4,7 @@
 """Plant: a simulated robot with drives, sensors and external wrenches. It imports no ROS."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,14 +22,14 @@ UNLIMITED_BRAKE = 1e9
 """Torque of a brake whose drive has no limit [N m, N]."""
 
 
-class Measured:
-    """Sensor values and their stamp: vectors of all joints, followers last, and a floating base's q and q̇."""
+class Measured(NamedTuple):
+    """Sensor values of all joints, followers last; their stamp, and q and q̇ of a floating base."""
 
-    __slots__ = ("base", "effort", "position", "stamp", "velocity")
-
-    def __init__(self, stamp, values, base):
-        self.stamp, self.base = stamp, base
-        self.position, self.velocity, self.effort = values
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    stamp: Any
+    base: tuple | None
 
 
 class Plant:
@@ -48,13 +49,6 @@ class Plant:
     pushes : Pushes
     names : tuple of str
         All joints, followers last.
-    time : float
-        Simulated time, which goes on when the robot is put into another state [s].
-
-    Raises
-    ------
-    InputError
-        The values do not fit the robot.
     """
 
     def __init__(self, model, values):
@@ -70,14 +64,15 @@ class Plant:
         self._driven = np.array(places(joints, model.dof_names), dtype=int)
         self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
         noise, resolution = tuple(values["sensor_noise"]), tuple(values["sensor_resolution"])
-        errors = Errors(noise, resolution, values["sensor_delay"], values["sensor_dropped"], values["seed"])
-        self.sensors = Sensors(errors)
+        self.sensors = Sensors(
+            Errors(noise, resolution, values["sensor_delay"], values["sensor_dropped"], values["seed"])
+        )
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
-        self._hard = values["limits"] == "hard"
-        self._axes, self._carries = values["wrench_axes"], values["compensates_gravity"]
+        self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
+        self._compensates_gravity = values["compensates_gravity"]
         self._wave = Wave(self.simulation) if values["motion"] == "wave" else None
         self._friction, self._braked = self.simulation.friction, False
-        limit = np.where(model.effort_limit > 0.0, model.effort_limit, np.inf)[self._driven]
+        limit = model.effort_bound[self._driven]
         self._brakes = self._friction.copy()
         self._brakes[self._driven] += np.where(np.isfinite(limit), BRAKE_FACTOR * limit, UNLIMITED_BRAKE)
         self._start = self.simulation.q, self.simulation.qd
@@ -86,18 +81,13 @@ class Plant:
 
     @property
     def time(self):
-        """Simulated time [s]."""
+        """Simulated time [s]: it goes on when the robot is put into another state."""
         return self._before + self.simulation.time
 
     def advance(self, steps):
         """Take some steps together: none of them times a command out that was in force when the first one began.
 
         A command that came while the simulation was late acts after the steps that catch up.
-
-        Raises
-        ------
-        DiagDynamicsError
-            As of :meth:`Simulation.advance`.
         """
         simulation, begin = self.simulation, self.time
         if not steps:
@@ -107,42 +97,38 @@ class Plant:
             simulation.advance(effort, f_ext=wrenches or None, frame=self._axes if wrenches else "link")
 
     def _effort(self, begin):
-        """Efforts on all degrees of freedom, by the drives as they were at `begin` [s], and brakes as these want them."""
-        simulation = self.simulation
+        """Efforts on all degrees of freedom, by the drives as they were at `begin` [s]; opens or closes the brakes."""
+        simulation, drives = self.simulation, self.drives
         if self._wave:
             return self._wave.effort()
         effort = np.zeros(simulation.model.nv)
-        effort[self._driven] = self.drives.effort(begin)
-        if self.drives.braked != self._braked:
-            self._braked = self.drives.braked
+        effort[self._driven] = drives.effort(begin)
+        if drives.braked != self._braked:
+            self._braked = drives.braked
             simulation.friction = self._brakes if self._braked else self._friction
-        if self._carries and not self._braked:
+        if self._compensates_gravity and not self._braked:
             effort[self._driven] += simulation.dynamics.gravity_torque(simulation.q)[self._driven]
         return effort
 
     def measure(self, stamp=None):
         """Have the sensors measure the present state; `stamp` comes out with the measurement."""
         simulation, followers = self.simulation, self._followers
-        model, q, qd = simulation.model, simulation.q, simulation.qd
+        q, qd = simulation.q, simulation.qd
         own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
         position = np.append(own, followers.positions(own))
         velocity = np.append(rate, followers.velocities(rate))
         effort = np.append(effort, np.zeros(len(followers.names)))  # on followers none acts of their own
-        base = (q[:7], qd[:6]) if model.floating_base else None
+        base = (q[:7], qd[:6]) if simulation.model.floating_base else None
         self.sensors.measure(self.time, position, velocity, effort, (stamp, base))
 
     def known(self):
         """Return all :class:`Measured` that have become known since the last call."""
-        return [Measured(stamp, values, base) for _, values, (stamp, base) in self.sensors.known(self.time)]
+        return [Measured(*values, *label) for _, values, label in self.sensors.known(self.time)]
 
     def put(self, q, qd):
         """Put the robot into a state; time and command stay, delayed measurements are lost.
 
-        Raises
-        ------
-        DiagDynamicsError
-            As of :meth:`Simulation.reset`; or a joint would be beyond a hard limit, or the robot cannot be evaluated there.
-            Nothing has changed then.
+        A joint beyond a hard limit and a state that cannot be evaluated are errors, and change nothing.
         """
         simulation, before = self.simulation, self.time
         model = simulation.model
@@ -169,12 +155,11 @@ class Plant:
 
 def _refuse_together(model, values):
     """Raise InputError where values do not go together, or are out of a range that their type cannot tell."""
+    factor = values["real_time_factor"]
     if values["seed"] < 0:
         raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")
-    if 0.0 < values["real_time_factor"] < 1e-3:
-        raise InputError(
-            f"parameter 'real_time_factor' is {values['real_time_factor']:g}, expected 0 or at least 0.001."
-        )
+    if 0.0 < factor < 1e-3:
+        raise InputError(f"parameter 'real_time_factor' is {factor:g}, expected 0 or at least 0.001.")
     if values["order"] == 1 and model.floating_base:
         raise InputError("parameter 'order' is 1, at which a free robot gains energy as it tumbles, expected 4.")
     for name, idle in (("motion", "free"), ("sensor_delay", 0.0), ("sensor_dropped", 0.0)):

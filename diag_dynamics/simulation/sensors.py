@@ -11,8 +11,6 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.simulation.drives import ROUNDING
 
-FIELDS = ("position", "velocity", "effort")
-
 
 class Errors(NamedTuple):
     """Errors of the sensors. The same seed and the same states give the same errors."""
@@ -29,17 +27,12 @@ class Errors(NamedTuple):
 
 
 class Sensors:
-    """Sensors of all joints. `lost` is the number of messages lost.
-
-    Raises
-    ------
-    InputError
-        `errors` has a list of the wrong length or a negative number.
-    """
+    """Sensors of all joints. `lost` is the number of messages lost."""
 
     def __init__(self, errors):
-        for name, values in (("noise", errors.noise), ("resolution", errors.resolution)):
-            if len(values) != len(FIELDS) or min(values) < 0.0:
+        for name in ("noise", "resolution"):
+            values = getattr(errors, name)
+            if len(values) != 3 or min(values) < 0.0:
                 raise InputError(f"parameter 'sensor_{name}' is {list(values)}, expected 3 numbers >= 0.")
         self._errors, self.lost = errors, 0
         self.restart()
@@ -54,10 +47,7 @@ class Sensors:
         self._delayed = deque()
 
     def measure(self, time, position, velocity, effort, label=None):
-        """Measure a state at a simulated time [s]; it becomes known after the delay, unless it is lost.
-
-        `label` comes out with it as it is.
-        """
+        """Measure a state at a simulated time [s]; it becomes known after the delay, with its label, unless it is lost."""
         values = []
         for value, noise, step in zip((position, velocity, effort), *self._errors[:2], strict=True):
             if noise:

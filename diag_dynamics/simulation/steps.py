@@ -41,7 +41,7 @@ def _smooth_step(address, h, load, may_have_modes):
         status = runge_kutta(address, h, load)
     if status != 0:
         return status, False
-    changes = (may_have_modes or euler.reaches_limit(address)) and modes.is_mode_left(address)
+    changes = (may_have_modes or euler.find_limits(address)[0]) and modes.is_mode_left(address)
     if locked:
         modes.lock_joints(address, False)
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
@@ -100,13 +100,13 @@ def advance(address, order, h, steps, tau, wrenches, in_world):
     _save(address)
     ws.clear(sim.pushed)
     status, taken = 0, 0
-    if steps > 0 and euler.is_beyond_hard_limit(address):
+    if steps > 0 and euler.find_limits(address)[1]:
         status = euler.resolve_impacts(address, h)
     modes.classify_joints(address)
     always, before = _has_friction_or_springs(address), False
     while status == 0 and taken < steps:
         _save(address)
-        touching = euler.reaches_limit(address)
+        touching, _ = euler.find_limits(address)
         may_have_modes = always or touching or before  # once more after a touch, which clears the modes
         before = touching
         status = _step(address, order, h, load, may_have_modes)

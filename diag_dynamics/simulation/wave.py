@@ -8,27 +8,20 @@ import numpy as np
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.simulation.options import rest_position
 
+STIFFNESS, DAMPING = 25.0, 10.0
+"""Of the error, critically damped: 5 rad/s."""
+
+RAMP = 1.0
+"""Time to grow to half of the full swing [s]."""
+
 
 class Wave:
-    """Something for a robot to do: every joint swings about the middle of its range, each at its own pace, within its limits.
+    """Motion of a simulation: every joint swings about the middle of its range, each at its own pace, within its limits.
 
-    The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from the reference and a
-    critically damped error of 5 rad/s; damping and friction are made up for at the desired rate, which
-    adds to stability.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        The robot that is to move; it is put at the middle of its ranges.
-
-    Raises
-    ------
-    UnsupportedError
-        A joint has several degrees of freedom.
+    The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from the reference and the error;
+    damping and friction are compensated at the desired rate, which adds to stability. The robot is put at the middle of its
+    ranges. Joints of several degrees of freedom are an UnsupportedError.
     """
-
-    STIFFNESS, DAMPING = 25.0, 10.0
-    RAMP = 1.0  # [s] time to grow to half of the full swing
 
     def __init__(self, simulation):
         model = simulation.model
@@ -39,32 +32,26 @@ class Wave:
         self._simulation = simulation
         bounded = np.isfinite(model.lower) & np.isfinite(model.upper)
         span = np.where(bounded, model.upper - model.lower, 2.0)
-        lower = np.where(bounded, model.lower, 0.0)
-        self._centre = np.where(bounded, lower + 0.5 * span, rest_position(model))
-        golden = 0.5 * (np.sqrt(5.0) - 1.0)
-        k = np.arange(model.nv)
+        self._centre = np.where(bounded, model.lower, 0.0) + 0.5 * span
+        self._centre = np.where(bounded, self._centre, rest_position(model))
+        k, golden = np.arange(model.nv), 0.5 * (np.sqrt(5.0) - 1.0)
         self._pace = 2.0 * np.pi * (0.15 + 0.25 * ((k + 1) * golden % 1.0))  # [rad/s], no two alike
-        slow = np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf) / (self._pace + 0.65 / self.RAMP)
-        self._amplitude = np.minimum(np.minimum(0.35 * span, 0.7), slow)
-        self._sign = np.where(k % 2, -1.0, 1.0)
+        slow = model.velocity_bound / (self._pace + 0.65 / RAMP)
+        amplitude = np.minimum(np.minimum(0.35 * span, 0.7), slow)
+        self._swing = np.where(k % 2, -1.0, 1.0) * amplitude
         simulation.reset(self._centre, np.zeros(model.nv))
 
     def effort(self):
         """Joint efforts for the simulation's present time and state [N m, N], shape (nv,)."""
-        simulation = self._simulation
-        t, T = simulation.time, self.RAMP
+        simulation, swing = self._simulation, self._swing
+        t, T = simulation.time, RAMP
         grown, growing = t**2 / (t**2 + T**2), 2 * t * T**2 / (t**2 + T**2) ** 2
         bending = 2 * T**2 * (T**2 - 3 * t**2) / (t**2 + T**2) ** 3
-        swing = self._sign * self._amplitude
         s, c, w = np.sin(self._pace * t), np.cos(self._pace * t), self._pace
         q_d = self._centre + swing * grown * s
         qd_d = swing * (growing * s + grown * w * c)
         qdd_d = swing * (bending * s + 2.0 * growing * w * c - grown * w * w * s)
         q, qd = simulation.q, simulation.qd
-        qdd = qdd_d + self.DAMPING * (qd_d - qd) + self.STIFFNESS * (q_d - q)
-        return (
-            simulation.dynamics.inverse_dynamics(q, qd, qdd)
-            + simulation.damping * qd_d
-            + simulation.friction * np.sign(qd_d)
-            + simulation.effort_offset
-        )
+        qdd = qdd_d + DAMPING * (qd_d - qd) + STIFFNESS * (q_d - q)
+        tau = simulation.dynamics.inverse_dynamics(q, qd, qdd) + simulation.damping * qd_d
+        return tau + simulation.friction * np.sign(qd_d) + simulation.effort_offset
