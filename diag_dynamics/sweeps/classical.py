@@ -3,7 +3,6 @@
 
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
-from diag_dynamics.numerics.arrays import flat
 from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
     FILLED_VECTOR,
@@ -15,6 +14,7 @@ from diag_dynamics.numerics.kernel import (
     kernel,
     large_kernel,
 )
+from diag_dynamics.numerics.tables import flat
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, copy, lengths_match, opened

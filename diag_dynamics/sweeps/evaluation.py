@@ -5,7 +5,6 @@
 
 import math
 
-from diag_dynamics.numerics.arrays import address_of
 from diag_dynamics.numerics.kernel import (
     FILLED_MATRIX,
     FILLED_VECTOR,
@@ -17,6 +16,7 @@ from diag_dynamics.numerics.kernel import (
     kernel,
     large_kernel,
 )
+from diag_dynamics.numerics.tables import address_of
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import (

@@ -7,8 +7,8 @@ import numba
 import numpy as np
 from numba import types
 
-from diag_dynamics.numerics.arrays import array_at
 from diag_dynamics.numerics.kernel import kernel
+from diag_dynamics.numerics.tables import array_at
 from diag_dynamics.sweeps import spatial as sp
 
 REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
