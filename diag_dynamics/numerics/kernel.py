@@ -20,10 +20,10 @@ from numba import types
 from diag_dynamics.numerics.cache import code_folder
 from diag_dynamics.numerics.progress import report_compilation
 
-try:  # numba's code libraries are private. Without them, entries compile slower, to the same code.
-    from diag_dynamics.numerics.linking import EntryCompiler, KernelCompiler
+try:  # All that is private to numba. Without it, kernels are compiled for the types of each call: slower, to the same code.
+    from diag_dynamics.numerics import linking
 except (ImportError, AttributeError):
-    EntryCompiler = KernelCompiler = None
+    linking = None
 
 logger = logging.getLogger(__name__)
 
@@ -39,26 +39,17 @@ FILLED_VECTOR, FILLED_MATRIX, FILLED_STATES = (types.Array(numba.float64, ndim, 
 NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
 
 
-def _supported(*names):
-    """Return the options among `names` that this numba has; they are not documented."""
-    try:
-        options = numba.core.registry.cpu_target.options
-    except AttributeError:
-        return {}
-    return {name: True for name in names if hasattr(options, name)}
+_ENTRY = {"error_model": "numpy"}
+_CALLED, INLINED, _COUNTED = dict(_ENTRY), dict(_ENTRY), {}
+if linking:
+    # Without reference counts: no kernel allocates, and LLVM does not vectorize a loop that counts.
+    _COUNTED = linking.supported("_nrt")
+    _ENTRY |= dict.fromkeys(_COUNTED, False) | linking.supported("no_cfunc_wrapper")
+    _ENTRY["pipeline_class"] = linking.KernelCompiler
+    _CALLED = _ENTRY | linking.supported("no_cpython_wrapper")
+    INLINED = _CALLED | linking.supported("forceinline")
 
-
-_UNCOUNTED = dict.fromkeys(_supported("_nrt"), False)
-"""Without reference counts: no kernel allocates, and LLVM does not vectorize a loop that counts."""
-
-_OPTIONS = {"error_model": "numpy", **_supported("no_cfunc_wrapper"), **_UNCOUNTED}
-_ENTRY = _OPTIONS | ({"pipeline_class": EntryCompiler} if EntryCompiler else {})
-_CALLED = _OPTIONS | _supported("no_cpython_wrapper") | ({"pipeline_class": KernelCompiler} if KernelCompiler else {})
-
-INLINED = _CALLED | _supported("forceinline")
-"""Options of numba's for kernels."""
-
-_entries = []
+_entries = {}
 _lock = threading.RLock()
 
 
@@ -72,7 +63,7 @@ def kernel(function):
 
 def array_kernel(function):
     """Compile `function` as :func:`kernel` does, where it returns an array: numba requires reference counts for that."""
-    return numba.njit(**INLINED | _supported("_nrt"))(function)
+    return numba.njit(**INLINED | _COUNTED)(function)
 
 
 def large_kernel(function):
@@ -89,11 +80,9 @@ def entry_kernel(*signature, nogil=False):
 
     def decorate(function):
         entry = numba.njit(nogil=nogil, **_ENTRY)(function)
-        # numba calls this hook on the first call. Without it, numba compiles for the types of each call: slower, not wrong.
-        entry._compile_for_args = functools.partial(_compile_once, entry, signature)
-        called = large_kernel(function)
-        entry.get_call_template, entry.get_overload = called.get_call_template, called.get_overload
-        _entries.append(entry)
+        compile_entry = _entries[entry] = functools.partial(_compile_once, entry, signature)
+        if linking:
+            linking.hook_entry(entry, large_kernel(function), compile_entry)
         return entry
 
     return decorate
@@ -101,7 +90,7 @@ def entry_kernel(*signature, nogil=False):
 
 def ready(entry):
     """Compile an entry, or load it from the cache, so that its first call does not wait."""
-    entry._compile_for_args()
+    _entries[entry]()
 
 
 def precompile(*modules):

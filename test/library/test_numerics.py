@@ -29,6 +29,7 @@ from diag_dynamics.numerics.kernel import (
     VECTOR,
     entry_kernel,
     kernel,
+    large_kernel,
     precompile,
 )
 from diag_dynamics.sweeps.trigonometry import LARGEST, sine_and_cosine
@@ -87,6 +88,38 @@ def test_first_calls():
     for entry, wrong in ((doubled, "x"), (total, np.ones(3, np.int64))):
         with pytest.raises(TypeError):
             entry(wrong)
+
+
+@pytest.mark.parametrize("part", ["add_llvm_module", "_link", "_simplify"])
+def test_other_inside_of_numba(part, monkeypatch, caplog):
+    """Where a private part fails, or gives another number, numba links kernels itself, to the same bits."""
+    linking = pytest.importorskip("diag_dynamics.numerics.linking")
+
+    def results():
+        @kernel
+        def third(x):
+            return math.sin(x / 3.0), x
+
+        @large_kernel
+        def total(x):
+            return third(x)[0] + third(2.0 * x)[0]
+
+        @entry_kernel(NUMBER)
+        def entry(x):
+            return total(x) + total(x + 1.0)
+
+        return [entry(x) for x in np.linspace(-9.0, 9.0, 50)]
+
+    expected = results()
+    assert linking.works() and not caplog.records
+    monkeypatch.setattr(linking.KernelCompiler, "works", None)
+    monkeypatch.setattr(linking.Library, part, None)
+    assert results() == expected
+    assert not linking.works() and f"slowly under numba {numba.__version__}" in caplog.text
+    monkeypatch.undo()
+    monkeypatch.setattr(linking.KernelCompiler, "works", None)
+    monkeypatch.setattr(linking, "_compile_pair", lambda: lambda x: x)
+    assert not linking.works() and "a wrong result" in caplog.text
 
 
 def test_sine_and_cosine():
@@ -334,13 +367,21 @@ sys.stdout.buffer.write(pickle.dumps(found))
 """
 
 
+BREAKS = {
+    "as it is": "",
+    "missing": "import sys; sys.modules['diag_dynamics.numerics.linking'] = None\n",
+    "other": "from diag_dynamics.numerics import linking; linking.Library._link = None\n",
+}
+
+
 @pytest.mark.full
 def test_results_without_private_parts_of_numba():
-    """Where `linking` cannot be imported, kernels give the same bits."""
-    found = []
-    for prefix in ("", "import sys; sys.modules['diag_dynamics.numerics.linking'] = None\n"):
+    """Where `linking` cannot be imported, or numba's inside is another one, kernels give the same bits."""
+    found = {}
+    for name, prefix in BREAKS.items():
         done = subprocess.run([sys.executable, "-c", prefix + RESULTS], capture_output=True, check=True)
-        found.append(pickle.loads(done.stdout))
-    for name, quantities in found[1].items():
-        for quantity, expected in quantities.items():
-            assert np.array_equal(found[0][name][quantity], expected), (name, quantity)
+        found[name] = pickle.loads(done.stdout)
+    for name in set(BREAKS) - {"as it is"}:
+        for robot, quantities in found[name].items():
+            for quantity, expected in quantities.items():
+                assert np.array_equal(found["as it is"][robot][quantity], expected), (name, robot, quantity)
