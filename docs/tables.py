@@ -27,7 +27,7 @@ COMMAND = "make docs-tables"
 
 CHANGES = {
     "monitor": "Values are judged together: a wrong one is refused with the reason, and changes nothing. `~/set_payload` "
-    "changes `payloads` too. Why the bounds `absurd.*` are what they are: [drivers.md](drivers.md#what-cannot-be); how "
+    "changes `payloads` too. Why the bounds `absurd.*` are what they are: [robots.md](robots.md#plausibility-limits); how "
     "to choose `external_torque.*` and `alarm.*`: [alarms.md](alarms.md).",
     "simulator": "`gravity` and `payloads` may change while the robot moves.",
     "controller": "Parameters may change while the node is unconfigured. What the gains do: [control.md](control.md#laws).",
