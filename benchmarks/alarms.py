@@ -362,7 +362,7 @@ def simulated(count, seconds, rng):
     return judge(robot.name, robot.model.dof_names, quiet, trials)
 
 
-HEAD = f"""# Alarms: total joint rates and momenta
+HEAD = f"""# Benchmark of collision thresholds
 
 `make bench ARGS="--only alarms"`. Both observers at {GAIN:g} 1/s, calibrated by `diag_dynamics.calibrate` to
 {format_rate(FALSE_ALARMS)} for all their detectors together, and judged by the same detector; `alone`: by some of the same

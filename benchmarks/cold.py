@@ -122,7 +122,7 @@ def page(found, done, machine):
     """The whole page; `done` is the table of tasks."""
     rounds = len(found[0][1])
     return f"""\
-# Cold and warm starts
+# Benchmark of start-up
 
 CPU-seconds of a whole process, Python and imports included, of a Panda: cold with an empty cache of compiled code, warm
 with what the cold start has left there. Medians of {rounds}. *Everything*: load, evaluate, link energies, M, g, forward and

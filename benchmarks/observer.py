@@ -282,7 +282,7 @@ def measure(arm, gain, streams):
     return Outcome(judge(seen[:half], seen[half:], spread), noise, lag(arm, np.random.default_rng(5), gain))
 
 
-HEAD = f"""# Disturbance observers: total joint rates and momenta
+HEAD = f"""# Benchmark of disturbance observers
 
 `make bench ARGS="--only observer"`. Runs of {DURATION:g} s at {1 / PERIOD:g} Hz, all joints moving, noise of
 {VELOCITY_NOISE:g} rad/s and {EFFORT_NOISE:g} N m; pushes of 5 to 40 N for {PUSH:g} s, at random links, in random directions.

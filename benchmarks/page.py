@@ -211,7 +211,7 @@ def measure(case, seconds, rounds, folder):
 def page(found):
     """Lines of view.md."""
     lines = [
-        "# What the view costs",
+        "# Benchmark of the browser view",
         "",
         "Written by `python benchmarks/page.py`. CPU-seconds of the view's process per second, in % of a core: without a",
         f"tab, with one and with two that take {HZ:g} frames per second with a link's ellipsoid. Beside it a node that",

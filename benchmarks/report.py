@@ -38,7 +38,7 @@ def page(measured):
     """The whole report: the summary, then every robot and method, and where it was measured."""
     error, where = measured.agreement
     return f"""\
-# Measured
+# Benchmark of the library
 
 {BEGIN}{summary(measured.rows)}{END}
 Ratios of times, smaller is better: in every round all that is compared takes its turn, and the ratio is the median over

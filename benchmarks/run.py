@@ -158,7 +158,7 @@ def analyses(short, folder, _):
     print("\n".join(lines))
     if folder:
         machine = report.machine(("numpy", "numba", "pyarrow", "zstandard"))
-        page = "\n".join(["# Recordings", "", *lines, "", machine, ""])
+        page = "\n".join(["# Benchmark of recordings", "", *lines, "", machine, ""])
         (folder / "recordings.md").write_text(page, encoding="utf-8")
 
 
@@ -168,7 +168,7 @@ def identifications(short, folder, _):
     lines = identification.table(identification.measure(20_000 if short else 100_000))
     print("\n".join(lines))
     if folder:
-        page = "\n".join(["# Identification", "", *lines, "", report.machine(("numpy", "numba")), ""])
+        page = "\n".join(["# Benchmark of identification", "", *lines, "", report.machine(("numpy", "numba")), ""])
         (folder / "identification.md").write_text(page, encoding="utf-8")
 
 
@@ -199,7 +199,10 @@ def touches(short, folder, _):
     print("\n".join([*costs, "", *bounded]))
     if folder:
         machine = report.machine(("numpy", "numba"))
-        for name, title, lines in (("contacts", "Contact", costs), ("contact_limit", "Contacts bounded", bounded)):
+        for name, title, lines in (
+            ("contacts", "Benchmark of predicted contact", costs),
+            ("contact_limit", "Benchmark of the contact limit", bounded),
+        ):
             page = "\n".join([f"# {title}", "", *lines, "", machine, ""])
             (folder / f"{name}.md").write_text(page, encoding="utf-8")
 

@@ -117,7 +117,7 @@ def table(found):
     return lines
 
 
-HEAD = f"""# The terminal view
+HEAD = f"""# Benchmark of the terminal view
 
 `make bench ARGS="--only top"`. CPU time of `diag-dynamics top`, {FRAMES:g} frames a second, in parts of a core, with
 all of its threads; states and external torques at the rate that is said, from another process. Asked for: no more than

@@ -75,7 +75,7 @@ def summary(found):
 def page(found):
     """The whole report."""
     return f"""\
-# Nodes, measured
+# Benchmark of nodes
 
 {summary(found)}
 The monitor of a 7-dof arm (xarm7) as a multiple of the *floor*: a node that receives the same joint states and publishes
