@@ -50,7 +50,7 @@ def page(name):
     options = {"class": "   :members:\n", "module": "   :members:\n", "function": ""}[kind]
     if kind == "class" and not issubclass(value, (Exception, tuple)):
         options += "   :inherited-members:\n"
-    return f"# {name}\n\n```{{eval-rst}}\n.. auto{kind}:: diag_dynamics.{name}\n{options}```\n"
+    return f"# dd.{name}\n\n```{{eval-rst}}\n.. auto{kind}:: diag_dynamics.{name}\n{options}```\n"
 
 
 def index():

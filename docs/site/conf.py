@@ -25,6 +25,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "api",
+    "excerpts",
     "mathematics",
     "repository",
 ]
@@ -52,6 +53,7 @@ html_theme = "furo"
 html_title = f"diag_dynamics {version}"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_copy_source = False
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True, "sidebar_hide_name": False}
