@@ -69,6 +69,10 @@ def test_the_site_has_every_page_and_every_public_name(tmp_path):
     run(sys.executable, ROOT / "docs/site/build.py", tmp_path / "html", cwd=ROOT)
     pages = [path.relative_to(ROOT).with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")]
     assert [page for page in pages if not (tmp_path / "html" / page).is_file()] == []
+    titles = [
+        re.search("<title>(.*)</title>", (tmp_path / "html" / page).read_text(encoding="utf-8"))[1] for page in pages
+    ]
+    assert len(set(titles)) == len(titles)
     inventory = InventoryFile.loads((tmp_path / "html" / "objects.inv").read_bytes(), uri="").data
     documented = set().union(*(names for kind, names in inventory.items() if kind.startswith("py:")))
     assert {f"diag_dynamics.{name}" for name in dd.__all__} - documented == set()
