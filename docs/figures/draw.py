@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draw the figures of docs/concepts.md: `python docs/figures/draw.py` writes an SVG beside each of the modules."""
+"""Draw the figures of docs/concepts.md as SVG beside each module. The docs build does so; git ignores the pictures."""
 
 import sys
 from importlib import import_module

@@ -26,6 +26,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "api",
     "excerpts",
+    "figures",
     "mathematics",
     "repository",
 ]
