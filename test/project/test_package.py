@@ -166,6 +166,14 @@ def test_the_map_of_the_paper_names_what_exists():
             assert re.search(rf"^ *(?:def|class) {function}\b", SOURCES[PACKAGE / file], re.M), f"{file}::{function}"
 
 
+def test_the_architecture_names_what_exists():
+    """In docs/architecture.md files with a folder are below the package or the root."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(\w[\w/]*/\w+\.(?:py|js|xml))`", page)
+    assert len(named) > 30
+    assert [name for name in named if not (PACKAGE / name).is_file() and not (ROOT / name).is_file()] == []
+
+
 # --- Examples ---
 
 EXAMPLES = ROOT / "examples"
