@@ -45,7 +45,7 @@ class Described(NamedTuple):
     """A robot as the text of a URDF, and what a URDF cannot say.
 
     `options` are those of :func:`load_urdf` that an MJCF says itself: floating_base, gravity, armature; none of a URDF.
-    `omitted` is :attr:`RobotModel.omitted`.
+    `omitted` is `RobotModel.omitted`.
     """
 
     text: str
@@ -86,7 +86,7 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     Warns
     -----
     ModelWarning
-        Names everything in :attr:`RobotModel.omitted`.
+        Names everything in `RobotModel.omitted`.
     """
     for name in OPTIONS:
         if name in options:
@@ -268,7 +268,7 @@ def _ends_of(c, e):
 
 
 def _omitted(c) -> Iterator[str]:
-    """Yield the texts of :attr:`RobotModel.omitted`, one for each kind, and for each tendon."""
+    """Yield the texts of `RobotModel.omitted`, one for each kind, and for each tendon."""
     for what, kind, which in _omitted_objects(c):
         if which:
             yield f"{what} {', '.join(repr(c.name(kind, k)) for k in which)}"

@@ -297,7 +297,7 @@ class RobotModel:
         return Workspace(self.bodies, self.gravity)
 
     def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
-        """Return this model with these texts as :attr:`omitted`."""
+        """Return this model with these texts as `omitted`."""
         return self._with(self._options._replace(omitted=tuple(omitted)), omitted=tuple(omitted))
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
