@@ -12,13 +12,11 @@ from diag_dynamics.sweeps.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR
 
 
 class JointType(NamedTuple):
-    """Kind in sweeps, degrees of freedom and position coordinates of a type."""
+    """Kind in sweeps, suffix of the name and direction of each degree of freedom, suffixes of position coordinates."""
 
     kind: int | None
     freedoms: tuple
-    """Suffix of the name, and direction."""
     coordinates: tuple
-    """Suffixes of their names."""
 
 
 _LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))

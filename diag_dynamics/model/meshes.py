@@ -47,18 +47,16 @@ def find_mesh(name: str, folder: Path | None) -> Path:
 
 
 def _packages(package: str, folder: Path | None) -> list[Path]:
-    """Folders that may be those of a package."""
-    prefixes = [Path(prefix) / "share" for prefix in _paths("AMENT_PREFIX_PATH")]
-    places = [parent / package for parent in (*prefixes, *_paths("ROS_PACKAGE_PATH"))]
-    places += [path for path in _paths("ROS_PACKAGE_PATH") if path.name == package]
+    """Return the folders that may be those of a package."""
+    prefixes, roots = (
+        [Path(part) for part in os.environ.get(variable, "").split(os.pathsep) if part]
+        for variable in ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH")
+    )
+    places = [parent / package for parent in (*(prefix / "share" for prefix in prefixes), *roots)]
+    places += [path for path in roots if path.name == package]
     for above in (folder, *folder.parents) if folder else ():
-        places += [above] if above.name == package else []
-        places.append(above / package)
+        places += [above, above / package] if above.name == package else [above / package]
     return places
-
-
-def _paths(variable: str) -> list[Path]:
-    return [Path(part) for part in os.environ.get(variable, "").split(os.pathsep) if part]
 
 
 class Meshes:
@@ -66,18 +64,18 @@ class Meshes:
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = None if folder is None else folder.resolve()
-        self._read: dict[str, Any] = {}
+        self._meshes: dict[str, Any] = {}
 
     def mesh(self, name: str) -> Any:
-        """A mesh as one trimesh.Trimesh, in metres and in the axes of its file."""
-        if name not in self._read:
+        """Return a mesh as one trimesh.Trimesh, in metres and in the axes of its file."""
+        if name not in self._meshes:
             try:
-                self._read[name] = _read(name, find_mesh(name, self._folder))
+                self._meshes[name] = _read(name, find_mesh(name, self._folder))
             except UrdfError as error:
-                self._read[name] = error
-        if isinstance(self._read[name], UrdfError):
-            raise self._read[name]
-        return self._read[name]
+                self._meshes[name] = error
+        if isinstance(self._meshes[name], UrdfError):
+            raise self._meshes[name]
+        return self._meshes[name]
 
 
 def _read(name: str, path: Path) -> Any:

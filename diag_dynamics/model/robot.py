@@ -85,23 +85,23 @@ class RobotModel:
 
     Attributes
     ----------
-    name : str
-        Name of the robot.
+    name, root_link : str
+        Name of the robot, and the link that is fixed in the world, or moves freely.
+    floating_base : bool
+        Whether the root link moves freely.
     dof_names : tuple of str
         The nv degrees of freedom: the order of every vector of rates or efforts. A joint's name, or for a joint of
         several degrees of freedom ``<joint>/v_x`` … ``<joint>/w_z``; the joint of a floating base is ``root_joint``.
     coordinate_names : tuple of str
         The nq position coordinates; likewise, ``<joint>/x`` … ``<joint>/qw``.
+    orientations : tuple of int
+        For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1.
     joint_names, fixed_joints, mimic_joints : tuple of str
         Joints that move, in the same order; joints of the URDF that do not move; those that follow another one there.
     continuous_joints : tuple of str
         Joints whose position is an angle that turns round, be they independent or not.
     link_names : tuple of str
         All links, base to tip: the order of link energies.
-    root_link : str
-        The link that is fixed in the world, or moves freely.
-    floating_base : bool
-        Whether it moves freely.
     gravity : ndarray, shape (3,)
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     lower, upper : ndarray, shape (nq,)
@@ -127,9 +127,7 @@ class RobotModel:
     locked_joints : mapping
         Joints that are held, with their positions [rad, m]; followers of joints that stand still are among them.
     payloads : mapping
-        :class:`Payload` by link name.
-    total_mass : float
-        Mass of all links and payloads [kg].
+        :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads [kg].
     estimated_links : tuple of str
         Links whose inertia the URDF lacks and `estimate_inertias` has estimated, in the URDF's order.
     omitted : tuple of str
@@ -165,6 +163,7 @@ class RobotModel:
         self.total_mass = float(links["mass"].sum())
         self.estimated_links: tuple[str, ...] = options.estimated_links
         self.omitted: tuple[str, ...] = options.omitted
+        self.orientations: tuple[int, ...] = tree.orientations
         self.bodies: npt.NDArray[np.void] = bodies
         self.links: npt.NDArray[np.void] = links
         self._tree, self._options = tree, options
@@ -198,11 +197,6 @@ class RobotModel:
     def nq(self) -> int:
         """Number of position coordinates."""
         return len(self.coordinate_names)
-
-    @property
-    def orientations(self) -> tuple[int, ...]:
-        """For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1."""
-        return self._tree.orientations
 
     @property
     def has_friction(self) -> bool:
@@ -351,9 +345,6 @@ class RobotModel:
 
         Raises
         ------
-        InputError
-            The file cannot be read, an entry is unknown or has a wrong value, the robot lacks a joint or link that it names,
-            or more is taken off a link than moves with it.
         MasslessLinkError
             With them a joint moves no inertia.
         """
@@ -456,11 +447,9 @@ def load_urdf(
         <mechanical_reduction>).
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
-    max_joints : int
-        Maximum number of joints, fixed ones included. The largest public robots have some 200; loading takes time and memory
-        in proportion.
-    max_coupled : int
-        Maximum number of bodies of a coupled group, see `coupled_groups`. An evaluation takes time as its cube.
+    max_joints, max_coupled : int
+        Maximum number of joints, fixed ones included, and of bodies of a coupled group. Loading takes time in proportion to
+        the former, an evaluation as the cube of the latter.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). By default that of `parameters`, or 5e-3.
     xacro_args : dict
@@ -476,18 +465,17 @@ def load_urdf(
     Raises
     ------
     UrdfError
-        The URDF is malformed, not a tree, or has more joints than `max_joints`; or a xacro file cannot be expanded.
+        The URDF is malformed, not a tree, or too large; or a xacro file cannot be expanded.
     MimicJointError
         Mimic joints follow themselves, a joint that does not exist, or one of several degrees of freedom; or a coupled
-        group is larger than `max_coupled`.
+        group is too large.
     MasslessLinkError
         Joints move no inertia: the mass matrix would be singular.
 
     Warns
     -----
     ModelWarning
-        The URDF has probable mistakes: unknown attributes or version, an axis without xyz, angles in degrees. One warning
-        names all of them.
+        The URDF has probable mistakes; one warning names all of them.
     InertiaWarning
         A link's inertia is not that of any rigid body, or was estimated, or could not be.
     """
