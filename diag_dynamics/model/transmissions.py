@@ -75,7 +75,7 @@ def _rotors(actuators: list[Any], shared: list[Any], where: str, unnamed: str) -
     """Yield the name of each actuator that has a rotor inertia, and its inertia and reduction."""
     for actuator in actuators or [None]:
         own, name = ([], None) if actuator is None else ([actuator], actuator.get("name"))
-        inertia = _number([*own, *(shared if len(actuators) < 2 else ())], INERTIA, where)
+        inertia = _number([*own, *shared], INERTIA, where)
         if inertia is not None:
             reduction = _number([*own, *shared], REDUCTION, where)
             yield f"actuator '{name}'" if name else unnamed, (inertia, 1.0 if reduction is None else reduction)

@@ -629,6 +629,7 @@ def test_effort_limits_of_disabled_actuators(mujoco):
     assert effort_limit(grouped) == np.inf
     enabled = changed('-9.5"/>', '-9.5" actuatorgroupdisable="3"/>', grouped)
     assert effort_limit(enabled) == largest_effort(mujoco, enabled) == 2.0
+    assert effort_limit(changed('-9.5"/>', '-9.5" actuatorgroupdisable="0"/>', limited)) == np.inf
     unclamped, off = with_flags(limited, "clampctrl"), with_flags(limited, "actuation")
     assert effort_limit(unclamped) == effort_limit(off) == np.inf
     assert largest_effort(mujoco, unclamped) > 1e8 and largest_effort(mujoco, off) == 0.0
@@ -729,6 +730,13 @@ def test_other_elements_stay():
     assert rest(before) == rest(after)
     assert after.count("written by diag_dynamics, inertias, 2026-11-24, from a- -b.mcap") == 3 + 2
     assert "diag_dynamics" not in urdf_with(before, dd.Parameters())
+
+
+def test_lines_behind_an_inertia_stay():
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    text = f'<robot name="r"><link name="a">\n  <visual/>\n  {inertial}\n\n  <collision/>\n</link></robot>'
+    after = urdf_with(text, dd.Parameters(links={"a": dd.Payload(2.0)}))
+    assert after.endswith("<visual/>\n\n  <collision/>\n</link></robot>") and after.count("<inertial>") == 1
 
 
 def test_robots_without_a_place_for_parameters():

@@ -135,6 +135,17 @@ def test_random_positions(one):
         model.random("seed")
 
 
+def test_random_positions_without_limits():
+    """Angles are within a turn, positions within a metre."""
+    body = {"mass": 1.0, "inertia": (1, 0, 0, 1, 0, 1)}
+    joints = joint("wheel", "continuous", "base", "a"), joint("slide", "planar", "a", "b")
+    model = dd.load_urdf(description("free", link("base"), link("a", **body), link("b", **body), *joints))
+    largest = np.abs([model.random(seed) for seed in range(50)]).max(axis=0)
+    at = dict(zip(model.coordinate_names, largest, strict=True))
+    assert all(2.0 < at[name] <= math.pi for name in ("wheel", "slide/theta"))
+    assert all(0.5 < at[name] <= 1.0 for name in ("slide/x", "slide/y"))
+
+
 def test_wrong_arguments_are_named():
     model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
     dyn, q, zero = dd.DiagonalDynamics(model), model.neutral, np.zeros(model.nv)

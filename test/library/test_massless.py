@@ -396,6 +396,14 @@ def test_negative_moments_are_named_before_d(options):
     assert "with D" in second.what
 
 
+def test_negative_moments_outboard_are_named():
+    arm = (link("base", 1.0), link("a", 1.0), link("b", 1.0, inertia=NEGATIVE))
+    joints = joint("j", "revolute", "base", "a"), joint("weld", "fixed", "a", "b")
+    with pytest.raises(dd.MasslessLinkError, match="link 'b' has negative principal moments") as caught:
+        dd.load_urdf(description("odd", *arm, *joints))
+    assert caught.value.joints == ("j",)
+
+
 def test_negative_moments_of_other_links_are_no_cause():
     """A gripper that moves no inertia is named for itself, whatever the inertia of the link that it is on."""
     arm = (link("base", 1.0), link("a", 5.0, inertia=(-0.01, 0, 0, 1, 0, 1)), link("finger", 0.0))

@@ -13,11 +13,22 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.inspection import inspect_robot
+from diag_dynamics.model import sources
 from robots import description, joint, link
 
 BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
 ARM = description("arm", link("base"), link("upper", **BOX), joint("shoulder", "revolute", "base", "upper"))
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+
+
+def test_size(monkeypatch, tmp_path):
+    """A file that is larger than accepted is rejected, as a path and as text."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    monkeypatch.setattr(sources, "MAX_BYTES", len(ARM) - 1)
+    for source in (path, ARM, ARM.encode(), io.StringIO(ARM)):
+        with pytest.raises(dd.UrdfError, match=f"more than the {len(ARM) - 1} bytes"):
+            dd.load_urdf(source)
 
 
 def with_comment(text, source=ARM):
