@@ -277,6 +277,9 @@ def test_written_estimates(bare, tmp_path):
     assert [e.attrib for e in tree.iter(etree.Element)] == [e.attrib for e in before.iter(etree.Element)]
     again = estimated(found.text, 500.0, bare.parent)
     assert again.estimates == () and again.text == found.text
+    for one, twice in zip(found.estimates, estimated(BARE, 1000.0, bare.parent).estimates, strict=True):
+        assert twice.mass == pytest.approx(2.0 * one.mass)
+        np.testing.assert_allclose(twice.inertia, 2.0 * one.inertia, rtol=1e-12)
 
 
 def test_lost_meshes(tmp_path):

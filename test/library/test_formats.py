@@ -119,6 +119,11 @@ def test_xacro(xacro_file, arguments, monkeypatch, capsys):
     assert_same(dd.load_urdf(xacro_file, xacro_args=arguments), expected)
 
 
+def test_xacro_args_precede_those_behind_the_path(xacro_file):
+    model = dd.load_urdf(f"{xacro_file} mass:=5 hand:=true", xacro_args={"mass": 7.0})
+    assert model.total_mass == 14.0 and model.nv == 2
+
+
 def not_found(name):
     """Raise the error of ament_index_python."""
     raise KeyError(f"package '{name}' not found, searching: ['/opt/ros/jazzy']")
