@@ -42,17 +42,10 @@ class _Inputs:
 
 
 class Drives(_Inputs):
-    """Drives of all joints: each takes an effort. `phase` is WAITING, DRIVEN or TIMED_OUT.
+    """Drives of the joints `names`: each takes an effort. `phase` is WAITING, DRIVEN or TIMED_OUT.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Joints that have a drive, in the robot's order.
-    joints : sequence of str
-        The order of a command's entries; a joint that is not there has no effort of its own.
-    timeout : float
-    without : {"zero", "brake"}
-        Behaviour before the first command, and after one has timed out.
+    `joints` is the order of a command's entries; a joint that is not there has no effort of its own. `without` is the
+    behaviour before the first command, and after one has timed out.
     """
 
     def __init__(self, names, joints, timeout, without):

@@ -167,13 +167,22 @@ def is_mode_left(address):
 
 
 @large_kernel
-def lock_joints(address, lock):
-    """Lock the joints that are held, or none; return whether any is locked."""
+def lock_joints(address):
+    """Lock the joints that are held; return whether there are any."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
-    locked = False
+    holding = False
     for k in range(len(sim.mode)):
-        sim.locks[k] = 1.0 if lock and sim.mode[k] == HELD else 0.0
-        locked |= sim.locks[k] == 1.0
+        sim.locks[k] = 1.0 if sim.mode[k] == HELD else 0.0
+        holding |= sim.mode[k] == HELD
     configuration.lock_joints(bodies, sim.armature, sim.locks)
-    return locked
+    return holding
+
+
+@large_kernel
+def unlock_joints(address):
+    """Lock no joint."""
+    sim = opened(address)
+    bodies, _, _, _ = ws.opened(sim.robot)
+    for i in range(len(bodies)):
+        bodies[i].armature = sim.armature[i]

@@ -27,27 +27,12 @@ class Kept(NamedTuple):
 
 
 class Pace:
-    """Ties simulated time to a clock.
+    """Ties simulated time to a clock: `factor` seconds for each of the clock's, or a period with each tick where it is 0.
 
     After an overrun the next tick takes all steps that are due: the robot is where it has to be, but states in between are
-    not published. Lag beyond :data:`MAX_LAG` is dropped: simulated time then stays behind, by :attr:`skipped`.
-
-    Parameters
-    ----------
-    factor : float
-        Seconds of simulated time for each of the clock; 0: as fast as possible, a period with each tick.
-    period : float
-        Simulated time between two ticks [s].
-    step : float
-        Integration step, of which simulated time is a multiple [s].
-
-    Attributes
-    ----------
-    skipped : float
-        Lag of simulated time since the last :meth:`resume`, a multiple of `step` [s]: what was dropped, less what the clock
-        was set back.
-    let_go, overruns : float, int
-        Totals of those in :class:`Kept`.
+    not published. Lag beyond :data:`MAX_LAG` is dropped. `skipped` is the lag of simulated time since the last `resume`, a
+    multiple of `step` [s]: what was dropped, less what the clock was set back. `let_go` and `overruns` are totals of those
+    in :class:`Kept`.
     """
 
     def __init__(self, factor, period, step):

@@ -33,22 +33,9 @@ class Measured(NamedTuple):
 
 
 class Plant:
-    """See the module.
+    """A :class:`Simulation` with drives, sensors and pushes, of a robot and values of simulator.PARAMETERS.
 
-    Parameters
-    ----------
-    model : RobotModel
-    values : dict
-        Values of simulator.PARAMETERS.
-
-    Attributes
-    ----------
-    simulation : Simulation
-    drives : Drives
-    sensors : Sensors
-    pushes : Pushes
-    names : tuple of str
-        All joints, followers last.
+    `names` are all joints, followers last.
     """
 
     def __init__(self, model, values):

@@ -42,23 +42,30 @@ def _add(target, scale, row):
 @large_kernel
 def runge_kutta(address, h, load):
     """Step (q, q̇, ν) by the pair of methods, and add the work done to the accounts. Held joints are locked already."""
-    sim = opened(address)
-    stiff = False  # whether a joint has a damper or leans on a spring
-    for k in range(len(sim.qd)):
-        resistance, stiffness, friction = sim.damping[k], 0.0, 0.0
-        if sim.spring[k] != 0.0:
-            resistance, stiffness = resistance + sim.limit_damping[k], sim.stiffness[k]
-        if abs(sim.mode[k]) == 1.0:
-            friction = sim.friction[k] * sim.mode[k]
-        sim.added[k] = h * GAMMA * (resistance + h * GAMMA * stiffness)
-        sim.constant_effort[k] = load.tau[k] - friction
-        stiff |= sim.added[k] > 0.0
+    stiff = _start_stages(address, h, load.tau)
     for i in range(STAGES):
         _predict(address, h, i, stiff)
         status = _stage_rates(address, h, i, stiff, load)
         if status != 0:
             return status
     return _combine_stages(address, h, stiff, load)
+
+
+@large_kernel
+def _start_stages(address, h, tau):
+    """Set what all stages share; return whether a joint has a damper or leans on a spring."""
+    sim = opened(address)
+    stiff = False
+    for k in range(len(tau)):
+        resistance, stiffness, friction = sim.damping[k], 0.0, 0.0
+        if sim.spring[k] != 0.0:
+            resistance, stiffness = resistance + sim.limit_damping[k], sim.stiffness[k]
+        if abs(sim.mode[k]) == 1.0:
+            friction = sim.friction[k] * sim.mode[k]
+        sim.added[k] = h * GAMMA * (resistance + h * GAMMA * stiffness)
+        sim.constant_effort[k] = tau[k] - friction
+        stiff |= sim.added[k] > 0.0
+    return stiff
 
 
 @large_kernel

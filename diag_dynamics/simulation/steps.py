@@ -34,7 +34,7 @@ def _smooth_step(address, h, load, may_have_modes):
             status = modes.solve_stiction(address, h, load.tau)
         if status != 0 or modes.is_stopping(address):
             return status, True
-        locked = modes.lock_joints(address, True)
+        locked = modes.lock_joints(address)
     if locked:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if status == 0:
@@ -43,7 +43,7 @@ def _smooth_step(address, h, load, may_have_modes):
         return status, False
     changes = (may_have_modes or euler.find_limits(address)[0]) and modes.is_mode_left(address)
     if locked:
-        modes.lock_joints(address, False)
+        modes.unlock_joints(address)
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if may_have_modes:
         euler.book_springs(address)
@@ -117,7 +117,7 @@ def advance(address, order, h, steps, tau, wrenches, in_world):
         status = -1
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
-        modes.lock_joints(address, False)
+        modes.unlock_joints(address)
         _restore(address)
         taken -= 1
         if order == 1:
