@@ -51,10 +51,6 @@ def _number_with_tau(row: int, doc: str) -> _Quantity[float | None]:
     return _quantity(lambda s: s._state.item(row, 0) if s._with_tau else None, doc)
 
 
-def _term(slot: str, doc: str) -> _Quantity[Term]:
-    return _quantity(attrgetter(slot), doc)
-
-
 class Evaluation:
     """All quantities at one state; arrays have shape (nv,) unless stated otherwise.
 
@@ -99,8 +95,10 @@ class Evaluation:
         """,
     )
     articulated_inertia_rate = _row(ws.ARTICULATED_INERTIA_RATE, "Ḋ along the motion [kg m²/s, kg/s] (7.2).")
-    external = _term("_external", "ℓ Jᵀf_ext [J^½/s]; None without wrenches.")
-    friction = _term("_friction", "ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested.")
+    external: _Quantity[Term] = _quantity(attrgetter("_external"), "ℓ Jᵀf_ext [J^½/s]; None without wrenches.")
+    friction: _Quantity[Term] = _quantity(
+        attrgetter("_friction"), "ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested."
+    )
     nu_dot = _row_with_tau(
         ws.NU_DOT,
         "dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of the requested terms; None without tau.",
@@ -320,10 +318,6 @@ class BatchMemory(NamedTuple):
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
         parts = np.split(np.empty(ends[-1]), ends[:-1])
         return cls(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
-
-    def detach(self, array: Array) -> Array:
-        """Return the array, or a copy if it may share this memory."""
-        return array.copy() if np.may_share_memory(array, self.results.base) else array
 
 
 class Factors(NamedTuple):

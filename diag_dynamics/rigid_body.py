@@ -41,11 +41,6 @@ class RigidBody:
         centre = first_moment / mass
         return cls(mass, centre, inertia - parallel_axes(mass, centre))
 
-    @property
-    def inertia_about_origin(self) -> Array:
-        """Inertia about the frame's origin [kg m²]."""
-        return self.inertia + parallel_axes(self.mass, self.centre)
-
     def moved(self, placement: Array) -> RigidBody:
         """Return the body in the frame in which its own one has this placement (4, 4)."""
         R, r = placement[:3, :3], placement[:3, 3]

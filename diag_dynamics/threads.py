@@ -47,23 +47,10 @@ class Workspaces:
 
 
 def run_chunks(workspaces, count, sweep, threads, width=1):
-    """Sweep over chunks of many states in threads; the calling thread is one of them.
+    """Sweep over chunks of `count` states in threads, of which the calling one is one.
 
-    Parameters
-    ----------
-    workspaces : Workspaces
-    count : int
-        Number of states.
-    sweep : callable
-        Called with a robot, the first and the end of the states of a chunk; returns the end of the states it completed.
-    threads : int
-    width : int
-        Number of states that a sweep completes, or fails to complete, together.
-
-    Returns
-    -------
-    range
-        States one of which fails, those of the first failing chunk; empty if none fails.
+    `sweep` is called with a robot, the first state of a chunk and its end, and returns the end of the states that it has
+    completed, `width` of them at a time. Return those one of which fails, of the first failing chunk.
     """
     number = min(CHUNKS_PER_THREAD * threads, count // MIN_CHUNK) if threads > 1 else 1
     chunks = itertools.pairwise(np.linspace(0, count, max(1, number) + 1, dtype=int).tolist())

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -83,8 +84,9 @@ class States(NamedTuple):
 
     def apart_from(self, memory: results.BatchMemory) -> States:
         """Return the arguments, with copies of those that may lie in memory that a sweep writes."""
-        vectors = {name: memory.detach(x) for name, x in self.vectors.items()}
-        return States(memory.detach(self.q), vectors, self.threads)
+        block = memory.results.base
+        q, *vectors = (x.copy() if np.may_share_memory(x, block) else x for x in (self.q, *self.vectors.values()))
+        return States(q, dict(zip(self.vectors, vectors, strict=True)), self.threads)
 
 
 class Loads:
@@ -344,8 +346,9 @@ class SweepCaller:
         require_finite(at, epsilon, f"point {list(point)} or the wrench are too large: a result overflows")
         return epsilon
 
+    @cached_property
     def link_frames(self) -> Any:
-        """Return the frames of all links as records for mobilities.mobilities."""
+        """Frames of all links as records for mobilities.mobilities."""
         records = np.zeros(len(self.model.link_names), mobilities.FRAME)
         for k, link in enumerate(self.model.link_names):
             body, X = self.model.placement_in_body(link)

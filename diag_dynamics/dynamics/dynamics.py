@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ _ARRAY, _FLOAT, _MISFIT, _empty = np.ndarray, np.dtype(np.float64), ws.BAD_LENGT
 _memory_of, _new = results.memory_of, tuple.__new__  # half of the time that a namedtuple's own takes
 
 _Result = TypeVar("_Result")
+Points: TypeAlias = ContactPoints | Iterable[ContactPoint]
+ORIGIN = 0.0, 0.0, 0.0
 
 ROUNDING = 4e-15
 """Maximum of ℓJᵀu by rounding, as a fraction of the entries of ℓJᵀ, per degree of freedom."""
@@ -92,7 +94,6 @@ class DiagonalDynamics:
         self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
         self._shape = ws.N_ROWS, max(model.nq, 1)  # rows of numbers have one entry even without joints
         self._whole = self._shape[1] == model.nv
-        self._frames: Any = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model,)  # a copy has memory of its own
@@ -422,7 +423,7 @@ class DiagonalDynamics:
         self._caller.check(kinematics.placement(self._robot, at.q, body, result[:3]), at)
         return result @ in_body
 
-    def jacobian(self, q: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), *, frame: Frame = "link") -> Array:
+    def jacobian(self, q: VectorLike, link: str, point: PointLike = ORIGIN, *, frame: Frame = "link") -> Array:
         """Return J of a point of a link, shape (6, nv): linear rows [m, 1] first, then angular ones [1, 1/m]; O(N).
 
         Parameters
@@ -442,7 +443,7 @@ class DiagonalDynamics:
         return calls.rotate(rotation, J)
 
     def link_velocity(
-        self, q: VectorLike, qd: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), *, frame: Frame = "link"
+        self, q: VectorLike, qd: VectorLike, link: str, point: PointLike = ORIGIN, *, frame: Frame = "link"
     ) -> Array:
         """Return J q̇ of a point of a link, shape (6,): velocity [m/s], angular velocity [rad/s]; see :meth:`jacobian`."""
         twist, _, rotation = self._caller.motion(self._caller.one(q, qd=qd, qdd=calls.ZEROS), link, point, frame)
@@ -454,7 +455,7 @@ class DiagonalDynamics:
         qd: VectorLike,
         qdd: VectorLike,
         link: str,
-        point: PointLike = (0.0, 0.0, 0.0),
+        point: PointLike = ORIGIN,
         *,
         frame: Frame = "link",
         spatial: bool = False,
@@ -470,9 +471,7 @@ class DiagonalDynamics:
             rate[:3] += np.cross(twist[3:], twist[:3])
         return calls.rotate(rotation, rate)
 
-    def wrench_factor(
-        self, q: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), frame: Frame = "link"
-    ) -> Array:
+    def wrench_factor(self, q: VectorLike, link: str, point: PointLike = ORIGIN, frame: Frame = "link") -> Array:
         """Return ℓJᵀ, shape (nv, 6): ε of unit wrenches at a point of a link, one column each; O(N).
 
         Columns are force (x, y, z) [J^½/(s N)], then moment [J^½/(s N m)], in the axes of `frame`; `point` [m] is that of
@@ -481,14 +480,14 @@ class DiagonalDynamics:
         return self._caller.wrench_factor(self._caller.one(q), link, np.eye(6), point, frame)
 
     def epsilon_from_wrench(
-        self, q: VectorLike, link: str, wrench: VectorLike, point: PointLike = (0.0, 0.0, 0.0), frame: Frame = "link"
+        self, q: VectorLike, link: str, wrench: VectorLike, point: PointLike = ORIGIN, frame: Frame = "link"
     ) -> Array:
         """Return ℓJᵀw [J^½/s], shape (nv,), of one wrench, force [N] then moment [N m]; see :meth:`wrench_factor`."""
         w = numbers("wrench", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
         return self._caller.wrench_factor(self._caller.one(q), link, w[None], point, frame)[:, 0]
 
     def operational_inverse_inertia(
-        self, q: VectorLike, link: str, point: PointLike = (0.0, 0.0, 0.0), frame: Frame = "link"
+        self, q: VectorLike, link: str, point: PointLike = ORIGIN, frame: Frame = "link"
     ) -> Array:
         """Return J M⁻¹ Jᵀ = (ℓJᵀ)ᵀ(ℓJᵀ), shape (6, 6), of a point of a link without forming M.
 
@@ -497,12 +496,7 @@ class DiagonalDynamics:
         return calls.squared(self.wrench_factor(q, link, point, frame), point)
 
     def reflected_mass(
-        self,
-        q: VectorLike,
-        link: str,
-        direction: VectorLike,
-        point: PointLike = (0.0, 0.0, 0.0),
-        frame: Frame = "link",
+        self, q: VectorLike, link: str, direction: VectorLike, point: PointLike = ORIGIN, frame: Frame = "link"
     ) -> float:
         """Return 1/|ℓJᵀu|² [kg]: the mass that a push along u at a point of a link meets; inf if it cannot move so.
 
@@ -521,22 +515,14 @@ class DiagonalDynamics:
         h accelerates the link by Υ h and meets the mass 1/hᵀΥh. Links that no joint moves have zeros. For other points see
         :meth:`operational_inverse_inertia`.
         """
-        if self._frames is None:
-            self._frames = self._caller.link_frames()
-        at, result = self._caller.one(q), np.empty((len(self._frames), 6, 6))
-        self._caller.check(mobilities.mobilities(self._robot, at.q, self._frames, result), at)
+        at, frames = self._caller.one(q), self._caller.link_frames
+        result = np.empty((len(frames), 6, 6))
+        self._caller.check(mobilities.mobilities(self._robot, at.q, frames, result), at)
         return result
 
     # --- Contact. It is advisory: no result is safety-rated.
 
-    def contact(
-        self,
-        q: StatesLike,
-        qd: StatesLike,
-        points: ContactPoints | Iterable[ContactPoint],
-        *,
-        threads: int | None = None,
-    ) -> Contact:
+    def contact(self, q: StatesLike, qd: StatesLike, points: Points, *, threads: int | None = None) -> Contact:
         """Return speed, reflected mass, energy ½(ŵᵀν)², force and allowed speed of contact at points; O(N).
 
         An iterable of :class:`ContactPoint` is converted on every call. Rotors count with their armature, as with rigid
@@ -551,7 +537,7 @@ class DiagonalDynamics:
         qd: VectorLike,
         link: str,
         direction: VectorLike,
-        point: PointLike = (0.0, 0.0, 0.0),
+        point: PointLike = ORIGIN,
         frame: Frame = "link",
         *,
         mass: float = math.inf,
