@@ -121,6 +121,7 @@ def _stamp_file():
 
 def _stamp():
     """Return a text that stays as long as sources, machine, units and files of code do."""
-    folder = code_folder()
-    files = sorted(path.name for path in folder.rglob("*.nb?")) if folder else ()
-    return "\n".join([source_hash(), platform.node(), *UNITS, *files])
+    modules = [f"diag_dynamics.{unit}" for unit in UNITS]
+    folders = {code_folder(module) for module in modules} - {None}
+    files = sorted(path.name for folder in folders for path in folder.rglob("*.nb?"))
+    return "\n".join([platform.node(), *UNITS, *map(source_hash, modules), *files])

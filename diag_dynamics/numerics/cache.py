@@ -7,7 +7,9 @@ import functools
 import hashlib
 import logging
 import os
+import re
 import shutil
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -22,33 +24,38 @@ PACKAGE = Path(__file__).resolve().parents[1]
 PREFIX = "code-"
 """Beginning of the names of folders with compiled code."""
 
-ROOMS = (
-    "numerics",
-    "sweeps",
-    "simulation",
-    "joint_states",
-    "identification/kernels",
-)
-"""Where kernels are, and the constants that they are compiled with."""
+IMPORT = re.compile(r"^ *from (diag_dynamics[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
+"""An import: kernels are compiled with the kernels and constants of the modules that it names."""
 
 
-def sources(package):
-    """Paths of all source files that kernels are made of, in a folder of diag_dynamics."""
-    return sorted(path for room in ROOMS for path in (package / room).rglob("*.py"))
+def sources(module):
+    """Sources of a module and of all modules of this package that it imports: a dictionary of bytes by name."""
+    found, waiting = {}, [module]
+    while waiting:
+        name = waiting.pop()
+        path = _path(name)
+        if name not in found and path.is_file():
+            found[name] = path.read_bytes()
+            for package, names in IMPORT.findall(found[name].decode()):
+                modules = [f"{package}.{one}" for one in re.findall(r"\w+", names)]
+                waiting += [one if _path(one).is_file() else package for one in modules]
+    return found
 
 
-def hash_of(package):
-    """Hash of those files, and of numba's version."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sources(package):
-        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
+def _path(name):
+    if name.partition(".")[0] != PACKAGE.name:  # an entry of somebody else's
+        return Path(getattr(sys.modules.get(name), "__file__", None) or os.devnull)
+    path = PACKAGE.parent.joinpath(*name.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
 @functools.cache
-def source_hash():
-    """:func:`hash_of` this package, which all kernels share."""
-    return hash_of(PACKAGE)
+def source_hash(module):
+    """Hash of these sources, and of numba's version."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for name, text in sorted(sources(module).items()):
+        digest.update(name.encode() + b"\0" + text + b"\0")
+    return digest.hexdigest()
 
 
 UNUSED = 30 * 86400.0
@@ -56,14 +63,14 @@ UNUSED = 30 * 86400.0
 
 
 @functools.cache
-def code_folder():
-    """Folder for compiled code of these sources, or None; those that no process has used for a month are removed.
+def code_folder(module):
+    """Folder for compiled code of a module, or None; those that no process has used for a month are removed.
 
     numba compares the file of a function alone with its cache, not those that are compiled into it.
     """
     if cache_folder() is None:
         return None
-    folder = cache_folder() / f"{PREFIX}{source_hash()[:16]}"
+    folder = cache_folder() / f"{PREFIX}{source_hash(module)[:16]}"
     try:
         folder.mkdir(exist_ok=True)
         folder.touch()

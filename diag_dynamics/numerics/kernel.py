@@ -121,7 +121,7 @@ def _compile_once(entry, signature, *_):
 
 
 def _compile(entry, signature):
-    folder, before = code_folder(), numba.config.CACHE_DIR
+    folder, before = code_folder(entry.__module__), numba.config.CACHE_DIR
     try:
         if folder:
             numba.config.CACHE_DIR = str(folder)

@@ -156,7 +156,7 @@ def test_sine_and_cosine():
 @pytest.fixture
 def folder(tmp_path, monkeypatch, caplog):
     """Let kernels be kept in an empty folder."""
-    monkeypatch.setattr(kernels, "code_folder", lambda: tmp_path)
+    monkeypatch.setattr(kernels, "code_folder", lambda module: tmp_path)
     caplog.set_level(logging.WARNING)
     return tmp_path
 
@@ -207,11 +207,11 @@ def test_full_disk(folder, caplog, monkeypatch):
 def test_code_of_other_sources_is_removed_after_a_month(tmp_path, monkeypatch):
     """Each state of the sources has a folder of its own."""
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
-    used = tmp_path / f"code-{cache.source_hash()[:16]}"
+    used = tmp_path / f"code-{cache.source_hash(__name__)[:16]}"
     for path, age in ((used, 99), (tmp_path / "code-old", 40), (tmp_path / "code-new", 20), (tmp_path / "other", 40)):
         path.mkdir()
         os.utime(path, times=(time.time() - age * 86400,) * 2)
-    assert cache.code_folder.__wrapped__() == used
+    assert cache.code_folder.__wrapped__(__name__) == used
     assert {path.name for path in tmp_path.iterdir()} == {used.name, "code-new", "other"}
 
 
@@ -232,17 +232,38 @@ def test_folder_of_compiled_code(tmp_path, monkeypatch, caplog):
     assert chosen() is None and "NUMBA_CACHE_DIR" in caplog.text
 
 
-@pytest.mark.parametrize("room", cache.ROOMS)
-def test_hash_of_sources(tmp_path, room):
-    """Any edit of any kernel's source changes it: numba inlines functions of other files."""
-    for path in cache.sources(PACKAGE):
-        copy = tmp_path / path.relative_to(PACKAGE)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, copy)
-    assert cache.hash_of(tmp_path) == cache.hash_of(PACKAGE)
-    edited = sorted((tmp_path / room).rglob("*.py"))[-1]
-    edited.write_text(edited.read_text() + "\n")
-    assert cache.hash_of(tmp_path) != cache.hash_of(PACKAGE)
+# Of each module: others that it is compiled with, and some that it is not.
+CLOSURES = {
+    "sweeps.evaluation": (
+        ["sweeps.spatial", "numerics.tables"],
+        ["sweeps.batch", "simulation.steps"],
+    ),
+    "simulation.steps": (
+        ["simulation.tableau", "sweeps.spatial", "numerics.linking"],
+        ["sweeps.batch", "simulation.simulation"],
+    ),
+    "joint_states.rules": (["joint_states.codes", "numerics.kernel"], ["joint_states.assembler", "sweeps.spatial"]),
+}
+
+
+@pytest.mark.parametrize("module", CLOSURES)
+def test_hash_of_sources(module, tmp_path, monkeypatch):
+    """An edit of a module changes the hash of those that import it, because numba inlines functions of other files."""
+    copy = tmp_path / "diag_dynamics"
+    shutil.copytree(
+        PACKAGE, copy, ignore=lambda folder, names: [n for n in names if "." in n and not n.endswith(".py")]
+    )
+    monkeypatch.setattr(cache, "PACKAGE", copy)
+    found = cache.source_hash.__wrapped__
+    expected = found(f"diag_dynamics.{module}")
+    for stale, edited in ((True, CLOSURES[module][0]), (False, CLOSURES[module][1])):
+        for other in edited:
+            path = copy.joinpath(*other.split(".")).with_suffix(".py")
+            text = path.read_text()
+            path.write_text(text + "\n")
+            assert (found(f"diag_dynamics.{module}") != expected) is stale, other
+            path.write_text(text)
+    assert "diag_dynamics.sweeps.trigonometry" in cache.sources(__name__)
 
 
 # --- Progress of compilation

@@ -375,7 +375,7 @@ def test_compile_in_this_process(run, tmp_path, monkeypatch):
     monkeypatch.setattr(compiling, "UNITS", {"a": 3, "b": 1})
     monkeypatch.setattr(compiling, "compile_unit", done.append)
     monkeypatch.setattr(compiling, "ProcessPoolExecutor", lambda jobs, **_: ThreadPoolExecutor(jobs))
-    monkeypatch.setattr(compiling, "code_folder", lambda: tmp_path)
+    monkeypatch.setattr(compiling, "code_folder", lambda module: tmp_path)
     code = tmp_path / "kernel.nbc"
     code.touch()
     status, _, error = run("compile --jobs 1")
