@@ -51,7 +51,7 @@ bench: setup-tests  ## speed of library and nodes, worth of the observer, into b
 docs: setup-tests  ## the site, in build/docs: open build/docs/index.html; a warning is an error
 	@$(in_env) python3 docs/site/build.py build/docs
 
-docs-tables: setup  ## docs/parameters.md, docs/interfaces.md and config/*.yaml anew, from the code
+docs-tables: setup  ## config/*.yaml anew, from the code
 	@$(in_env) python3 docs/tables.py
 
 page:  ## the page of view and report anew, from web/ into diag_dynamics/page/static/: needs Node.js

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write what is generated from the code: docs/parameters.md, docs/interfaces.md and config/*.yaml.
+"""Generate tables of parameters, topics, services, messages and diagnostics from the code.
 
-``make docs-tables`` runs it. It needs the library, and no ROS. A test says when a file is stale.
+``make docs-tables`` writes config/*.yaml. The site replaces markers such as ``<!-- table: parameters of monitor -->`` in
+its pages. The library is required, ROS is not.
 """
 
 import re
@@ -14,26 +15,54 @@ from pathlib import Path
 from textwrap import fill, wrap
 from typing import NamedTuple
 
+import yaml
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from diag_dynamics.control.modes import MODES  # noqa: E402
 from diag_dynamics.entries import LARGEST  # noqa: E402
+from diag_dynamics.inspection.report import OF_MOTION, OF_XML  # noqa: E402
 from diag_dynamics.nodes.support.names import NODES  # noqa: E402
 from diag_dynamics.nodes.support.topics import TOPICS  # noqa: E402
 from diag_dynamics.parameters.controller import COMPENSATES, WHY_REQUIRED  # noqa: E402
 
 COMMAND = "make docs-tables"
 
-CHANGES = {
-    "monitor": "Values are judged together: a wrong one is refused with the reason, and changes nothing. `~/set_payload` "
-    "changes `payloads` too. Why the bounds `absurd.*` are what they are: [robots.md](robots.md#plausibility-limits); how "
-    "to choose `external_torque.*` and `alarm.*`: [alarms.md](alarms.md).",
-    "simulator": "`gravity` and `payloads` may change while the robot moves.",
-    "controller": "Parameters may change while the node is unconfigured. What the gains do: [control.md](control.md#laws).",
-    "view": "What the page shows: [view.md](view.md).",
+GROUPS = {
+    "monitor": {
+        "robot_description": "Robot model",
+        "odom_twist_frame": "Input messages",
+        "absurd.position": "Plausibility limits",
+        "frozen_timeout": "Stuck sensors and mimic joints",
+        "warn_energy": "Energy thresholds",
+        "external_torque.gain": "External torque",
+        "alarm.joints": "Collision detection",
+        "contact.limits_file": "Predicted contact",
+        "publish_inverse_factor": "Published messages",
+    },
+    "simulator": {
+        "robot_description": "Robot model",
+        "inertia_error": "Model errors",
+        "rate": "Integration",
+        "command_joints": "Commands and wrenches",
+        "sensor_noise": "Sensors",
+        "real_time_factor": "Time",
+        "gravity": "Gravity and payloads",
+    },
+    "controller": {
+        "autostart": "Start",
+        "robot_description": "Robot model",
+        "command_joints": "Commands",
+        "initial_mode": "Control laws",
+        "limit_margin": "Position and energy limits",
+        "contact.limits_file": "Contact limits",
+        "observer_gain": "Observer and effort limits",
+        "joint_timeout": "Timeouts and status",
+    },
+    "view": {"host": "Page"},
 }
-"""What a reader has to know beside a node's table."""
+"""Titles of the groups of each node's parameters, by the first parameter of the group."""
 
 
 def parameters_of(node):
@@ -89,29 +118,22 @@ def changes(spec):
     return "never" if spec.read_only else "unconfigured" if spec.while_unconfigured else "any time"
 
 
-def parameters_page():
-    """Text of docs/parameters.md."""
-    parts = [
-        f"# Parameters\n\n<!-- Written by `{COMMAND}` from diag_dynamics/parameters/: edit these files, not this page. -->",
-        paragraph(
-            "Each node has a file of its own with all defaults in [config/](../config): copy it, change what you need, and "
-            "start with `--ros-args --params-file my.yaml`. An integer stands for a number, and `[]` for an empty list "
-            'of entries, whose default is `[""]`. A node warns of a parameter whose name is nearly one of its own. *Changes* '
-            "says when another value is accepted: at `any time`, while the node is `unconfigured`, or `never`."
-        ),
-        " · ".join(f"[{node}](#{node})" for node in NODES),
-    ]
-    for node, name in NODES.items():
-        rows = [
+def parameter_tables(node):
+    """Tables of a node's parameters, one for each group."""
+    parts, rows = [], []
+    for parameter, spec in parameters_of(node).items():
+        if title := GROUPS[node].get(parameter):
+            rows = []
+            parts.append((title, rows))
+            if parameter == "autostart":
+                why = WHY_REQUIRED[0].upper() + WHY_REQUIRED[1:]
+                rows.append((f"`{COMPENSATES}`", "none: **required**", "", "unconfigured", cell(why) + "."))
+        rows.append(
             (f"`{parameter}`", f"`{as_yaml(spec.default)}`", allowed(spec), changes(spec), cell(spec.description))
-            for parameter, spec in parameters_of(node).items()
-        ]
-        if node == "controller":
-            why = WHY_REQUIRED[0].upper() + WHY_REQUIRED[1:]
-            rows.insert(0, (f"`{COMPENSATES}`", "none: **required**", "", "unconfigured", cell(why) + "."))
-        head = ("parameter", "default", "values", "changes", "meaning")
-        parts += [f"## {node}", paragraph(f"Node `{name}`. {CHANGES[node]}"), table(head, rows)]
-    return "\n\n".join(parts) + "\n"
+        )
+    head = ("parameter", "default", "values", "changes", "meaning")
+    titles = [f"### {title} ({node})\n\n{table(head, rows)}" for title, rows in parts]
+    return "\n\n".join(titles)
 
 
 # --- Interfaces ---
@@ -119,7 +141,7 @@ def parameters_page():
 IN, OUT, SERVICE = "in", "out", "service"
 """Kinds of interfaces: a topic the node subscribes to, a topic it publishes, a service it offers."""
 
-TITLES = {IN: "listens to", OUT: "publishes", SERVICE: "services"}
+TITLES = {IN: "subscribed topics", OUT: "published topics", SERVICE: "services"}
 """What a list of each kind is called."""
 
 
@@ -133,12 +155,15 @@ class Interface(NamedTuple):
     """``package/Name``; a type without package is one of this package's."""
     meaning: str
     condition: str = ""
-    """Parameter without which the topic is not there."""
+    """Parameter that the topic requires."""
 
 
 CLOCK = Interface(IN, "/clock", "rosgraph_msgs/Clock", "simulated time", "use_sim_time")
 DESCRIPTION = Interface(
-    IN, "robot_description", "std_msgs/String", "URDF, latched; not listened to where the parameter of that name is set"
+    IN,
+    "robot_description",
+    "std_msgs/String",
+    "URDF, transient local; not subscribed to if the parameter of that name is set",
 )
 
 INTERFACES = {
@@ -159,94 +184,91 @@ INTERFACES = {
             OUT,
             "/diagnostics",
             "diagnostic_msgs/DiagnosticArray",
-            "inputs, model, numerical health, energy, external torque, contact: once a second, at once where energy rises "
-            "too high, something collides or a limit of contact is exceeded",
+            "inputs, model, numerical health, energy, external torque, contact: once a second, and immediately on a "
+            "threshold, a collision or an exceeded contact limit",
         ),
         Interface(SERVICE, "~/forward_dynamics", "ForwardDynamics", "q̈ and ν̇ from positions, velocities, efforts"),
         Interface(
-            SERVICE, "~/inverse_dynamics", "InverseDynamics", "efforts from positions, velocities, accelerations"
+            SERVICE, "~/inverse_dynamics", "InverseDynamics", "joint torques from positions, velocities, accelerations"
         ),
-        Interface(
-            SERVICE, "~/diagonalize", "Diagonalize", "everything the monitor publishes, for a state of your choice"
-        ),
-        Interface(
-            SERVICE, "~/set_payload", "SetPayload", "attach a payload to a link, change it, take it off, while running"
-        ),
+        Interface(SERVICE, "~/diagonalize", "Diagonalize", "all quantities of the monitor for a requested state"),
+        Interface(SERVICE, "~/set_payload", "SetPayload", "attach, change or remove the payload of a link at run time"),
     ),
     "simulator": (
         Interface(
             IN,
             "effort_controller/commands",
             "std_msgs/Float64MultiArray",
-            "efforts in the order of command_joints; held until the next one, or command_timeout; not with motion wave",
+            "joint torques in the order of command_joints; held until the next one or command_timeout; not with motion wave",
         ),
         Interface(
             IN,
             "external_wrench",
             "geometry_msgs/WrenchStamped",
-            "pushes the link frame_id at its origin; several links at a time",
+            "force and torque on the link frame_id, at its origin; several links at a time",
         ),
         CLOCK,
         Interface(
             OUT,
             "joint_states",
             "sensor_msgs/JointState",
-            "as the sensors measure it; coupled mimic joints last, with an effort of 0; efforts as they act, weight "
-            "compensation included",
+            "measured state; coupled mimic joints last, with an effort of 0; efforts include the drives' gravity "
+            "compensation",
         ),
-        Interface(OUT, "robot_description", "std_msgs/String", "latched"),
+        Interface(OUT, "robot_description", "std_msgs/String", "URDF, transient local"),
         Interface(
             OUT,
             "odom",
             "nav_msgs/Odometry",
-            "of a floating base, in `world`; delayed and lost with its joint state, without noise",
+            "state of a floating base in `world`; same delay and losses as joint_states, without noise",
             "floating_base",
         ),
-        Interface(OUT, "~/ground_truth", "DiagonalizedState", "what is, without sensors"),
+        Interface(OUT, "~/ground_truth", "DiagonalizedState", "true state, without sensor errors"),
         Interface(OUT, "/clock", "rosgraph_msgs/Clock", "simulated time", "publish_clock or lockstep"),
         Interface(
             OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "commands, pace and simulation: once a second"
         ),
-        Interface(SERVICE, "~/pause", "std_srvs/SetBool", "the robot stands still, and goes on as it was"),
-        Interface(SERVICE, "~/step", "Step", "some steps while paused, stamped from now on"),
+        Interface(SERVICE, "~/pause", "std_srvs/SetBool", "pause and resume"),
+        Interface(SERVICE, "~/step", "Step", "advance some steps while paused; stamps start at the request"),
         Interface(
-            SERVICE, "~/reset", "std_srvs/Trigger", "where it began, without a command; time goes on, noise begins anew"
+            SERVICE,
+            "~/reset",
+            "std_srvs/Trigger",
+            "restore the initial state and clear the command; time continues, noise restarts",
         ),
-        Interface(SERVICE, "~/set_state", "SetState", "any other state; time and command go on"),
+        Interface(SERVICE, "~/set_state", "SetState", "set a state; time and command stay"),
     ),
     "controller": (
         Interface(
             IN,
             "joint_states",
             "sensor_msgs/JointState",
-            "positions and velocities of all joints, with stamps; efforts are not looked at",
+            "positions and velocities of all joints, with stamps; efforts are ignored",
         ),
-        DESCRIPTION._replace(meaning=DESCRIPTION.meaning + "; another robot is taken over when deactivated"),
+        DESCRIPTION._replace(meaning=DESCRIPTION.meaning + "; another robot replaces it only while inactive"),
         Interface(
             IN,
             "target",
             "geometry_msgs/PoseStamped",
-            "mode pose: where controlled_link shall be, in the axes of the link frame_id, as that link is when the target "
-            "comes",
+            "mode pose: target of controlled_link, in the axes of the link frame_id at the time of reception",
         ),
         Interface(
             IN,
             "trajectory",
             "trajectory_msgs/JointTrajectory",
-            "mode tracking: interpolated as ros2_control's joint trajectory controller does; within position and velocity "
-            "limits",
+            "mode tracking: interpolated like ros2_control's trajectory controller; within position and velocity limits",
         ),
         Interface(
             IN,
             "set_point",
             "sensor_msgs/JointState",
-            "mode tracking: positions of all joints, within their limits; gone to at set_point_speed",
+            "mode tracking: positions of all joints, within their limits; approached at set_point_speed",
         ),
         Interface(
             IN,
             "contact_scale",
             "std_msgs/Float64",
-            "part, from 0 to 1, of the allowed speeds of contact that is allowed now, as of speed and separation monitoring",
+            "fraction from 0 to 1 of the allowed contact speeds, for speed and separation monitoring",
             "contact.limits_file or contact.energy_limit",
         ),
         CLOCK,
@@ -254,9 +276,9 @@ INTERFACES = {
             OUT,
             "effort_controller/commands",
             "std_msgs/Float64MultiArray",
-            "efforts in the order of command_joints, one message for each valid joint state",
+            "joint torques in the order of command_joints, one message for each valid joint state",
         ),
-        Interface(OUT, "~/status", "ControllerStatus", "law, phase, energies, V and its rate, errors, who is limited"),
+        Interface(OUT, "~/status", "ControllerStatus", "mode, phase, energies, V and its rate, errors, limited joints"),
         Interface(
             OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "control, commands and inputs: once a second"
         ),
@@ -265,22 +287,22 @@ INTERFACES = {
                 SERVICE,
                 f"~/mode/{mode}",
                 "std_srvs/Trigger",
-                "puts this law in force, with the present state as its target; takes up a robot that was given up",
+                "activate this law with the present state as its target; also resumes after a ramp-down",
             )
             for mode in MODES
         ),
     ),
     "view": (
-        Interface(IN, "diag_dynamics/state", "DiagonalizedState", "of each monitor that is found, whatever its name"),
-        Interface(IN, "diag_dynamics/external_torque", "ExternalTorque", "likewise"),
-        Interface(IN, "diag_dynamics/contact", "Contact", "of every monitor that judges contact by limits"),
+        Interface(IN, "diag_dynamics/state", "DiagonalizedState", "of every monitor on the graph"),
+        Interface(IN, "diag_dynamics/external_torque", "ExternalTorque", "of every monitor on the graph"),
+        Interface(IN, "diag_dynamics/contact", "Contact", "of every monitor with contact limits"),
         Interface(IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"),
-        Interface(IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "what each robot's nodes say"),
+        Interface(IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "statuses of each robot's nodes"),
         CLOCK,
         Interface(OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "page and robots: once a second"),
     ),
 }
-"""Of each node, in the order in which they are listed."""
+"""Interfaces by node."""
 
 LIFECYCLE = (
     ("~/change_state", "lifecycle_msgs/ChangeState"),
@@ -339,37 +361,78 @@ def interface_page_of(path):
     return "\n\n".join(parts)
 
 
-def interfaces_page():
-    """Text of docs/interfaces.md."""
-    parts = [
-        f"# Topics, services and messages\n\n<!-- Written by `{COMMAND}` from msg/, srv/ and "
-        "docs/tables.py: edit these, not this page. -->",
-        paragraph(
-            "`~` is the node's name; it and all names without a leading `/` are relative to the namespace. `ros2 interface "
-            "show diag_dynamics/msg/KineticEnergy` tells the unit and meaning of each field, too. A message that nobody "
-            "subscribes to is not made."
-        ),
-        " · ".join(f"[{name}](#{name})" for name in NODES) + "\n· [messages](#messages) · [services](#services)",
-    ]
-    for node, name in NODES.items():
-        parts += [f"## {node}", f"Node `{name}`."]
-        for kind, title in TITLES.items():
-            rows = []
-            for one in INTERFACES[node]:
-                if one.kind == kind:
-                    meaning = cell(one.meaning) + (f" (with {conditions(one)})" if one.condition else "")
-                    rows.append((f"`{one.name}`", anchored(one.type), meaning))
+def interface_tables(node):
+    """Tables of a node's topics and services."""
+    parts = []
+    for kind, title in TITLES.items():
+        rows = []
+        for one in INTERFACES[node]:
+            if one.kind == kind:
+                meaning = cell(one.meaning) + (f" (with {conditions(one)})" if one.condition else "")
+                rows.append((f"`{one.name}`", anchored(one.type), meaning))
+        if rows:
             parts.append(table((title, "type", ""), rows))
-    own = ", ".join(f"`{name}`" for name, _ in LIFECYCLE)
-    parts.append(
-        paragraph(
-            f"The controller is a managed node with the services {own} of `lifecycle_msgs`. Each node has the parameter "
-            "services of rclpy."
-        )
-    )
-    for title, pattern in (("Messages", "msg/*.msg"), ("Services", "srv/*.srv")):
-        parts += [f"## {title}", *(interface_page_of(path) for path in sorted(ROOT.glob(pattern)))]
-    return "\n\n".join(parts) + "\n"
+    if node == "controller":
+        own = ", ".join(f"`{name}`" for name, _ in LIFECYCLE)
+        parts.append(paragraph(f"The controller is a managed node with the services {own} of `lifecycle_msgs`."))
+    return "\n\n".join(parts)
+
+
+def interface_pages(folder):
+    """Sections of all messages or services."""
+    return "\n\n".join(interface_page_of(path) for path in sorted((ROOT / folder).iterdir()))
+
+
+# --- Diagnostics ---
+
+
+def diagnostics():
+    """Meanings of the keys on /diagnostics, by node, entry and key."""
+    return yaml.safe_load((ROOT / "docs" / "diagnostics.yaml").read_text(encoding="utf-8"))
+
+
+def diagnostic_tables(node):
+    """Tables of a node's diagnostics, one for each entry."""
+    parts = []
+    for entry, keys in diagnostics()[node].items():
+        rows = []
+        for key, text in keys.items():
+            meaning, _, action = text.partition(" → ")
+            rows.append((cell(key), cell(meaning), cell(action)))
+        parts.append(f"### {node}: {entry}\n\n" + table(("key", "meaning", "action"), rows))
+    return "\n\n".join(parts)
+
+
+# --- Inspection ---
+
+
+def checks_table(_):
+    """Table of the checks of `diag-dynamics inspect`: the first sentence of each docstring."""
+    rows = [("`loading`", "errors of the library")]
+    for check in (*OF_XML, *OF_MOTION):
+        finds = check.__doc__.split("\n\n")[0].removeprefix("Find ").removesuffix(".")
+        rows.append((f"`{check.__name__}`", cell(" ".join(finds.split()))))
+    return table(("check", "finds"), rows)
+
+
+# --- Markers in pages ---
+
+MARKER = re.compile(r"<!-- table: (?P<kind>\w+)(?: of (?P<name>[\w ]+))? -->")
+
+KINDS = {
+    "parameters": parameter_tables,
+    "interfaces": interface_tables,
+    "diagnostics": diagnostic_tables,
+    "checks": checks_table,
+    "messages": lambda _: interface_pages("msg"),
+    "services": lambda _: interface_pages("srv"),
+}
+"""Function of each kind of table; its argument is the name in the marker."""
+
+
+def expand(text):
+    """Replace the markers in a page by tables."""
+    return MARKER.sub(lambda found: KINDS[found["kind"]](found["name"]), text)
 
 
 # --- Configuration ---
@@ -384,9 +447,7 @@ def configuration(node):
         "  ros__parameters:",
     ]
     if node == "controller":
-        lines += commented(
-            f"REQUIRED, without default: {WHY_REQUIRED}. The controller refuses to be configured without.", 4
-        )
+        lines += commented(f"REQUIRED, without default: {WHY_REQUIRED}.", 4)
         lines += [f"    # {COMPENSATES}: false"]
     group = ""
     for name, spec in parameters_of(node).items():
@@ -408,11 +469,7 @@ def commented(text, indent):
 
 def files():
     """Text of every file that is generated, by path."""
-    return {
-        ROOT / "docs" / "parameters.md": parameters_page(),
-        ROOT / "docs" / "interfaces.md": interfaces_page(),
-        **{ROOT / "config" / f"{node}.yaml": configuration(node) for node in NODES},
-    }
+    return {ROOT / "config" / f"{node}.yaml": configuration(node) for node in NODES}
 
 
 if __name__ == "__main__":

@@ -1,17 +1,26 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a page needs to be one of the site: links to folders, docstrings, long names in tables, a first page at the top."""
+"""Adapt pages to the site: generated tables, links to folders, docstrings, long names in tables, a first page at the top."""
 
 import re
+import runpy
 import shutil
 from pathlib import Path
 
 from docutils import nodes
 from sphinx.addnodes import download_reference
 
-FOLDERS = {"](../config)": "](configuration.md)", "](../examples)": "](examples.md)"}
-"""Links to folders, which GitHub lists, and the pages that show what is in them."""
+FOLDERS = {
+    "](../config)": "](parameters.md)",
+    "](../examples)": "](examples.md)",
+    "](../msg)": "](interfaces.md#messages)",
+    "](../srv)": "](interfaces.md#services)",
+}
+"""Links to folders, which GitHub lists, and the pages that show their content."""
+
+EXPAND = runpy.run_path(str(Path(__file__).parents[1] / "tables.py"))["expand"]
+"""Function that replaces the markers in a page by generated tables."""
 
 NO_SPACE = "\u200b"
 """A place to break a line that is no space to docutils."""
@@ -27,8 +36,9 @@ FIRST = """<!doctype html>
 """
 
 
-def link_pages(_app, _name, source):
-    """Lead to the page in place of the folder."""
+def prepare_page(_app, _name, source):
+    """Insert generated tables, and link to pages in place of folders."""
+    source[0] = EXPAND(source[0])
     for folder, page in FOLDERS.items():
         source[0] = source[0].replace(folder, page)
 
@@ -83,7 +93,7 @@ def complete(app, error):
 
 def setup(app):
     """Take part in the build."""
-    app.connect("source-read", link_pages)
+    app.connect("source-read", prepare_page)
     app.connect("doctree-read", open_live_pages, priority=100)  # before downloads are collected
     app.connect("autodoc-process-docstring", read_plainly, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", keep_bars)

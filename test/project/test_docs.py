@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pages: generated files are fresh, tables agree with the code, and blocks of Python run."""
+"""The pages: generated tables are complete, tables agree with the code, and blocks of Python run."""
 
+import ast
 import os
 import re
 import runpy
@@ -16,8 +17,10 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
+from diag_dynamics.joint_states.codes import CAUSES, COUNTS, EVENTS
 from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.topics import TOPICS
+from diag_dynamics.parameters.controller import COMPENSATES
 from diag_dynamics.parameters.files import parameters_of
 from pages import blocks_of
 
@@ -40,6 +43,52 @@ def node_parameters(node):
 def test_generated_files_are_fresh():
     stale = [path.name for path, text in TABLES.files().items() if path.read_text(encoding="utf-8") != text]
     assert stale == [], "run make docs-tables"
+
+
+def test_pages_have_a_table_of_every_node():
+    """The site replaces the markers by tables, in which every parameter, topic and service stands."""
+    pages = {
+        name: TABLES.expand((DOCS / f"{name}.md").read_text(encoding="utf-8")) for name in ("parameters", "interfaces")
+    }
+    assert not any(TABLES.MARKER.search(text) for text in pages.values())
+    for node in NODES:
+        assert [name for name in node_parameters(node) if f"| `{name}` |" not in pages["parameters"]] == []
+        assert [one.name for one in INTERFACES[node] if f"| `{one.name}` |" not in pages["interfaces"]] == []
+    files = [path for folder in ("msg", "srv") for path in (ROOT / folder).iterdir()]
+    assert [path.stem for path in files if f"### {path.stem}\n" not in pages["interfaces"]] == []
+
+
+def keys_in(path):
+    """Return the texts that a module's functions on statuses use as keys of dictionaries."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    found = set()
+    for function in functions:
+        if re.search("status|report|values|health|listeners", function.name):
+            for node in ast.walk(function):
+                keys = node.keys if isinstance(node, ast.Dict) else [getattr(node, "slice", None)]
+                found |= {key.value for key in keys if isinstance(key, ast.Constant) and isinstance(key.value, str)}
+    return found
+
+
+REPORTING = {
+    "monitor": ("input_statistics", "energy", "external_torque", "contact", "monitored_robot", "monitor"),
+    "controller": ("record", "controller"),
+    "simulator": ("outputs",),
+    "view": ("view",),
+}
+"""Modules of the nodes with keys of diagnostics."""
+
+
+@pytest.mark.parametrize("node", REPORTING)
+def test_diagnostics_are_documented(node):
+    """docs/diagnostics.yaml has every key that a node reports, and every cause of a rejection."""
+    documented = [key for entry in TABLES.diagnostics()[node].values() for key in entry]
+    keys = set().union(*(keys_in(ROOT / "diag_dynamics" / "nodes" / node / f"{name}.py") for name in REPORTING[node]))
+    keys -= {*node_parameters(node), COMPENSATES}
+    if node == "monitor":
+        keys |= {f"rejected: {cause}" for cause in CAUSES.values()} | {*COUNTS.values(), *EVENTS.values()}
+    assert [key for key in sorted(keys) if not any(key in one for one in documented)] == []
 
 
 def flatten(tree, prefix=""):
