@@ -3,9 +3,9 @@
 
 """How well the simulator keeps real time: lateness of its ticks, overruns, and what it costs.
 
-``python benchmarks/pace.py`` in the sourced environment prints the table of docs/simulation.md: each simulator in a process
-of its own, with somebody who listens to its joint states, as its own diagnostics tell. Lateness is the machine's as well as
-the simulator's: the first line is a timer that does nothing.
+``python benchmarks/pace.py`` in the sourced environment prints the table of results/simulation.md. Each simulator is a
+process of its own with a subscriber of its joint states; the figures are its diagnostics. The first line is a timer that
+does nothing, because lateness is the machine's as well.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes the figures of docs/simulation.md: energy audits over minutes, and where Pinocchio and MuJoCo say that a robot goes.
+"""Write the figures of results/simulation.md: energy audits over minutes, and agreement with Pinocchio and MuJoCo.
 
 python3 benchmarks/referees.py [seconds of the audits], in the sourced environment.
 """
@@ -19,9 +19,9 @@ import diag_dynamics as dd  # noqa: E402
 from engines import SCENES, by_mujoco, by_pinocchio, distance, ours, scene  # noqa: E402
 from robots import robot_path  # noqa: E402
 
-PAGE = ROOT / "docs" / "simulation.md"
+PAGE = ROOT / "benchmarks" / "results" / "simulation.md"
 MARK = "<!-- figures, by benchmarks/referees.py -->"
-END = "\n## In real time"
+END = "\n## Real time"
 
 DURATION = 0.5
 """How long robots move that are compared [s]."""

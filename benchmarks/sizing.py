@@ -3,7 +3,7 @@
 
 """What a monitor costs its machine: CPU time per joint state, by robot, rate and what is subscribed to.
 
-``python benchmarks/sizing.py`` in the sourced environment prints the table of docs/operations.md. The monitor, the robot
+``python benchmarks/sizing.py`` in the sourced environment prints the table of results/sizing.md. The monitor, the robot
 (a feeder of joint states) and the subscriber are processes of their own; the CPU time is the monitor's alone, over all its
 threads, as the kernel counts it.
 """
