@@ -22,7 +22,7 @@ from diag_dynamics.text import plain
 
 EPILOG = """exit status: 0 identified; 1 no parameter improved the model on the held-out part, so that it stays as it was, the
 motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 not identified, for example
-because efforts differ from the model in unit, sign or order. docs/identify.md says which recordings are suitable."""
+because efforts differ from the model in unit, sign or order. docs/identification.md says which recordings are suitable."""
 
 OUTPUTS = {"-o": "output", "--json": "json", "--plots": "plots", "--write-urdf": "write_urdf"}
 

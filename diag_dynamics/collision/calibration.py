@@ -28,7 +28,7 @@ UNSEEN = -math.log(0.05)  # expected number of alarms that are none with a proba
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration(AlarmThresholds):
-    """Thresholds of an :class:`AlarmDetector`, and how far they can be trusted; see docs/alarms.md.
+    """Thresholds of an :class:`AlarmDetector`, and how far they can be trusted; see docs/collision.md.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ class AlarmThresholds:
     hold_off : float
         Time after an alarm within which another rise belongs to it [s].
     standing : float
-        Age of an alarm from which an offset follows the torque [s]; inf: never. See docs/alarms.md.
+        Age of an alarm from which an offset follows the torque [s]; inf: never. See docs/collision.md.
 
     Raises
     ------

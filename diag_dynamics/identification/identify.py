@@ -43,7 +43,7 @@ def identify(
     physical, and near the model's where the motion does not determine them; friction and rotor inertias
     stay positive. A step is taken if it reduces the residual of rows that are held out by a tenth; of
     friction and rotors, for joints whose residual in cross-validation it reduces. All rows are then fitted.
-    See docs/identify.md for the equations.
+    See docs/identification.md for the equations.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Identification:
         With the parameters.
     parameters : Parameters
     quality : dict
-        Plain values in SI units by the keys of docs/identify.md. Pairs are before and after, on the part
+        Plain values in SI units by the keys of docs/identification.md. Pairs are before and after, on the part
         held out, for parameters fitted to the rest.
     """
 

@@ -26,7 +26,7 @@ STAMPS = {True: "of this node's clock", False: "of another time", None: "unknown
 
 
 class InputStatistics:
-    """Count messages, each joint state under exactly one of the outcomes in docs/diagnostics.md."""
+    """Count messages, each joint state under exactly one of the outcomes in docs/troubleshooting.md."""
 
     def __init__(self, steady):
         self._steady = steady

@@ -130,7 +130,7 @@ class MonitorNode(TableNode, Node):
         if robot.without_rotors:
             log.info(
                 f"No rotor inertia of {plain(', '.join(robot.without_rotors[:MAX_NAMES]))}: kinetic energy and alarms of "
-                "such joints are wrong. Set armature, or parameters_file by diag-dynamics identify (docs/identify.md)."
+                "such joints are wrong. Set armature, or parameters_file by diag-dynamics identify (docs/identification.md)."
             )
         log.info(
             f"Ready: robot '{name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
