@@ -94,7 +94,7 @@ GIVEN = {
         "u": [0.0, 0.0, 1.0],
         "point": [0.0, 0.0, 0.1],
     },
-    "inspect": {"dd": dd},
+    "inspection": {"dd": dd},
 }
 """Names that the text around a program defines."""
 
