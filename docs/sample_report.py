@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes docs/report_panda.html: a simulated Panda, off from its URDF by 1 %, is pushed three times; its recording's report.
+"""Write docs/report_panda.html, the report of a simulated Panda that is pushed three times and differs from its URDF by 1 %.
 
-python docs/sample_report.py
+``python docs/sample_report.py``; the build of the site runs it.
 """
 
 import os
