@@ -91,6 +91,11 @@ def cell(text):
     return re.sub(r"([|*<])", r"\\\1", text)
 
 
+def marked_up(text):
+    """Text with Markdown as it stands in a cell of a table."""
+    return re.sub(r"([|<])", r"\\\1", text)
+
+
 def paragraph(text):
     """Text in lines that can be read."""
     return fill(text, 120, break_on_hyphens=False, break_long_words=False)
@@ -114,7 +119,7 @@ def allowed(spec):
 
 
 def changes(spec):
-    """When another value is taken."""
+    """When a new value is accepted."""
     return "never" if spec.read_only else "unconfigured" if spec.while_unconfigured else "any time"
 
 
@@ -398,7 +403,7 @@ def diagnostic_tables(node):
         rows = []
         for key, text in keys.items():
             meaning, _, action = text.partition(" → ")
-            rows.append((cell(key), cell(meaning), cell(action)))
+            rows.append((cell(key), marked_up(meaning), marked_up(action)))
         parts.append(f"### {node}: {entry}\n\n" + table(("key", "meaning", "action"), rows))
     return "\n\n".join(parts)
 
