@@ -132,11 +132,11 @@ def parameter_tables(node):
             parts.append((title, rows))
             if parameter == "autostart":
                 why = WHY_REQUIRED[0].upper() + WHY_REQUIRED[1:]
-                rows.append((f"`{COMPENSATES}`", "none: **required**", "", "unconfigured", cell(why) + "."))
+                rows.append((f"`{COMPENSATES}`", cell(why) + ".", "none: **required**", "", "unconfigured"))
         rows.append(
-            (f"`{parameter}`", f"`{as_yaml(spec.default)}`", allowed(spec), changes(spec), cell(spec.description))
+            (f"`{parameter}`", cell(spec.description), f"`{as_yaml(spec.default)}`", allowed(spec), changes(spec))
         )
-    head = ("parameter", "default", "values", "changes", "meaning")
+    head = ("parameter", "meaning", "default", "values", "changes")
     titles = [f"### {title} ({node})\n\n{table(head, rows)}" for title, rows in parts]
     return "\n\n".join(titles)
 

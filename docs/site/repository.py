@@ -36,9 +36,12 @@ FIRST = """<!doctype html>
 """
 
 
-def prepare_page(_app, _name, source):
+def prepare_page(app, _name, source):
     """Insert generated tables, and link to pages in place of folders."""
-    source[0] = EXPAND(source[0])
+    expanded = EXPAND(source[0])
+    if expanded != source[0]:
+        app.env.note_reread()  # tables change without their page
+    source[0] = expanded
     for folder, page in FOLDERS.items():
         source[0] = source[0].replace(folder, page)
 

@@ -22,8 +22,8 @@ class Topic(NamedTuple):
 
 
 TOPICS = (
-    Topic("kinetic_energy", "KineticEnergy", "K, its split by total rate and by link, its rate"),
-    Topic("state", "DiagonalizedState", "one evaluation, whole"),
+    Topic("kinetic_energy", "KineticEnergy", "kinetic energy, by total joint rate and by link, and its rate"),
+    Topic("state", "DiagonalizedState", "all quantities of one evaluation"),
     Topic("total_joint_rates", "TotalJointRates", "ν, ξ"),
     Topic("working_moments", "WorkingMoments", "ε, κ"),
     Topic("coriolis", "CoriolisTerm", "C, C_ξ, ε_g"),
@@ -45,7 +45,7 @@ TOPICS = (
     Topic(
         "markers",
         "visualization_msgs/MarkerArray",
-        "for RViz and Foxglove: links tinted by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, K in words, contact",
+        "for RViz and Foxglove: links colored by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text, contact",
         beside=True,
     ),
 )
