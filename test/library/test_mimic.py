@@ -263,6 +263,28 @@ def test_locked_joints(spec):
             check(load(held))
 
 
+def chain(mimics, branches=()):
+    """Return the model of joints a to f, one on the other, and of branches; `mimics` has the source of each mimic joint."""
+    names = "abcdef"
+    parents = {name: names[k - 1] if k else "base" for k, name in enumerate(names)} | dict(branches)
+    body = {"mass": 1.0, "inertia": (1, 0, 0, 1, 0, 1)}
+    links = link("base"), *(link(name, **body) for name in parents)
+    joints = {name: joint(name, "revolute", parent, name, xyz=(0.1, 0.2, 0.3)) for name, parent in parents.items()}
+    joints |= {name: mimicking(joints[name], source) for name, source in mimics.items()}
+    return dd.load_urdf(description("chain", *links, *joints.values()))
+
+
+def test_groups_that_share_a_joint_are_one():
+    assert chain({"c": "a", "d": "b"}).coupled_groups == (("a", "b", "c", "d"),)
+    assert chain({"b": "a", "d": "c"}).coupled_groups == (("a", "b"), ("c", "d"))
+
+
+def test_order_of_what_a_group_carries():
+    """Joints on the first body of a group come before those on the next one."""
+    model = chain({"b": "a"}, {"x": "a", "y": "b", "z": "a"})
+    assert model.dof_names == ("a", "x", "z", "c", "d", "e", "f", "y")
+
+
 def test_locked_on_the_way():
     """A follower that is held holds its own followers, where it has them stand."""
     urdf = NAMED["follower of a follower"].urdf
