@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import IO, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -16,15 +16,13 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.contact.points import ContactPoint
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.model import RobotModel
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.geometry import Shape, shapes_of
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import placement_of
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
-
-if TYPE_CHECKING:
-    from diag_dynamics.model import RobotModel
 
 Geometry = Literal["frames", "primitives", "meshes"]
 
@@ -55,23 +53,15 @@ def link_geometry(
     geometry: Geometry = "primitives",
     most: int = 64,
 ) -> LinkGeometry:
-    """Points of every link, for :class:`ContactPoints`: of its collision shapes, else of its visual ones.
+    """Return at most `most` points of every link, for ContactPoints: of its collision shapes, else of its visual ones.
 
     Boxes and hulls of meshes have their own corners, cylinders those of a prism around them. If these are too many, or a
     shape is round, corners are the support points in many directions, moved outward until their hull holds the shapes.
     Speed is largest at a corner, but the transferable energy may be larger at the points between them. A link without such
     shapes has its frames: its own origin and those of the joints that it carries.
 
-    Parameters
-    ----------
-    model : RobotModel
-    urdf : str, bytes, os.PathLike or file
-        That of the model.
-    geometry : {"frames", "primitives", "meshes"}
-        Shapes that count. Meshes open the files that the URDF names, so they are not for untrusted descriptions; they need
-        trimesh.
-    most : int
-        Maximum number of points of a link, at least 8.
+    The URDF is that of the model, and `most` at least 8. Meshes need trimesh, and open the files that the URDF names: they
+    are not for untrusted descriptions.
     """
     choice("geometry", geometry, ("frames", "primitives", "meshes"))
     most = max(8, whole("most", most))

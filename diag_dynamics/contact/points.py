@@ -71,11 +71,6 @@ class BodyRegion:
         """Whether it has any limit."""
         return self.force < math.inf or self.energy < math.inf
 
-    @property
-    def row(self) -> tuple[float, float, float, float]:
-        """1/m_H, k, and both limits, a row of the table for sweeps."""
-        return 1.0 / self.mass, self.stiffness, self.force, self.energy
-
 
 @dataclass(frozen=True)
 class ContactLimits:
@@ -150,16 +145,10 @@ class ContactLimits:
 class ContactPoints:
     """Contact points of one robot and the limits there; immutable. For :meth:`DiagonalDynamics.contact`.
 
-    Parameters
-    ----------
-    model : RobotModel
-    points : iterable of ContactPoint
-        Or tuples of its fields. Those on links that nothing moves are left out.
-    limits : ContactLimits, optional
-        Without it there is no force, and no limit.
-    worst_by : {"energy", "force", "limit"}
-        The worst of an entry's points has the largest transferable energy along its motion, the largest force against any of
-        the entry's body regions, or the largest ratio of speed to allowed speed. Without regions or limits it is the energy.
+    Points are ContactPoint or tuples of its fields; those on links that nothing moves are left out. Without limits there is
+    no force. The worst of an entry's points has the largest transferable energy along its motion, the largest force against
+    any of the entry's body regions, or the largest ratio of speed to allowed speed. Without regions or limits it is the
+    energy.
     """
 
     names: tuple[str, ...]  #: of the entries
@@ -184,8 +173,11 @@ class ContactPoints:
         given = tuple(point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points)
         self._given = model, given, limits, worst_by
         limits = limits or ContactLimits()
-        _require_links(model, limits)
-        kept: dict[str, tuple[str, tuple[str, ...], Array]] = {}
+        where = dict.fromkeys(limits.links, "links") | {of["link"]: "points" for of in limits.points.values()}
+        for link in where:
+            if link not in model.link_names:
+                raise InputError(f"contact limits, {where[link]}: '{link}' is not a link of robot '{model.name}'.")
+        kept: dict[str, Any] = {}  # link, regions and points by name
         rows, entries, region = [np.zeros((0, 3))], [], 0
         for point in given:
             if point.name in kept:
@@ -199,13 +191,12 @@ class ContactPoints:
             first, first_region, region = sum(map(len, rows)), region, region + len(limits.of(point))
             rows.append(own @ placement[:3, :3].T + placement[:3, 3])
             entries.append((body, first, first + len(own), first_region, region, kind, tuple(direction)))
-        self.names = tuple(kept)
-        self.links = tuple(link for link, _, _ in kept.values())
-        self.regions = tuple(names for _, names, _ in kept.values())
-        self.points = tuple(own for _, _, own in kept.values())
+        self.names, columns = tuple(kept), zip(*kept.values(), strict=True) if kept else ((), (), ())
+        self.links, self.regions, self.points = columns
         self.count = sum(map(len, self.points))
         self.region_names = tuple(name for names in self.regions for name in names)
         table, known = np.array(entries, dtype=contacts.CONTACT_ENTRY), limits.regions
+        near = [known[name] for name in self.region_names]
         limited = [any(known[name].is_limited for name in names) for names in self.regions]
         self.limited = np.array(limited, dtype=bool)
         self.directed = table["kind"] != contacts.ALONG_MOTION
@@ -217,7 +208,7 @@ class ContactPoints:
             by=_BY[worst_by],
             entries=table,
             points=np.concatenate(rows),
-            regions=np.array([known[name].row for name in self.region_names], float).reshape(-1, 4),
+            regions=np.array([(1.0 / r.mass, r.stiffness, r.force, r.energy) for r in near]).reshape(-1, 4),
         )
         self.table = self._table.at
 
@@ -249,13 +240,6 @@ def _direction(point: ContactPoint, placement: Array) -> tuple[int, Array]:
         return contacts.ALONG_MOTION, np.zeros(3)
     u = unit(f"direction of '{point.name}'", point.direction)
     return (contacts.IN_ROOT, u) if point.frame == "root" else (contacts.IN_BODY, placement[:3, :3] @ u)
-
-
-def _require_links(model: RobotModel, limits: ContactLimits) -> None:
-    where = dict.fromkeys(limits.links, "links") | {of["link"]: "points" for of in limits.points.values()}
-    for link in where:
-        if link not in model.link_names:
-            raise InputError(f"contact limits, {where[link]}: '{link}' is not a link of robot '{model.name}'.")
 
 
 def _region(name: object, given: object) -> BodyRegion:

@@ -24,9 +24,8 @@ def effort_limits(entries, model):
     limits = by_dof("effort_limit", entries, model.dof_names, model.effort_limit)
     for name, limit, maximum in zip(model.dof_names, limits, model.effort_limit, strict=True):
         if limit > maximum > 0.0:
-            raise InputError(
-                f"parameter 'effort_limit' of '{name}' is {limit:g}, expected at most {maximum:g}, the limit of the URDF."
-            )
+            value = f"parameter 'effort_limit' of '{name}' is {limit:g}"
+            raise InputError(f"{value}, expected at most {maximum:g}, the limit of the URDF.")
     return limits
 
 

@@ -46,10 +46,7 @@ class Efforts:
         self._gravity, self._time, self.scale = np.zeros_like(self.sent), None, 1.0  # time of the last command [ns]
 
     def filtered(self, state, command, external):
-        """Return effort before the rate limit, command, and whether the energy and contact limiters removed power.
-
-        `external` are working moments of external forces by the observer, or None.
-        """
+        """Return effort before the rate limit, command, and whether the energy and contact limiters removed power."""
         q, qd = state.position, state.velocity
         self._gravity = g = command.gravity_torque
         if self._springs:

@@ -70,11 +70,9 @@ class Law:
     It raises UnsupportedError for a floating base or another joint of several degrees of freedom.
     """
 
-    METHODS: tuple[str, ...] = "nu_from_qd", "tau_from_epsilon", "gravity_torque"
-
-    def __init__(self, dynamics: DiagonalDynamics) -> None:
+    def __init__(self, dynamics: DiagonalDynamics, *methods: str) -> None:
         self.dynamics = actuated(dynamics)
-        dynamics.compile(*self.METHODS)
+        dynamics.compile("nu_from_qd", "tau_from_epsilon", "gravity_torque", *methods)
 
     def _command(self, q: VectorLike, nu: Array, epsilon: Array, rate: float, stored: float = 0.0) -> Command:
         """Return the command τ = mε + g of working moments; V is K and a stored energy."""
@@ -124,10 +122,8 @@ class JointTracking(Law):
     [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V falls as before.
     """
 
-    METHODS = (*Law.METHODS, "inverse_dynamics", "coriolis_product", "epsilon_from_tau")
-
     def __init__(self, dynamics: DiagonalDynamics, gain: Gain, convergence: Gain, closing: Gain = np.inf) -> None:
-        super().__init__(dynamics)
+        super().__init__(dynamics, "inverse_dynamics", "coriolis_product", "epsilon_from_tau")
         model, names = dynamics.model, dynamics.model.dof_names
         self.gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
         self.convergence = per_name("convergence", convergence, names, "a finite number > 0 [1/s]")
@@ -157,7 +153,6 @@ class JointTracking(Law):
         bounded = np.clip(closing, -self.closing, self.closing)
         qd_r = qd_d + bounded
         qdd_r = qdd_d + np.where(bounded == closing, self.convergence, 0.0) * (qd_d - qd)
-
         nu, s = dynamics.nu_from_qd(q, qd), dynamics.nu_from_qd(q, qd - qd_r)
         tau = dynamics.inverse_dynamics(q, self._zero, qdd_r)  # M q̈_r + g
         tau += dynamics.coriolis_product(q, qd, qd_r)
@@ -181,8 +176,6 @@ class PoseRegulation(Law):
     rotations is twice the weight C₂ of an axis.
     """
 
-    METHODS = (*Law.METHODS, "placement", "epsilon_from_wrench")
-
     def __init__(
         self,
         dynamics: DiagonalDynamics,
@@ -192,7 +185,7 @@ class PoseRegulation(Law):
         orientation_stiffness: float,
         point: VectorLike = (0.0, 0.0, 0.0),
     ) -> None:
-        super().__init__(dynamics)
+        super().__init__(dynamics, "placement", "epsilon_from_wrench")
         if link not in dynamics.model.link_names:
             raise InputError(f"'{link}' is not a link of robot '{dynamics.model.name}'.")
         self.link = link

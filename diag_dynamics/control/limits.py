@@ -3,7 +3,8 @@
 
 """Filters of commands: limits of kinetic energy, contact, efforts, effort rates and joint positions.
 
-Limits and gains are one number for all degrees of freedom, or one for each.
+Limits and gains are one number for all degrees of freedom, or one for each. `external` are working moments of external
+forces [J^½/s], such as a disturbance observer's residual.
 """
 
 from __future__ import annotations
@@ -56,12 +57,9 @@ class EnergyLimiter:
         dynamics.compile("tau_from_epsilon")
 
     def filter(self, q: VectorLike, command: Command, external: VectorLike | None = None) -> Command:
-        """Return the command at the positions q [rad, m], or one of less power.
-
-        `external` are working moments of external forces [J^½/s], such as a disturbance observer's residual.
-        """
-        nu = command.nu
-        power, square = float(nu @ command.epsilon), float(nu @ nu)
+        """Return the command at the positions q [rad, m], or one of less power."""
+        nu, square = command.nu, float(command.nu @ command.nu)
+        power = float(nu @ command.epsilon)
         if external is not None:
             power += float(nu @ vector("external", external, self.dynamics.model.dof_names))
         excess = power - self.rate * (self.limit - 0.5 * square)
@@ -128,12 +126,9 @@ class EffortRateLimiter:
         """Return the efforts for requested ones `tau` [N m, N], and the limited joints; `dt` since the last call [s]."""
         tau = vector("tau", tau, self._names)
         change = not_negative("dt", dt, "[s]") * self.rate
-        limited: tuple[str, ...] = ()
-        if self._last is not None:
-            near = np.clip(tau, self._last - change, self._last + change)
-            limited, tau = names_where(self._names, near != tau), near
-        self._last = tau
-        return tau.copy(), limited
+        last = tau if self._last is None else self._last
+        self._last = np.clip(tau, last - change, last + change)
+        return self._last.copy(), names_where(self._names, self._last != tau)
 
 
 class PositionRepulsion:
@@ -156,9 +151,9 @@ class PositionRepulsion:
         self.damping = per_name("damping", damping, names, expected, lambda x: 0.0 <= x < np.inf)
         self._margin = np.minimum(margin, 0.5 * (model.upper - model.lower))
         self._lower, self._upper = model.lower + self._margin, model.upper - self._margin
-        for k in np.flatnonzero(self._margin <= 0.0)[:1]:
-            limits = f"[{model.lower[k]}, {model.upper[k]}]"
-            raise InputError(f"joint '{names[k]}' has limits {limits}: no range to keep it in.")
+        for name, lower, upper in zip(names, model.lower, model.upper, strict=True):
+            if not lower < upper:
+                raise InputError(f"joint '{name}' has limits [{lower}, {upper}]: no range to keep it in.")
         dynamics.compile("epsilon_from_tau")
 
     def depth(self, q: VectorLike) -> Array:
@@ -217,17 +212,15 @@ class ContactLimiter:
     """
 
     seen: ContactSeen | None = None  #: contact at the last state
+    _scale = 1.0
 
     def __init__(self, dynamics: DiagonalDynamics, points: ContactPoints, rate: float) -> None:
         self.dynamics, self.points = actuated(dynamics), points
         self.rate = positive("rate", rate, "[1/s]")
         if not points.limited.any():
             raise InputError("points have no limit: there is nothing to bound.")
-        self._scale = 1.0
-        dynamics.compile(
-            *("contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon", "link_velocity"),
-            *("operational_inverse_inertia", "epsilon_from_wrench"),
-        )
+        dynamics.compile("contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon")
+        dynamics.compile("link_velocity", "operational_inverse_inertia", "epsilon_from_wrench")
 
     @property
     def scale(self) -> float:
@@ -255,8 +248,7 @@ class ContactLimiter:
     ) -> Command:
         """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
 
-        `period` is h > 0, until the next command [s]; `external` are working moments of external forces [J^½/s], such as a
-        disturbance observer's residual.
+        `period` is h > 0, until the next command [s].
         """
         dynamics, names, h = self.dynamics, self.dynamics.model.dof_names, positive("period", period, "[s]")
         q, qd = vector("q", q, names), vector("qd", qd, names)
@@ -272,9 +264,8 @@ class ContactLimiter:
         if not change.any():
             return command
         epsilon = dynamics.nu_from_qd(q, change) / h
-        return command._replace(
-            tau=command.tau + dynamics.tau_from_epsilon(q, epsilon), epsilon=command.epsilon + epsilon
-        )
+        tau = command.tau + dynamics.tau_from_epsilon(q, epsilon)
+        return command._replace(tau=tau, epsilon=command.epsilon + epsilon)
 
     def _slowed(self, q: Array, qd: Array, allowed: Array) -> Array:
         """Return rates at which no entry exceeds its allowed B."""
@@ -300,7 +291,6 @@ class ContactLimiter:
 
 def _fraction(found: Array, allowed: Array) -> Array:
     """Return the fraction of its speed that each entry may keep."""
-    above = found > np.maximum(allowed, 0.0) * (1.0 + 1e-9)
-    fraction = np.ones_like(found)
-    fraction[above] = np.sqrt(np.maximum(allowed[above], 0.0) / found[above])
-    return fraction
+    kept = np.maximum(allowed, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(found > kept * (1.0 + 1e-9), np.sqrt(kept / found), 1.0)

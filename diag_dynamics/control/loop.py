@@ -10,7 +10,7 @@ import numpy as np
 from diag_dynamics.checks import number
 from diag_dynamics.control.efforts import Efforts
 from diag_dynamics.control.laws import Command
-from diag_dynamics.control.modes import DAMPING, LAWS, POSE, highest_speeds
+from diag_dynamics.control.modes import DAMPING, LAWS, POSE
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -54,28 +54,22 @@ class ControlLoop:
         self._scale_timeout, self._scale = values["contact.scale_timeout"], None  # scale, and its time [ns]
         allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
         self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
-        self._slow = SLOW * highest_speeds(model)
+        self._slow = SLOW * self.modes[DAMPING].max_speed
         gain, hold_time, max_age = (values[name] for name in ("observer_gain", "hold_time", "max_state_age"))
         self._observer = DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
         if hold_time < 2.0 * max_age:
-            raise InputError(
-                f"parameter 'hold_time' is {hold_time:g} s, expected at least twice max_state_age = {max_age:g} s: a single "
-                "state that fails would let the robot go."
-            )
+            limit = f"twice max_state_age = {max_age:g} s: else a single invalid state lets the robot go"
+            raise InputError(f"parameter 'hold_time' is {hold_time:g} s, expected at least {limit}.")
         self.supervisor = Supervisor(max_age, hold_time, values["resume_after_ramp"])
         self._initial_mode = self._mode_of(values["initial_mode"])
         self.forget()
 
     def forget(self):
-        """Wait for the next valid state, which starts the initial mode.
-
-        Efforts go on from the part of the last one that carries the robot, which may have been moved meanwhile.
-        """
+        """Wait for the next valid state, which starts the initial mode; the robot may have been moved meanwhile."""
         self.supervisor.forget()
         self._mode, self.state, self.energy = self._initial_mode, None, 0.0
         self.efforts.begin()
-        self._origin = None  # time of the first state [ns]
-        self._carried_since = None  # stamp from which the efforts carry a starting robot [ns]
+        self._origin = self._carried_since = None  # stamps [ns] of the first state, and of a start that efforts carry
         self._mode.void()
 
     # --- Modes and targets ---
@@ -170,9 +164,10 @@ class ControlLoop:
                 return self.without_state(now, problem)
             self._carried_since = None
         starting, lost = supervisor.anew or supervisor.starting, ""
-        if starting or not self._follows(state):
-            self._mode.void()
         before, self.state = self.state, state
+        gap = np.inf if before is None else (state.newest - before.newest) * 1e-9
+        if starting or not 0.0 <= gap <= supervisor.max_age + supervisor.hold_time:
+            self._mode.void()
         self._mode.begin(state)
         external = self._observed(state)
         self._scale_contact(now)
@@ -220,21 +215,12 @@ class ControlLoop:
         """Return the error of the age of a state's joints at a time [ns]; None if it is valid."""
         if state.stamp_is_receive_time:
             return "joint states without stamps: how old they are is not known"
-        age_problem = self.supervisor.age_problem
-        return age_problem(state.newest, now) or age_problem(state.oldest, now)
-
-    def _follows(self, state):
-        """Return whether a state follows the last one within the time of a hold."""
-        if self.state is None:
-            return False
-        gap = (state.newest - self.state.newest) * 1e-9
-        return 0.0 <= gap <= self.supervisor.max_age + self.supervisor.hold_time
+        return self.supervisor.age_problem(state.newest, now) or self.supervisor.age_problem(state.oldest, now)
 
     def without_state(self, now, reason):
         """Return what to send at the time `now` [ns] without a valid state; None before the first one.
 
-        This is the last gravity torque during the hold, and then zero, both at the effort rate. There is no damping, because
-        invalid velocities can drive the robot.
+        There is no damping, because invalid velocities can drive the robot.
         """
         self.supervisor.invalid(now, reason)
         if self.supervisor.phase == INACTIVE:

@@ -35,17 +35,10 @@ MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
 
 
-def highest_speeds(model):
-    """Return the velocity limits [rad/s, m/s], or :data:`DEFAULT_SPEED` where there is none."""
-    limits = model.velocity_bound
-    return np.where(np.isfinite(limits), limits, DEFAULT_SPEED)
-
-
 class Mode:
     """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
 
-    The constructors of subclasses take the dynamics and the values of parameters.controller.PARAMETERS. `begin`, `follow` and
-    `take_*` receive the last RobotState.
+    The constructors of subclasses take the dynamics and the values of parameters.controller.PARAMETERS.
     """
 
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
@@ -55,6 +48,8 @@ class Mode:
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
         self._max_period, self._max_error = values["max_state_age"], values["following_energy"] or np.inf
+        limits = self._model.velocity_bound
+        self.max_speed = np.where(np.isfinite(limits), limits, DEFAULT_SPEED)  # [rad/s, m/s]
         self._target = None
         self.void()
 
@@ -161,8 +156,7 @@ class TrackingMode(Mode):
         gain = by_dof("tracking_gain", values["tracking_gain"], names)
         convergence = by_dof("tracking_convergence", values["tracking_convergence"], names)
         super().__init__(JointTracking(dynamics, gain, convergence, model.velocity_bound), values)
-        self._max_speed = highest_speeds(model)
-        self._speed = values["set_point_speed"] * self._max_speed
+        self._speed = values["set_point_speed"] * self.max_speed
         self._continuous = np.array([name in model.continuous_joints for name in names])
         self._desired = None
 
@@ -203,8 +197,7 @@ class TrackingMode(Mode):
     def _require_within_limits(self, what, positions):
         """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""
         model, positions = self._model, np.atleast_2d(positions)
-        beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
-        for row, k in beyond[:1]:
+        for row, k in np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))[:1]:
             joint, limits = f"joint '{model.dof_names[k]}'", f"{model.lower[k]:g} … {model.upper[k]:g}"
             raise InputError(f"{what.format(row)} of {joint} is {positions[row, k]:.6g}, expected within {limits}.")
 
@@ -217,18 +210,15 @@ class TrackingMode(Mode):
         k = int(np.argmax(away))
         if away[k] > MAX_STEP:
             joint = f"joint '{self._model.dof_names[k]}'"
-            raise InputError(
-                f"trajectory begins {away[k]:.3g} from where {joint} is and should be; expected {MAX_STEP:g}."
-            )
+            raise InputError(f"trajectory begins {away[k]:.3g} from where {joint} is, expected at most {MAX_STEP:g}.")
 
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
-        for k in np.flatnonzero(~(fastest <= MAX_OVERSPEED * self._max_speed))[:1]:
-            limit = f"{self._max_speed[k]:g}, as the URDF has no velocity limit for it"
-            if self._model.velocity_limit[k] > 0.0:
-                limit = f"its limit {self._max_speed[k]:g}"
-            name = self._model.dof_names[k]
-            raise InputError(f"trajectory has joint '{name}' move at {fastest[k]:.6g}, expected no more than {limit}.")
+        for k in np.flatnonzero(~(fastest <= MAX_OVERSPEED * self.max_speed))[:1]:
+            limit, joint = f"{self.max_speed[k]:g}", f"joint '{self._model.dof_names[k]}'"
+            has_limit = self._model.velocity_limit[k] > 0.0
+            limit = f"its limit {limit}" if has_limit else f"{limit}, as the URDF has no velocity limit for it"
+            raise InputError(f"trajectory has {joint} move at {fastest[k]:.6g}, expected no more than {limit}.")
 
     def follow(self, state, held):
         """See :meth:`Mode.follow`."""
@@ -255,9 +245,4 @@ class TrackingMode(Mode):
 
 
 LAWS = {mode.name: mode for mode in (GravityCompensationMode, DampingMode, PoseMode, TrackingMode)}
-"""All modes by name."""
-
-MODES = tuple(LAWS)
-"""Their names."""
-
-GRAVITY_COMPENSATION, DAMPING, POSE, TRACKING = MODES
+GRAVITY_COMPENSATION, DAMPING, POSE, TRACKING = MODES = tuple(LAWS)

@@ -86,10 +86,8 @@ class DisturbanceObserver:
     def use(self, dynamics: DiagonalDynamics) -> None:
         """Reset, and use another model of the same degrees of freedom, one with a payload for instance."""
         if dynamics.model.dof_names != self._names:
-            raise InputError(
-                f"dynamics have the degrees of freedom {', '.join(dynamics.model.dof_names)}, expected those that the "
-                f"observer was made for, {', '.join(self._names)}."
-            )
+            others, own = (", ".join(names) for names in (dynamics.model.dof_names, self._names))
+            raise InputError(f"dynamics have the degrees of freedom {others}, expected {own}.")
         self._dynamics = dynamics
         dynamics.compile("evaluate", "tau_from_epsilon", "epsilon_from_tau")
         self.reset()
@@ -126,12 +124,16 @@ class DisturbanceObserver:
         dynamics = self._dynamics
         s = dynamics.evaluate(q, qd, effort, friction=self._friction and dynamics.model.has_friction)
         resisting, applied = s.coriolis + s.gravity, cast(Array, s.epsilon)  # there are efforts
-        if s.friction is not None:
-            resisting += s.friction
-        if gap := _gap(before, interval, self.max_gap):
+        resisting += 0.0 if s.friction is None else s.friction
+        reason = "" if before else "first sample"
+        if interval < 0.0:
+            reason = f"time went back by {-interval:g} s"
+        elif interval > self.max_gap:
+            reason = f"no sample for {interval:g} s"
+        if before is None or reason:
             self.reset()
-            self._last = Disturbance(False, gap)
-        elif before:
+            self._last = Disturbance(False, reason)
+        else:
             epsilon = dynamics.epsilon_from_tau(before.q, effort) if self._held else before.epsilon
             mean = 0.5 * (epsilon + applied - before.resisting - resisting)
             external = (s.nu - before.nu) / interval - mean
@@ -149,15 +151,6 @@ class DisturbanceObserver:
             return Disturbance(False, "the residual was larger than any number")
         self._collision = norm >= self.release if self._collision else norm > self.threshold
         return Disturbance(True, "", r.copy(), self._dynamics.tau_from_epsilon(q, r), norm, self._collision)
-
-
-def _gap(before: _Sample | None, interval: float, max_gap: float) -> str:
-    """Return why a sample does not continue the one before; empty if it does."""
-    if before is None:
-        return "first sample"
-    if interval < 0.0:
-        return f"time went back by {-interval:g} s"
-    return f"no sample for {interval:g} s" if interval > max_gap else ""
 
 
 def _threshold(name: str, value: float) -> float:

@@ -6,6 +6,7 @@
 Trajectories are interpolated like those of ros2_control's joint trajectory controller.
 """
 
+from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
@@ -35,12 +36,8 @@ MAX_COAST = 0.3
 """Maximum distance by which the robot's motion carries it off its way to the first point [rad, m]."""
 
 
-class Desired(NamedTuple):
-    """Desired position [rad, m], velocity and acceleration, each of shape (nv,)."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+Desired = namedtuple("Desired", "position velocity acceleration")
+"""Desired position [rad, m], velocity and acceleration, each of shape (nv,)."""
 
 
 def at_rest(position):
@@ -61,9 +58,9 @@ class SetPoint:
     distance δ, for a braking acceleration a, up to the speed; near the target it is kδ. All joints slow down for a robot that
     lags behind.
 
-    The motion goes on from the desired one at a time [ns]. `speed` [rad/s, m/s] is reached within :data:`WITHIN`, and `rate`
-    is k [1/s]. Continuous joints go the shorter way. After a stall a step takes `max_period` [s] at most. The present motion
-    ends within the distance `room` [rad, m]. All have shape (nv,).
+    The motion goes on from the desired one at a time [ns], and ends that within the distance `room` [rad, m]. `speed`
+    [rad/s, m/s] is reached within :data:`WITHIN`; `rate` is k [1/s]. Continuous joints go the shorter way. After a stall a
+    step takes `max_period` [s] at most. All have shape (nv,).
     """
 
     def __init__(self, goal, time, desired, speed, rate, continuous, max_period=np.inf, room=np.inf):
@@ -158,10 +155,8 @@ class Trajectory:
         for field in ("positions", "velocities", "accelerations"):
             _require_numbers(field, getattr(waypoints, field), names)
         for joint in np.flatnonzero(waypoints.velocities[-1])[:1]:
-            raise InputError(
-                f"velocity of joint '{names[joint]}' at the last point of the trajectory is "
-                f"{waypoints.velocities[-1][joint]:g}, expected 0: the robot rests there."
-            )
+            what = f"velocity of joint '{names[joint]}' at the last point of the trajectory"
+            raise InputError(f"{what} is {waypoints.velocities[-1][joint]:g}, expected 0: the robot rests there.")
 
     def ends_before(self, time):
         """Return whether a trajectory with a stamp ends before a time [ns]."""
@@ -214,19 +209,15 @@ def _require_order(times):
     if times[0] < 0.0:
         raise InputError(f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0.")
     for k in np.flatnonzero(np.diff(times) <= 0.0)[:1]:
-        raise InputError(
-            f"trajectory.points[{k + 1}].time_from_start is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the "
-            "point before."
-        )
+        what = f"trajectory.points[{k + 1}].time_from_start"
+        raise InputError(f"{what} is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the point before.")
 
 
 def _require_numbers(field, table, names):
     """Reject numbers that are not finite, or larger than MAX_NUMBER."""
     for k, joint in np.argwhere(~(np.abs(table) <= MAX_NUMBER))[:1]:
-        raise InputError(
-            f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}, expected a finite number "
-            f"of no more than {MAX_NUMBER:g}."
-        )
+        what = f"trajectory.points[{k}].{field} of joint '{names[joint]}'"
+        raise InputError(f"{what} is {table[k, joint]}, expected a finite number of at most {MAX_NUMBER:g}.")
 
 
 def _polynomials(start, end):

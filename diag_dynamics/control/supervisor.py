@@ -40,7 +40,7 @@ class Event(IntEnum):
 
 _S = State
 # fmt: off
-TRANSITIONS = {
+TRANSITIONS = {  # next state by state and event; None refuses the event
     #                  VALID        CARRIED     INVALID           TIMEOUT           SWITCH
     _S.WAITING:       (_S.STARTING, _S.ACTIVE,  _S.WAITING,       _S.WAITING,       _S.WAITING),
     _S.STARTING:      (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN,  _S.STARTING),
@@ -52,8 +52,6 @@ TRANSITIONS = {
     _S.RELEASED:      (_S.STARTING, _S.ACTIVE,  _S.RAMPING_DOWN,  _S.RAMPING_DOWN,  _S.RELEASED),
 }
 # fmt: on
-"""Next state by state and event; None refuses the event."""
-
 RESUMING = (_S.STARTING, _S.ACTIVE, _S.RAMPING_DOWN, _S.RAMPING_DOWN, _S.RAMPING_DOWN)
 """Row of RAMPING_DOWN for a loop that resumes by itself."""
 
@@ -73,8 +71,7 @@ class Supervisor:
     """
 
     def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
-        self.max_age, self.hold_time = max_age, hold_time
-        self._machine_time = machine_time
+        self.max_age, self.hold_time, self._machine_time = max_age, hold_time, machine_time
         self._transitions = TRANSITIONS | ({State.RAMPING_DOWN: RESUMING} if resumes else {})
         self.forget()
 
@@ -156,7 +153,6 @@ class Supervisor:
 
     def release(self):
         """Accept the choice of a mode; raise InputError while a stopped loop has no valid state."""
-        after = self._next(Event.SWITCH)
-        if after is None:
+        if self._next(Event.SWITCH) is None:
             raise InputError(f"the robot was given up, and there is no valid state yet: {self.reason}.")
-        self.state = after
+        self.state = self._next(Event.SWITCH)
