@@ -221,6 +221,15 @@ def test_a_start_goes_on_after_a_hold(strong):
     assert one.state == "ACTIVE"
 
 
+def test_the_law_begins_where_a_start_ends(strong):
+    """The target is the position at the end of the start, during which the arm may have sunk."""
+    one = Driven(strong, mode=TRACKING)
+    one.go("valid")
+    one.carry(Q + 0.01)
+    one.step(Q + 0.01)
+    assert one.state == "ACTIVE" and not one.sent.command.error.any()
+
+
 def test_a_start_after_the_ramp_is_a_new_one(strong):
     """The arm may have been moved: the time of an earlier start does not count."""
     one, fast = Driven(strong, resumes=True), 0.2 * strong.velocity_limit
@@ -280,9 +289,9 @@ def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
     for _ in range(50):
         one.step()
     assert one.sent.command.error.any()
-    for mode, q in ((DAMPING, Q), (TRACKING, Q + 0.1)):
+    for mode in (DAMPING, TRACKING):
         one.loop.switch(mode)
-        one.step(q)
+        one.step()
     assert not one.sent.command.error.any() and one.sent.lyapunov_rate is None
 
 
