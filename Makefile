@@ -63,8 +63,8 @@ lint: setup-tests  ## style, docstrings, imports, types and licences
 format: setup-tests  ## put the code in style
 	@$(in_env) ruff check --fix; ruff format
 
-lock:  ## requirements/*.txt from *.in; ARGS=--upgrade takes newer versions
-	@scripts/lock $(ARGS)
+lock:  ## uv.lock from pyproject.toml; ARGS=--upgrade takes newer versions
+	@PATH="$$PATH:build/uv/bin" uv lock $(ARGS)
 
 clean:  ## delete all that was built
 	rm -rf build "$$(dd_root="$$PWD"; . scripts/choose_ros.bash; echo "$$dd_home")" *.egg-info .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -37,7 +37,7 @@ try:
     from rows import Measured
     from timing import OtherWork
 except ModuleNotFoundError as error:
-    sys.exit(f"{error.name} is not installed. The benchmarks need what requirements/python.in lists: make setup.")
+    sys.exit(f"{error.name} is not installed. The benchmarks need: make setup-tests.")
 
 RESULTS = Path(__file__).resolve().parent / "results"
 

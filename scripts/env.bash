@@ -14,11 +14,11 @@ if grep -qsF "$dd_home " "$dd_home/install/.complete"; then  # complete, and mad
   if [ $dd_ros = pypi ]; then
     export AMENT_PREFIX_PATH=$VIRTUAL_ENV ROS_DISTRO=${ROS_DISTRO:-jazzy} ROS_VERSION=2
   fi
-  case $- in *u*) dd_strict=yes && set +u ;; esac  # colcon's script reads variables that nobody has set
-  # colcon's own script: our typesupport libraries are found by LD_LIBRARY_PATH only, set before Python starts
-  . "$dd_home/install/local_setup.${ZSH_VERSION:+z}${BASH_VERSION:+ba}sh"
-  [ -z "${dd_strict-}" ] || set -u
-  export LD_LIBRARY_PATH=${LD_LIBRARY_PATH%:}  # it leaves an empty entry, which would mean the current directory
+  # the typesupport libraries are found by LD_LIBRARY_PATH alone, which counts when Python starts
+  dd_python=$(find "$dd_home/install" -path '*-packages/diag_dynamics' -prune -print -quit)
+  export PATH=$dd_home/install/bin:$PATH AMENT_PREFIX_PATH=$dd_home/install:$AMENT_PREFIX_PATH
+  export LD_LIBRARY_PATH=$dd_home/install/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
+  export PYTHONPATH=${dd_python%/*}${PYTHONPATH:+:$PYTHONPATH}
   hash -r
   dd_status=0
 else
@@ -28,6 +28,6 @@ else
 fi
 
 unset -f dd_plain
-unset dd_strict dd_root dd_ros dd_built dd_home dd_python dd_numpy dd_name dd_value
+unset dd_root dd_ros dd_built dd_home dd_python dd_numpy dd_name dd_value
 # "return" with a value that outlives the unset
 eval "unset dd_status; return $dd_status"

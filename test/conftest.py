@@ -13,7 +13,7 @@ try:
     import examples
 except ModuleNotFoundError as error:
     pytest.exit(
-        f"{error}: `make setup-tests`, or pip install '.[test]', installs what tests need.", pytest.ExitCode.USAGE_ERROR
+        f"{error}: `make setup-tests` or pip install '.[all]' --group test, installs them.", pytest.ExitCode.USAGE_ERROR
     )
 
 WITH_ROS = [Path(__file__).parent / folder for folder in ("nodes", "live")]
