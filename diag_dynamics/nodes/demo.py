@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demo: a simulated robot, its monitor, the page and `top` in one process, in a namespace of their own."""
+"""The demo: a simulated robot that is pushed, its monitor, the page and `top` in one process, in their own namespace."""
 
 import argparse
 import math
@@ -11,11 +11,13 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.model import load_urdf
+from diag_dynamics.model import end_effector_link, load_urdf
 from diag_dynamics.model.catalog import robot_source
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator.simulator import SimulatorNode
@@ -29,6 +31,32 @@ from diag_dynamics.simulation import Simulation
 NAMESPACE = f"/demo_{os.getpid()}"
 """Separates the topics of the demo from those of a robot, or of another demo."""
 
+PUSH_PERIOD, PUSH_TIME = 6.0, 0.3
+"""Time between two pushes, and how long each lasts [s]."""
+
+FORCE, ALARM = 0.15, 0.03
+"""Force of a push, as a fraction of the robot's weight; external torque that raises an alarm, as one of weight × 1 m."""
+
+OBSERVER_GAIN, GRAVITY = 25.0, 9.81
+"""Gain of the monitor's observer [1/s]; acceleration of gravity [m/s²]."""
+
+
+class Pusher(Node):
+    """Pushes the end effector every few seconds, and the link of a page when its button is pressed."""
+
+    def __init__(self, link, force):
+        super().__init__("pusher")
+        self._link, self._force = link, force
+        self._wrenches = self.create_publisher(WrenchStamped, "external_wrench", 10)
+        self.create_timer(PUSH_PERIOD, self.push)
+
+    def push(self, link=""):
+        """Push a link sideways, each time from the other side."""
+        message = WrenchStamped()
+        message.header.frame_id, message.wrench.force.y = link or self._link, self._force
+        self._force = -self._force
+        self._wrenches.publish(message)
+
 
 def find_port(port=PARAMETERS["port"].default):
     """Return this port if it is free, else another one."""
@@ -41,12 +69,13 @@ def find_port(port=PARAMETERS["port"].default):
 
 
 def compile_robot(source, options):
-    """Load a robot, and compile what its nodes call."""
+    """Load a robot and compile what its nodes call; return the model."""
     model = load_urdf(source, **options)
     if model.nv == 0:
         raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
     DiagonalDynamics(model).compile(*COMPILED)
     Simulation(model).advance(steps=0)
+    return model
 
 
 def parse(arguments):
@@ -74,7 +103,7 @@ def main(args=None):
     options = {"massless": chosen.massless, "mimic": chosen.mimic}
     try:
         source, port = robot_source(chosen.robot, chosen.xacro_args), find_port()
-        ThreadPoolExecutor(1).submit(compile_robot, source, options).result()  # Ctrl-C interrupts this thread
+        model = ThreadPoolExecutor(1).submit(compile_robot, source, options).result()  # Ctrl-C interrupts this thread
     except DiagDynamicsError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return 1
@@ -85,11 +114,17 @@ def main(args=None):
     duration = chosen.duration or (10.0 if lines else math.inf)
     nodes = []
 
+    weight = GRAVITY * model.total_mass
+
     def make_nodes():
-        simulator = {"robot_description": source, "motion": "wave", "rate": chosen.rate, **options}
+        wrenches = {"wrench_axes": "world", "wrench_timeout": PUSH_TIME}
+        simulator = {"robot_description": source, "motion": "wave", "rate": chosen.rate, **wrenches, **options}
         nodes.append(SimulatorNode(parameter_overrides=overrides(simulator)))
-        nodes.append(MonitorNode(parameter_overrides=overrides(options)))
-        nodes.append(ViewNode(parameter_overrides=overrides({"port": port, "robots": [NAMESPACE]})))
+        monitor = {"external_torque.gain": OBSERVER_GAIN, "alarm.external_torque": ALARM * weight, **options}
+        nodes.append(MonitorNode(parameter_overrides=overrides(monitor)))
+        nodes.append(pusher := Pusher(end_effector_link(model), FORCE * weight))
+        view = {"port": port, "robots": [NAMESPACE]}
+        nodes.append(ViewNode(pusher.push, parameter_overrides=overrides(view)))
         topics = [f"{NAMESPACE}/diag_dynamics/state"]
         nodes.append(Top(topics, duration=duration, lines=lines, note=f"page: {address}"))
         return nodes.copy()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page's server: files, meshes and one websocket for each tab. It reads, and changes nothing."""
+"""The page's server: files, meshes and one websocket for each tab. It reads; in the demo, a tab can push the robot."""
 
 import asyncio
 import ipaddress
@@ -61,6 +61,8 @@ class PageServer:
         Address to listen on; port 0 is any free one.
     rate, max_streams : float, int
         Maximum frames per second of a stream, and maximum number of streams.
+    on_push : callable, optional
+        Called with the link that a tab shows when its button pushes a simulated robot. Without it, pages have no button.
 
     Attributes
     ----------
@@ -73,9 +75,9 @@ class PageServer:
         The address cannot be listened on.
     """
 
-    def __init__(self, robots, host="127.0.0.1", port=0, rate=60.0, max_streams=8):
+    def __init__(self, robots, host="127.0.0.1", port=0, rate=60.0, max_streams=8, on_push=None):
         self._robots, self._host, self._rate, self._max_streams = robots, host, rate, max_streams
-        self._news, self._started = set(), threading.Event()
+        self._news, self._started, self._on_push = set(), threading.Event(), on_push
         self._socket = listen(host, port)
         address, port = self._socket.getsockname()[:2]
         name = "localhost" if ipaddress.ip_address(address.partition("%")[0]).is_unspecified else address
@@ -187,9 +189,16 @@ class PageServer:
             self._news.discard(news)
         return ws
 
+    async def _receive(self, ws, shown):
+        """Receive until the reader leaves; the text "push" pushes the link that it shows."""
+        async for message in ws:
+            if message.type == web.WSMsgType.TEXT and message.data == "push" and self._on_push:
+                self._on_push(*shown)
+
     async def _send(self, ws, request, robot, news, hz):
         """Send what is new until the reader leaves. A slow one gets the newest frame, and no queue of older ones."""
-        transport, end = request.transport, asyncio.ensure_future(ws.receive())
+        transport, shown = request.transport, [""]
+        end = asyncio.ensure_future(self._receive(ws, shown))
         end.add_done_callback(lambda _: news.set())
         connection = transport.get_extra_info("socket")
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
@@ -215,12 +224,14 @@ class PageServer:
                 continue
             news.clear()
             new, texts, ready = robot.newest(request.query.get("link", "")), {}, now
+            shown[0] = new.link
             if new.layout[0] != layout:
                 layout, texts["layout"] = new.layout
             if new.diagnostics[0] != diagnostics:
                 diagnostics, texts["diagnostics"] = new.diagnostics
             if texts or now >= beat:
                 beat, about = now + HEARTBEAT, {"link": new.link, "hz": 1.0 / period, "streams": self.streams}
+                about["pushes"] = self._on_push is not None
                 texts["heartbeat"] = json.dumps(robot.about() | about)
                 await ws.send_str("{" + ", ".join(f'"{name}": {text}' for name, text in texts.items()) + "}")
             if new.frame and new.number != number:

@@ -5,6 +5,7 @@
 
 import contextlib
 import itertools
+import queue
 import socket
 import time
 
@@ -223,6 +224,25 @@ def test_streams_share_the_maximum_of_frames(serve, arm, monkeypatch):
             break
     else:
         raise AssertionError("no room after tabs have been closed")
+
+
+def test_a_tab_pushes_the_link_that_it_shows(serve, arm):
+    """Other texts do nothing."""
+    links = queue.Queue()
+    with Stream(serve(arm.stream, on_push=links.put), link="panda_link4") as stream:
+        assert stream.next(HEARTBEAT)["pushes"]
+        stream.next(FRAME)
+        stream.send("pull")
+        stream.send("push")
+        assert links.get(timeout=PATIENCE) == "panda_link4" and links.empty()
+
+
+def test_a_robot_that_no_tab_can_push(serve, arm):
+    """The stream goes on after the request."""
+    with Stream(serve(arm.stream)) as stream:
+        assert not stream.next(HEARTBEAT)["pushes"]
+        stream.send("push")
+        stream.frames(3)
 
 
 def test_a_slow_reader_gets_the_present_and_delays_nobody(serve):

@@ -69,6 +69,8 @@ def test_robot_by_path(tmp_path, number):
         with Stream(address) as stream:  # of the one robot that there is
             assert stream.next(FRAME)["K"] >= 0.0
             assert stream.layout["robot"] == "ur5"
+            stream.send("push")
+            assert stream.next(FRAME, lambda frame: "collision" in frame.flags)["external_torque"].any()
         assert process.children() == []
         process.signal(number)
         assert process.wait() == 0

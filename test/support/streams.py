@@ -79,6 +79,10 @@ class Stream:
         """Close the connection."""
         self.socket.close()
 
+    def send(self, text):
+        """Send a short text to the server: one masked frame, with a mask of zeros."""
+        self.socket.sendall(bytes([0x81, 0x80 | len(text)]) + bytes(4) + text.encode())
+
     def _exactly(self, count):
         while len(self._buffer) < count:
             some = self.socket.recv(65536)

@@ -156,6 +156,7 @@ export class App {
       [["j", "k"], "next, previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
       [["r"], "next robot", () => this.bar.nextRobot()],
       [["t"], "light, dark", () => this.theme.next()],
+      ...(this.report ? [] : [[["p"], "push the robot of the demo", () => this.source.push()]]),
       [["c"], "numbers of the time window (CSV)", () => this.csv()],
       [["Escape"], "no selection", () => this.layout && this.select(null)],
       [["?"], "this list", () => this.keys.help()],

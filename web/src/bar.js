@@ -37,10 +37,12 @@ export class Bar {
     );
     this.go = button("", "", () => app.toggle());
     this.time = el("span", { class: "time" });
+    this.push = button("Push", "push the simulated robot (p)", () => app.source.push());
+    this.push.className = "push";
     this.live = button("live", "go back to live (l)", () => app.view.follow());
     this.transport = el("div", { class: "transport" }, this.go, this.time, ...(app.report ? [] : [this.live]));
     const tools = [
-      ...(app.report ? [] : [this.length]),
+      ...(app.report ? [] : [this.push, this.length]),
       button("CSV", "numbers of the time window (c)", () => app.csv()),
     ];
     this.tools = el("span", { class: "tools" }, ...tools);
@@ -82,6 +84,7 @@ export class Bar {
       this.shown = shown;
       this.notes.replaceChildren(...notes.map((note) => el("span", { class: `note ${note.level}`, text: note.text })));
     }
+    this.push.hidden = !app.health.heart?.pushes;
     this.worst.hidden = !worst;
     if (worst) {
       this.worst.className = `worst ${worst.level}`;

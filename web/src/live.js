@@ -103,6 +103,11 @@ export class Live {
     if (this.rows.push(t, values)) this.app.came();
   }
 
+  // Pushes the link of ellipsoid and arrow; the demo alone has a robot to push.
+  push() {
+    if (this.app.health.heart?.pushes) this.stream.send("push");
+  }
+
   async mesh(sha) {
     const answer = await fetch(`mesh/${sha}`);
     if (!answer.ok) throw new Error(`mesh ${sha}: ${answer.status}`);

@@ -22,6 +22,10 @@ export class Stream {
     this.#connect();
   }
 
+  send(text) {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(text);
+  }
+
   #connect() {
     this.next?.close();
     const socket = (this.next = new WebSocket(this.url));

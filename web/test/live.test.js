@@ -111,3 +111,17 @@ test("five minutes are stored; the same robot keeps them, another one begins ane
   assert.deepEqual([live.rows.length, laidOut], [0, [false, true, false]]);
   assert.equal(app.health.connection, "open");
 });
+
+test("the button sends a push where the server takes pushes", () => {
+  globalThis.WebSocket.OPEN = 1;
+  const sent = [];
+  const health = new Health();
+  const live = new Live({ health });
+  live.stream.open("/arm", "hand", 50);
+  Object.assign(sockets[0], { readyState: 1, send: (text) => sent.push(text) });
+  sockets[0].onmessage({ data: "{}" });
+  live.push();
+  health.heart = { pushes: true };
+  live.push();
+  assert.deepEqual(sent, ["push"]);
+});

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The view node: a page in the browser that shows the robots of monitors, live. It commands nothing."""
+"""The view node: a page in the browser that shows the robots of monitors, live. It commands no robot."""
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
@@ -30,15 +30,16 @@ MAX_TABS, MAX_ROBOTS = 64, 32
 
 
 class ViewNode(TableNode, Node):
-    """See the module; parameters are in :data:`~parameters.view.PARAMETERS`."""
+    """See the module; parameters are in :data:`~parameters.view.PARAMETERS`, and `on_push` is that of the server."""
 
-    def __init__(self, **options):
+    def __init__(self, on_push=None, **options):
         super().__init__(NODES["view"], PARAMETERS, **options)
         values = self.values
         if not 1 <= values["tabs"] <= MAX_TABS:
             raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MAX_TABS}.")
         self._robots, self._folders = {}, folders_of(values["mesh_folders"])
-        self._server = PageServer(self._streams, values["host"], values["port"], values["rate"], values["tabs"])
+        address = values["host"], values["port"]
+        self._server = PageServer(self._streams, *address, values["rate"], values["tabs"], on_push)
         self._server.start()
         self.get_logger().info(f"Page: {self.address}")
         self._diagnostics = Diagnostics(self, self._report, lambda: None)
