@@ -27,6 +27,9 @@ DESCRIPTIONS = "robot_descriptions"
 
 _FOLDER = "example-robot-data/robots/"
 
+_OWN = Path(__file__).parents[1] / "robots"
+"""Robots of this package, each in a folder of its name."""
+
 logger = logging.getLogger("diag_dynamics")
 
 
@@ -36,9 +39,9 @@ def load_robot(name: str, **options: Any) -> RobotModel:
     Parameters
     ----------
     name : str
-        As ``diag-dynamics robots`` lists them, of the package `example-robot-data` (``panda``, ``ur5``): its file's name, or
-        any part of its path that is its alone. Or, where `robot_descriptions` is installed, the name of a description there
-        with a URDF (``panda_description``): the first time, that package clones it from the net, which a line on stderr says.
+        One that ``diag-dynamics robots`` lists: ``panda``, or a robot of `example-robot-data` (``ur5``) by its file's name
+        or a part of one path only. Where `robot_descriptions` is installed, also a description with a URDF
+        (``panda_description``), which that package clones on first use.
     **options
         Those of :func:`load_urdf`, whose errors it has. An unknown name is an InputError that names similar ones.
     """
@@ -87,17 +90,18 @@ def _cloned(name: str) -> Path:
 
 
 def example_urdfs() -> dict[str, Path]:
-    """Return the paths of all URDFs of example-robot-data by their short name (``panda_description/urdf/panda``)."""
+    """Return the paths of the URDFs of this package and of example-robot-data, if installed, by their short names."""
+    own = {path.stem: path for path in _OWN.glob("*/*.urdf")}
     try:
         files = metadata.files("example-robot-data") or ()
     except metadata.PackageNotFoundError:
-        return {}
+        return own
     found = {}
     for file in files:
         text = file.as_posix()
-        if text.endswith(".urdf") and _FOLDER in text:
+        if text.endswith(".urdf") and _FOLDER in text and file.stem not in own:
             found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(str(file.locate())).resolve()
-    return dict(sorted(found.items()))
+    return own | dict(sorted(found.items()))
 
 
 def find_urdf(robot: str) -> Path:
@@ -126,17 +130,11 @@ def find_urdf(robot: str) -> Path:
     elif partial:
         short = (stems[key] if names.count(stems[key]) == 1 else key for key in partial)
         reason = f" could be any of: {', '.join(short)}."
-    elif not urdfs:
-        reason = (
-            " is no file, and the package example-robot-data, whose robots have names, is absent. pip install "
-            "example-robot-data brings it."
-        )
     else:
         near = " or ".join(get_close_matches(name.lower(), sorted(set(names)), n=3, cutoff=0.6))
         meant = f"; did you mean {near}?" if near else "."
-        reason = (
-            f" is neither a file nor one of the {len(urdfs)} example robots{meant} All of them: diag-dynamics robots"
-        )
+        more = "" if len(urdfs) > 1 else ". More: pip install example-robot-data"
+        reason = f" is neither a file nor one of the {len(urdfs)} example robots{meant} All: diag-dynamics robots{more}"
     raise InputError(f"robot '{robot}'{reason}")
 
 
