@@ -25,8 +25,9 @@ setup:  ## virtual environment, ROS 2 and the built package, all under build/
 setup-tests:  ## likewise, and what tests, lint and benchmarks need
 	@scripts/setup --tests
 
-demo: setup  ## a simulated robot in the terminal and in the browser; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
-	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
+demo:  ## a simulated robot in the terminal and in the browser; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
+	@DIAG_DYNAMICS_COMPILE=OFF scripts/setup
+	@$(in_env) scripts/demo --compile-rest $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
 	  $(if $(MIMIC),--mimic $(MIMIC)) $(ARGS)
 
 demo-control: setup  ## a push on an arm under control: detected, and its kinetic energy bounded; a picture; ARGS=<its file>

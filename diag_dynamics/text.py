@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Text for people: names of joints without control characters, numbers, and lengths of time."""
+"""Text for people: names of joints without control characters, numbers, lengths of time, and a line of progress."""
 
 import math
+import sys
+import time
 import unicodedata
 
 UNKNOWN = "-"
@@ -64,3 +66,32 @@ def duration(seconds: float) -> str:
         if seconds < below:
             return f"{number(factor * seconds, digits)} {unit}"
     return f"{number(seconds / 3600.0)} h"
+
+
+class Progress:
+    """Context with a line on stderr that the next one replaces.
+
+    It is shown on a terminal, at most five times a second; with `lines`, elsewhere too, line by line.
+    """
+
+    PERIOD = 0.2
+
+    def __init__(self, quiet=False, lines=False):
+        self._on_terminal, self._last = sys.stderr.isatty(), -self.PERIOD
+        self.is_shown = not quiet and (self._on_terminal or lines)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.is_shown and self._on_terminal:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+    def show(self, text):
+        """Show a line."""
+        now = time.monotonic()
+        if not self.is_shown or (self._on_terminal and now - self._last < self.PERIOD):
+            return
+        self._last = now
+        start, end = ("\r\033[K", "") if self._on_terminal else ("", "\n")
+        print(f"{start}{plain(text)}", end=end, file=sys.stderr, flush=True)

@@ -7,7 +7,6 @@ import argparse
 import json
 import signal
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -214,35 +213,6 @@ def stream_recordings(chosen, paths, parameters, robot, progress):
 
 
 # --- Outputs
-
-
-class Progress:
-    """Context with a line on stderr that the next one replaces.
-
-    It is shown on a terminal, at most five times a second; with `lines`, elsewhere too, line by line.
-    """
-
-    PERIOD = 0.2
-
-    def __init__(self, quiet=False, lines=False):
-        self._on_terminal, self._last = sys.stderr.isatty(), -self.PERIOD
-        self._is_shown = not quiet and (self._on_terminal or lines)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self._is_shown and self._on_terminal:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-
-    def show(self, text):
-        """Show a line."""
-        now = time.monotonic()
-        if not self._is_shown or (self._on_terminal and now - self._last < self.PERIOD):
-            return
-        self._last = now
-        start, end = ("\r\033[K", "") if self._on_terminal else ("", "\n")
-        print(f"{start}{plain(text)}", end=end, file=sys.stderr, flush=True)
 
 
 def report_written(*paths):

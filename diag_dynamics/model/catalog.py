@@ -133,8 +133,8 @@ def find_urdf(robot: str) -> Path:
     else:
         near = " or ".join(get_close_matches(name.lower(), sorted(set(names)), n=3, cutoff=0.6))
         meant = f"; did you mean {near}?" if near else "."
-        more = "" if len(urdfs) > 1 else ". More: pip install example-robot-data"
-        reason = f" is neither a file nor one of the {len(urdfs)} example robots{meant} All: diag-dynamics robots{more}"
+        more = "diag-dynamics robots" + ("" if len(urdfs) > 1 else ". More: pip install example-robot-data")
+        reason = f" is neither a file nor one of the {len(urdfs)} example robots{meant} All of them: {more}"
     raise InputError(f"robot '{robot}'{reason}")
 
 

@@ -7,8 +7,11 @@ import argparse
 import math
 import os
 import socket
+import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 
 from geometry_msgs.msg import WrenchStamped
@@ -25,8 +28,10 @@ from diag_dynamics.nodes.support.loading import COMPILED
 from diag_dynamics.nodes.support.runner import leave, run
 from diag_dynamics.nodes.top.top import Top, has_screen
 from diag_dynamics.nodes.view.view import ViewNode
+from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.simulation import Simulation
+from diag_dynamics.text import Progress
 
 NAMESPACE = f"/demo_{os.getpid()}"
 """Separates the topics of the demo from those of a robot, or of another demo."""
@@ -78,6 +83,37 @@ def compile_robot(source, options):
     return model
 
 
+def wait_for(future, text):
+    """Return the result of a future; on a terminal, show a text and the time meanwhile. Ctrl-C interrupts this thread."""
+    begun = time.monotonic()
+    with Progress() as progress:
+        if progress.is_shown:
+            set_progress_callback(lambda _: None)
+        while True:
+            with suppress(FutureTimeoutError):
+                return future.result(timeout=0.5)
+            minutes, seconds = divmod(int(time.monotonic() - begun), 60)
+            progress.show(f"{text} … {minutes}:{seconds:02}")
+
+
+def compile_rest():
+    """Start to compile what the demo does not use, with the lowest priority; return the process."""
+    command = [
+        "nice",
+        "-n",
+        "19",
+        sys.executable,
+        "-m",
+        "diag_dynamics",
+        "compile",
+        "--if-needed",
+        "--quiet",
+        "--jobs",
+        "1",
+    ]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
 def parse(arguments):
     """Return the options of the command."""
     parser = argparse.ArgumentParser(prog="demo", description=__doc__)
@@ -86,6 +122,7 @@ def parse(arguments):
     parser.add_argument("--massless", choices=("error", "lock"), default="error", help="joints that move no inertia")
     parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints")
     parser.add_argument("--rate", type=float, default=500.0, help="joint states per second (default: 500)")
+    parser.add_argument("--compile-rest", action="store_true", help="compile all other kernels meanwhile")
     parser.add_argument("--duration", type=float, help="time to run [s] (10 without a terminal)")
     chosen = parser.parse_args(arguments)
     if not 1.0 <= chosen.rate <= 10000.0:
@@ -99,18 +136,18 @@ def main(args=None):
     """Run the demo; ``--help`` lists the options."""
     chosen, lines = parse((args or sys.argv)[1:]), not has_screen()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    print(f"a simulated robot, {chosen.robot}, its monitor and a page start", flush=True)
     options = {"massless": chosen.massless, "mimic": chosen.mimic}
     try:
         source, port = robot_source(chosen.robot, chosen.xacro_args), find_port()
-        model = ThreadPoolExecutor(1).submit(compile_robot, source, options).result()  # Ctrl-C interrupts this thread
+        loading = ThreadPoolExecutor(1).submit(compile_robot, source, options)
+        model = wait_for(loading, f"Load {chosen.robot} and compile its dynamics")
     except DiagDynamicsError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         leave(130)
     address = f"http://127.0.0.1:{port}/"
-    print(f"page, while the demo runs: {address}", flush=True)
+    print(f"Open {address}", flush=True)
     duration = chosen.duration or (10.0 if lines else math.inf)
     nodes = []
 
@@ -130,7 +167,10 @@ def main(args=None):
         return nodes.copy()
 
     logs = ["--log-level", "WARN"] if lines else ["--disable-stdout-logs"]
+    compiler = compile_rest() if chosen.compile_rest else None
     status = run(make_nodes, ["demo", "--ros-args", "-r", f"__ns:={NAMESPACE}", *logs])
+    if compiler:
+        compiler.terminate()
     if not status and lines and not nodes[-1].has_states:
         print("No state of the robot arrived.", file=sys.stderr)
         return 1

@@ -52,7 +52,7 @@ def test_without_a_terminal(tmp_path):
     with demo(tmp_path, "--duration", "6") as process:
         assert process.wait(2 * START) == 0, process.tail()
         said = process.output
-        assert said.startswith("a simulated robot, panda, ") and "\x1b" not in said and "Traceback" not in said
+        assert said.startswith("Open http://127.0.0.1:") and "\x1b" not in said and "Traceback" not in said
         energies = re.findall(r"^/demo_\d+: K (\S+) J, peak (\S+); panda_joint\d .* Hz$", said, re.MULTILINE)
         assert energies and all(0.0 <= float(energy) <= float(peak) < 100.0 for energy, peak in energies)
     assert not list(tmp_path.iterdir())
@@ -64,7 +64,7 @@ def test_robot_by_path(tmp_path, number):
     shutil.copy(robot(UR5).path, tmp_path / "my robot.urdf")
     with demo(tmp_path, "--robot", "my robot.urdf", "--duration", "1000") as process:
         process.wait_for_text(" Hz\n")
-        address = re.search(r"page, while the demo runs: (http://127\.0\.0\.1:\d+/)", process.output)[1]
+        address = re.search(r"Open (http://127\.0\.0\.1:\d+/)", process.output)[1]
         wait_for_robot(address, lambda one: one["alive"])
         with Stream(address) as stream:  # of the one robot that there is
             assert stream.next(FRAME)["K"] >= 0.0

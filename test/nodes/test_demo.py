@@ -27,7 +27,7 @@ def test_robots_it_cannot_show(robot, texts, capsys, monkeypatch):
     assert demo.main(["demo", "--robot", robot]) == 1
     output = capsys.readouterr()
     assert [text for text in texts if text not in output.err] == []
-    assert output.out == f"a simulated robot, {robot}, its monitor and a page start\n"
+    assert not output.out
 
 
 @pytest.mark.parametrize("arguments", ["--rate 0", "--duration 0", "--duration inf", "--mimic yes"])
