@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 
-from diag_dynamics.sweeps import batch
 from diag_dynamics.sweeps import workspace as ws
 
 CHUNKS_PER_THREAD = 4
@@ -39,7 +38,7 @@ class Workspaces:
         try:
             return self._idle.pop()
         except IndexError:
-            return ws.BatchWorkspace(self._model.bodies, self._model.gravity, batch.ROW_NUMBERS)
+            return ws.BatchWorkspace(self._model.bodies, self._model.gravity)
 
     def release(self, workspace):
         """Return a workspace to the idle ones."""

@@ -27,7 +27,7 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     k, P, y = body.dof, records.inertia_of(w.P), records.force_of(w.y)
     D, column, G = joints.joint_inertia(direction, w.armature, P)
     w.D = D
-    if joints.is_singular(joints.scale_along(body, w), D):
+    if joints.is_singular(joints.scale_along(direction, w), D):
         return i
     records.set_force(w.G, G)
     u = qdd[k] - sp.along(direction, y)
@@ -91,6 +91,7 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
         joints.update_placement(body, q, w)
         V = joints.update_velocity(body, qd, work, w)
         joints.init_articulated_inertia(body, w)
+        w.armature = body.armature
         if added is not None and groups.is_leader(bodies, i):
             w.armature += added[body.dof]
         records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))

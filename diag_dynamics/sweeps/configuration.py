@@ -18,15 +18,6 @@ LOCKED_INERTIA = 1e150
 """Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square does not overflow."""
 
 
-@kernel
-def _twist(body, x):
-    """Twist of a joint of several degrees of freedom from the entries of x that are its own."""
-    k = body.dof
-    if body.kind == records.FLOATING:
-        return sp.Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
-    return sp.Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
-
-
 @large_kernel
 def dexp_inverse(bodies, u, rates, u_rates):
     """u̇ where positions are displaced by u and the joints move with these rates."""
@@ -36,7 +27,7 @@ def dexp_inverse(bodies, u, rates, u_rates):
             if groups.is_leader(bodies, i):
                 u_rates[body.dof] = rates[body.dof]
         elif body.rank == 0:
-            rate = sp.dexp_inverse(_twist(body, u), _twist(body, rates))
+            rate = sp.dexp_inverse(joints.joint_vector(body, u), joints.joint_vector(body, rates))
             for j in range(i, i + body.dofs):
                 direction = bodies[j].direction
                 u_rates[bodies[j].dof] = sp.entry(direction, rate.linear, rate.angular)
@@ -51,7 +42,7 @@ def integrate_positions(bodies, start, u, q):
             if groups.is_leader(bodies, i):
                 q[k] = start[k] + u[body.dof]
         elif body.rank == 0:
-            U = _twist(body, u)
+            U = joints.joint_vector(body, u)
             moved = sp.screw_translation(U)
             if body.kind == records.FLOATING:
                 turn = (start[k + 3], start[k + 4], start[k + 5], start[k + 6])

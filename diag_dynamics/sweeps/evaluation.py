@@ -19,31 +19,7 @@ from diag_dynamics.numerics.kernel import (
 from diag_dynamics.numerics.tables import address_of
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import (
-    ARTICULATED_INERTIA,
-    ARTICULATED_INERTIA_RATE,
-    BAD_LENGTH,
-    BASE_ENERGY,
-    CORIOLIS,
-    CORIOLIS_UNNORMALIZED,
-    EFFORT_POWER,
-    ENERGY_SHARE,
-    EPSILON,
-    GRAVITY,
-    KAPPA,
-    KINETIC_ENERGY,
-    N_RESULTS,
-    NU,
-    NU_DOT,
-    POSITIONS,
-    POWER,
-    RATES,
-    XI,
-    XI_DOT,
-    clear,
-    lengths_match,
-    opened,
-)
+from diag_dynamics.sweeps import workspace as ws
 
 
 @kernel
@@ -54,16 +30,25 @@ def start_at_world(gravity, world):
 
 
 @kernel
-def outward_step(bodies, i, q, qd, work):
-    """V, gravity's acceleration, and what the inward sweep starts from at a body."""
-    body, w, parent = bodies[i], work[i], work[bodies[i].parent]
-    X = joints.update_placement(body, q, w)
-    V = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.V)), joints.own_motion(body, qd))
+def outward_joint(body, X, own_motion, w, parent):
+    """V, gravity's acceleration, and what the inward sweep starts from at a body, for one state or a lane."""
+    records.set_placement(w, X)
+    V = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.V)), own_motion)
     records.set_motion(w.V, V)
-    records.set_vector(w.acceleration, 0, sp.apply_transposed(X.rotation, records.vector_of(parent.acceleration)))
+    acceleration = sp.apply_transposed(X.rotation, records.vector_of(parent.acceleration))
+    records.set_vector(w.acceleration, 0, acceleration)
     joints.init_articulated_inertia(body, w)
     records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
-    clear(w.z)
+    records.set_force(w.z, sp.NO_FORCE)
+
+
+@kernel
+def outward_step(bodies, i, q, qd, work):
+    """The outward step of one state at a body."""
+    body, w = bodies[i], work[i]
+    X = joints.update_placement(body, q, w)
+    outward_joint(body, X, joints.own_motion(body, qd), w, work[body.parent])
+    w.armature = body.armature
 
 
 @large_kernel
@@ -86,20 +71,22 @@ def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
 @kernel
 def write_outputs(out, k, results):
     """Write the results of one degree of freedom, ν̇ and ξ̇."""
-    out[NU, k], out[XI, k], out[EPSILON, k], out[KAPPA, k] = results[0], results[1], results[2], results[3]
-    out[CORIOLIS, k], out[CORIOLIS_UNNORMALIZED, k], out[GRAVITY, k] = results[4], results[5], results[6]
-    out[ARTICULATED_INERTIA, k], out[ARTICULATED_INERTIA_RATE, k] = results[7], results[8]
+    out[ws.NU, k], out[ws.XI, k], out[ws.EPSILON, k], out[ws.KAPPA, k] = results[0], results[1], results[2], results[3]
+    out[ws.CORIOLIS, k], out[ws.CORIOLIS_UNNORMALIZED, k], out[ws.GRAVITY, k] = results[4], results[5], results[6]
+    out[ws.ARTICULATED_INERTIA, k], out[ws.ARTICULATED_INERTIA_RATE, k] = results[7], results[8]
     root, nu_dot = math.sqrt(results[7]), results[2] - results[4] - results[6]
-    out[NU_DOT, k], out[XI_DOT, k] = nu_dot, (root * (nu_dot + results[4]) - results[5]) / results[7]
+    out[ws.NU_DOT, k], out[ws.XI_DOT, k] = nu_dot, (root * (nu_dot + results[4]) - results[5]) / results[7]
 
 
 @kernel
-def inward_joint(direction, armature, rate, tau, V, acceleration, P, P_rate, y, z):
-    """The inward step at a joint of one degree of freedom: its results, and P⁺, Ṗ⁺, y⁺ and z⁺ in its own frame.
+def inward_joint(direction, body, rate, tau, w, parent, is_carried):
+    """The inward step at a joint of one degree of freedom, for one state or a lane; the direction is a constant.
 
-    One state and many take this step. The direction is a constant, for the compiler's sake.
+    Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺ go to the parent.
     """
-    D, column, G = joints.joint_inertia(direction, armature, P)
+    P, P_rate = records.inertia_of(w.P), records.inertia_of(w.P_rate)
+    V, y, z = records.motion_of(w.V), records.force_of(w.y), records.force_of(w.z)
+    D, column, G = joints.joint_inertia(direction, body.armature, P)
     root = math.sqrt(D)
 
     # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
@@ -112,7 +99,7 @@ def inward_joint(direction, armature, rate, tau, V, acceleration, P, P_rate, y, 
     without_xi = sp.along(direction, y) - sp.power(u, V)
 
     kappa = tau - sp.along(direction, z)
-    weight = sp.dot(column.force, acceleration) / root
+    weight = sp.dot(column.force, records.vector_of(w.acceleration)) / root
 
     # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
     zeta = sp.cross_along_z(direction, V, rate)
@@ -123,45 +110,35 @@ def inward_joint(direction, armature, rate, tau, V, acceleration, P, P_rate, y, 
     # P⁺ = P − G (P S)ᵀ;  Ṗ⁺ = Ṗ − G hᵀ − h Gᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×), h = Ṗ S − ½ Ḋ G
     P_plus = sp.less_rank_one(P, G, column)
     h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
-    rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), sp.transport_along_z(direction, rate, P_plus))
-    return outputs(root, xi, kappa, without_xi, weight, D, D_rate), (P_plus, rate_plus, y_plus, z_plus)
+    moved = sp.transport_along_z(direction, rate, P_plus)
+    rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), moved)
+    if is_carried:
+        X = records.placement_of(w)
+        joints.accumulate_scale(w, X, parent)
+        records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P_plus))
+        records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, rate_plus))
+        records.add_to_force(parent.y, sp.force_to_parent(X, y_plus))
+        records.add_to_force(parent.z, sp.force_to_parent(X, z_plus))
+    results = outputs(root, xi, kappa, without_xi, weight, D, D_rate)
+    return results, joints.is_singular(joints.scale_along(direction, w), D)
 
 
 @kernel
 def _inward_step(bodies, i, direction, qd, tau, work, out):
     """The inward step of one state at a joint of one degree of freedom."""
-    body, w = bodies[i], work[i]
-    k, P = body.dof, records.inertia_of(w.P)
-    results, plus = inward_joint(
-        direction,
-        w.armature,
-        qd[k],
-        tau[k],
-        records.motion_of(w.V),
-        records.vector_of(w.acceleration),
-        P,
-        records.inertia_of(w.P_rate),
-        records.force_of(w.y),
-        records.force_of(w.z),
-    )
-    w.D = results[ARTICULATED_INERTIA]
-    if joints.is_singular(joints.scale_along(body, w), w.D):
+    body, k = bodies[i], bodies[i].dof
+    parent, is_carried = work[body.parent], body.parent > 0
+    results, singular = inward_joint(direction, body, qd[k], tau[k], work[i], parent, is_carried)
+    if singular:
         return i
     write_outputs(out, k, results)
-    if body.parent > 0:
-        X, parent = records.placement_of(w), work[body.parent]
-        joints.accumulate_scale(w, X, parent)
-        records.add_to_inertia(parent.P, sp.inertia_to_parent(X, plus[0]))
-        records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, plus[1]))
-        records.add_to_force(parent.y, sp.force_to_parent(X, plus[2]))
-        records.add_to_force(parent.z, sp.force_to_parent(X, plus[3]))
     return 0
 
 
 @large_kernel
 def _inward_coupled(bodies, last, qd, tau, work, table, out):
     """The inward step at degrees of freedom that are eliminated together: see groups."""
-    first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[KAPPA], out[CORIOLIS]
+    first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[ws.KAPPA], out[ws.CORIOLIS]
     for i in range(first, last + 1):
         kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
     z = groups.gather(bodies, first, last, work, work.z, -1.0, kappa)
@@ -193,57 +170,114 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out):
     return 0
 
 
-@large_kernel
-def _inward_floating_base(bodies, last, qd, tau, work, table, out):
-    """As :func:`_inward_coupled`, at a joint of several degrees of freedom that the world carries.
+# A joint of several degrees of freedom that the world carries: V_A is zero, and 𝓜 and 𝓜̇ are P and Ṗ in the joint's
+# axes. Its last body has them, κ in z, the bias in y and gravity's wrench in place of the acceleration. Angular z is
+# eliminated; then the axes are turned, so that the next one is there.
 
-    There V_A is zero, and 𝓜 and 𝓜̇ are P and Ṗ in the joint's own axes: most of what a group needs is not there.
-    """
-    first, start, w, Q, Q_rate = bodies[last].first, bodies[last].start, work[last], table[0], table[1]
-    kappa, bias, gravity = out[KAPPA], out[CORIOLIS], out[GRAVITY]
-    P, P_rate, y, z = (
-        records.inertia_of(w.P),
-        records.inertia_of(w.P_rate),
-        records.force_of(w.y),
-        records.force_of(w.z),
-    )
+
+@kernel
+def start_base(armature, effort, w):
+    """Terms of all directions, with the armature and the effort of each."""
+    P = records.inertia_of(w.P)
     weight = sp.inertia_times(P, sp.Motion(records.vector_of(w.acceleration), sp.ZERO))
-    for i in range(first, last + 1):
-        c, direction = bodies[i].dof, bodies[i].direction
-        kappa[c], bias[c], gravity[c] = (
-            tau[c] - sp.along(direction, z),
-            sp.along(direction, y),
-            sp.along(direction, weight),
-        )
-        column, rate = sp.column_along(direction, P), sp.column_along(direction, P_rate)
-        for j in range(first, i + 1):
-            b = bodies[j].dof
-            Q[b, c - start] = sp.along(bodies[j].direction, column)
-            Q_rate[b, c - start] = sp.along(bodies[j].direction, rate)
-        Q[c, c - start] += work[i].armature
+    records.set_inertia(w.P, sp.add_to_diagonal(P, armature))
+    records.set_force(w.acceleration, weight)
+    records.set_force(w.z, sp.subtract_force(effort, records.force_of(w.z)))
 
+
+@kernel
+def eliminate_last(w):
+    """Eliminate angular z; returns its results and whether it is singular."""
+    P, P_rate, V = records.inertia_of(w.P), records.inertia_of(w.P_rate), records.motion_of(w.V)
+    kappas, bias, weights = records.force_of(w.z), records.force_of(w.y), records.force_of(w.acceleration)
+    D, column, G = joints.joint_inertia(sp.ANGULAR_Z, 0.0, P)
+    u, rate = sp.column_along(sp.ANGULAR_Z, P_rate), V.angular[2]
+    D_rate, kappa, y, weight = u.moment[2], kappas.moment[2], bias.moment[2], weights.moment[2]
+    root, xi, momentum_rate = math.sqrt(D), _add_power(rate, G, V), _add_power(D_rate * rate, u, V)
+    rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # as groups.eliminate_rate
+    records.set_inertia(w.P, sp.less_rank_one(P, G, column))
+    records.set_inertia(w.P_rate, sp.less_products(P_rate, G, rest, u))
+    records.set_force(w.z, sp.subtract_force(kappas, sp.scale_force(G, kappa)))
+    records.set_force(w.y, sp.subtract_force(bias, sp.scale_force(G, y)))
+    records.set_force(w.acceleration, sp.subtract_force(weights, sp.scale_force(G, weight)))
+    results = outputs(root, xi, kappa, y - momentum_rate, weight / root, D, D_rate)
+    return results, joints.is_singular(joints.scale_along(sp.ANGULAR_Z, w), D)
+
+
+@kernel
+def _add_power(start, F, V):
+    """Add FᵀV of all directions but angular z, one by one."""
+    f, m, v, w = F.force, F.moment, V.linear, V.angular
+    return start + f[0] * v[0] + f[1] * v[1] + f[2] * v[2] + m[0] * w[0] + m[1] * w[1]
+
+
+@kernel
+def turn_axes(w):
+    """Make angular y, the next direction to eliminate, angular z."""
+    w.V[3], w.V[4], w.V[5] = 0.0, w.V[3], w.V[4]
+    _turn(w.z, 3)
+    _turn(w.y, 3)
+    _turn(w.acceleration, 3)
+    _turn_inertia(w.P)
+    _turn_inertia(w.P_rate)
+
+
+@kernel
+def _turn(a, k):
+    a[k], a[k + 1], a[k + 2] = a[k + 2], a[k], a[k + 1]
+
+
+@kernel
+def _turn_inertia(P):
+    _turn(P, 6)
+    _turn(P, 9)
+    _turn(P, 12)
+    P[15], P[16], P[17], P[18], P[19], P[20] = P[20], P[17], P[19], P[15], P[16], P[18]
+
+
+@kernel
+def use_linear_axes(w):
+    """Put the linear directions in the place of the angular ones, which are eliminated."""
+    P, P_rate = records.inertia_of(w.P), records.inertia_of(w.P_rate)
+    none = sp.NO_INERTIA
+    records.set_inertia(w.P, sp.Inertia(none.A, none.B, P.A))
+    records.set_inertia(w.P_rate, sp.Inertia(none.A, none.B, P_rate.A))
+    _use_linear(w.V)
+    _use_linear(w.z)
+    _use_linear(w.y)
+    _use_linear(w.acceleration)
+    w.magnitude[1], w.total[1] = w.magnitude[0], w.total[0]
+
+
+@kernel
+def _use_linear(F):
+    records.set_force(F, sp.Force(sp.ZERO, records.vector_of(F)))
+
+
+@kernel
+def has_linear_next(bodies, i):
+    """Whether the direction before that of body i is its joint's first linear one."""
+    return bodies[i - 1].direction < sp.ANGULAR_X <= bodies[i].direction
+
+
+@large_kernel
+def _inward_base(bodies, last, tau, work, out):
+    """The inward step of one state at a joint that the world carries."""
+    w, first, armature = work[last], bodies[last].first, sp.NO_MOTION
+    for i in range(first, last + 1):
+        own = sp.motion_along(bodies[i].direction, work[i].armature)
+        armature = sp.add_motion(armature, own)
+    effort = joints.joint_vector(bodies[first], tau)
+    start_base(armature, sp.Force(effort.linear, effort.angular), w)
     for i in range(last, first - 1, -1):
-        c = bodies[i].dof
-        D, D_rate = Q[c, c - start], Q_rate[c, c - start]
-        work[i].D = D
-        if joints.is_singular(joints.scale_along(bodies[i], w), D):
+        results, singular = eliminate_last(w)
+        if singular:
             return i
-        inverse, root = 1.0 / D, math.sqrt(D)
-        xi, momentum_rate = qd[c], D_rate * qd[c]
-        for b in range(start, c):
-            g, u = Q[b, c - start] * inverse, Q_rate[b, c - start]
-            xi += g * qd[b]
-            momentum_rate += u * qd[b]
-            kappa[b] -= g * kappa[c]
-            bias[b] -= g * bias[c]
-            gravity[b] -= g * gravity[c]
-            for a in range(start, b + 1):  # as eliminate and eliminate_rate of groups
-                g_a = Q[a, c - start] * inverse
-                Q[a, b - start] -= g_a * Q[b, c - start]
-                Q_rate[a, b - start] -= g_a * (u - g * D_rate) + Q_rate[a, c - start] * g
-        without_xi = bias[c] - momentum_rate
-        weight = gravity[c] / root
-        write_outputs(out, c, outputs(root, xi, kappa[c], without_xi, weight, D, D_rate))
+        write_outputs(out, bodies[i].dof, results)
+        if has_linear_next(bodies, i):
+            use_linear_axes(w)
+        if bodies[i - 1].direction != sp.LINEAR_Z:
+            turn_axes(w)
     return 0
 
 
@@ -257,7 +291,7 @@ def is_base(bodies, last):
 def inward_group(bodies, last, qd, tau, work, table, out):
     """The inward step of one state at degrees of freedom that are eliminated together."""
     if is_base(bodies, last):
-        return _inward_floating_base(bodies, last, qd, tau, work, table, out)
+        return _inward_base(bodies, last, tau, work, out)
     return _inward_coupled(bodies, last, qd, tau, work, table, out)
 
 
@@ -267,25 +301,25 @@ def _complete(out, n):
     energy = base = power = 0.0
     for k in range(n):
         total = 0.0
-        for row in range(XI, N_RESULTS):
+        for row in range(ws.XI, ws.N_RESULTS):
             total += out[row, k]
         if not math.isfinite(total):
             return False
-        share = 0.5 * out[NU, k] * out[NU, k]
-        out[ENERGY_SHARE, k] = share
+        share = 0.5 * out[ws.NU, k] * out[ws.NU, k]
+        out[ws.ENERGY_SHARE, k] = share
         energy += share
         if k < 6:
             base = energy
-        power += out[NU, k] * (out[EPSILON, k] - out[GRAVITY, k])
+        power += out[ws.NU, k] * (out[ws.EPSILON, k] - out[ws.GRAVITY, k])
     if out.shape[1] > 0:
-        out[KINETIC_ENERGY, 0], out[BASE_ENERGY, 0] = energy, base
-        out[EFFORT_POWER, 0] = out[POWER, 0] = power
+        out[ws.KINETIC_ENERGY, 0], out[ws.BASE_ENERGY, 0] = energy, base
+        out[ws.EFFORT_POWER, 0] = out[ws.POWER, 0] = power
     return math.isfinite(energy) and math.isfinite(power)
 
 
 @kernel
 def sweep(bodies, gravity, q, qd, tau, work, table, out):
-    """Fill the rows of `out` from NU on with what :func:`evaluate` gives; q, q̇ and τ are finite."""
+    """Fill the rows of `out` from ws.NU on with what :func:`evaluate` gives; q, q̇ and τ are finite."""
     _outward(bodies, gravity, q, qd, work)
     i = len(bodies) - 1
     while i > 0:
@@ -306,23 +340,23 @@ def sweep(bodies, gravity, q, qd, tau, work, table, out):
 def evaluate(robot, q, qd, tau, out):
     """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
-    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`NU` and so on:
+    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`ws.NU` and so on:
     then come ν̇, ξ̇ and ½ν_k², four numbers, and the last two receive q and q̇. Vectors that lie in `out`, and would change
-    meanwhile, are no fit: BAD_LENGTH.
+    meanwhile, are no fit: ws.BAD_LENGTH.
     """
     if overlap(q, out) or overlap(qd, out) or overlap(tau, out):
-        return BAD_LENGTH
-    if not lengths_match(robot, q, qd, tau):
-        return BAD_LENGTH
+        return ws.BAD_LENGTH
+    if not ws.lengths_match(robot, q, qd, tau):
+        return ws.BAD_LENGTH
     if not (joints.are_finite(q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
-    bodies, gravity, work, table = opened(robot)
+    bodies, gravity, work, table = ws.opened(robot)
     if not joints.are_orientations(bodies, q):
         return -1
     for k in range(len(q)):
-        out[POSITIONS, k] = q[k]
+        out[ws.POSITIONS, k] = q[k]
     for k in range(len(qd)):
-        out[RATES, k] = qd[k]
+        out[ws.RATES, k] = qd[k]
     return sweep(bodies, gravity, q, qd, tau, work, table, out)
 
 
@@ -338,7 +372,7 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
     """Return q̇·τ_fric [W] of a state that :func:`evaluate` has filled, τ_fric as in DiagonalDynamics.friction_torque."""
     power = 0.0
     for k in range(len(damping)):
-        rate = state[RATES, k]
+        rate = state[ws.RATES, k]
         sign = float((rate > 0.0) - (rate < 0.0))
         turned = math.tanh(rate / friction_velocity) if friction_velocity > 0.0 else sign
         power += rate * (damping[k] * rate + friction[k] * turned + effort_offset[k])
@@ -379,7 +413,7 @@ def link_energies(bodies, links, work, Q, QD, energies):
 @entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, FILLED_VECTOR)
 def link_energy(bodies, links, work, state, energy):
     """Kinetic energy of every link, as :func:`link_energies` has it, of a state that :func:`evaluate` has filled."""
-    return _link_energies_at(bodies, links, work, state[POSITIONS], state[RATES], energy)
+    return _link_energies_at(bodies, links, work, state[ws.POSITIONS], state[ws.RATES], energy)
 
 
 @kernel

@@ -28,7 +28,7 @@ def factor_joint(body, w, parent, lock_massless):
     """
     P = records.inertia_of(w.P)
     D, column, G = joints.joint_inertia(body.direction, w.armature, P)
-    w.D, w.size = D, joints.scale_along(body, w)
+    w.D, w.size = D, joints.scale_along(body.direction, w)
     singular = joints.is_singular(w.size, D)
     if singular and not lock_massless:
         return False

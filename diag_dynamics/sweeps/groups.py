@@ -60,7 +60,7 @@ def compose(bodies, first, last, work, Q):
         P, d, owner = records.inertia_of(w.P), body.dof, work[body.leader]
         column = sp.scale_force(sp.column_along(body.direction, P), body.multiplier)
         Q[d, d - start] += body.multiplier * (sp.along(body.direction, column) + body.multiplier * w.armature)
-        owner.size += body.multiplier * body.multiplier * joints.scale_along(body, w)
+        owner.size += body.multiplier * body.multiplier * joints.scale_along(body.direction, w)
         column = joints.force_inboard(body, w, column)
         j = body.parent
         while j >= first:

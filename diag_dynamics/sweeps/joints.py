@@ -8,7 +8,6 @@ import math
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.sweeps import records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.trigonometry import sine_and_cosine
 
 UNIT_TOLERANCE = 1e-3
 """Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
@@ -30,12 +29,29 @@ def _position(body, q):
 
 
 @kernel
+def placement(direction, body, position):
+    """X of a body that turns about z by a reduced angle, or slides along z."""
+    rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
+    if direction == sp.ANGULAR_Z:
+        sine, cosine = sp.sine_and_cosine(position)
+        return sp.Placement(sp.turned_about_z(rotation, sine, cosine), translation)
+    return sp.Placement(rotation, sp.add(translation, sp.apply(rotation, (0.0, 0.0, position))))
+
+
+@kernel
+def floating_placement(body, position, quaternion):
+    """X of a floating body."""
+    rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
+    turned = sp.rotation_of_quaternion(quaternion[0], quaternion[1], quaternion[2], quaternion[3])
+    return sp.Placement(sp.product(rotation, turned), sp.add(translation, sp.apply(rotation, position)))
+
+
+@kernel
 def update_placement(body, q, w):
-    """X of the body at the positions q, kept in its workspace; the later bodies of a joint are where the first is."""
+    """Write and return X of a body; the later bodies of a joint are in the frame of the first."""
     if body.kind == records.REVOLUTE:
-        sine, cosine = sine_and_cosine(_position(body, q))
-        rotation = sp.turned_about_z(records.matrix_of(body.rotation), sine, cosine)
-        records.set_placement(w, sp.Placement(rotation, records.vector_of(body.translation)))
+        X = placement(sp.ANGULAR_Z, body, sp.reduced_angle(_position(body, q)))
+        records.set_placement(w, X)
     else:
         _update_placement_general(body, q, w)
     return records.placement_of(w)
@@ -43,20 +59,16 @@ def update_placement(body, q, w):
 
 @large_kernel
 def _update_placement_general(body, q, w):
-    """Place a body as :func:`place`, at any joint that is not revolute."""
-    rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
+    k, X = body.q, sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation))
     if body.kind == records.PRISMATIC:
-        translation = sp.add(translation, sp.apply(rotation, (0.0, 0.0, _position(body, q))))
+        X = placement(sp.LINEAR_Z, body, _position(body, q))
+    elif body.rank == 0 and body.kind == records.PLANAR:
+        moved = sp.add(X.translation, sp.apply(X.rotation, (q[k], q[k + 1], 0.0)))
+        X = sp.Placement(placement(sp.ANGULAR_Z, body, sp.reduced_angle(q[k + 2])).rotation, moved)
     elif body.rank == 0:
-        k = body.q
-        if body.kind == records.PLANAR:
-            translation = sp.add(translation, sp.apply(rotation, (q[k], q[k + 1], 0.0)))
-            sine, cosine = sine_and_cosine(q[k + 2])
-            rotation = sp.turned_about_z(rotation, sine, cosine)
-        else:
-            translation = sp.add(translation, sp.apply(rotation, (q[k], q[k + 1], q[k + 2])))
-            rotation = sp.product(rotation, sp.rotation_of_quaternion(q[k + 3], q[k + 4], q[k + 5], q[k + 6]))
-    records.set_placement(w, sp.Placement(rotation, translation))
+        quaternion = (q[k + 3], q[k + 4], q[k + 5], q[k + 6])
+        X = floating_placement(body, (q[k], q[k + 1], q[k + 2]), quaternion)
+    records.set_placement(w, X)
 
 
 @kernel
@@ -82,6 +94,7 @@ def initialize(bodies, q, work):
     for i in range(1, len(bodies)):
         update_placement(bodies[i], q, work[i])
         init_articulated_inertia(bodies[i], work[i])
+        work[i].armature = bodies[i].armature
 
 
 @kernel
@@ -124,6 +137,15 @@ def are_finite(x):
 def own_motion(body, rates):
     """S q̇ of one body; a follower's rate is its leader's, multiplied."""
     return sp.motion_along(body.direction, body.multiplier * rates[body.dof])
+
+
+@kernel
+def joint_vector(body, x):
+    """Twist of a joint of several degrees of freedom from the entries of x that are its own; `body` is its first."""
+    k = body.dof
+    if body.kind == records.FLOATING:
+        return sp.Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
+    return sp.Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
 
 
 @kernel
@@ -183,7 +205,6 @@ def init_articulated_inertia(body, w):
     w.magnitude[0] = 3.0 * body.mass
     w.magnitude[1] = body.inertia[0] + body.inertia[3] + body.inertia[5]
     w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
-    w.armature = body.armature
 
 
 @kernel
@@ -195,19 +216,13 @@ def joint_inertia(direction, armature, P):
 
 
 @kernel
-def scale_along(body, w):
-    """The size of the inertias that D of this body came from.
+def scale_along(direction, w):
+    """The size of the inertias that D of a body came from.
 
     These are what the joints outboard have left over; where that is nothing but rounding, a part of all inertia outboard.
     """
-    k = 0 if body.direction < sp.ANGULAR_X else 1
-    return inertia_scale(w.magnitude[k], w.total[k])
-
-
-@kernel
-def inertia_scale(magnitude, total):
-    """The size of inertias from that of what the children hand on, and that of all inertia outboard."""
-    return max(magnitude, REMOTE * total)
+    k = 0 if direction < sp.ANGULAR_X else 1
+    return max(w.magnitude[k], REMOTE * w.total[k])
 
 
 @kernel

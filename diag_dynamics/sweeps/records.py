@@ -3,6 +3,8 @@
 
 """Records that sweeps work on, and their conversion to tuples and back."""
 
+from collections import namedtuple
+
 import numba
 import numpy as np
 from numba import types
@@ -58,22 +60,14 @@ LINK = np.dtype(
 )
 """One link with inertia, in the frame of the body it belongs to."""
 
-SWEPT_FIELDS = {
-    "rotation": 9,
-    "translation": 3,
-    "V": 6,
-    "acceleration": 6,
-    "P": 21,
-    "P_rate": 21,
-    "y": 6,
-    "z": 6,
-    "magnitude": 2,
-    "total": 2,
-}
+PLACE_FIELDS = {"rotation": 9, "translation": 3}
+MOTION_FIELDS = {"V": 6, "acceleration": 6}
+INWARD_FIELDS = {"P": 21, "P_rate": 21, "y": 6, "z": 6, "magnitude": 2, "total": 2}
+SWEPT_FIELDS = PLACE_FIELDS | MOTION_FIELDS | INWARD_FIELDS
 """Fields of a body's workspace that the evaluation works on, and their lengths.
 
-From P on they are what a body accumulates from its children. P and Ṗ are symmetric: xx xy xz yy yz zz of the block A, the
-nine entries of B, and C as A.
+Inward fields are accumulated from the children. P and Ṗ are symmetric: xx xy xz yy yz zz of the block A, the nine
+entries of B, and C as A.
 """
 
 WORK = np.dtype(
@@ -95,6 +89,35 @@ WORK = np.dtype(
 """Workspace of one body; which fields are alive depends on the sweep. D, size, G and u belong to the degree of freedom
 that the body owns."""
 
+WIDTH = 8
+"""States or columns that loops take side by side: the registers of AVX-512 hold as many, those of AVX2 half."""
+
+N_RESULTS = 9
+"""Results of a degree of freedom that a batch keeps."""
+
+LANES = np.dtype(
+    [
+        *((name, "f8", (length, WIDTH)) for name, length in SWEPT_FIELDS.items()),
+        # a copy of the parent's motion, and what the parent accumulates from the body
+        *((f"parent_{name}", "f8", (n, WIDTH)) for name, n in (MOTION_FIELDS | INWARD_FIELDS).items()),
+        ("position", "f8", (7, WIDTH)),
+        ("rate", "f8", (6, WIDTH)),
+        ("effort", "f8", (6, WIDTH)),
+        ("results", "f8", (N_RESULTS, WIDTH)),
+    ],
+    align=True,
+)
+"""Workspace of one body for WIDTH states: see batch. Only a floating base has more than one rate."""
+
+Lane = namedtuple("Lane", SWEPT_FIELDS)
+"""Fields of one state in LANES, as a record WORK has them."""
+
+Body = namedtuple(
+    "Body",
+    ["rotation", "translation", "mass", "first_moment", "inertia", "armature"],
+)
+"""Numbers of a record BODY."""
+
 WRENCH = np.dtype(
     [("body", "i8"), ("point", "f8", 3), ("force", "f8", 3), ("moment", "f8", 3)],
     align=True,
@@ -107,6 +130,54 @@ WRENCHES, WORKS = numba.from_dtype(WRENCH)[::1], numba.from_dtype(WORK)[::1]
 
 links_at = array_at(numba.from_dtype(LINK), 1)
 """Array of LINK that lies at an address."""
+
+
+@kernel
+def lane_of(row, b):
+    """State b in the row of a body."""
+    return Lane(
+        row.rotation[:, b],
+        row.translation[:, b],
+        row.V[:, b],
+        row.acceleration[:, b],
+        row.P[:, b],
+        row.P_rate[:, b],
+        row.y[:, b],
+        row.z[:, b],
+        row.magnitude[:, b],
+        row.total[:, b],
+    )
+
+
+@kernel
+def parent_lane_of(row, b):
+    """State b of the parent in the row of a body."""
+    return Lane(
+        row.rotation[:, b],
+        row.translation[:, b],
+        row.parent_V[:, b],
+        row.parent_acceleration[:, b],
+        row.parent_P[:, b],
+        row.parent_P_rate[:, b],
+        row.parent_y[:, b],
+        row.parent_z[:, b],
+        row.parent_magnitude[:, b],
+        row.parent_total[:, b],
+    )
+
+
+@kernel
+def values_of(body):
+    """Numbers of a body, for loops that write: the compiler takes these for constants."""
+    about, R = body.inertia, matrix_of(body.rotation)
+    return Body(
+        (*R[0], *R[1], *R[2]),
+        vector_of(body.translation),
+        body.mass,
+        vector_of(body.first_moment),
+        (about[0], about[1], about[2], about[3], about[4], about[5]),
+        body.armature,
+    )
 
 
 @kernel

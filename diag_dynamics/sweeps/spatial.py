@@ -264,6 +264,28 @@ def less_rank_one(P, G, H):
 
 
 @kernel
+def add_to_diagonal(P, entries):
+    """P + diag(entries), of a Motion of entries."""
+    (A, B, C), (a, c) = P, entries
+    A = ((A[0][0] + a[0], A[0][1], A[0][2]), (A[1][0], A[1][1] + a[1], A[1][2]), (A[2][0], A[2][1], A[2][2] + a[2]))
+    C = ((C[0][0] + c[0], C[0][1], C[0][2]), (C[1][0], C[1][1] + c[1], C[1][2]), (C[2][0], C[2][1], C[2][2] + c[2]))
+    return Inertia(A, B, C)
+
+
+@kernel
+def less_products(P, G, H, u):
+    """P − (G Hᵀ + u Gᵀ), for a difference that is symmetric."""
+    A = matrix_sum(outer(G.force, H.force), outer(u.force, G.force))
+    B = matrix_sum(outer(G.force, H.moment), outer(u.force, G.moment))
+    C = matrix_sum(outer(G.moment, H.moment), outer(u.moment, G.moment))
+    return Inertia(
+        mirror(matrix_difference(P.A, A)),
+        matrix_difference(P.B, B),
+        mirror(matrix_difference(P.C, C)),
+    )
+
+
+@kernel
 def less_rank_two(P, G, H):
     """P − G Hᵀ − H Gᵀ."""
     return Inertia(
@@ -472,3 +494,63 @@ def transport(V, P):
         matrix_sum(_commutator_of_block(V.angular, P.B), transpose(cross_columns(V.linear, P.A))),
         matrix_sum(_commutator(V.angular, P.C), mirror(matrix_sum(B, transpose(B)))),
     )
+
+
+# --- Sine and cosine ----------------------------------------------------------------------------------------
+
+MAX_ANGLE = 1e6
+"""Up to this angle [rad] a multiple of the first part of π/2 has no rounding error."""
+
+TO_NEAREST = 6755399441055744.0
+"""1.5 · 2⁵²: adding and subtracting it leaves the nearest integer."""
+
+HALF_PI = (1.57079632673412561417, 6.07710050650619224932e-11)
+
+SINE = (
+    -1.66666666666666324348e-01,
+    8.33333333332248946124e-03,
+    -1.98412698298579493134e-04,
+    2.75573137070700676789e-06,
+    -2.50507602534068634195e-08,
+    1.58969099521155010221e-10,
+)
+
+COSINE = (
+    4.16666666666666019037e-02,
+    -1.38888888888741095749e-03,
+    2.48015872894767294178e-05,
+    -2.75573143513906633035e-07,
+    2.08757232129817482790e-09,
+    -1.13596475577881948265e-11,
+)
+
+
+@kernel
+def reduced_angle(x):
+    """Angle within MAX_ANGLE with the sine and cosine of x."""
+    return x if abs(x) < MAX_ANGLE else math.atan2(math.sin(x), math.cos(x))
+
+
+@kernel
+def sine_and_cosine(x):
+    """Sine and cosine of |x| < MAX_ANGLE, without a branch; errors are below one unit in the last place of 1.
+
+    The nearest multiple of π/2 is subtracted in two parts (Cody and Waite 1980). The polynomials are fdlibm's.
+    """
+    n = (x * (2.0 / math.pi) + TO_NEAREST) - TO_NEAREST
+    r, w = x - n * HALF_PI[0], n * HALF_PI[1]
+    y = r - w
+    t = (r - y) - w  # rounding error of y
+    z = y * y
+    v, half = z * y, 0.5 * z
+    p = SINE[1] + z * (SINE[2] + z * (SINE[3] + z * (SINE[4] + z * SINE[5])))
+    s = y - ((z * (0.5 * t - v * p) - t) - v * SINE[0])
+    p = z * (COSINE[0] + z * (COSINE[1] + z * (COSINE[2] + z * (COSINE[3] + z * (COSINE[4] + z * COSINE[5])))))
+    rounded = 1.0 - half
+    c = rounded + (((1.0 - rounded) - half) + (z * p - y * t))
+    odd = n - 2.0 * ((0.5 * n + TO_NEAREST) - TO_NEAREST)
+    odd = odd * odd  # 1 where n is odd, else 0
+    even, turns = 1.0 - odd, 0.5 * (n - odd)
+    back = turns - 2.0 * ((0.5 * turns + TO_NEAREST) - TO_NEAREST)
+    sign = 1.0 - 2.0 * back * back
+    return sign * (even * s + odd * c), sign * (even - odd) * (even * c + odd * s)

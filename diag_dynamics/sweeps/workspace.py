@@ -28,12 +28,11 @@ N_NUMBERS = N_SWEPT - KINETIC_ENERGY
 POSITIONS, RATES, N_ROWS = range(16, 19)
 """Rows of a single state that receive q and q̇, and the number of all rows."""
 
+WIDTH = records.WIDTH
+
 BAD_LENGTH = -2
 """Status of a sweep: a vector has not the robot's length."""
 
-
-WIDTH = 8
-"""States or columns that loops take side by side: the registers of AVX-512 hold as many, those of AVX2 half."""
 
 ROBOT = Table(
     "Robot",
@@ -54,7 +53,8 @@ ROBOT = Table(
 BATCH = ROBOT.extended(
     "BatchRobot",
     records=array(float, 2),  # the memory of `work` as numbers
-    rows=array(float, 2),  # see batch
+    lanes=array(records.LANES),  # see batch
+    rows=array(float, 2),  # the memory of `lanes` as numbers
     out=array(float, 2),  # results of one state
     no_rates=array(float, 2),  # q̇ = 0
 )
@@ -109,21 +109,15 @@ class Workspace:
 
 
 class BatchWorkspace(Workspace):
-    """Robot and memory for the evaluation of WIDTH states side by side: its table is as :data:`BATCH` has it.
+    """Robot and memory for WIDTH states side by side: its table is as :data:`BATCH` has it."""
 
-    `numbers` is how many numbers of one state the row of a body holds.
-    """
-
-    def __init__(self, bodies, gravity, numbers):
+    def __init__(self, bodies, gravity):
         super().__init__(bodies, gravity)
-        self._numbers = numbers
-        records = self.work.view(np.float64).reshape(len(self.work), -1)
-        rows = np.zeros((len(self.work), numbers * WIDTH))
-        out, no_rates = np.zeros((N_SWEPT, max(1, self._entries["nv"]))), np.zeros((1, self._entries["nv"]))
-        self._locate(BATCH, **self._entries, records=records, rows=rows, out=out, no_rates=no_rates)
-
-    def __reduce__(self):
-        return type(self), (self.bodies, self.gravity, self._numbers)
+        lanes, nv = np.zeros(len(self.work), records.LANES), self._entries["nv"]
+        rows, numbers = (x.view(np.float64).reshape(len(x), -1) for x in (lanes, self.work))
+        out, no_rates = np.zeros((N_SWEPT, max(1, nv))), np.zeros((1, nv))
+        more = {"records": numbers, "lanes": lanes, "rows": rows, "out": out, "no_rates": no_rates}
+        self._locate(BATCH, **self._entries, **more)
 
 
 def _subtree_columns(bodies, nv):

@@ -177,24 +177,35 @@ def test_any_number_of_states(two, count):
 
 
 def evaluation_step(robot):
-    at = kernels.batch_of(robot)
-    kernels._outward_joint(spatial.ANGULAR_Z, at.bodies[1], at.rows[1], at.rows[0])
-    kernels._inward_joint(spatial.ANGULAR_Z, at.bodies[1], at.rows[1], at.rows[0])
+    at = kernels.ws.batch_of(robot)
+    kernels._outward_joint(spatial.ANGULAR_Z, at, 1)
+    kernels._inward_joint(spatial.ANGULAR_Z, at, 1)
+
+
+def base_step(robot):
+    at = kernels.ws.batch_of(robot)
+    kernels._outward_base(at, 1)
+    kernels._inward_base(at, 6)
 
 
 def moment_step(robot):
-    at = kernels.batch_of(robot)
-    kernels._inward_moment(spatial.LINEAR_Z, at.bodies[1], at.rows[1], at.rows[0])
+    at = kernels.ws.batch_of(robot)
+    kernels._inward_moment(spatial.LINEAR_Z, False, at, 1)
+
+
+def effort_step(robot):
+    at = kernels.ws.batch_of(robot)
+    kernels._inward_moment(spatial.ANGULAR_Z, True, at, 1)
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names of instructions are those of x86-64")
-@pytest.mark.parametrize("step", [evaluation_step, moment_step])
+@pytest.mark.parametrize("step", [evaluation_step, base_step, moment_step, effort_step])
 def test_steps_side_by_side_are_vectorized(step):
     """Scalar instructions would give the same numbers in more than twice the time."""
     compiled = numba.njit("(int64,)", error_model="numpy")(step)
     code = "\n".join(compiled.inspect_asm().values())
     packed, scalar = (len(re.findall(rf"v?(?:add|sub|mul){kind}\s", code)) for kind in ("pd", "sd"))
-    assert packed > 300 and scalar < 0.1 * packed
+    assert packed > 300 and scalar < 0.1 * packed, (packed, scalar)
 
 
 def test_large_angles_equal_reduced_ones(two):
