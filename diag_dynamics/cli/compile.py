@@ -32,7 +32,6 @@ UNITS = {
     "sweeps.kinematics": 1,
     "sweeps.configuration": 1,
     "identification.kernels.regressors": 1,
-    "sweeps.residuals": 1,
 }
 """Modules with entry kernels, and their time to compile one after the other [CPU-s], the longest first."""
 

@@ -17,7 +17,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
-from diag_dynamics.sweeps.residuals import observe_samples
+from diag_dynamics.sweeps.evaluation import observe_samples
 
 
 class Observed(NamedTuple):

@@ -155,19 +155,10 @@ def _outward_base(at, i):
 
 
 @kernel
-def _base_armature(at, i):
-    """Armature of the six degrees of freedom of a base."""
-    k = at.bodies[i].first
-    return sp.Motion(
-        (at.bodies[k].armature, at.bodies[k + 1].armature, at.bodies[k + 2].armature),
-        (at.bodies[k + 3].armature, at.bodies[k + 4].armature, at.bodies[k + 5].armature),
-    )
-
-
-@kernel
 def _inward_base(at, i):
     """Returns how many directions of all states are singular."""
-    row, armature, count = at.lanes[i], _base_armature(at, i), 0
+    row, count = at.lanes[i], 0
+    armature = evaluation.armature_of(at.bodies, i)
     for b in range(WIDTH):
         effort = records.force_of(row.effort[:, b])
         evaluation.start_base(armature, effort, lane_of(row, b))
@@ -258,13 +249,10 @@ def _inward_moments_of_group(inverse, at, i, TAU, first, last):
                 k = bodies[j].dof
                 moments[k] = tau[k] * math.sqrt(work[j].D) if inverse else tau[k]
         if inverse:
-            z = groups.unfilter_moments(bodies, start, i, work, Q, moments)
-            z = sp.add_force(z, groups.gather(bodies, start, i, work, work.z, 1.0, moments))
+            factorization.tau_of_group(bodies, i, work, Q, moments)
         else:
-            z = groups.gather(bodies, start, i, work, work.z, -1.0, moments)
-            z = sp.add_force(z, groups.filter_moments(bodies, start, i, work, Q, moments))
+            factorization.kappa_of_group(bodies, i, work, Q, moments)
         if base > 0:
-            records.add_to_force(work[base].z, z)
             _store(at, base, b)
         for j in range(start, i + 1):
             if groups.is_leader(bodies, j):

@@ -65,7 +65,7 @@ def _aba_inward_group(bodies, last, qd, work, Q, qdd):
 @large_kernel
 def _aba_outward_group(bodies, i, qd, work, Q, qdd):
     """The last outward step of :func:`forward_dynamics` at a body of a group."""
-    body, w, carrier = bodies[i], work[i], work[bodies[bodies[i].first].parent]
+    body, w, base = bodies[i], work[i], work[bodies[bodies[i].first].parent]
     A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].acceleration))
     if body.rank == 0:
         A = sp.add_motion(A, joints.zeta(bodies, i, qd, work))
@@ -73,7 +73,7 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
         for j in range(i, body.last + 1):
             if groups.is_leader(bodies, j):
                 qdd[bodies[j].dof] -= groups.induced_rate(
-                    bodies, j, records.motion_of(carrier.acceleration), qdd, Q, records.force_of(work[j].G)
+                    bodies, j, records.motion_of(base.acceleration), qdd, Q, records.force_of(work[j].G)
                 )
     records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, qdd)))
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Motions of positions along a twist, what moves one configuration to another, and joints that are held.
+"""Motions of positions along a twist, what moves one configuration to another, and locked joints.
 
 Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist
 each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree of freedom that is q₀ + u.
@@ -15,7 +15,7 @@ from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.workspace import BAD_LENGTH, lengths_match, opened, positions_match
 
 LOCKED_INERTIA = 1e150
-"""Rotor inertia of a joint that is held [kg m², kg]: nothing moves it, and its square does not overflow."""
+"""Rotor inertia of a locked joint [kg m², kg]: nothing moves it, and its square does not overflow."""
 
 
 @large_kernel
@@ -113,11 +113,8 @@ def difference(robot, start, end, continuous, v):
 
 
 @large_kernel
-def lock_joints(bodies, armature, held):
-    """Hold the degrees of freedom that are marked, and no others: sweeps then see a robot whose joints are locked there.
-
-    The bodies' own rotor inertias are given.
-    """
+def lock_joints(bodies, armature, locked):
+    """Lock the degrees of freedom that are marked, and no others; `armature` has the bodies' own."""
     for i in range(1, len(bodies)):
-        marked = groups.is_leader(bodies, i) and held[bodies[i].dof] != 0.0
+        marked = groups.is_leader(bodies, i) and locked[bodies[i].dof] != 0.0
         bodies[i].armature = LOCKED_INERTIA if marked else armature[i]

@@ -31,10 +31,7 @@ def _initialize(bodies, q, qd, work):
 
 @large_kernel
 def _factorize_with_rates(bodies, q, qd, work, table):
-    """D, G and g of every degree of freedom and, of the row c of 𝓜̇ that it was eliminated with, u and Q̇[:, c].
-
-    Every joint is taken as a group here: what these sweeps need is in the axes of what carries it.
-    """
+    """D, G, g, u and Q̇[:, c] of every degree of freedom, each joint taken as a group: in the axes of its base."""
     status = _initialize(bodies, q, qd, work)
     last = len(bodies) - 1
     while status == 0 and last > 0:
@@ -164,11 +161,11 @@ def m_rate_transposed(robot, q, qd, x, result):
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if groups.is_leader(bodies, i):
-            k, carrier = body.dof, work[bodies[body.first].parent]
-            W_A, G = records.motion_of(carrier.W), records.force_of(w.G)
+            k, base = body.dof, work[bodies[body.first].parent]
+            W_A, G = records.motion_of(base.W), records.force_of(w.G)
             eta = x[k] + groups.induced_rate(bodies, i, W_A, x, table[0], G)
             rate = groups.momentum_rate(bodies, i, W_A, x, work, table[1]) - 0.5 * table[1, k, k - body.start] * eta
-            result[k] = rate / math.sqrt(w.D) + math.sqrt(w.D) * sp.power(G, records.motion_of(carrier.W_rate))
+            result[k] = rate / math.sqrt(w.D) + math.sqrt(w.D) * sp.power(G, records.motion_of(base.W_rate))
         _propagate_rates(bodies, i, qd, x, work)
     return 0 if joints.are_finite(result) else -1
 
@@ -208,15 +205,15 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
         first = bodies[last].first
         y = groups.gather_bias(bodies, first, last, qd, work, work.W, -1.0, result)
         y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, table[0], result))
-        carrier = bodies[first].parent
-        W_A = records.motion_of(work[carrier].W)
+        base = bodies[first].parent
+        W_A = records.motion_of(work[base].W)
         for i in range(first, last + 1):
             if groups.is_leader(bodies, i):
                 k = bodies[i].dof
                 D_rate = table[1, k, k - bodies[i].start]
                 rate = groups.momentum_rate(bodies, i, W_A, u, work, table[1])
                 result[k] = (-result[k] - rate + 0.5 * D_rate * eta[k]) / math.sqrt(work[i].D)
-        if carrier > 0:
-            records.add_to_force(work[carrier].y, y)
+        if base > 0:
+            records.add_to_force(work[base].y, y)
         last = first - 1
     return 0 if joints.are_finite(result) else -1

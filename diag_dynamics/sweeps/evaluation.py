@@ -60,10 +60,7 @@ def _outward(bodies, gravity, q, qd, work):
 
 @kernel
 def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
-    """Results of one degree of freedom, by row: the only place where they are listed.
-
-    `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half; `gravity` is ε_g.
-    """
+    """Results of one degree of freedom, by row; `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half."""
     coriolis = (without_xi + 0.5 * D_rate * xi) / root
     return root * xi, xi, kappa / root, kappa, coriolis, without_xi + D_rate * xi, gravity, D, D_rate
 
@@ -152,8 +149,8 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out):
     z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, kappa))
 
     V_A = groups.base_motion(bodies, first, work)
-    carrier = work[bodies[first].parent]
-    acceleration = sp.Motion(records.vector_of(carrier.acceleration), sp.ZERO)
+    base = work[bodies[first].parent]
+    acceleration = sp.Motion(records.vector_of(base.acceleration), sp.ZERO)
     for i in range(last, first - 1, -1):
         if not groups.is_leader(bodies, i):
             continue
@@ -165,8 +162,8 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out):
         write_outputs(out, k, outputs(root, xi, kappa[k], without_xi, weight, D, D_rate))
         groups.eliminate_rate(bodies, first, i, work, Q, Q_rate)
     if bodies[first].parent > 0:
-        records.add_to_force(carrier.y, y)
-        records.add_to_force(carrier.z, z)
+        records.add_to_force(base.y, y)
+        records.add_to_force(base.z, z)
     return 0
 
 
@@ -260,13 +257,20 @@ def has_linear_next(bodies, i):
     return bodies[i - 1].direction < sp.ANGULAR_X <= bodies[i].direction
 
 
+@kernel
+def armature_of(bodies, last):
+    """Armature of the directions of a joint."""
+    armature = sp.NO_MOTION
+    for i in range(bodies[last].first, last + 1):
+        own = sp.motion_along(bodies[i].direction, bodies[i].armature)
+        armature = sp.add_motion(armature, own)
+    return armature
+
+
 @large_kernel
 def _inward_base(bodies, last, tau, work, out):
     """The inward step of one state at a joint that the world carries."""
-    w, first, armature = work[last], bodies[last].first, sp.NO_MOTION
-    for i in range(first, last + 1):
-        own = sp.motion_along(bodies[i].direction, work[i].armature)
-        armature = sp.add_motion(armature, own)
+    w, first, armature = work[last], bodies[last].first, armature_of(bodies, last)
     effort = joints.joint_vector(bodies[first], tau)
     start_base(armature, sp.Force(effort.linear, effort.angular), w)
     for i in range(last, first - 1, -1):
@@ -379,22 +383,27 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
     return power
 
 
-@kernel
-def energies_of_links(bodies, links, work, qd, energy):
-    """Fill `energy` with the kinetic energy of every link, for bodies that move by their V; whether all are finite."""
-    for k in range(len(energy)):
-        energy[k] = 0.0
-    for i in range(1, len(bodies)):
-        body = bodies[i]
-        rate = body.multiplier * qd[body.dof]
-        energy[body.link] += 0.5 * body.armature * (rate * rate)
-    for j in range(len(links)):
-        V = records.motion_of(work[links[j].body].V)
-        energy[links[j].index] += 0.5 * sp.power(joints.momentum(links[j], V), V)
-    total = 0.0
-    for k in range(len(energy)):
-        total += energy[k]
-    return math.isfinite(total)
+@entry_kernel(VECTOR, VECTOR, *[MATRIX] * 3, FILLED_MATRIX, FILLED_MATRIX, FILLED_VECTOR, nogil=True)
+def observe_samples(gain, interval, nu, resisting, epsilon, last, residual, norm):
+    """Write r, ṙ = K (ε_ext − r) as DisturbanceObserver has it, and |r| of samples.
+
+    `last` has r, ν, ε_g + C + ε_fric and ε of the sample before, and then of the last one.
+    """
+    for t in range(len(interval)):
+        square = 0.0
+        for k in range(len(gain)):
+            r = 0.0
+            if interval[t] > 0.0:
+                mean = 0.5 * (last[3, k] + epsilon[t, k] - last[2, k] - resisting[t, k])
+                external = (nu[t, k] - last[1, k]) / interval[t] - mean
+                r = last[0, k] - math.expm1(-gain[k] * interval[t]) * (external - last[0, k])
+            residual[t, k] = r
+            square += r * r
+            last[0, k], last[1, k], last[2, k], last[3, k] = r, nu[t, k], resisting[t, k], epsilon[t, k]
+        norm[t] = math.sqrt(square)
+        if not math.isfinite(norm[t]):
+            for k in range(len(gain)):
+                last[0, k] = 0.0
 
 
 @entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, MATRIX, FILLED_MATRIX, nogil=True)
@@ -418,9 +427,15 @@ def link_energy(bodies, links, work, state, energy):
 
 @kernel
 def _link_energies_at(bodies, links, work, q, qd, energy):
+    ws.clear(energy)
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         joints.update_placement(body, q, w)
         joints.update_velocity(body, qd, work, w)
-    return energies_of_links(bodies, links, work, qd, energy)
+        rate = body.multiplier * qd[body.dof]
+        energy[body.link] += 0.5 * body.armature * (rate * rate)
+    for j in range(len(links)):
+        V = records.motion_of(work[links[j].body].V)
+        energy[links[j].index] += 0.5 * sp.power(joints.momentum(links[j], V), V)
+    return joints.are_finite(energy)

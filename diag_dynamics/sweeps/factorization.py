@@ -22,10 +22,7 @@ from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, copy, lengths_matc
 
 @kernel
 def factor_joint(body, w, parent, lock_massless):
-    """Riccati step (Algorithm 4.1) at a body that is in no group: its D and G; P⁺ goes to its parent.
-
-    Returns whether it went on: a joint that moves no inertia ends it, or is passed over as if it were locked.
-    """
+    """D and G of a body that is in no group (Algorithm 4.1); P⁺ goes to its parent. Returns whether it moves inertia."""
     P = records.inertia_of(w.P)
     D, column, G = joints.joint_inertia(body.direction, w.armature, P)
     w.D, w.size = D, joints.scale_along(body.direction, w)
@@ -53,10 +50,7 @@ def factor_group(bodies, last, work, Q, lock_massless):
 
 @large_kernel
 def factorize(bodies, work, Q, lock_massless=False):
-    """D and G of all bodies, inward; the bodies are placed and their inertias started.
-
-    A joint that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
-    """
+    """D and G of all initialized bodies; returns 0, or the body of a joint that moves no inertia and is not to be locked."""
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
@@ -159,6 +153,24 @@ def qd_from_xi(bodies, xi, work, Q, qd):
         joints.update_velocity(body, qd, work, w)
 
 
+@kernel
+def kappa_of_group(bodies, last, work, Q, kappa):
+    """Moments τ of a group become κ, in place; z⁺ goes to its base."""
+    first = bodies[last].first
+    z = groups.gather(bodies, first, last, work, work.z, -1.0, kappa)
+    z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, kappa))
+    records.add_to_force(work[bodies[first].parent].z, z)
+
+
+@kernel
+def tau_of_group(bodies, last, work, Q, tau):
+    """Moments κ of a group become τ, in place; z⁺ goes to its base."""
+    first = bodies[last].first
+    z = groups.unfilter_moments(bodies, first, last, work, Q, tau)
+    z = sp.add_force(z, groups.gather(bodies, first, last, work, work.z, 1.0, tau))
+    records.add_to_force(work[bodies[first].parent].z, z)
+
+
 @large_kernel
 def kappa_from_tau(bodies, tau, work, Q, kappa):
     """κ = [I − HψK]τ (Table 2); kappa may be tau."""
@@ -169,9 +181,7 @@ def kappa_from_tau(bodies, tau, work, Q, kappa):
     while i > 0:
         body, w = bodies[i], work[i]
         if groups.is_grouped(body):
-            z = groups.gather(bodies, body.first, i, work, work.z, -1.0, kappa)
-            z = sp.add_force(z, groups.filter_moments(bodies, body.first, i, work, Q, kappa))
-            records.add_to_force(work[bodies[body.first].parent].z, z)
+            kappa_of_group(bodies, i, work, Q, kappa)
             i = body.first - 1
             continue
         z = records.force_of(w.z)
@@ -191,9 +201,7 @@ def tau_from_kappa(bodies, kappa, work, Q, tau):
     while i > 0:
         body, w = bodies[i], work[i]
         if groups.is_grouped(body):
-            z = groups.unfilter_moments(bodies, body.first, i, work, Q, tau)
-            z = sp.add_force(z, groups.gather(bodies, body.first, i, work, work.z, 1.0, tau))
-            records.add_to_force(work[bodies[body.first].parent].z, z)
+            tau_of_group(bodies, i, work, Q, tau)
             i = body.first - 1
             continue
         z = records.force_of(w.z)

@@ -3,8 +3,8 @@
 
 """The factors of the mass matrix, filled row by row in one inward sweep over columns that are next to each other.
 
-Columns are kept in blocks of WIDTH, number f of column c at ``block[f * WIDTH + c % WIDTH]``: the loop over a block is made
-vector instructions by the compiler, as batch describes.
+Columns are kept in blocks of WIDTH, records.COLUMNS: the loop over a block is made vector instructions by the compiler,
+as batch describes.
 """
 
 import math
@@ -20,20 +20,9 @@ from diag_dynamics.numerics.kernel import (
 )
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factorization import factor_group, factor_joint
-from diag_dynamics.sweeps.workspace import (
-    ARTICULATED,
-    BAD_LENGTH,
-    KAPPA_COLUMN,
-    MOMENT_COLUMN,
-    RIGID,
-    ROOT,
-    WIDTH,
-    clear,
-    columns_of,
-    opened,
-    positions_match,
-)
+from diag_dynamics.sweeps.records import WIDTH
 
 
 @entry_kernel(ROBOT, VECTOR, FILLED_STATES, FILLED_VECTOR)
@@ -44,16 +33,16 @@ def factors(robot, q, m_l_unit, D):
     factor, transport through the articulated joints that of its inverse. One inward sweep transports all columns and fills
     row by row.
     """
-    if not positions_match(robot, q):
-        return BAD_LENGTH
-    bodies, _, work, table = opened(robot)
+    if not ws.positions_match(robot, q):
+        return ws.BAD_LENGTH
+    bodies, _, work, table = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
     joints.initialize(bodies, q, work)
-    columns = columns_of(robot)
+    columns = ws.robot_of(robot)
     for factor in range(3):
         for row in range(len(D)):
-            clear(m_l_unit[factor, row])
+            ws.clear(m_l_unit[factor, row])
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
@@ -70,21 +59,6 @@ def factors(robot, q, m_l_unit, D):
             _fill_row(sp.LINEAR_Z, body, work[i], columns.subtree_columns[i, 1], columns.blocks, m_l_unit, D)
         i = body.first - 1
     return 0
-
-
-@kernel
-def _force(block, f, b):
-    """Force of the rigid or the articulated joints in a column of a block."""
-    return sp.Force(
-        (block[f * WIDTH + b], block[(f + 1) * WIDTH + b], block[(f + 2) * WIDTH + b]),
-        (block[(f + 3) * WIDTH + b], block[(f + 4) * WIDTH + b], block[(f + 5) * WIDTH + b]),
-    )
-
-
-@kernel
-def _set_force(block, f, b, F):
-    block[f * WIDTH + b], block[(f + 1) * WIDTH + b], block[(f + 2) * WIDTH + b] = F.force
-    block[(f + 3) * WIDTH + b], block[(f + 4) * WIDTH + b], block[(f + 5) * WIDTH + b] = F.moment
 
 
 @kernel
@@ -105,24 +79,24 @@ def _fill_row(direction, body, w, end, blocks, m_l_unit, D):
     for k in range((row + 1) // WIDTH, (end + WIDTH - 1) // WIDTH if end > row + 1 else 0):
         block, start = blocks[k], k * WIDTH
         for b in range(WIDTH):
-            rigid, articulated = _force(block, RIGID, b), _force(block, ARTICULATED, b)
+            rigid, articulated = records.force_of(block.rigid[:, b]), records.force_of(block.articulated[:, b])
             kappa = sp.along(direction, articulated)
-            block[MOMENT_COLUMN * WIDTH + b] = sp.along(direction, rigid)
-            block[KAPPA_COLUMN * WIDTH + b] = kappa
+            block.moment[b] = sp.along(direction, rigid)
+            block.kappa[b] = kappa
             carried = (row < start + b) & (start + b < end)
             passed = sp.add_force(articulated, sp.scale_force(minus_G, kappa))
-            _set_force(block, RIGID, b, _chosen(carried, sp.force_to_parent(X, rigid), rigid))
-            _set_force(block, ARTICULATED, b, _chosen(carried, sp.force_to_parent(X, passed), articulated))
+            records.set_force(block.rigid[:, b], _chosen(carried, sp.force_to_parent(X, rigid), rigid))
+            records.set_force(block.articulated[:, b], _chosen(carried, sp.force_to_parent(X, passed), articulated))
         for c in range(max(row + 1, start), min(end, start + WIDTH)):
             b = c - start
-            moment, kappa = block[MOMENT_COLUMN * WIDTH + b], block[KAPPA_COLUMN * WIDTH + b]
-            _set_entries(m_l_unit, row, c, moment, kappa, block[ROOT * WIDTH + b], inverse_root)
+            moment, kappa = block.moment[b], block.kappa[b]
+            _set_entries(m_l_unit, row, c, moment, kappa, block.root[b], inverse_root)
     D[row] = w.D
     m_l_unit[0, row, row], m_l_unit[1, row, row], m_l_unit[2, row, row] = root, inverse_root, 1.0
     block, b = blocks[row // WIDTH], row % WIDTH
-    block[ROOT * WIDTH + b] = root
-    _set_force(block, RIGID, b, sp.force_to_parent(X, G))
-    _set_force(block, ARTICULATED, b, sp.force_to_parent(X, minus_G))
+    block.root[b] = root
+    records.set_force(block.rigid[:, b], sp.force_to_parent(X, G))
+    records.set_force(block.articulated[:, b], sp.force_to_parent(X, minus_G))
 
 
 @kernel
@@ -133,7 +107,7 @@ def _set_entries(m_l_unit, row, c, moment, kappa, root, inverse_root):
 
 @large_kernel
 def _fill_rows_of_group(bodies, last, work, Q, columns, m_l_unit, D):
-    """The rows of a group; the forces of its columns, and of those it carries, go to its carrier.
+    """The rows of a group; the forces of its columns, and of those it carries, go to its base.
 
     groups.filter_moments does the same with one column. A group's own columns begin as those of the identity, without force.
     """
@@ -142,8 +116,8 @@ def _fill_rows_of_group(bodies, last, work, Q, columns, m_l_unit, D):
     for i in range(last, first - 1, -1):
         for c in range(columns.subtree_columns[i, 0], columns.subtree_columns[i, 1]):
             block, b = columns.blocks[c // WIDTH], c % WIDTH
-            _add_moment(bodies[i], work[i], block, RIGID, b, columns.moments[c])
-            _add_moment(bodies[i], work[i], block, ARTICULATED, b, columns.kappas[c])
+            _add_moment(bodies[i], work[i], block.rigid[:, b], columns.moments[c])
+            _add_moment(bodies[i], work[i], block.articulated[:, b], columns.kappas[c])
     for i in range(last, first - 1, -1):
         if not groups.is_leader(bodies, i):
             continue
@@ -155,10 +129,10 @@ def _fill_rows_of_group(bodies, last, work, Q, columns, m_l_unit, D):
             for k in range(stop - 1, row, -1):
                 kappa = kappa - Q[row, k - start] * kappas[k - start]
             kappas[row - start] = kappa
-            _set_entries(m_l_unit, row, c, moments[row - start], kappa, block[ROOT * WIDTH + b], inverse_root)
+            _set_entries(m_l_unit, row, c, moments[row - start], kappa, block.root[b], inverse_root)
             if bodies[first].parent > 0:
-                F = sp.subtract_force(_force(block, ARTICULATED, b), sp.scale_force(G, kappa))
-                _set_force(block, ARTICULATED, b, F)
+                F = sp.subtract_force(records.force_of(block.articulated[:, b]), sp.scale_force(G, kappa))
+                records.set_force(block.articulated[:, b], F)
 
 
 @kernel
@@ -171,25 +145,25 @@ def _start_columns(bodies, first, last, work, Q, columns):
             stop = bodies[i].dof + 1
     end = max(end, stop)
     for c in range(start, end):
-        clear(columns.moments[c])
-        clear(columns.kappas[c])
+        ws.clear(columns.moments[c])
+        ws.clear(columns.kappas[c])
     for i in range(first, last + 1):
         if groups.is_leader(bodies, i):
             c = bodies[i].dof
             block, b = columns.blocks[c // WIDTH], c % WIDTH
-            block[ROOT * WIDTH + b] = math.sqrt(work[i].D)
+            block.root[b] = math.sqrt(work[i].D)
             for k in range(start, c):
                 columns.moments[c, k - start] = Q[k, c - start]
             columns.moments[c, c - start] = columns.kappas[c, c - start] = 1.0
-            _set_force(block, RIGID, b, records.force_of(work[i].G))
-            _set_force(block, ARTICULATED, b, sp.NO_FORCE)
+            records.set_force(block.rigid[:, b], records.force_of(work[i].G))
+            records.set_force(block.articulated[:, b], sp.NO_FORCE)
     return stop, end
 
 
 @kernel
-def _add_moment(body, w, block, f, b, moments):
+def _add_moment(body, w, forces, moments):
     """Add the moment of a column's force on a body of a group along its degree of freedom; the force goes to its parent."""
-    F = _force(block, f, b)
+    F = records.force_of(forces)
     moments[body.dof - body.start] += body.multiplier * sp.along(body.direction, F)
     if body.rank == 0 and body.parent > 0:
-        _set_force(block, f, b, sp.force_to_parent(records.placement_of(w), F))
+        records.set_force(forces, sp.force_to_parent(records.placement_of(w), F))

@@ -48,7 +48,7 @@ def is_leader(bodies, i):
 
 @large_kernel
 def compose(bodies, first, last, work, Q):
-    """Q and F of a group; P of its bodies becomes that of all they carry, and goes to the carrier."""
+    """Q and F of a group; P of its bodies becomes that of all they carry, and goes to the base."""
     start = bodies[first].start
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -81,11 +81,8 @@ def compose(bodies, first, last, work, Q):
 
 @large_kernel
 def eliminate(bodies, first, last, work, Q, lock_massless):
-    """D and G of a group's degrees of freedom, and g in the columns of Q; P⁺ goes to the carrier.
-
-    One that moves no inertia ends it with the index of its body, or is passed over as if it were locked.
-    """
-    start, carrier = bodies[first].start, bodies[first].parent
+    """D and G of a group's degrees of freedom, and g in the columns of Q; P⁺ goes to the base: see factorize."""
+    start, base = bodies[first].start, bodies[first].parent
     for i in range(last, first - 1, -1):
         if not is_leader(bodies, i):
             continue
@@ -110,14 +107,14 @@ def eliminate(bodies, first, last, work, Q, lock_massless):
                     Q[a, b - start] -= Q[a, c - start] * inverse * Q[b, c - start]
         for b in range(start, c):
             Q[b, c - start] *= inverse
-        if carrier > 0:
-            records.set_inertia(work[carrier].P, sp.less_rank_one(records.inertia_of(work[carrier].P), G, column))
+        if base > 0:
+            records.set_inertia(work[base].P, sp.less_rank_one(records.inertia_of(work[base].P), G, column))
     return 0
 
 
 @large_kernel
 def compose_rates(bodies, first, last, qd, work, Q_rate):
-    """Q̇ and Ḟ of a group, of which P is that of all that the bodies carry; Ṗ becomes so too and goes to the carrier."""
+    """Q̇ and Ḟ of a group, of which P is that of all that the bodies carry; Ṗ becomes so too and goes to the base."""
     start = bodies[first].start
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -161,7 +158,7 @@ def rate_inboard(bodies, i, qd, work, F, rate):
 @large_kernel
 def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     """Take the degree of freedom that body i owns out of 𝓜̇, all later ones being out already."""
-    start, carrier = bodies[first].start, bodies[first].parent
+    start, base = bodies[first].start, bodies[first].parent
     c = bodies[i].dof - start
     D_rate, G, u = Q_rate[bodies[i].dof, c], records.force_of(work[i].G), records.force_of(work[i].u)
     rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
@@ -173,9 +170,9 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
             records.add_to_force(work[j].u, sp.scale_force(G, -g_rate))
             for a in range(start, b + 1):
                 Q_rate[a, b - start] -= Q[a, c] * (g_rate - g * D_rate) + Q_rate[a, c] * g
-    if carrier > 0:
+    if base > 0:
         half = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
-        records.set_inertia(work[carrier].P_rate, sp.less_rank_two(records.inertia_of(work[carrier].P_rate), G, half))
+        records.set_inertia(work[base].P_rate, sp.less_rank_two(records.inertia_of(work[base].P_rate), G, half))
 
 
 # --- Rates and moments through a group --------------------------------------------------------------------
@@ -199,7 +196,7 @@ def induced_rate(bodies, i, V_A, qd, Q, G):
 
 @kernel
 def filter_moments(bodies, first, last, work, Q, moments):
-    """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the carrier."""
+    """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the base."""
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         if is_leader(bodies, i):
@@ -212,7 +209,7 @@ def filter_moments(bodies, first, last, work, Q, moments):
 
 @kernel
 def unfilter_moments(bodies, first, last, work, Q, moments):
-    """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the carrier."""
+    """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the base."""
     F = sp.NO_FORCE
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -254,10 +251,7 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
 
 @large_kernel
 def gather(bodies, first, last, work, forces, sign, moments):
-    """Add the moments of wrenches on a group's bodies along its degrees of freedom, times a sign.
-
-    The wrenches are summed inboard, and the one on the carrier returned.
-    """
+    """Add the moments of wrenches on a group's bodies, times a sign; returns the wrench on the base."""
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         body = bodies[i]

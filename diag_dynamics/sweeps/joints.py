@@ -217,10 +217,7 @@ def joint_inertia(direction, armature, P):
 
 @kernel
 def scale_along(direction, w):
-    """The size of the inertias that D of a body came from.
-
-    These are what the joints outboard have left over; where that is nothing but rounding, a part of all inertia outboard.
-    """
+    """The size of the inertias that D came from; where that is nothing but rounding, a part of all inertia outboard."""
     k = 0 if direction < sp.ANGULAR_X else 1
     return max(w.magnitude[k], REMOTE * w.total[k])
 

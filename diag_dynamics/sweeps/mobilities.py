@@ -4,12 +4,12 @@
 """Mobilities of bodies and links, Υ = J M⁻¹Jᵀ, by one outward sweep behind the factorization.
 
 ν has the unit matrix for its mass matrix, so that Υ of a body is the sum of what each ν_k moves it by, times its transpose.
-Own rates and the carrier's motion are independent there, ξ_i of D⁻¹, and with q̇ = ξ − GᵀV⁺ (Table 1, right)
+Own rates and the base's motion are independent there, ξ_i of D⁻¹, and with q̇ = ξ − GᵀV⁺ (Table 1, right)
 
     Υ⁺ = X Υ_p Xᵀ      Υ = τ̄ᵀΥ⁺τ̄ + S D⁻¹Sᵀ      τ̄ᵀ = 1 − S Gᵀ      Υ of the world = 0.
 
-A body of a group moves by what its carrier does and by the group's own ξ: Υ_ab = F_aᵀΥ_A F_b + Σ κ_a D⁻¹κ_b, with κ the
-working moments of a unit wrench along a, and F what is left of it on the carrier.
+A body of a group moves by what its base does and by the group's own ξ: Υ_ab = F_aᵀΥ_A F_b + Σ κ_a D⁻¹κ_b, with κ the
+working moments of a unit wrench along a, and F what is left of it on the base.
 
 Υ is kept in the place of P, its angular part first: then it goes to a child as P of a child goes to its parent, with the
 inverse placement.
@@ -24,7 +24,7 @@ from diag_dynamics.numerics.kernel import FILLED_STATES, ROBOT, VECTOR, entry_ke
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.factorization import factorize_at
-from diag_dynamics.sweeps.workspace import BAD_LENGTH, columns_of, opened, positions_match
+from diag_dynamics.sweeps.workspace import BAD_LENGTH, opened, positions_match, robot_of
 
 FRAME = np.dtype(
     [("body", "i8"), ("same", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)],
@@ -96,7 +96,7 @@ def _add_joint(body, w, Y):
 
 @large_kernel
 def _wrench_on_carrier(bodies, i, work, Q, F, kappa):
-    """Wrench that one on body i of a group leaves on the carrier; its κ along the group's degrees of freedom."""
+    """Wrench that one on body i of a group leaves on the base; its κ along the group's degrees of freedom."""
     first, last, j = bodies[i].first, bodies[i].last, i
     for b in range(first, last + 1):
         kappa[bodies[b].dof] = 0.0
@@ -111,7 +111,7 @@ def _wrench_on_carrier(bodies, i, work, Q, F, kappa):
 def _group_mobility(robot, i):
     """Υ of a body of a group."""
     bodies, _, work, table = opened(robot)
-    Q, kappa = table[0], columns_of(robot).scratch
+    Q, kappa = table[0], robot_of(robot).scratch
     x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     left = (
         _wrench_on_carrier(bodies, i, work, Q, sp.Force(sp.ZERO, x), kappa[0]),
@@ -121,9 +121,9 @@ def _group_mobility(robot, i):
         _wrench_on_carrier(bodies, i, work, Q, sp.Force(y, sp.ZERO), kappa[4]),
         _wrench_on_carrier(bodies, i, work, Q, sp.Force(z, sp.ZERO), kappa[5]),
     )
-    carrier = records.inertia_of(work[bodies[bodies[i].first].parent].P)
+    base = records.inertia_of(work[bodies[bodies[i].first].parent].P)
     for a in range(6):
-        V = mobility_times(carrier, left[a])
+        V = mobility_times(base, left[a])
         for b in range(a, 6):
             entry = sp.power(left[b], V)
             for j in range(bodies[i].first, bodies[i].last + 1):

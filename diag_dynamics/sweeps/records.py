@@ -109,6 +109,18 @@ LANES = np.dtype(
 )
 """Workspace of one body for WIDTH states: see batch. Only a floating base has more than one rate."""
 
+COLUMNS = np.dtype(
+    [
+        ("rigid", "f8", (6, WIDTH)),  # force of rigid joints
+        ("articulated", "f8", (6, WIDTH)),  # force of articulated joints
+        ("root", "f8", WIDTH),  # of D
+        ("moment", "f8", WIDTH),
+        ("kappa", "f8", WIDTH),
+    ],
+    align=True,
+)
+"""WIDTH columns of the factors of the mass matrix: see factors."""
+
 Lane = namedtuple("Lane", SWEPT_FIELDS)
 """Fields of one state in LANES, as a record WORK has them."""
 

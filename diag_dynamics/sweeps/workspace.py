@@ -3,8 +3,6 @@
 
 """Memory that sweeps work in, and the addresses by which they find it."""
 
-from collections import namedtuple
-
 import numpy as np
 
 from diag_dynamics.numerics.kernel import kernel
@@ -12,27 +10,24 @@ from diag_dynamics.numerics.tables import Addresses, Table, array
 from diag_dynamics.sweeps import records
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-"""Rows of what evaluation.evaluate fills; N_RESULTS is the number of those that a batch keeps."""
-
-ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, N_RESULTS = range(7, 10)
-
-ENERGY_SHARE, NU_DOT, XI_DOT = range(9, 12)
-"""Further rows that a sweep fills."""
-
+ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ENERGY_SHARE, NU_DOT, XI_DOT = range(7, 12)
 KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, POWER, N_SWEPT = range(12, 17)
-"""Rows with a first entry only: K, the share of the first six total rates in it, and νᵀ(ε − ε_g) twice."""
+POSITIONS, RATES, N_ROWS = range(16, 19)
+"""Rows of what evaluation.evaluate fills.
+
+A batch keeps those before ENERGY_SHARE. From KINETIC_ENERGY on rows have a first entry only: K, the share of the first
+six total rates in it, and νᵀ(ε − ε_g) twice. The last two receive q and q̇ of a single state.
+"""
 
 N_NUMBERS = N_SWEPT - KINETIC_ENERGY
-"""Count of these numbers."""
+"""Count of rows with a first entry only."""
 
-POSITIONS, RATES, N_ROWS = range(16, 19)
-"""Rows of a single state that receive q and q̇, and the number of all rows."""
+WIDTH, N_RESULTS = records.WIDTH, records.N_RESULTS
 
 WIDTH = records.WIDTH
 
 BAD_LENGTH = -2
 """Status of a sweep: a vector has not the robot's length."""
-
 
 ROBOT = Table(
     "Robot",
@@ -42,9 +37,9 @@ ROBOT = Table(
     table=array(float, 3),  # matrices 𝓜 and 𝓜̇ of groups, see groups
     nv=int,
     nq=int,
-    subtree_columns=array(int, 2),  # these and the following: see Columns
-    blocks=array(float, 2),
-    moments=array(float, 2),
+    subtree_columns=array(int, 2),  # first and end of the columns that a body carries, less those of its group
+    blocks=array(records.COLUMNS),
+    moments=array(float, 2),  # of a column along the dofs of a group, and κ: see factors
     kappas=array(float, 2),
     scratch=array(float, 2),
 )
@@ -60,9 +55,6 @@ BATCH = ROBOT.extended(
 )
 """Likewise, with memory for WIDTH states."""
 
-RIGID, ARTICULATED, ROOT, MOMENT_COLUMN, KAPPA_COLUMN, COLUMN_NUMBERS = 0, 6, 12, 13, 14, 15
-"""Numbers of a column of the factors: forces of rigid and of articulated joints, the root of D, and moments."""
-
 
 class Workspace:
     """A robot, as sweeps take it, and memory for them to work in: one for each thread.
@@ -70,9 +62,8 @@ class Workspace:
     Attributes
     ----------
     robot : int
-        Address of a table as :data:`ROBOT` has it: the one argument that stands for `bodies`, `gravity`, `work` and `table`,
-        which as arguments of their own would cost as much as the arithmetic of a small robot. Keep the Workspace while a
-        sweep runs.
+        Address of a table as :data:`ROBOT` has it: one argument, because more would cost as much as the arithmetic of a
+        small robot. Keep the Workspace while a sweep runs.
     bodies, gravity, work, table : ndarray
         Those of the table.
     """
@@ -94,7 +85,7 @@ class Workspace:
             nv=nv,
             nq=nq,
             subtree_columns=_subtree_columns(self.bodies, nv),
-            blocks=np.zeros((nv // WIDTH + 1, COLUMN_NUMBERS * WIDTH)),
+            blocks=np.zeros(nv // WIDTH + 1, records.COLUMNS),
             moments=np.zeros((nv, widest)),
             kappas=np.zeros((nv, widest)),
             scratch=np.zeros((6, nv)),
@@ -136,44 +127,28 @@ def _subtree_columns(bodies, nv):
     return np.ascontiguousarray(np.transpose([first, end]))
 
 
-_robot_at, batch_of = ROBOT.opened, BATCH.opened
-
-Opened = namedtuple("Opened", ["bodies", "gravity", "work", "table"])
+robot_of, batch_of = ROBOT.opened, BATCH.opened
+"""Kernels (address) that return a table as a named tuple."""
 
 
 @kernel
 def opened(robot):
     """`bodies`, `gravity`, `work` and `table` of a :class:`Workspace`."""
-    at = _robot_at(robot)
-    return Opened(at.bodies, at.gravity, at.work, at.table)
-
-
-Columns = namedtuple("Columns", ["subtree_columns", "blocks", "moments", "kappas", "scratch"])
-"""Columns of the factors, one for each degree of freedom.
-
-`subtree_columns` are the first and the end of those that each body carries, less those of its group. `blocks` have
-WIDTH columns each, see factors; `moments` and `kappas` those of a column along the dofs of a group. `scratch` is (6, nv).
-"""
-
-
-@kernel
-def columns_of(robot):
-    """The columns of a :class:`Workspace`."""
-    at = _robot_at(robot)
-    return Columns(at.subtree_columns, at.blocks, at.moments, at.kappas, at.scratch)
+    at = robot_of(robot)
+    return at.bodies, at.gravity, at.work, at.table
 
 
 @kernel
 def lengths_match(robot, q, qd, tau):
     """Whether vectors have the robot's lengths."""
-    at = _robot_at(robot)
+    at = robot_of(robot)
     return len(q) == at.nq and len(qd) == at.nv and len(tau) == at.nv
 
 
 @kernel
 def positions_match(robot, q):
     """Whether q has as many entries as the robot has position coordinates."""
-    return len(q) == _robot_at(robot).nq
+    return len(q) == robot_of(robot).nq
 
 
 @kernel
