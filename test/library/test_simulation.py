@@ -360,8 +360,9 @@ def test_efforts_saturate():
     unlimited = dd.Simulation(dd.load_urdf(SLIDER.replace('effort="100"', 'effort="0"')))
     unlimited.advance([1.0])
     assert unlimited.qd[0] > 0.0 and unlimited.saturated == () and unlimited.overspeed == ()
-    unlimited.reset([0.0], [101.0])
-    assert unlimited.overspeed == ("rail",)
+    for rate in (101.0, -101.0):
+        unlimited.reset([0.0], [rate])
+        assert unlimited.overspeed == ("rail",)
 
 
 @ORDERS
