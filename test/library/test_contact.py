@@ -146,6 +146,8 @@ def test_directions_that_are_given():
     assert c.reflected_mass[3] == math.inf and c.speed[3] == c.energy[3] == 0.0
     assert c.allowed_speed.tolist() == [math.inf] * 4 and not c.force.any() and not c.usage.any()
     assert c.worst == np.argmax(c.energy)
+    limits = dd.ContactLimits({"any": {"energy": 1.0}})
+    assert dyn.contact(q, qd, dd.ContactPoints(model, given, limits)).usage[3] == 0.0  # 0/0: no speed, none allowed
 
 
 def test_a_robot_at_rest_has_no_worst_point():
