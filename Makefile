@@ -14,7 +14,7 @@ LINT ?= lint
 
 FULL := -m '' --robots=all --hypothesis-profile=full
 
-.PHONY: help setup setup-tests demo demo-control demo-identify test test-full bench docs docs-tables page lint format lock clean
+.PHONY: help setup setup-tests demo demo-control demo-identify test test-full test-oldest bench docs docs-tables page lint format lock clean
 
 help:  ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -45,6 +45,13 @@ test-full: lint docs  ## everything: all robots and examples, processes, browser
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS)
 	@ROS_DISTRO=kilted $(MAKE) setup-tests
 	@export ROS_DISTRO=kilted; $(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS) test/nodes test/live
+
+test-oldest:  ## tests of the numbers with the oldest numba that is supported: needs Python 3.11
+	@python3.11 -m venv build/oldest
+	@build/oldest/bin/pip install --quiet --disable-pip-version-check numba==0.58.1 numpy==1.26.4 lxml yourdfpy \
+	  example-robot-data hypothesis mujoco pin pytest pyyaml scipy
+	@PYTHONPATH= build/oldest/bin/python -m pytest test/library/test_numerics.py test/library/test_batch.py \
+	  --deselect 'test/library/test_batch.py::test_steps_side_by_side_are_vectorized[moment_step]' $(ARGS)  # LLVM 14 cannot
 
 bench: setup-tests  ## speed of library and nodes, worth of the observer, into benchmarks/results/; ARGS=--short: two minutes' worth
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
