@@ -42,6 +42,16 @@ def test_polynomials_are_reproduced(given):
             np.testing.assert_allclose(values, at(t, order), atol=2e-8 * 10**order)
 
 
+def test_segments_are_linear_unless_both_points_have_velocities():
+    points = [(1.0, [0, 0, 0]), (2.0, [1, 1, 1], [0.5, 0.5, 0.5]), (3.0, [2, 2, 2])]
+    followed = Trajectory(waypoints(points), NAMES)
+    followed.begin(5 * S, np.zeros(3), np.zeros(3))
+    for t in (1.25, 2.25):
+        desired = followed.sample(5 * S + round(t * S))
+        np.testing.assert_allclose(desired.position, t - 1.0, atol=1e-12)
+        np.testing.assert_allclose(desired.velocity, 1.0, atol=1e-12)
+
+
 def test_a_trajectory_begins_where_the_robot_is_and_ends_at_rest():
     """Its first stretch starts from the robot's state; after the last point it stays there."""
     goal = [1.0, -2.0, 0.5]
