@@ -349,6 +349,13 @@ def test_compliant_limit_converges(start, seconds, order):
             assert errors[-1] < 5e-2 and errors[0] > 2 * errors[2], errors
 
 
+def test_names_at_either_limit():
+    sim = slider(limits=dd.CompliantLimits(2.0))
+    for x, names, energy in ((-11.0, ("rail",), 1.0), (0.0, (), 0.0), (11.0, ("rail",), 1.0)):
+        sim.reset([x], [0.0])
+        assert sim.at_limit == names and sim.elastic_energy == pytest.approx(energy)
+
+
 def test_efforts_saturate():
     """An effort beyond the limit is cut to it, and its joint is named."""
     sims = [slider(effort_limits=limits) for limits in (True, [100.0], False, [7.0])]
