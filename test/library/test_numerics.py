@@ -263,7 +263,7 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
             path.write_text(text + "\n")
             assert (found(f"diag_dynamics.{module}") != expected) is stale, other
             path.write_text(text)
-    assert "diag_dynamics.sweeps.trigonometry" in cache.sources(__name__)
+    assert "diag_dynamics.sweeps.spatial" in cache.sources(__name__)
 
 
 # --- Progress of compilation
