@@ -20,6 +20,7 @@ from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, describe_faults, format_summary, summarize
+from diag_dynamics.text import Progress
 
 EPILOG = """exit status: 0 success; 1 analysed, but data could not be read, messages were rejected, the balance of power
 explains less than 80 % (see the summary) or is missing although there are efforts, units do not agree, or one of several
@@ -117,7 +118,7 @@ def _summary(chosen, recording, parameters, robot):
         outputs += [kind(path, reading, analysis.friction) for path, kind in kinds if path]
         if chosen.report:
             outputs.append(ReportOutput(chosen.report, reading))
-        with common.Progress(chosen.quiet) as progress:
+        with Progress(chosen.quiet) as progress:
             analysis.run(outputs, _progress_of_states(progress))
         if not analysis.states:
             raise _no_states(chosen, recording, analysis)

@@ -18,6 +18,7 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED
+from diag_dynamics.text import Progress
 
 EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for the rate, their parts differ,
 efforts are wrong, or data could not be read (see the summary); 2 not calibrated."""
@@ -47,7 +48,7 @@ def add_arguments(parser):
 def run(chosen):
     """Calibrate; return the exit status."""
     rate, parameters = parse_rate(chosen.false_alarms), common.chosen_parameters(chosen)
-    with common.Progress(chosen.quiet) as progress:
+    with Progress(chosen.quiet) as progress:
         robot = common.chosen_robot(chosen)
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model

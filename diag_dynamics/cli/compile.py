@@ -16,6 +16,7 @@ from contextlib import suppress
 
 from diag_dynamics.cli import common
 from diag_dynamics.numerics.cache import PACKAGE, cache_folder, code_folder, source_hash
+from diag_dynamics.text import Progress
 from diag_dynamics.threads import cores
 
 UNITS = {
@@ -56,7 +57,7 @@ def run(chosen):
         if chosen.if_needed and _stamp_file().read_text(encoding="utf-8") == _stamp():
             return common.DONE
     start = time.perf_counter()
-    with common.Progress(chosen.quiet, lines=True) as progress:
+    with Progress(chosen.quiet, lines=True) as progress:
         progress.show("Compiling all kernels for this machine and Python. This takes about a minute.")
         failure = _compile(min(chosen.jobs, len(UNITS)), progress)
     if failure:

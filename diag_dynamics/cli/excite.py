@@ -10,7 +10,7 @@ import numpy as np
 from diag_dynamics.cli import common
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.excite import excite
-from diag_dynamics.text import plain
+from diag_dynamics.text import Progress, plain
 
 EPILOG = """Collisions are not checked. Try the trajectory on the simulator first, give --range where space is limited, and
 start slowly (--velocity)."""
@@ -51,7 +51,7 @@ def run(chosen):
         raise InputError("no output is named; expected -o OUT.json or --trajectory OUT.yaml.")
     model = common.chosen_model(chosen)
     numbers = "duration", "period", "velocity", "effort", "rate", "trials", "seed"
-    with common.Progress() as progress:
+    with Progress() as progress:
         found = excite(
             model,
             chosen.what.split(","),

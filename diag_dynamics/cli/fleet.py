@@ -9,6 +9,7 @@ from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet import analyse_fleet, describe_collisions, printable
+from diag_dynamics.text import Progress
 
 ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads", "start", "end"
 """Options of a single recording."""
@@ -48,7 +49,7 @@ def analyse(chosen, parameters, robot):
     options = {name: getattr(chosen, name) for name in ("topic", "scheduler", "workers", "reports")}
     options |= {"joint_names": common.reading_options(chosen)["joint_names"], "parameters": parameters}
     options |= {"gain": common.GAIN if chosen.gain is None else chosen.gain, "parquet": not chosen.no_parquet}
-    with common.Progress(chosen.quiet, lines=True) as progress:
+    with Progress(chosen.quiet, lines=True) as progress:
         report = analyse_fleet(
             [*chosen.recording, *chosen.fleet],
             chosen.out,

@@ -18,7 +18,7 @@ from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
 from diag_dynamics.plot.identified import draw_identification
 from diag_dynamics.recordings.sources import open_source
-from diag_dynamics.text import plain
+from diag_dynamics.text import Progress, plain
 
 EPILOG = """exit status: 0 identified; 1 no parameter improved the model on the held-out part, so that it stays as it was, the
 motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 not identified, for example
@@ -49,7 +49,7 @@ def run(chosen):
         raise UnsupportedError("floating_base is true: a floating base is not identified, its support is not measured.")
     if chosen.write_urdf and is_mjcf(robot):
         raise InputError(f"--write-urdf writes a URDF, but '{robot}' is an MJCF. -o ARM.yaml keeps all parameters.")
-    with common.Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
+    with Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
         if model.floating_base:
