@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from diag_dynamics.inspection.urdf import Found, Urdf
-from diag_dynamics.model.remarks import TURNS
 
+TURNS = 20.0  # limit of a revolute joint, three turns, that the same number in degrees exceeds [rad]
 TRAVEL = 10.0  # limit of a slide that a number in mm exceeds [m]
 UNIT = 1e-3  # difference of an axis' length from 1 by rounding to three digits
 FAST = 100.0  # velocity that no driven joint has [rad/s, m/s]; a propeller may
@@ -65,8 +65,9 @@ def attributes(urdf: Urdf) -> Found:
     for remark in urdf.remarks:
         severity = "note" if remark.harmless else "warning"
         named = remark.kind in ("link", "joint")
-        row = (f"{remark.kind}s" if named else "links", severity, remark.unit, "{}", remark.remedy)
-        yield row, remark.name if named else None, remark.value or 0.0, remark.what
+        unit = "" if remark.angle is None else "rad"
+        row = (f"{remark.kind}s" if named else "links", severity, unit, "{}", remark.remedy)
+        yield row, remark.name if named else None, remark.angle or 0.0, remark.what
 
 
 def transmissions(urdf: Urdf) -> Found:

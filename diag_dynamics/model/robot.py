@@ -30,7 +30,7 @@ from diag_dynamics.model.parameters import (
     read_parameters,
     reject_too_light,
 )
-from diag_dynamics.model.remarks import limits_in_degrees, remarks_of, warn, warning_of
+from diag_dynamics.model.remarks import remarks_of, warn, warning_of
 from diag_dynamics.model.sources import folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.tree import Tree
@@ -492,7 +492,7 @@ def load_urdf(
     given = Parameters() if parameters is None else read_parameters(parameters)
     robot = apply_parameters(robot, given)
     rotors, ignored = reflected_inertias(element)
-    if mistakes := warning_of(robot.name, [*remarks_of(element), *limits_in_degrees(element), *ignored]):
+    if mistakes := warning_of(robot.name, [*remarks_of(element), *ignored]):
         warn(mistakes)
     if found and (text := found.warning(robot.name)):
         warn(text, InertiaWarning)

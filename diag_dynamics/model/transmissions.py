@@ -12,7 +12,7 @@ from typing import Any
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.inertias import LARGEST
 from diag_dynamics.model.joint_types import SINGLE
-from diag_dynamics.model.origins import local_name, short
+from diag_dynamics.model.origins import floats, local_name, short
 from diag_dynamics.model.remarks import Remark
 
 INERTIA = ("rotorinertia", "motorinertia")
@@ -31,7 +31,7 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     Rotors of several actuators of one joint add up. An actuator that several transmissions name counts once.
     """
     types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
-    rotors: dict[str, dict[str, tuple[float, float]]] = {}
+    rotors: dict[str, dict[str, float]] = {}
     remarks = []
     elements = [*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]
     for number, element in enumerate(elements):
@@ -46,54 +46,39 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         for name in names:
             if name not in types:
                 raise UrdfError(f"{where}: joint {short(name)} is not a joint of this URDF.")
-        reason = None
-        if len(names) != 1:
-            reason = "it does not drive one joint"
-        elif types[names[0]] not in SINGLE:
-            reason = f"the joint is {types[names[0]]}"
-        elif len(actuators) > 1 and any(_entries(shared, INERTIA)):
-            reason = "it is that of none of its actuators"
-        if reason:
-            what = f"the rotor inertia of {where} is ignored: {reason}"
-            places = [("joint", name) for name in names] or [("robot", robot.get("name") or "robot")]
-            remarks += [Remark(*place, what, "Give load_urdf the armature of each joint.") for place in places]
+        is_of_all = len(actuators) > 1 and any(_entries(shared, INERTIA))
+        if len(names) != 1 or types[names[0]] not in SINGLE or is_of_all:
+            what = f"the rotor inertia of {where} is ignored: it is not that of one actuator at one moving joint"
+            remedy = "Give load_urdf the armature of each joint."
+            remarks.append(Remark("robot", robot.get("name") or "robot", what, remedy))
             continue
         known = rotors.setdefault(names[0], {})
-        for actuator, rotor in dict(_rotors(actuators, shared, where, f"transmission {number}")).items():
-            if known.setdefault(actuator, rotor) != rotor:
+        for actuator in actuators or [element]:
+            J = _number([actuator, *shared], INERTIA, where)
+            N = _number([actuator, *shared], REDUCTION, where)
+            name = actuator.get("name") if actuators else None
+            inertia = 0.0 if J is None else J if N is None else N * N * J
+            if J is not None and known.setdefault(name or str(number), inertia) != inertia:
                 raise UrdfError(
-                    f"{where}: {actuator} has another rotor inertia or reduction in an earlier transmission."
+                    f"{where}: actuator {short(name)} has another rotor inertia in an earlier transmission."
                 )
-    armature = {joint: sum(N * N * J for J, N in own.values()) for joint, own in rotors.items()}
+    armature = {joint: sum(own.values()) for joint, own in rotors.items()}
     for joint, value in armature.items():
         if not value <= LARGEST:
             raise UrdfError(f"joint '{joint}': reflected rotor inertia {value:g} is beyond {LARGEST:g}.")
     return armature, remarks
 
 
-def _rotors(actuators: list[Any], shared: list[Any], where: str, unnamed: str) -> Iterator[tuple[str, Any]]:
-    """Yield the name of each actuator that has a rotor inertia, and its inertia and reduction."""
-    for actuator in actuators or [None]:
-        own, name = ([], None) if actuator is None else ([actuator], actuator.get("name"))
-        inertia = _number([*own, *shared], INERTIA, where)
-        if inertia is not None:
-            reduction = _number([*own, *shared], REDUCTION, where)
-            yield f"actuator '{name}'" if name else unnamed, (inertia, 1.0 if reduction is None else reduction)
-
-
-def _number(elements: list[Any], names: tuple[str, ...], where: str) -> float | None:
-    """Return the one size of a number that elements give under one of some names; a reduction of 1 gives way to others."""
+def _number(elements: Iterable[Any], names: tuple[str, ...], where: str) -> float | None:
+    """Return the one size of a number that elements give under some names; a reduction of 1 gives way to another."""
     is_inertia = names is INERTIA
-    expected = "a finite number >= 0 [kg m²]" if is_inertia else "a finite number other than 0"
-    given: dict[float, str] = {}
+    given = {}
     for tag, text in _entries(elements, names):
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value) or (value < 0.0 if is_inertia else value == 0.0):
+        value = (floats(text, 1) or [math.nan])[0]
+        if not (value >= 0.0 if is_inertia else abs(value) > 0.0):
+            expected = "a finite number >= 0 [kg m²]" if is_inertia else "a finite number other than 0"
             raise UrdfError(f"{where}: <{tag}> is {short(text)}; expected {expected}.")
-        given.setdefault(abs(value), tag)
+        given[abs(value)] = tag
     if len(given) > 1 and not is_inertia:
         given.pop(1.0, None)
     if len(given) > 1:

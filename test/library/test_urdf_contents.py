@@ -84,8 +84,6 @@ FOLLOWER = (
 
 MISTAKES = {
     # the text, and what the warning names
-    "version": (changed("<robot", '<robot version="1.3"'), "robot 'arm': <robot version='1.3'> is unknown"),
-    "version without dot": (changed("<robot", '<robot version="one"'), "<robot version='one'>"),
     "attribute of the robot": (changed("<robot", '<robot frame="z-up"'), "<robot> has the unknown attribute 'frame'"),
     "attribute of a link": (changed('name="upper"', 'name="upper" mass="2"'), "link 'upper': <link> has the unknown "),
     "attribute of <inertial>": (changed("<inertial>", '<inertial xyz="1 0 0">'), "<inertial> has the unknown"),
@@ -94,7 +92,6 @@ MISTAKES = {
         changed('ixy="0.0"', 'ixy="0.0" unit="g"'),
         "<inertia> has the unknown attribute 'unit'",
     ),
-    "unequal products": (changed('ixy="0.0"', 'ixy="0.0" iyx="0.01"'), "<inertia> has the unknown attribute 'iyx'"),
     "rotation of an inertial": (changed(COM, f'{COM} quat="0 0 1 0"'), "<origin> has the unknown attribute 'quat'"),
     "rotation of a joint": (
         changed(JOINT_ORIGIN, '<origin rotation="0 0 1"/>'),
@@ -109,10 +106,6 @@ MISTAKES = {
         "<parent> has the unknown",
     ),
     "offset of a child": (changed('<child link="upper"', '<child xyz="0 0 1" link="upper"'), "<child> has the unknown"),
-    "axis by angles": (
-        changed(AXIS, '<axis rpy="0 1 0"/>'),
-        "joint 'shoulder': <axis> has no xyz, so the axis is 1 0 0",
-    ),
     "empty axis": (changed(AXIS, "<axis/>"), "joint 'shoulder': <axis> has no xyz"),
     "axis with angles": (changed(AXIS, '<axis xyz="0 0 1" rpy="0 1 0"/>'), "<axis> has the unknown attribute 'rpy'"),
     "attribute of a limit": (changed("<limit", '<limit max="3"'), "<limit> has the unknown attribute 'max'"),
@@ -123,49 +116,39 @@ MISTAKES = {
     "attribute of <mimic>": (arm(link("l", **BOX), FOLLOWER.format(' ratio="2"')), "<mimic> has the unknown attribute"),
     "degrees of a joint": (
         changed(JOINT_ORIGIN, '<origin rpy="90 0 0"/>'),
-        "'shoulder' (90 rad): <origin rpy> has an angle",
+        "joint 'shoulder' (90 rad): <origin rpy> is beyond",
     ),
     "degrees of an inertial": (changed('rpy="0.0 0.0 0.0"/><mass', 'rpy="0 0 -90"/><mass'), "link 'upper' (-90 rad)"),
     "degrees of a mimic joint": (arm(link("l", **BOX), FOLLOWER.format(' offset="45"')), "joint 'follower' (45 rad)"),
-    "quaternion of a length": (
-        with_origins('quat_xyzw="0 0 1 1"'),
-        "'shoulder' (1.41421): <origin quat_xyzw> is not of",
-    ),
-    "quaternion in 1.0": (with_origins('quat_xyzw="0 0 0 1"', "1.0"), "ignored by urdfdom"),
-    "misspelt element": (changed(AXIS, '<Axis xyz="1 0 0"/>'), "joint 'shoulder': <Axis> is no element of URDF"),
-    "element in the plural": (changed("<limit ", "<limits "), "joint 'shoulder': <limits> is no element of URDF"),
-    "element of another format": (changed(AXIS, '<axes xyz="1 0 0"/>'), "'shoulder': <axes> is no element of URDF"),
+    "misspelt element": (changed(AXIS, '<Axis xyz="1 0 0"/>'), "joint 'shoulder': <Axis> within <joint> is ignored"),
+    "element in the plural": (changed("<limit ", "<limits "), "joint 'shoulder': <limits> within <joint> is ignored"),
+    "element of another format": (changed(AXIS, '<axes xyz="1 0 0"/>'), "'shoulder': <axes> within <joint> is ignored"),
     "pose of a joint": (
         changed(AXIS, f"{AXIS}<pose>0 0 1</pose>"),
-        "<pose> is no element of URDF, ignored. Is <origin>",
+        "joint 'shoulder': <pose> within <joint>",
     ),
-    "pose of an inertial": (changed("<inertial>", "<inertial><pose>1 0 0</pose>"), "'upper': <pose> is no element"),
+    "pose of an inertial": (changed("<inertial>", "<inertial><pose>1 0 0</pose>"), "'upper': <pose> within <inertial>"),
     "elements of an origin": (
         changed(JOINT_ORIGIN, "<origin><xyz>0 0 1</xyz></origin>"),
         "joint 'shoulder': <xyz> within <origin> is ignored",
     ),
     "mass outside": (
         changed("<inertial>", '<mass value="1"/><inertial>'),
-        "link 'upper': <mass> outside of <inertial>",
+        "link 'upper': <mass> within <link> is ignored",
     ),
     "joint of a simulator": (
         changed("</robot>", '<gazebo><joint name="g" type="ball"><child>base</child></joint></gazebo></robot>'),
         "joint 'g': <joint> of <gazebo> is ignored",
     ),
-    "bushing": (changed("</robot>", "<drake:linear_bushing_rpy/></robot>"), "<linear_bushing_rpy> is ignored"),
 }
 
 NO_MISTAKES = {
-    **{
-        f"version {version}": changed("<robot", f'<robot version="{version}"')
-        for version in ("1.0", "1.1", "1.2", " 1.0")
-    },
+    "version": changed("<robot", '<robot version="1.1"'),
     "limits of 1.2": changed("<limit", '<limit acceleration="1" deceleration="2" jerk="3"'),
     "namespaces": changed("<robot", '<robot xmlns:x="urn:x" x:a="1" xmlns="urn:d"').replace("<limit", '<limit x:b="1"'),
     "undeclared prefix": changed("<limit", '<limit drake:acceleration="1"'),
     "a full turn": changed(JOINT_ORIGIN, '<origin rpy="6.2832 -6.283186 3.15"/>'),
     "transposed products": changed('ixy="0.0"', 'ixy="0.0" iyx="0.0"'),
-    "axis turned by nothing": changed(AXIS, '<axis xyz="0 0 1" rpy="0 0 0"/>'),
     "axis of a fixed joint": arm(link("l"), changed(AXIS, '<axis rpy="1 0 0"/>', WELD)).replace(
         '<axis rpy="1 0 0"/>', "<axis/>"
     ),
@@ -187,19 +170,6 @@ def test_mistakes_are_named(case):
     assert findings and all(finding.severity == "warning" and finding.remedy for finding in findings)
 
 
-def test_limits_in_degrees_are_named():
-    """Multi-turn joints and placeholders are no degrees."""
-    for lower, upper in ((-170, 170), (0, -90), (-30, 0)):
-        text = changed(LIMIT, f'<limit lower="{min(lower, upper)}" upper="{max(lower, upper)}"/>')
-        with pytest.warns(dd.ModelWarning, match=r"joint 'shoulder' \(-?\d+ rad\): <limit> is beyond three turns"):
-            dd.load_urdf(text)
-        assert inspect_robot(text).checks["position_limits"] == "warning"
-    for lower, upper in ((-12.57, 12.57), (-1e16, 1e16), (-999999, 999999)):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            dd.load_urdf(changed(LIMIT, f'<limit lower="{lower}" upper="{upper}"/>'))
-
-
 @pytest.mark.parametrize("case", NO_MISTAKES)
 def test_no_mistakes_are_named(case):
     with warnings.catch_warnings():
@@ -214,7 +184,7 @@ def test_many_mistakes_are_one_short_warning():
         dd.load_urdf(arm(*links, *joints))
     text = str(caught[0].message)
     assert len(caught) == 1 and len(text) < 2000
-    assert "joints 'j0', 'j1', 'j2', 'j3': <axis>" in text and "And 15 more mistakes" in text
+    assert "joint 'j0' and 3 more: <axis>" in text and "And 15 more mistakes" in text
 
 
 @pytest.mark.parametrize("robot", shortened(all_robots(), all_robots()[::7]))
