@@ -25,9 +25,6 @@ DEFINITIONS = ("property", "macro", "arg")
 
 UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
 
-SEMANTIC = ("group", "group_state", "end_effector", "virtual_joint", "disable_collisions", "disable_default_collisions")
-"""Elements of an SRDF."""
-
 LOOPS = ("loopjoint", "loop", "constraint", "coupling", "closedloop", "loopclosure", "gearjoint")
 """Elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case without underscores."""
 
@@ -155,14 +152,10 @@ def _is_xacro(element):
 
 
 def _reject_no_links(robot):
-    """Reject a robot without links, and name the kind of file."""
-    what = "The URDF has no <link>."
-    if any(robot.find(tag) is not None for tag in SEMANTIC):
-        what = "The file is no URDF: it is an SRDF of MoveIt, without links. Load the URDF that belongs to it."
     for element in robot.iterchildren(etree.Element):
         if _is_xacro(element):
-            what = f"The URDF has no <link>, but <xacro:{local_name(element)}>: {UNEXPANDED}"
-    raise UrdfError(what)
+            raise UrdfError(f"The URDF has no <link>, but <xacro:{local_name(element)}>: {UNEXPANDED}")
+    raise UrdfError("The URDF has no <link>. Is the file an SRDF of MoveIt?")
 
 
 def _expanded(value, where):
