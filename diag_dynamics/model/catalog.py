@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import shlex
 import sys
 from collections.abc import Sequence
-from difflib import get_close_matches
 from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import Any
@@ -30,8 +28,6 @@ _FOLDER = "example-robot-data/robots/"
 _OWN = Path(__file__).parents[1] / "robots"
 """Robots of this package, each in a folder of its name."""
 
-logger = logging.getLogger("diag_dynamics")
-
 
 def load_robot(name: str, **options: Any) -> RobotModel:
     """Build the model of a robot by its name.
@@ -43,7 +39,7 @@ def load_robot(name: str, **options: Any) -> RobotModel:
         or a part of one path only. Where `robot_descriptions` is installed, also a description with a URDF
         (``panda_description``), which that package clones on first use.
     **options
-        Those of :func:`load_urdf`, whose errors it has. An unknown name is an InputError that names similar ones.
+        Those of :func:`load_urdf`, whose errors it has.
     """
     return load_urdf(robot_path(name), **options)
 
@@ -52,15 +48,7 @@ def robot_path(name: str) -> Path:
     """Return the path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it."""
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
-    known = _descriptions()
-    if name in known:
-        return _cloned(name)
-    try:
-        return find_urdf(name)
-    except InputError as error:
-        if near := get_close_matches(name, known, n=3):
-            raise InputError(f"{error} {DESCRIPTIONS} has {' and '.join(near)}.") from None
-        raise
+    return _cloned(name) if name in _descriptions() else find_urdf(name)
 
 
 def _descriptions() -> list[str]:
@@ -76,9 +64,8 @@ def _descriptions() -> list[str]:
 
 def _cloned(name: str) -> Path:
     """Return the path of the URDF of a description."""
-    message = f"robot '{name}': {DESCRIPTIONS} gets it from the net if it has not yet, which may take a minute."
-    logger.info(message)
-    print(f"diag_dynamics: {message}", file=sys.stderr, flush=True)
+    text = f"robot '{name}': {DESCRIPTIONS} gets it from the net if it has not yet, which may take a minute."
+    print(f"diag_dynamics: {text}", file=sys.stderr, flush=True)
     try:
         module = import_module(f"{DESCRIPTIONS}.{name}")
     except Exception as error:  # of git, of the net, or of the package
@@ -116,26 +103,21 @@ def find_urdf(robot: str) -> Path:
     except OSError as error:  # of a folder without permission
         raise InputError(f"robot '{robot}' cannot be read: {error.strerror}.") from error
     urdfs, name = example_urdfs(), robot.removesuffix(".urdf")
-    stems = {key: key.rsplit("/", 1)[-1] for key in urdfs}
-    exact = [key for key, stem in stems.items() if name in (key, stem)]
-    exact = exact or [key for key, stem in stems.items() if stem == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
     is_path = robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro"))
+    exact = [key for key in urdfs if name in (key, Path(key).name)]
+    exact = exact or [key for key in urdfs if Path(key).name == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
     partial = [] if is_path else [key for key in urdfs if name.lower() in key.lower()]
     for keys in (exact, partial):
         if len(keys) == 1:
             return urdfs[keys[0]]
-    names = list(stems.values())
     if is_path:
-        reason = ": no such file."
-    elif partial:
-        short = (stems[key] if names.count(stems[key]) == 1 else key for key in partial)
-        reason = f" could be any of: {', '.join(short)}."
-    else:
-        near = " or ".join(get_close_matches(name.lower(), sorted(set(names)), n=3, cutoff=0.6))
-        meant = f"; did you mean {near}?" if near else "."
-        more = "diag-dynamics robots" + ("" if len(urdfs) > 1 else ". More: pip install example-robot-data")
-        reason = f" is neither a file nor one of the {len(urdfs)} example robots{meant} All of them: {more}"
-    raise InputError(f"robot '{robot}'{reason}")
+        raise InputError(f"robot '{robot}': no such file.")
+    if partial:
+        raise InputError(f"robot '{robot}' could be any of: {', '.join(partial)}.")
+    raise InputError(
+        f"robot '{robot}' is neither a file nor one of the {len(urdfs)} example robots. All of them: diag-dynamics robots. "
+        "More: pip install example-robot-data."
+    )
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:

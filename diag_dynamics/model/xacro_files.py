@@ -4,10 +4,8 @@
 """Xacro files, expanded by ROS's own package `xacro`."""
 
 import os
-import re
 from collections.abc import Mapping
 from importlib import import_module
-from pathlib import Path
 
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
@@ -16,11 +14,11 @@ from diag_dynamics.model.sources import reject_other_kinds
 
 
 class _Arguments(dict):
-    """Values by name; `used` are the names that xacro asked for, `missing` the last one without a value."""
+    """Values by name; `used` are the names that xacro asked for."""
 
     def __init__(self, values):
         super().__init__(values)
-        self.used, self.missing = set(), None
+        self.used = set()
 
     def __contains__(self, name):
         self.used.add(name)
@@ -29,10 +27,6 @@ class _Arguments(dict):
     def __getitem__(self, name):
         self.used.add(name)
         return super().__getitem__(name)
-
-    def __missing__(self, name):
-        self.missing = name
-        raise KeyError(name)
 
 
 def expanded(source, arguments):
@@ -64,15 +58,19 @@ def expanded(source, arguments):
         raise UrdfError(
             f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
         ) from error
-    # As xacro's command line has them.
-    texts = {
+    texts = {  # as xacro's command line has them
         str(name): str(value).lower() if isinstance(value, bool) else str(value) for name, value in arguments.items()
     }
     mappings = _Arguments(texts)
     try:
         text = xacro.process_file(path, mappings=mappings).toxml()
     except Exception as error:  # it has exceptions of a dozen modules
-        raise UrdfError(f"xacro cannot expand '{path}': {_reason(error, path, mappings.missing)}") from error
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        missing = sorted(mappings.used.difference(mappings))
+        give = (
+            f". Give {missing[0]}:=VALUE behind the path, or xacro_args={{'{missing[0]}': VALUE}}." if missing else ""
+        )
+        raise UrdfError(f"xacro cannot expand '{path}': {reason}{give}") from error
     if unused := [name for name in texts if name not in mappings.used]:
         used = ", ".join(sorted(mappings.used)) or "none"
         warn(
@@ -80,31 +78,3 @@ def expanded(source, arguments):
             stacklevel=4,
         )
     return text
-
-
-def _reason(error, path, missing):
-    """Return why xacro failed, and what to do."""
-    if missing is not None:
-        give = f"{missing}:=VALUE behind the path, or xacro_args={{'{missing}': VALUE}}"
-        return f"its argument '{missing}' has no value and no default. Give it: {give}."
-    said = " ".join(str(error).split())
-    if found := re.search(r"package '([^']+)' not found", said):
-        return f"package '{found[1]}' of a $(find …) is not installed. Install it, or source the workspace that has it."
-    if "ament_index_python" in said:
-        listed = " or ".join(f"'{name}'" for name in _packages(Path(path))) or "of an included file"
-        return f"package {listed} of a $(find …) cannot be found without ROS 2. Source a ROS 2 workspace that has it."
-    return f"{type(error).__name__}: {said}"
-
-
-def _packages(path):
-    """Return the packages that a xacro file, and those that it includes by a relative path, have in $(find …)."""
-    files, names = [path], []
-    for file in files:
-        try:
-            text = re.sub(r"(?s)<!--.*?-->", "", file.read_text(encoding="utf-8", errors="replace"))
-        except OSError:
-            continue
-        names += re.findall(r"\$\(\s*find\s+([^)\s]+)\s*\)", text)
-        included = re.findall(r"<xacro:include\s[^>]*?filename\s*=\s*[\"']([^\"'$]+)[\"']", text)
-        files += [other for name in included if len(files) < 100 and (other := file.parent / name) not in files]
-    return dict.fromkeys(names)

@@ -37,7 +37,7 @@ def test_example_robots():
 
 @pytest.mark.parametrize(
     ("name", "key"),
-    [("pnada", "panda"), ("ur", "any of"), ("pand", "panda, panda_collision"), ("", "expected"), (3, "expected")],
+    [("pnada", "pnada"), ("ur", "any of"), ("pand", "panda.*panda_collision"), ("", "expected"), (3, "expected")],
 )
 def test_unknown_names(name, key):
     with pytest.raises(dd.InputError, match=key):
@@ -72,7 +72,6 @@ def test_robot_descriptions(robot_descriptions, capsys):
     assert "from the net" in capsys.readouterr().err
     for name, key in (
         ("lost_description", "ConnectionError: no route to host"),
-        ("arm_descripton", "arm_description"),
         ("arm_mj_description", "arm_mj"),
         ("bare_description", "neither a URDF nor a xacro file"),
     ):
@@ -139,20 +138,12 @@ def test_xacro_errors(xacro_file, monkeypatch):
     assert_error(dd.InputError, "xacro_args is 3", xacro_file, xacro_args=3)
     xacro_file.write_text(XACRO.replace("${0.1 * 2}", "${nothing}"))
     assert_error(dd.UrdfError, "xacro cannot expand .*nothing", xacro_file)
-    include = '<!-- $(find old) --><xacro:include filename="$(find arm)/x.xacro"/>'
-    xacro_file.write_text(XACRO.replace('<link name="base"/>', include))
-    with monkeypatch.context() as context:  # a ROS 2 without the package
-        packages = types.ModuleType("ament_index_python.packages")
-        context.setitem(sys.modules, "ament_index_python", types.ModuleType("ament_index_python"))
-        context.setitem(sys.modules, "ament_index_python.packages", packages)
-        packages.get_package_share_directory = not_found
-        assert_error(dd.UrdfError, r"package 'arm' of a \$\(find …\) is not installed", xacro_file)
-    for name in ("ament_index_python", "ament_index_python.packages"):
-        monkeypatch.setitem(sys.modules, name, None)
-    assert_error(dd.UrdfError, r"package 'arm' of a \$\(find …\) cannot be found without ROS 2", xacro_file)
-    xacro_file.with_name("part.xacro").write_text(XACRO.replace('<link name="base"/>', include.replace("arm", "hand")))
-    xacro_file.write_text(XACRO.replace('<link name="base"/>', '<xacro:include filename="part.xacro"/>'))
-    assert_error(dd.UrdfError, "package 'hand' of a", xacro_file)
+    xacro_file.write_text(XACRO.replace('<link name="base"/>', '<xacro:include filename="$(find arm)/x.xacro"/>'))
+    packages = types.ModuleType("ament_index_python.packages")
+    monkeypatch.setitem(sys.modules, "ament_index_python", types.ModuleType("ament_index_python"))
+    monkeypatch.setitem(sys.modules, "ament_index_python.packages", packages)
+    packages.get_package_share_directory = not_found
+    assert_error(dd.UrdfError, "xacro cannot expand .*'arm' not found", xacro_file)
     monkeypatch.setitem(sys.modules, "xacro", None)
     assert_error(dd.UrdfError, "pip install xacro", xacro_file)
     assert_error(dd.UrdfError, "unexpanded xacro", XACRO)
