@@ -57,13 +57,13 @@ def starts():
     urdf = str(find_urdf("panda"))
     python = [sys.executable, "-c"]
     lines = [
-        Start("import, load, first `evaluate`", [*python, FIRST.format(urdf)], {}, 9.0),
-        Start("`Simulation` of order 4", [*python, SIMULATION.format(urdf)], {}, 14.0),
-        Start("everything that a script may call", [*python, EVERYTHING.format(urdf)], {}, 40.0),
+        Start("import, load, first `evaluate`", [*python, FIRST.format(urdf)], {}, 16.0),
+        Start("`Simulation` of order 4", [*python, SIMULATION.format(urdf)], {}, 30.0),
+        Start("everything that a script may call", [*python, EVERYTHING.format(urdf)], {}, 55.0),
     ]
     if importlib.util.find_spec("rclpy"):
-        robot = ["--robot-description", urdf]
-        more = {"controller": ["--robot-compensates-gravity", "false", "--autostart", "true"]}
+        robot = ["--ros-args", "-p", f"robot_description:={urdf}"]
+        more = {"controller": ["-p", "robot_compensates_gravity:=false", "-p", "autostart:=true"]}
         for node in ("monitor", "simulator", "controller"):
             command = [sys.executable, "-m", "diag_dynamics", node, *robot, *more.get(node, [])]
             lines.append(Start(f"`{node}`, until it is ready", command, {"ROS_DOMAIN_ID": "83"}, 20.0))
