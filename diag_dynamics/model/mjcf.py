@@ -25,17 +25,8 @@ from diag_dynamics.model.robot import RobotModel, load_urdf
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
 """Options of load_urdf that an MJCF has itself."""
 
-FLAGS = {
-    "gravity": ("GRAVITY",),
-    "equality": ("EQUALITY", "CONSTRAINT"),
-    "frictionloss": ("FRICTIONLOSS", "CONSTRAINT"),
-    "limit": ("LIMIT", "CONSTRAINT"),
-    "spring": ("SPRING", "PASSIVE"),  # in older versions PASSIVE is of both
-    "damper": ("DAMPER", "PASSIVE"),
-    "clampctrl": ("CLAMPCTRL",),
-    "actuation": ("ACTUATION",),
-}
-"""MuJoCo's flags that disable a thing, those that its version has."""
+FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(("equality", "frictionloss", "limit"), "CONSTRAINT")
+"""MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on the version."""
 
 MAX_PREAMBLE = 1 << 16
 """Bytes in which the root element of an MJCF begins, after comments."""
@@ -62,10 +53,9 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
     Joints that an equality couples linearly are mimic joints. Names are the file's, or ``body<number>`` and
-    ``joint<number>``. A single free body is a floating base; of any free body q is x y z qx qy qz qw, and its rates are a
-    twist in its own axes, linear first. Degrees of freedom are in the order of their names (see :class:`RobotModel`), which
-    need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs. The library's documentation
-    lists what is read, omitted and unsupported.
+    ``joint<number>``. A single free body is a floating base. Degrees of freedom are in the order of :class:`RobotModel`,
+    which need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a ModelWarning
+    names them, and `RobotModel.omitted` has them.
 
     Parameters
     ----------
@@ -77,16 +67,10 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     Raises
     ------
     UrdfError
-        MuJoCo refuses the file.
+        MuJoCo rejects the file.
     UnsupportedError
-        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities that hold a body that moves,
-        equalities of joints other than linear couplings of two, two equalities for one joint, and armature of a free joint,
-        a tendon, or an actuator elsewhere than at a hinge or slide. The message names the first.
-
-    Warns
-    -----
-    ModelWarning
-        Names everything in `RobotModel.omitted`.
+        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities other than a linear coupling of
+        two joints, or armature of a free joint, a tendon, or an actuator elsewhere than at a hinge or slide.
     """
     for name in OPTIONS:
         if name in options:
@@ -153,7 +137,7 @@ class _Compiled:
             else:
                 self.m = build.from_xml_path(os.path.expanduser(text))
         except (ValueError, self.mujoco.FatalError) as error:
-            raise UrdfError(f"MuJoCo refuses the MJCF: {' '.join(str(error).split())}") from error
+            raise UrdfError(f"MuJoCo rejects the MJCF: {' '.join(str(error).split())}") from error
         m = self.m
         self.bodies, self.joints, self.tendons = range(1, m.nbody), range(m.njnt), range(m.ntendon)
         # nu counts controls since these may be several of one actuator.
@@ -161,7 +145,8 @@ class _Compiled:
         self.equalities = [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
 
     def is_disabled(self, thing):
-        bits = (getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in FLAGS[thing])
+        flags = (thing.upper(), FLAGS.get(thing, ""))
+        bits = (getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
         return any(self.m.opt.disableflags & int(bit) for bit in bits)
 
     def is_a(self, attribute, k, enum, *names):
@@ -215,68 +200,44 @@ class _Compiled:
         if not m.eq_active0[e] or not self.is_a("eq_type", e, "Eq", "EQ_CONNECT", "EQ_WELD"):
             return bool(m.eq_active0[e])
         ends = [int(m.eq_obj1id[e]), int(m.eq_obj2id[e])]
-        if self.is_of_sites(e):
+        if hasattr(m, "eq_objtype") and self.is_a("eq_objtype", e, "Obj", "OBJ_SITE"):
             ends = [int(m.site_bodyid[site]) for site in ends]
         return m.body_weldid[ends[0]] != m.body_weldid[ends[1]] and any(map(self.moves, ends))
-
-    def is_of_sites(self, e):
-        return hasattr(self.m, "eq_objtype") and self.is_a("eq_objtype", e, "Obj", "OBJ_SITE")
 
 
 def _reject_unsupported(c):
     """Reject what changes M, C, ν or K and cannot be modelled."""
-    for j in c.joints:
-        named = f"joint '{c.name('joint', j)}'"
-        if c.is_a("jnt_type", j, "Joint", "JNT_BALL"):
-            raise UnsupportedError(f"{named} is a ball joint, which is not supported.")
-        if c.is_free(j) and c.m.body_parentid[c.m.jnt_bodyid[j]] != 0:
-            raise UnsupportedError(f"{named} is free, but its body is not at the world.")
-        if c.is_free(j) and c.any_dof("dof_armature", j):
-            raise UnsupportedError(f"{named} is free and has armature, which is not supported.")
-    for a in c.actuators:
-        if c.joint_of(a) is None and c.any("actuator_armature", a):
-            raise UnsupportedError(
-                f"actuator '{c.name('actuator', a)}' has armature, but is not at a hinge or slide, which is not supported."
-            )
-    for t in c.tendons:
-        if c.any("tendon_armature", t):
-            raise UnsupportedError(f"tendon '{c.name('tendon', t)}' has armature, which is not supported.")
-    coupled = {}
+    balls = [j for j in c.joints if c.is_a("jnt_type", j, "Joint", "JNT_BALL")]
+    for kind, which, reason in (
+        ("joint", balls, "is a ball joint"),
+        ("joint", [j for j in c.joints if c.is_free(j) and c.any_dof("dof_armature", j)], "is free and has armature"),
+        (
+            "actuator",
+            [a for a in c.actuators if c.joint_of(a) is None and c.any("actuator_armature", a)],
+            "has armature, but is not at a hinge or slide",
+        ),
+        ("tendon", [t for t in c.tendons if c.any("tendon_armature", t)], "has armature"),
+    ):
+        if which:
+            raise UnsupportedError(f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported.")
+    coupled = set()
     for e in c.equalities:
-        name, first = c.name("equality", e), int(c.m.eq_obj1id[e])
         is_of_joints = c.is_a("eq_type", e, "Eq", "EQ_JOINT") and c.m.eq_obj2id[e] >= 0
-        if not is_of_joints or np.any(c.m.eq_data[e, 2:5]):
+        joint = int(c.m.eq_obj1id[e])
+        if not is_of_joints or np.any(c.m.eq_data[e, 2:5]) or joint in coupled:
+            kind = c.mujoco.mjtEq(int(c.m.eq_type[e])).name.removeprefix("mjEQ_").lower()
             raise UnsupportedError(
-                f"equality '{name}' ({_ends_of(c, e)}) is not a linear coupling of two joints, and is not supported. "
-                'Remove it, or set active="false", if the model may move without it.'
+                f"equality '{c.name('equality', e)}' ({kind}) is not the one linear coupling of a joint to "
+                'another one, and is not supported. Remove it, or set active="false".'
             )
-        if first in coupled:
-            raise UnsupportedError(
-                f"equality '{name}' couples joint '{c.name('joint', first)}', as equality '{coupled[first]}' does; only one "
-                "is supported."
-            )
-        coupled[first] = name
-
-
-def _ends_of(c, e):
-    """Return the type of an equality, and the names of the objects that it holds."""
-    kind = c.mujoco.mjtEq(int(c.m.eq_type[e])).name.removeprefix("mjEQ_").lower()
-    of = {"joint": "joint", "tendon": "tendon", "connect": "body", "weld": "body"}.get(kind, "flex")
-    of = "site" if c.is_of_sites(e) else of
-    ends = (int(k) for k in (c.m.eq_obj1id[e], c.m.eq_obj2id[e]) if k >= 0)
-    return f"{kind} of {of} " + ", ".join(f"'{c.name(of, k)}'" for k in ends)
+        coupled.add(joint)
 
 
 def _omitted(c) -> Iterator[str]:
-    """Yield the texts of `RobotModel.omitted`, one for each kind, and for each tendon."""
+    """Yield the texts of `RobotModel.omitted`, one for each kind of object."""
     for what, kind, which in _omitted_objects(c):
         if which:
             yield f"{what} {', '.join(repr(c.name(kind, k)) for k in which)}"
-    tendons: dict[str, list[str]] = {}
-    for t in c.tendons:
-        tendons.setdefault(", ".join(_forces_of_tendon(c, t)), []).append(repr(c.name("tendon", t)))
-    for forces, names in tendons.items():
-        yield f"tendon {', '.join(names)}{f' ({forces})' if forces else ''}"
     opt = c.m.opt
     if (opt.density or opt.viscosity) and not (c.is_disabled("spring") and c.is_disabled("damper")):
         yield f"fluid (density {opt.density:g}, viscosity {opt.viscosity:g})"
@@ -292,8 +253,8 @@ def _omitted_objects(c):
     if damper:
         yield "damping of free joint", "joint", [j for j in free if c.any_dof("dof_damping", j)]
         yield "nonlinear damping of joint", "joint", [j for j in c.joints if c.any_dof("dof_dampingpoly", j)]
-        elsewhere = [a for a in c.actuators if c.joint_of(a) is None]
-        yield "damping of actuator", "actuator", [a for a in elsewhere if c.any("actuator_damping", a)]
+        elsewhere = [a for a in c.actuators if c.joint_of(a) is None and c.any("actuator_damping", a)]
+        yield "damping of actuator", "actuator", elsewhere
         nonlinear = [a for a in c.actuators if c.any("actuator_dampingpoly", a)]
         yield "nonlinear damping of actuator", "actuator", nonlinear
     if not c.is_disabled("frictionloss"):
@@ -304,24 +265,8 @@ def _omitted_objects(c):
             yield "gravity compensation of body", "body", carried
         yield "plugin of body", "body", [b for b in c.bodies if m.body_plugin[b] >= 0]
         yield "flexible body", "flex", list(range(getattr(m, "nflex", 0)))
-    mocap = [b for b in c.bodies if m.body_mocapid[b] >= 0]
-    yield "mocap body", "body", [b for b in mocap if c.is_marker(b)]
-    yield "motion of mocap body", "body", [b for b in mocap if not c.is_marker(b)]
-
-
-def _forces_of_tendon(c, t):
-    """Yield the forces of a tendon."""
-    for force, flag, *attributes in (
-        ("spring", "spring", "tendon_stiffness", "tendon_stiffnesspoly"),
-        ("damping", "damper", "tendon_damping", "tendon_dampingpoly"),
-        ("friction loss", "frictionloss", "tendon_frictionloss"),
-        ("limits", "limit", "tendon_limited"),
-    ):
-        if not c.is_disabled(flag) and any(c.any(attribute, t) for attribute in attributes):
-            yield force
-    for a in c.actuators:
-        if c.is_a("actuator_trntype", a, "Trn", "TRN_TENDON") and int(c.m.actuator_trnid[a, 0]) == t:
-            yield f"actuator '{c.name('actuator', a)}'"
+    yield "mocap body", "body", [b for b in c.bodies if m.body_mocapid[b] >= 0]
+    yield "tendon", "tendon", list(c.tendons)
 
 
 def _effort_limits(c):
