@@ -17,7 +17,7 @@ from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.wrenches import wrenches_at, wrenches_on_links, wrenches_on_links_of_many
+from diag_dynamics.model.links import wrenches_at, wrenches_on_links, wrenches_on_links_of_many
 from diag_dynamics.sweeps import (
     batch,
     classical,

@@ -19,7 +19,7 @@ from diag_dynamics.joint_states.limits import EffortMeaning, age_limits, joint_l
 from diag_dynamics.joint_states.rules import judge_messages
 from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.joint_states.watches import SAMPLES
-from diag_dynamics.model.followers import Followers
+from diag_dynamics.model.mimic import Followers
 
 
 class Accepted(NamedTuple):

@@ -8,8 +8,8 @@ raises a UrdfError that names the element.
 """
 
 from diag_dynamics.model.catalog import load_robot
-from diag_dynamics.model.end_effector import end_effector_link
 from diag_dynamics.model.inertias import Payload
+from diag_dynamics.model.links import end_effector_link
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
 from diag_dynamics.model.parameters import JointParameters, Parameters

@@ -33,7 +33,6 @@ KINDS = {
 
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
-
 LARGEST_DENSITY = 30000.0
 """Largest density accepted [kg/m³]; osmium, the densest element, has 22 590."""
 
@@ -81,10 +80,9 @@ def shape_of(element: Any, where: str) -> Shape | None:
         is_scale = attribute == "scale"
         text = shape.get(attribute, "1 1 1" if is_scale else "")
         parts = floats(text, count)
-        if parts is None or (0.0 in parts if is_scale else min(parts) < 0.0):
-            raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is not {count} finite number(s) > 0.")
-        if max(map(abs, parts)) > LARGEST:
-            raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'> is beyond {LARGEST:g}.")
+        if parts is None or (0.0 in parts if is_scale else min(parts) < 0.0) or max(map(abs, parts)) > LARGEST:
+            expected = f"{count} number(s) > 0, none beyond {LARGEST:g}"
+            raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'>; expected {expected}.")
         numbers += parts
     if shape.tag == "mesh" and not shape.get("filename"):
         raise UrdfError(f"{where}: <mesh> has no filename.")
@@ -188,17 +186,14 @@ class Estimated(NamedTuple):
 
     def warning(self, robot: str) -> str:
         """Return the text of a warning of both; empty if no link lacked an inertia."""
-        parts = []
-        if self.estimates:
-            names = ", ".join(f"'{estimate.link}'" for estimate in self.estimates)
-            parts.append(
-                f"robot '{robot}': the inertias of these links are estimated from geometry at {self.density:g} kg/m³, "
-                f"and are no measured ones: {names}."
-            )
-        if self.failed:
-            reasons = "; ".join(f"'{link}' ({reason.rstrip('.')})" for link, reason in self.failed.items())
-            parts.append(f"No inertia could be estimated of {reasons}.")
-        return " ".join(parts)
+        if not self.estimates and not self.failed:
+            return ""
+        names = ", ".join(f"'{estimate.link}'" for estimate in self.estimates) or "none"
+        reasons = "; ".join(f"'{link}' ({reason.rstrip('.')})" for link, reason in self.failed.items()) or "none"
+        return (
+            f"robot '{robot}': links with an inertia estimated from geometry at {self.density:g} kg/m³: {names}; "
+            f"links without one: {reasons}."
+        )
 
 
 def estimated(text: str, density: object, folder: Path | None) -> Estimated:
@@ -209,10 +204,7 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
     """
     rho = positive("estimate_inertias", density, "[kg/m³]")
     if rho > LARGEST_DENSITY:
-        raise InputError(
-            f"estimate_inertias is {density!r}, expected a density in kg/m³ up to {LARGEST_DENSITY:g}: water has 1000, "
-            "aluminium 2700, steel 7850."
-        )
+        raise InputError(f"estimate_inertias is {density!r}, expected up to {LARGEST_DENSITY:g} kg/m³; steel has 7850.")
     robot, meshes = parse_urdf(text, comments=True), Meshes(folder)
     estimates, failed = [], {}
     for link in robot.findall("link"):

@@ -51,54 +51,45 @@ def reject_massless(model, tree, found):
     if not len(massless):
         return
     joints = _joints_of_dofs(tree)
-    negative = {k: links for k in massless if (links := _negative_links(tree, joints[k]))}
+    negative = {k: text for k in massless if (text := _negative_link(tree, joints[k]))}
     which = list(negative or massless)
-    named = {k: f"'{model.dof_names[k]}' (D = {smallest[k]:.3g})" for k in which[:MAX_LISTED]}
-    if negative:
-        links = list(dict.fromkeys(text for texts in negative.values() for text in texts))[:MAX_LISTED]
-        text = (
-            f"{'; '.join(links)}. Expected positive moments, because the mass matrix is not positive definite with these, "
-            f"at the joint(s) {', '.join(named.values())}. Correct the inertia in the URDF."
-        )
-        raise _error(model, f": {text}", which, smallest)
     heavy = {body for link, body, _ in tree.links if _has_inertia(link)}
     lines = []
-    for k, name in named.items():
+    for k in which[:MAX_LISTED]:
         link = joints[k].joint.child if joints[k].joint else model.root_link
-        why = "has little inertia about that axis" if tree.body_of(joints[k].name) in heavy else "has no <inertial>"
-        lines.append(f"joint {name}: link '{link}' {why}")
+        is_heavy = tree.body_of(joints[k].name) in heavy
+        why = f"link '{link}' has {'little inertia about that axis' if is_heavy else 'no <inertial>'}"
+        lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): {negative.get(k, why)}")
     if len(which) > MAX_LISTED:
         lines.append(f"… and {len(which) - MAX_LISTED} more")
-    advice = "Give the link mass and inertia in the URDF, or make the joint fixed."
-    if single := next((joints[k].name for k in which if joints[k].is_single), None):
+    advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
+    single = next((joints[k].name for k in which if joints[k].is_single), None)
+    if single and not negative:
         advice += (
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."
         )
-    text = f" has {len(which)} joint(s) that move no inertia, which makes its mass matrix singular: {'; '.join(lines)}."
-    raise _error(model, f"{text} {advice}", which, smallest)
-
-
-def _error(model, text, which, smallest):
-    names = [model.dof_names[k] for k in which]
-    return MasslessLinkError(f"robot '{model.name}'{text}", names, smallest[which])
+    raise MasslessLinkError(
+        f"robot '{model.name}' has {len(which)} joint(s) that move no inertia, which makes its mass matrix singular: "
+        f"{'; '.join(lines)}. {advice}",
+        [model.dof_names[k] for k in which],
+        smallest[which],
+    )
 
 
 def _has_inertia(link):
     return link.inertial is not None and (link.inertial.mass or np.any(link.inertial.inertia))
 
 
-def _negative_links(tree, moved):
-    """Return texts on the links that a joint moves and whose inertia has negative principal moments."""
+def _negative_link(tree, moved):
+    """Return a text on the first link that a joint moves and whose inertia has negative principal moments, or None."""
     inboard = {joint.child: joint.parent for joint in tree.robot.joints}
     outboard = {moved.joint.child if moved.joint else tree.root}
     for link, _, _ in tree.links:  # base to tip
         if inboard.get(link.name) in outboard:
             outboard.add(link.name)
-    return [
-        f"link '{link.name}' has negative principal moments of inertia, {moments} kg m²"
-        for link in tree.robot.links
-        if link.name in outboard
-        and link.inertial is not None
-        and (moments := negative_moments(link.inertial.inertia, link.inertial.mass))
-    ]
+    for link in tree.robot.links:
+        own = link.inertial if link.name in outboard else None
+        if own is not None and (moments := negative_moments(own.inertia, own.mass)):
+            return f"link '{link.name}' has negative principal moments of inertia, {moments} kg m²"
+    return None

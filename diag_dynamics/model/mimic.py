@@ -5,12 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+
+from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MimicJointError
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.origins import LARGEST
+from diag_dynamics.rotations import wrap_angle
 
 _CURE = "mimic='free' takes every joint as independent."
 
@@ -139,3 +143,70 @@ def _joints_between(family: list[str], depth: Mapping[str | None, int], carriers
                 found.add(other)
                 other = carriers[other]  # type: ignore[index]
     return found  # type: ignore[return-value]
+
+
+# --- Values of mimic joints in messages
+
+
+class Followers:
+    """Positions of mimic joints by their leaders, and efforts of mimic joints on their leaders.
+
+    Vectors of mimic joints are in the order of `names`, NaN for unknown values.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        The independent joints, in the order of their vectors.
+    mimics : mapping
+        :class:`Mimic` by name.
+    tolerance : float
+        Largest distance of a mimic joint's own position from that which its leader gives it [rad, m]; 0 for any.
+    continuous : container of str
+        Mimic joints whose position is an angle that wraps.
+    """
+
+    def __init__(
+        self,
+        joints: Iterable[str],
+        mimics: Mapping[str, Mimic],
+        tolerance: float = 0.0,
+        continuous: Container[str] = (),
+    ) -> None:
+        self.names = tuple(mimics)
+        self.tolerance = tolerance
+        self._leader_names = tuple(mimic.leader for mimic in mimics.values())
+        place = {name: k for k, name in enumerate(joints)}
+        self.leaders = np.array([place[leader] for leader in self._leader_names], dtype=int)
+        self.turns = np.array([name in continuous for name in self.names], dtype=bool)
+        self.multipliers = np.array([mimic.multiplier for mimic in mimics.values()], float)
+        self.offsets = np.array([mimic.offset for mimic in mimics.values()], float)
+
+    def positions(self, position: Array) -> Array:
+        """Positions of the followers by those of the independent joints [rad, m]."""
+        return self.multipliers * position[self.leaders] + self.offsets
+
+    def velocities(self, velocity: Array) -> Array:
+        """Velocities of the followers by those of the independent joints [rad/s, m/s]."""
+        return self.multipliers * velocity[self.leaders]
+
+    def reflected(self, effort: Array, own: Array) -> Array:
+        """Efforts of the independent joints and, through the coupling, of the followers: Gᵀτ; those unknown are zero."""
+        reflected = effort.copy()
+        np.add.at(reflected, self.leaders, self.multipliers * np.where(np.isfinite(own), own, 0.0))
+        return reflected
+
+    def disagreements(self, position: Array, own: Array) -> list[str]:
+        """Texts, one for each follower further than `tolerance` from where its leader puts it; NaN is not compared."""
+        if not self.tolerance:
+            return []
+        expected = self.positions(position)
+        distance = np.abs(np.where(np.isfinite(own), own, np.nan) - expected)
+        distance = np.where(self.turns, np.abs(wrap_angle(distance)), distance)
+        return [self.disagreement(k, own[k], expected[k]) for k, far in enumerate(distance > self.tolerance) if far]
+
+    def disagreement(self, k: int, own: float, expected: float) -> str:
+        """Text on follower k, whose position is not the expected one."""
+        return (
+            f"position of joint '{self.names[k]}' is {own:.9g}, expected {expected:.9g} from '{self._leader_names[k]}', "
+            f"which it follows, within mimic_tolerance = {self.tolerance:g}"
+        )

@@ -9,7 +9,6 @@ import copy
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple
@@ -45,9 +44,8 @@ _HEAD = """\
 class JointParameters(NamedTuple):
     """Numbers of a joint of one degree of freedom; None leaves what the model has.
 
-    Viscous friction `damping` [N m s/rad, N s/m], Coulomb `friction` [N m, N] and the reflected rotor inertia `armature`
-    [kg m², kg] are not negative. `effort_offset` [N m, N] is the effort that is measured, or commanded, where none acts: a
-    part of friction that does not turn round.
+    Viscous friction `damping` [N m s/rad, N s/m], Coulomb `friction` [N m, N], the effort that is measured where none acts,
+    `effort_offset` [N m, N], and the reflected rotor inertia `armature` [kg m², kg]. Only the offset may be negative.
     """
 
     damping: float | None = None
@@ -158,10 +156,7 @@ class Parameters:
             joints[name] = joints.get(name, JointParameters())._replace(**entry.known)
         payloads = {link: payload for link, payload in self.payloads.items() if link not in later.links}
         for link, payload in later.payloads.items():
-            both = _union(_rigid(payloads[link]), payload) if link in payloads else payload
-            if both is None:
-                raise InputError(f"parameters: two payloads of link '{link}' have no mass together, and so no centre.")
-            payloads[link] = both
+            payloads[link] = _union(_rigid(payloads[link]), payload, link) if link in payloads else payload
         velocity = self.friction_velocity if later.friction_velocity is None else later.friction_velocity
         return Parameters(joints, {**self.links, **later.links}, payloads, velocity, later.origin)
 
@@ -184,10 +179,7 @@ def _mapping(value: object, source: str, known: tuple[str, ...] = ()) -> Mapping
         raise InputError(f"{source}: {value!r} stands there, expected {', '.join(known) or 'entries by name'}.")
     for key in value if known else ():
         if key not in known:
-            near = get_close_matches(str(key), known, n=1)
-            raise InputError(
-                f"{source} has '{key}', expected {repr(near[0]) if near else 'one of ' + ', '.join(known)}."
-            )
+            raise InputError(f"{source} has '{key}', expected one of {', '.join(known)}.")
     return value
 
 
@@ -242,9 +234,9 @@ def _reject_unknown(what: str, given: Iterable[str], elements: Iterable[Any], ro
     known = [element.name for element in elements]
     for name in given:
         if name not in known:
-            near = get_close_matches(name, known, n=1)
-            meant = f"Is '{near[0]}' meant?" if near else f"Its {what}s are {listed(known)}."
-            raise InputError(f"parameters: '{name}' is not a {what} of robot '{robot}'. {meant}")
+            raise InputError(
+                f"parameters: '{name}' is not a {what} of robot '{robot}'. Its {what}s are {listed(known)}."
+            )
 
 
 def _with_resistance(joint: Any, given: JointParameters | None) -> Any:
@@ -271,13 +263,7 @@ def _with_payload(link: Any, payload: Payload | None) -> Any:
     """Return the link with a payload as part of its own inertia."""
     if payload is None or payload.mass == 0.0:
         return link
-    both = payload if link.inertial is None else _union(_body_of(link), payload)
-    if both is None:
-        raise InputError(
-            f"parameters: the payload of {payload.mass:g} kg leaves link '{link.name}' without mass. Give it as links: "
-            f"{link.name}: {{mass: 0}}."
-        )
-    return _with_inertia(link, both)
+    return _with_inertia(link, payload if link.inertial is None else _union(_body_of(link), payload, link.name))
 
 
 def _rigid(payload: Payload) -> RigidBody:
@@ -291,10 +277,13 @@ def _body_of(link: Any) -> RigidBody:
     return RigidBody(own.mass, place[:3, 3], place[:3, :3] @ own.inertia @ place[:3, :3].T)
 
 
-def _union(body: RigidBody, payload: Payload) -> Payload | None:
-    """Return a body and a payload as one; None if they have no mass together, and so no centre."""
+def _union(body: RigidBody, payload: Payload, link: str) -> Payload:
+    """Return a body and a payload of a link as one."""
     if abs(body.mass + payload.mass) <= NEGLIGIBLE * abs(payload.mass):
-        return None
+        raise InputError(
+            f"parameters: the payload of {payload.mass:g} kg leaves link '{link}' without mass, and so without a centre. "
+            f"To remove it, give links: {link}: {{mass: 0}}."
+        )
     both = RigidBody.union(body, _rigid(payload))
     return Payload(both.mass, both.centre, both.inertia)
 
@@ -305,19 +294,17 @@ def reject_too_light(tree: Tree, parameters: Parameters) -> None:
     of_link = {link.name: body for link, body, _ in tree.links}
     for name in parameters.lighter_links:
         body = bodies[of_link[name]]
-        mass, reason = float(body["mass"]), ""
+        mass, reason = float(body["mass"]), None
         if mass > 0.0:
             whole = RigidBody.about_origin(mass, body["first_moment"], symmetric(body["inertia"]))
-            reason = not_physical(whole.inertia, mass) or ""
-        if mass > 0.0 and not reason:
-            continue
-        text = f"which leaves {mass:.3g} kg {reason}".rstrip()
-        locked = parameters.locked_text  # links behind these joints moved with theirs
-        said = f" It was identified with locked_joints {locked}." if locked else ""
-        raise InputError(
-            f"parameters: a payload of negative mass is on link '{name}', {text}: more is taken off than moves with "
-            f"that link.{said}"
-        )
+            reason = not_physical(whole.inertia, mass)
+        if mass <= 0.0 or reason:
+            locked = parameters.locked_text  # links behind these joints moved with theirs
+            raise InputError(
+                f"parameters: a payload of negative mass is on link '{name}', which leaves {mass:.3g} kg {reason or ''}: "
+                "more is taken off than moves with that link."
+                + (f" It was identified with locked_joints {locked}." if locked else "")
+            )
 
 
 def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[str, Payload]:

@@ -43,12 +43,13 @@ def _comment(said: str) -> Any:
 
 
 def _insert_first(parent: Any, element: Any) -> None:
+    """Insert an element, each of its children on a line of its own."""
     inner = parent.text if len(parent) and parent.text and not parent.text.strip() else "\n    "
-    indent = inner.rpartition("\n")[2]
-    half = indent[len(indent) // 2 :]  # links and joints, and so their children, are at depth 1 and 2
-    element.tail = inner if len(parent) else inner[: len(inner) - len(indent) // 2]
+    unit = inner.rpartition("\n")[2]
+    unit = unit[len(unit) // 2 :] or "  "  # links and joints, and so their children, are at depth 1 and 2
+    element.tail = inner if len(parent) else inner.removesuffix(unit)
     if len(element):
-        element.text = inner + (half or "  ")
+        element.text = inner + unit
         for child in element:
             child.tail = element.text
         element[-1].tail = inner

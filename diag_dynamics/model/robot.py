@@ -73,12 +73,12 @@ class Options(NamedTuple):
 class RobotModel:
     """A robot as a tree of rigid bodies; immutable. Made by :func:`load_urdf`. A wrong argument raises an InputError.
 
-    The order of degrees of freedom is base to tip, depth first, with siblings sorted by joint name, which is
-    Pinocchio's order. Units are SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for prismatic.
+    Degrees of freedom are in Pinocchio's order: base to tip, depth first, with siblings sorted by joint name. Units are
+    SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for prismatic.
 
     A mimic joint that is coupled to its leader is no degree of freedom. A coupled group is all moving joints from the
     lowest body that carries both leader and followers, exclusive, down to them; groups that share a joint are one. Its
-    degrees of freedom come together, in base-to-tip order, before those of what the group carries.
+    degrees of freedom come together, before those of what the group carries.
 
     A planar joint moves in the plane normal to its axis: positions x, y, theta, rates v_x, v_y, w_z in the moving body's
     axes. A floating joint has positions x y z qx qy qz qw and as rates the body's twist in its own axes, linear first.
@@ -89,11 +89,10 @@ class RobotModel:
         Name of the robot, and the link that is fixed in the world, or moves freely.
     floating_base : bool
         Whether the root link moves freely.
-    dof_names : tuple of str
-        The nv degrees of freedom: the order of every vector of rates or efforts. A joint's name, or for a joint of
-        several degrees of freedom ``<joint>/v_x`` … ``<joint>/w_z``; the joint of a floating base is ``root_joint``.
-    coordinate_names : tuple of str
-        The nq position coordinates; likewise, ``<joint>/x`` … ``<joint>/qw``.
+    dof_names, coordinate_names : tuple of str
+        The nv degrees of freedom, the order of every vector of rates or efforts, and the nq position coordinates: a
+        joint's name, or ``<joint>/v_x`` … ``<joint>/w_z``, ``<joint>/x`` … ``<joint>/qw`` of a joint of several; the joint
+        of a floating base is ``root_joint``.
     orientations : tuple of int
         For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1.
     joint_names, fixed_joints, mimic_joints : tuple of str
@@ -105,33 +104,29 @@ class RobotModel:
     gravity : ndarray, shape (3,)
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     lower, upper : ndarray, shape (nq,)
-        Position limits [rad, m]; infinite where there are none.
+        Position limits [rad, m]; infinite where there are none. A follower's limits do not bind its leader.
     velocity_limit, effort_limit : ndarray, shape (nv,)
-        Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. These limits and those of position are a
-        joint's own: a follower's do not bind its leader.
+        Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none.
     velocity_bound, effort_bound : ndarray, shape (nv,)
         These limits, infinite where the URDF has 0, as authors write who know none.
     damping, friction, effort_offset : ndarray, shape (nv,)
-        Joint damping [N m s/rad, N s/m] and Coulomb friction [N m, N] as the URDF gives them, or parameters beside it, and
-        the effort that is measured where none acts [N m, N]; a follower's reflected to its leader. No dynamic quantity
-        holds them unless it is asked to.
+        Joint damping [N m s/rad, N s/m], Coulomb friction [N m, N], and the effort that is measured where none acts
+        [N m, N], of the URDF or parameters beside it, those of followers included. Dynamics ignores them by default.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none.
     armature : ndarray, shape (nv,)
         Reflected rotor inertia [kg m², kg], that of followers included.
     mimics : mapping
-        :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name; chains of
-        mimics are followed to their end.
+        :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name.
     coupled_groups : tuple of tuple of str
         Joints, independent ones and followers, of each coupled group, base to tip.
     locked_joints : mapping
         Joints that are held, with their positions [rad, m]; followers of joints that stand still are among them.
     payloads : mapping
         :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads [kg].
-    estimated_links : tuple of str
-        Links whose inertia the URDF lacks and `estimate_inertias` has estimated, in the URDF's order.
-    omitted : tuple of str
-        What forward and inverse dynamics omit of an MJCF, such as ``spring of joint 'knee'``; empty for a URDF.
+    estimated_links, omitted : tuple of str
+        Links whose inertia `estimate_inertias` has estimated; what forward and inverse dynamics omit of an MJCF, such as
+        ``spring of joint 'knee'``.
     """
 
     def __init__(self, tree: Tree, options: Options) -> None:
@@ -226,10 +221,7 @@ class RobotModel:
     def random(self, rng: np.random.Generator | int | None = None) -> Array:
         """Return random positions, shape (nq,): evenly within the limits, orientations evenly of all.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator or int, optional
-            Generator or seed. Without limits, angles are within a turn and positions within a metre of zero.
+        Without limits, angles are within a turn and positions within a metre of zero. `rng` may be a seed.
         """
         if not isinstance(rng, np.random.Generator):
             try:
@@ -263,8 +255,7 @@ class RobotModel:
     def difference(self, q0: VectorLike, q1: VectorLike) -> Array:
         """Return v, shape (nv,), with ``integrate(q0, v)`` at q1: [rad, m].
 
-        Of a planar and a floating joint, and of a continuous one that no other joint follows, it is the shorter way round,
-        so that it may arrive a whole number of turns from q1, and a quaternion at −1 times it.
+        Of a planar and a floating joint, and of a continuous one that no other joint follows, it is the shorter way round.
         """
         turning = set(self.continuous_joints) - {mimic.leader for mimic in self.mimics.values()}
         turns = np.array([1.0 if name in turning else 0.0 for name in self.dof_names])
@@ -304,17 +295,8 @@ class RobotModel:
     ) -> RobotModel:
         """Return this model with a payload on a link, in place of one that is there already; the rest is shared.
 
-        Parameters
-        ----------
-        link : str
-            Name of the link.
-        mass, com, inertia
-            See :class:`Payload`. Mass 0 takes the payload off. Joints that ``massless="lock"`` holds stay held.
-
-        Raises
-        ------
-        MasslessLinkError
-            Without the payload a joint moves no inertia.
+        `mass`, `com` and `inertia` are those of :class:`Payload`; mass 0 takes the payload off. Joints that
+        ``massless="lock"`` holds stay held.
         """
         added = checked_payloads({link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot)
         payloads = {name: payload for name, payload in self.payloads.items() if name != link} | added
@@ -336,17 +318,8 @@ class RobotModel:
     def with_parameters(self, parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> RobotModel:
         """Return this model with parameters beside its URDF: friction, offsets, rotor inertias, inertias of links, payloads.
 
-        Payloads are added to those that are there. ``massless="lock"`` is applied again.
-
-        Parameters
-        ----------
-        parameters : str, os.PathLike, Parameters or dict
-            Path of a file, see :class:`Parameters`; or a dict with the file's keys.
-
-        Raises
-        ------
-        MasslessLinkError
-            With them a joint moves no inertia.
+        They are the path of a file, see :class:`Parameters`, or a dict with the file's keys. Payloads are added to those that
+        are there. ``massless="lock"`` is applied again.
         """
         given, own = read_parameters(parameters), self._options
         robot = apply_parameters(self._tree.robot, given)
@@ -362,13 +335,8 @@ class RobotModel:
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
         """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
 
-        Parameters
-        ----------
-        part : float
-            Largest relative error of masses, of centres in radii of gyration, and twice that of lengths; from 0 to 0.9.
-            Rigid bodies stay such. Payloads, rotors and friction do not change.
-        seed : int
-            Seed of the errors, >= 0.
+        `part`, from 0 to 0.9, is the largest relative error of masses, of centres in radii of gyration, and twice that
+        of lengths. Rigid bodies stay such. Payloads, rotors and friction do not change.
         """
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
         number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
@@ -430,7 +398,7 @@ def load_urdf(
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)
-        Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²], within ±1000.
+        See :class:`RobotModel`; within ±1000 m/s².
     mimic : {"embed", "free", "lock"}
         Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them at the
         positions that belong to leaders at zero, or at their locked positions.
@@ -442,9 +410,7 @@ def load_urdf(
         the URDF within ±1e30.
     armature : dict or float
         Reflected rotor inertia [kg m², prismatic: kg] by joint name, or one number for all joints of one degree of
-        freedom. It replaces that of `parameters`, which replaces N²J of the URDF's transmissions: their rotor inertia J
-        (<drake:rotor_inertia>, <rotorInertia>) and reduction N (<drake:gear_ratio>, <mechanicalReduction>,
-        <mechanical_reduction>).
+        freedom. It replaces that of `parameters`, which replaces N²J of the URDF's transmissions.
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
     max_joints, max_coupled : int
@@ -455,9 +421,8 @@ def load_urdf(
     xacro_args : dict
         Arguments of a xacro file, by name.
     estimate_inertias : float
-        Density [kg/m³] of links that have geometry and no <inertial>. Their collision geometry counts, else the visual one; a
-        mesh that is not watertight by its convex hull. It opens the files that the URDF names, so it is not for untrusted
-        descriptions; meshes need trimesh.
+        Density [kg/m³] of links that have geometry and no <inertial>. Their collision geometry counts, else the visual one.
+        It opens the files that the URDF names, so it is not for untrusted descriptions; meshes need trimesh.
     parameters : str, os.PathLike, Parameters or dict
         Friction, offsets, rotor inertias, inertias of links and payloads beside the URDF, see :class:`Parameters`; `armature`
         and `friction_velocity` have precedence over those in it.
@@ -475,9 +440,7 @@ def load_urdf(
     Warns
     -----
     ModelWarning
-        The URDF has probable mistakes; one warning names all of them.
-    InertiaWarning
-        A link's inertia is not that of any rigid body, or was estimated, or could not be.
+        The URDF has probable mistakes. InertiaWarning: a link's inertia is not that of any rigid body, or was estimated.
     """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
@@ -534,22 +497,20 @@ def _armature(value: object, robot: Any) -> dict[str, float]:
 
 
 def _locked(value: object, robot: Any) -> dict[str, float]:
-    """Return the positions of locked joints by name."""
     expected = f"a finite number [rad, m] within ±{LARGEST:g}"
     return _by_joint("locked_joints", value, robot, expected, lambda x: abs(x) <= LARGEST)
 
 
 def _by_joint(name: str, value: object, robot: Any, expected: str, valid: Callable[[float], bool]) -> dict[str, float]:
     """Return a number by name of joints of one degree of freedom."""
-    types = {joint.name: joint.type for joint in robot.joints}
-    for joint in mapping(name, value):
+    types, found = {joint.name: joint.type for joint in robot.joints}, {}
+    for joint, x in mapping(name, value).items():
         if joint not in types:
             raise InputError(f"{name}: {joint!r} is not a joint of robot '{robot.name}'.")
         if types[joint] not in SINGLE:
             raise InputError(f"{name}: joint '{joint}' is {types[joint]}, expected one degree of freedom.")
-    return {
-        joint: number(f"{name} of joint '{joint}'", x, expected, valid) for joint, x in mapping(name, value).items()
-    }
+        found[joint] = number(f"{name} of joint '{joint}'", x, expected, valid)
+    return found
 
 
 def _model(robot: Any, root: str, options: Options, applied: Parameters | None = None) -> RobotModel:

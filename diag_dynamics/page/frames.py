@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.model.wrenches import wrenches_at
+from diag_dynamics.model.links import wrenches_at
 from diag_dynamics.page.layout import CAUSES, Layout
 from diag_dynamics.sweeps import evaluation, factorization, records
 from diag_dynamics.sweeps import workspace as ws

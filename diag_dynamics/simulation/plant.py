@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.followers import Followers
 from diag_dynamics.model.joint_types import places, single_joints
+from diag_dynamics.model.mimic import Followers
 from diag_dynamics.simulation import CompliantLimits, Simulation, Wave
 from diag_dynamics.simulation.drives import Drives, Pushes
 from diag_dynamics.simulation.sensors import Errors, Sensors

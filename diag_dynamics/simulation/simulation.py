@@ -15,7 +15,7 @@ from diag_dynamics.checks import in_order, number, vector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.wrenches import wrenches_on_links
+from diag_dynamics.model.links import wrenches_on_links
 from diag_dynamics.results import Evaluation
 from diag_dynamics.simulation import options
 from diag_dynamics.simulation import steps as compiled

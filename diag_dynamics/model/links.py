@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Links of a model: its end-effector link, and external wrenches on links as records of the sweeps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.checks import array_of, choice, mapping, numbers
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.robot import RobotModel
+from diag_dynamics.sweeps.records import WRENCH
+
+_NUMBERS = "six finite numbers, force [N] then moment [N m]"
+
+FINGER_LENGTH = 0.25
+"""Maximum length of a finger, as a fraction of the length of the chain that carries it."""
+
+MIN_MASS = 0.1
+"""Minimum mass of the end-effector link, as a fraction of the mass of all links that are fixed to it."""
+
+SAME_PLACE = 1e-6
+"""Distance below which two links have the same origin [m]."""
+
+
+def end_effector_link(model: RobotModel) -> str:
+    """Return the name of the end-effector link; the root link, if no joint moves.
+
+    It is the deepest link of the longest chain of actuated joints whose end carries no other joints than fingers. Of chains
+    with equally many joints the first one counts. A mimic joint is not actuated. A floating base counts as one joint.
+
+    Fingers are the moving children of a moving link: at least two, none of them with more joints than the chain that carries
+    them, none longer than :data:`FINGER_LENGTH` of that chain. The jaws of a gripper, casters and rotors are fingers. Legs
+    and the arms of a torso are none.
+
+    The deepest link is the one farthest outboard, of those fixed to each other that have :data:`MIN_MASS`: neither the frame
+    of a camera nor a tool centre point.
+    """
+    bodies = model.bodies
+    count = len(bodies)
+    children: list[list[int]] = [[] for _ in range(count)]
+    joints, length = np.zeros(count, dtype=int), np.zeros(count)  # from the base to each body
+    for k in range(1, count):
+        parent = int(bodies["parent"][k])
+        children[parent].append(k)
+        is_actuated = bodies["leader"][k] == k and bodies["rank"][k] == 0
+        joints[k] = joints[parent] + is_actuated
+        length[k] = length[parent] + (float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0)
+    all_joints, all_length = joints.copy(), length.copy()  # from the base through a body to the ends of its chains
+    arm_joints, ends = joints.copy(), list(range(count))  # likewise, without fingers
+    for k in reversed(range(count)):
+        if not children[k]:
+            continue
+        all_joints[k], all_length[k] = all_joints[children[k]].max(), all_length[children[k]].max()
+        reach = [all_length[child] - length[child] for child in children[k]]
+        fingers = all_joints[k] - joints[k] <= joints[k] and max(reach) <= FINGER_LENGTH * length[k]
+        if k and len(children[k]) > 1 and fingers:
+            continue
+        outward = max(children[k], key=lambda child: arm_joints[child])
+        arm_joints[k], ends[k] = arm_joints[outward], ends[outward]
+    return _deepest_link(model, ends[0])
+
+
+def _deepest_link(model: RobotModel, body: int) -> str:
+    """Return the link with mass that is farthest from the joint of a body."""
+    if not body:
+        return model.root_link
+    links = model.links[model.links["body"] == body]
+    deepest, farthest = model.link_names[int(model.bodies["link"][body])], 0.0
+    for record in links:
+        name = model.link_names[int(record["index"])]
+        distance = float(np.linalg.norm(model.placement_in_body(name)[1][:3, 3]))
+        # Links are in the order of the tree: of two at one place the second one is on the first one.
+        if record["mass"] >= MIN_MASS * links["mass"].sum() and distance >= farthest - SAME_PLACE:
+            deepest, farthest = name, distance
+    return deepest
+
+
+# --- Wrenches
+
+
+def wrenches_on_links(model: RobotModel, f_ext: Any, frame: str) -> npt.NDArray[np.void]:
+    """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world"."""
+    return _records(model, f_ext, frame, (), _NUMBERS)
+
+
+def wrenches_on_links_of_many(model: RobotModel, f_ext: Any, frame: str, count: int) -> npt.NDArray[np.void]:
+    """Return the records of many states, state by state; six numbers for all of them, or an array of shape (count, 6)."""
+    expected = f"{_NUMBERS}, or ({count}, 6) of them: a row for each state"
+    return _records(model, f_ext, frame, (count,), expected)
+
+
+def _records(model: RobotModel, f_ext: Any, frame: str, states: tuple[int, ...], expected: str) -> npt.NDArray[np.void]:
+    choice("frame", frame, ("link", "world"))
+    mapping("f_ext", f_ext)
+    records = np.zeros((*(states or (1,)), len(f_ext)), WRENCH)
+    for k, (name, given) in enumerate(f_ext.items()):
+        if name not in model.link_names:
+            raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
+        array = array_of(given)
+        if array is None or array.shape not in ((6,), (*states, 6)) or not np.isfinite(array).all():
+            raise InputError(f"f_ext on link '{name}' is {given!r}, expected {expected}.")
+        wrenches = np.broadcast_to(array, (len(records), 6))
+        records[:, k] = wrenches_at(model, name, wrenches, (0.0, 0.0, 0.0), frame)
+    return records.reshape(-1)
+
+
+def wrenches_at(model: RobotModel, link: str, wrenches: Array, point: VectorLike, frame: str) -> npt.NDArray[np.void]:
+    """Return records of wrenches, shape (number, 6), at a point of one link [m], from its origin and in its axes."""
+    choice("frame", frame, ("link", "world"))
+    point = numbers("point", point, (3,), "three finite numbers [m]")
+    body, placement = model.placement_in_body(link)
+    turn = np.eye(3) if frame == "world" else placement[:3, :3]
+    records = np.zeros(len(wrenches), WRENCH)
+    records["body"], records["point"] = body, placement[:3, 3] + placement[:3, :3] @ point
+    records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
+    return records
