@@ -28,6 +28,7 @@ from diag_dynamics.nodes.support.loading import COMPILED
 from diag_dynamics.nodes.support.runner import leave, run
 from diag_dynamics.nodes.top.top import Top, has_screen
 from diag_dynamics.nodes.view.view import ViewNode
+from diag_dynamics.numerics.kernel import precompile
 from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.simulation import Simulation
@@ -80,6 +81,7 @@ def compile_robot(source, options):
         raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
     DiagonalDynamics(model).compile(*COMPILED)
     Simulation(model).advance(steps=0)
+    precompile("diag_dynamics.joint_states")
     return model
 
 
@@ -121,7 +123,7 @@ def parse(arguments):
     parser.add_argument("xacro_args", nargs="*", metavar="NAME:=VALUE", help="arguments of a xacro file")
     parser.add_argument("--massless", choices=("error", "lock"), default="error", help="joints that move no inertia")
     parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints")
-    parser.add_argument("--rate", type=float, default=500.0, help="joint states per second (default: 500)")
+    parser.add_argument("--rate", type=float, default=250.0, help="joint states per second (default: 250)")
     parser.add_argument("--compile-rest", action="store_true", help="compile all other kernels meanwhile")
     parser.add_argument("--duration", type=float, help="time to run [s] (10 without a terminal)")
     chosen = parser.parse_args(arguments)
