@@ -269,6 +269,16 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
 # --- Progress of compilation
 
 
+def test_hash_depends_on_numba_and_on_the_module(monkeypatch):
+    """Another numba, or other kernels, have another folder."""
+    modules = "diag_dynamics.sweeps.evaluation", "diag_dynamics.simulation.steps"
+    folders = {cache.code_folder(module) for module in modules}
+    assert len(folders) == 2 and None not in folders
+    before = cache.source_hash(modules[0])
+    monkeypatch.setattr(cache.numba, "__version__", "0.0")
+    assert cache.source_hash.__wrapped__(modules[0]) != before
+
+
 def test_messages_while_compiling(monkeypatch, capsys):
     """The first one after 2 s, with the rule, at most one in 5 s; kernels in a row share the 2 s."""
     sender, messages = progress.Progress(), []
