@@ -63,10 +63,9 @@ def elements(urdf: Urdf) -> Found:
 def attributes(urdf: Urdf) -> Found:
     """Find unknown attributes and versions, axes without xyz and angles in degrees."""
     for remark in urdf.remarks:
-        severity = "note" if remark.harmless else "warning"
         named = remark.kind in ("link", "joint")
         unit = "" if remark.angle is None else "rad"
-        row = (f"{remark.kind}s" if named else "links", severity, unit, "{}", remark.remedy)
+        row = (f"{remark.kind}s" if named else "links", "warning", unit, "{}", remark.remedy)
         yield row, remark.name if named else None, remark.angle or 0.0, remark.what
 
 

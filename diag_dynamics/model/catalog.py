@@ -36,8 +36,7 @@ def load_robot(name: str, **options: Any) -> RobotModel:
     ----------
     name : str
         One that ``diag-dynamics robots`` lists: ``panda``, or a robot of `example-robot-data` (``ur5``) by its file's name
-        or a part of one path only. Where `robot_descriptions` is installed, also a description with a URDF
-        (``panda_description``), which that package clones on first use.
+        or a part of one path only; or one of `robot_descriptions` (``panda_description``), which it clones on first use.
     **options
         Those of :func:`load_urdf`, whose errors it has.
     """
@@ -45,7 +44,7 @@ def load_robot(name: str, **options: Any) -> RobotModel:
 
 
 def robot_path(name: str) -> Path:
-    """Return the path of the URDF or xacro file of a robot, whose name is as :func:`load_robot` takes it."""
+    """Return the path of the URDF or xacro file of a robot by its name, see :func:`load_robot`."""
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
     return _cloned(name) if name in _descriptions() else find_urdf(name)

@@ -6,7 +6,6 @@
 import numpy as np
 
 from diag_dynamics.exceptions import MasslessLinkError
-from diag_dynamics.model.inertias import negative_moments
 from diag_dynamics.sweeps import factorization
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.joints import SINGULAR
@@ -51,45 +50,29 @@ def reject_massless(model, tree, found):
     if not len(massless):
         return
     joints = _joints_of_dofs(tree)
-    negative = {k: text for k in massless if (text := _negative_link(tree, joints[k]))}
-    which = list(negative or massless)
     heavy = {body for link, body, _ in tree.links if _has_inertia(link)}
     lines = []
-    for k in which[:MAX_LISTED]:
+    for k in massless[:MAX_LISTED]:
         link = joints[k].joint.child if joints[k].joint else model.root_link
         is_heavy = tree.body_of(joints[k].name) in heavy
-        why = f"link '{link}' has {'little inertia about that axis' if is_heavy else 'no <inertial>'}"
-        lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): {negative.get(k, why)}")
-    if len(which) > MAX_LISTED:
-        lines.append(f"… and {len(which) - MAX_LISTED} more")
+        why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
+        lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}")
+    if len(massless) > MAX_LISTED:
+        lines.append(f"… and {len(massless) - MAX_LISTED} more")
     advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
-    single = next((joints[k].name for k in which if joints[k].is_single), None)
-    if single and not negative:
+    single = next((joints[k].name for k in massless if joints[k].is_single), None)
+    if single:
         advice += (
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."
         )
     raise MasslessLinkError(
-        f"robot '{model.name}' has {len(which)} joint(s) that move no inertia, which makes its mass matrix singular: "
+        f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix singular: "
         f"{'; '.join(lines)}. {advice}",
-        [model.dof_names[k] for k in which],
-        smallest[which],
+        [model.dof_names[k] for k in massless],
+        smallest[massless],
     )
 
 
 def _has_inertia(link):
     return link.inertial is not None and (link.inertial.mass or np.any(link.inertial.inertia))
-
-
-def _negative_link(tree, moved):
-    """Return a text on the first link that a joint moves and whose inertia has negative principal moments, or None."""
-    inboard = {joint.child: joint.parent for joint in tree.robot.joints}
-    outboard = {moved.joint.child if moved.joint else tree.root}
-    for link, _, _ in tree.links:  # base to tip
-        if inboard.get(link.name) in outboard:
-            outboard.add(link.name)
-    for link in tree.robot.links:
-        own = link.inertial if link.name in outboard else None
-        if own is not None and (moments := negative_moments(own.inertia, own.mass)):
-            return f"link '{link.name}' has negative principal moments of inertia, {moments} kg m²"
-    return None

@@ -27,8 +27,7 @@ _REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 def find_mesh(name: str, folder: Path | None) -> Path:
     """Return the path of a mesh that a URDF names ``package://<package>/<file>``, ``file://<file>`` or by a path.
 
-    Packages are in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or among the folders around the URDF: one above it with the name
-    of the package, or one beside these. Relative paths begin from `folder`, that of the URDF, or None.
+    Packages are in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or around the URDF, whose `folder` relative paths begin from.
     """
     if found := _PACKAGE.fullmatch(name.strip()):
         package, file = found.groups()

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from types import MappingProxyType
@@ -27,9 +26,6 @@ OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
 
 FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(("equality", "frictionloss", "limit"), "CONSTRAINT")
 """MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on the version."""
-
-MAX_PREAMBLE = 1 << 16
-"""Bytes in which the root element of an MJCF begins, after comments."""
 
 
 class Described(NamedTuple):
@@ -57,12 +53,8 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     which need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a ModelWarning
     names them, and `RobotModel.omitted` has them.
 
-    Parameters
-    ----------
-    source : str or os.PathLike
-        Path of a file, or XML text.
-    **options
-        Those of :func:`load_urdf`, but for gravity, floating_base, armature and estimate_inertias, which the file has.
+    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for gravity, floating_base,
+    armature and estimate_inertias, which the file has.
 
     Raises
     ------
@@ -99,13 +91,10 @@ def is_mjcf(source: object) -> bool:
     try:
         if not isinstance(source, (str, os.PathLike)) or not os.path.isfile(path := os.path.expanduser(source)):
             return False
-        with open(path, "rb") as file:
-            begin = file.read(MAX_PREAMBLE)
-    except (OSError, ValueError):  # a name with a NUL, no permission
+        begin = etree.iterparse(path, ("start",), resolve_entities=False, no_network=True, load_dtd=False)
+        return next(begin)[1].tag == "mujoco"
+    except (OSError, ValueError, StopIteration, etree.XMLSyntaxError):  # a name with a NUL, no permission
         return False
-    # No part matches beyond its own end: many comments would take exponential time.
-    before = rb"(\xef\xbb\xbf)?(\s|<\?((?!\?>).)*\?>|<!--((?!-->).)*-->)*"
-    return re.match(before + rb"<mujoco[\s/>]", begin, re.S) is not None
 
 
 def read_mjcf(source: str | os.PathLike[str]) -> Described:
@@ -276,20 +265,16 @@ def _effort_limits(c):
         j, group = c.joint_of(a), int(c.m.actuator_group[a])
         disabled = c.is_disabled("actuation") or (0 <= group <= 30 and c.m.opt.disableactuator >> group & 1)
         if j is not None and not disabled:
-            sums[j] = sums.get(j, 0.0) + _actuator_limit(c, a)
+            gear = abs(c.gear(a))
+            sums[j] = sums.get(j, 0.0) + (gear * _largest_force(c, a) if gear else 0.0)
     limits = np.array([sums.get(j, np.inf) for j in c.joints])
     own = np.where(c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf)
     return np.minimum(limits, own)
 
 
-def _actuator_limit(c, a):
-    """Return the largest effort of an actuator at its joint, infinite where there is none."""
+def _largest_force(c, a):
     m = c.m
-    gear, force = abs(c.gear(a)), np.inf
-    if gear == 0.0:
-        return 0.0
-    if m.actuator_forcelimited[a]:
-        force = float(np.abs(m.actuator_forcerange[a]).max())
+    force = float(np.abs(m.actuator_forcerange[a]).max()) if m.actuator_forcelimited[a] else np.inf
     control = m.actuator_ctrladr[a] if hasattr(m, "actuator_ctrladr") else a
     is_motor = (
         c.is_a("actuator_gaintype", a, "Gain", "GAIN_FIXED")
@@ -299,7 +284,7 @@ def _actuator_limit(c, a):
     )
     if is_motor and m.actuator_ctrllimited[control] and not c.is_disabled("clampctrl"):
         force = min(force, float(np.abs(m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]).max()))
-    return gear * force
+    return force
 
 
 class _Writer:

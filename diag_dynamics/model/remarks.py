@@ -24,16 +24,18 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "inertial": (),
     "origin": ("xyz", "rpy", "quat_xyzw"),
     "mass": ("value",),
-    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
-    "joint": ("name", "type"),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz", "iyx", "izx", "izy"),
+    "joint": ("name", "type", "dont_collapse"),
     "parent": ("link",),
     "child": ("link",),
     "axis": ("xyz",),
-    "limit": ("lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"),
-    "dynamics": ("damping", "friction"),
+    "limit": tuple(
+        "lower upper effort velocity acceleration deceleration jerk command_effort current gear_velocity".split()
+    ),
+    "dynamics": ("damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"),
     "mimic": ("joint", "multiplier", "offset"),
 }
-"""Attributes of each element that dynamics reads; those with a prefix are free."""
+"""Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with a prefix are free."""
 
 CHILDREN: dict[str, tuple[str, ...]] = {
     "link": ("inertial", "visual", "collision"),
@@ -48,14 +50,6 @@ CHILDREN: dict[str, tuple[str, ...]] = {
 MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")
 """Elements of other formats, or of another place."""
 
-HARMLESS: dict[str, tuple[str, ...]] = {
-    "joint": ("dont_collapse",),
-    "inertia": ("iyx", "izx", "izy"),
-    "limit": ("command_effort", "current", "gear_velocity"),
-    "dynamics": ("D", "K", "mu_coulomb", "mu_viscous"),
-}
-"""Attributes that manufacturers (Unitree, ANYbotics, Franka) add for their own tools."""
-
 MAX_ANGLE = 2.0 * math.pi + 1e-3
 """Largest angle of an origin or a mimic offset [rad]: a full turn, rounded."""
 
@@ -64,17 +58,13 @@ MAX_MISTAKES = 10
 
 
 class Remark(NamedTuple):
-    """A probable mistake of a "robot", "link" or "joint": its name, the mistake and the cure.
-
-    `angle` is the angle concerned [rad]. A harmless one is an addition of a manufacturer that dynamics ignores.
-    """
+    """A probable mistake of a "robot", "link" or "joint": its name, the mistake, the cure, and an angle concerned [rad]."""
 
     kind: str
     name: str
     what: str
     remedy: str
     angle: float | None = None
-    harmless: bool = False
 
 
 def remarks_of(robot: Any) -> list[Remark]:
@@ -108,12 +98,11 @@ def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
 
 
 def _unknown_attributes(element: Any, kind: str, name: str) -> Iterator[Remark]:
-    tag = element.tag
-    for attribute in element.keys() if tag in ATTRIBUTES else ():
-        if attribute not in ATTRIBUTES[tag] and ":" not in attribute and "}" not in attribute:
-            what = f"<{tag}> has the unknown attribute {short(attribute)}, ignored"
-            harmless = attribute in HARMLESS.get(tag, ())
-            yield Remark(kind, name, what, "Is it misspelt?", harmless=harmless)
+    known = ATTRIBUTES.get(element.tag)
+    for attribute in () if known is None else element.keys():
+        if attribute not in known and ":" not in attribute and "}" not in attribute:
+            what = f"<{element.tag}> has the unknown attribute {short(attribute)}, ignored"
+            yield Remark(kind, name, what, "Is it misspelt?")
 
 
 def _angle(element: Any) -> tuple[str, float]:
@@ -129,8 +118,7 @@ def warning_of(robot: str, remarks: Iterable[Remark]) -> str:
     """Return the text of one warning about all mistakes; empty without any."""
     groups: dict[tuple[str, str], list[Remark]] = {}
     for remark in remarks:
-        if not remark.harmless:
-            groups.setdefault((remark.what, remark.remedy), []).append(remark)
+        groups.setdefault((remark.what, remark.remedy), []).append(remark)
     texts = []
     for (what, remedy), (first, *more) in groups.items():
         named = f"{first.kind} {short(first.name)}" + (f" and {len(more)} more" if more else "")

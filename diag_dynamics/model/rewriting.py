@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -43,18 +43,11 @@ def _comment(said: str) -> Any:
 
 
 def _insert_first(parent: Any, element: Any) -> None:
-    """Insert an element, each of its children on a line of its own."""
-    inner = parent.text if len(parent) and parent.text and not parent.text.strip() else "\n    "
-    unit = inner.rpartition("\n")[2]
-    unit = unit[len(unit) // 2 :] or "  "  # links and joints, and so their children, are at depth 1 and 2
-    element.tail = inner if len(parent) else inner.removesuffix(unit)
-    if len(element):
-        element.text = inner + unit
-        for child in element:
-            child.tail = element.text
-        element[-1].tail = inner
+    """Insert an element of a link or joint, with its children, on lines of their own."""
+    indent = parent.text if len(parent) and not (parent.text or "").strip() else None
+    parent.text, element.tail = indent or "\n    ", indent or "\n  "
+    etree.indent(element, space="  ", level=2)
     parent.insert(0, element)
-    parent.text = inner
 
 
 def urdf_with(text: str, parameters: Parameters) -> str:
@@ -70,36 +63,19 @@ def urdf_with(text: str, parameters: Parameters) -> str:
         name = link.get("name")
         payload = parameters.payloads.get(name)
         if name in parameters.links or (payload is not None and payload.mass):
-            for old in link.findall("inertial"):
-                _remove(link, old)
+            etree.strip_elements(link, "inertial", with_tail=False)
             own = inertials[name]
             insert_inertia(link, source, own.mass, own.origin[:3, 3], np.asarray(own.inertia))
     for joint in element.findall("joint"):
-        given = parameters.joints.get(joint.get("name"))
-        numbers = {} if given is None else given.known
-        _set_dynamics(joint, {name: numbers[name] for name in ("damping", "friction") if name in numbers}, source)
+        if given := parameters.joints.get(joint.get("name")):
+            numbers = {name: x for name, x in given.known.items() if name in ("damping", "friction")}
+            _set_dynamics(joint, numbers, source)
     return etree.tostring(element.getroottree(), encoding="unicode")
 
 
 def _source(parameters: Parameters) -> str:
     origin = parameters.origin
-    parts = ["written by diag_dynamics", *(str(origin[key]) for key in ("method", "date") if origin.get(key))]
-    if recordings := origin.get("recordings"):
-        paths = (one.get("path") if isinstance(one, Mapping) else one for one in recordings)
-        parts.append(f"from {', '.join(str(path) for path in paths if path)}")
-    if locked := parameters.locked_text:
-        parts.append(f"with locked joints {locked}")
-    return ", ".join(parts)
-
-
-def _remove(parent: Any, element: Any) -> None:
-    """Take an element out, and leave the text that follows it: lxml takes that for a part of it."""
-    tail, before = element.tail or "", element.getprevious()
-    if before is not None:
-        before.tail = tail
-    elif not (parent.text or "").strip():
-        parent.text = tail
-    parent.remove(element)
+    return ", ".join(["written by diag_dynamics", *(str(origin[key]) for key in ("method", "date") if origin.get(key))])
 
 
 def _set_dynamics(joint: Any, numbers: dict[str, float], source: str) -> None:
@@ -109,8 +85,7 @@ def _set_dynamics(joint: Any, numbers: dict[str, float], source: str) -> None:
     if dynamics is None:
         dynamics = etree.Element("dynamics")
         _insert_first(joint, dynamics)
-    for name, value in numbers.items():
-        dynamics.set(name, repr(value))
+    dynamics.attrib.update({name: repr(value) for name, value in numbers.items()})
     comment, before = _comment(source), dynamics.getprevious()
     comment.tail = joint.text if before is None else before.tail  # on a line of its own, as the element is
     joint.insert(joint.index(dynamics), comment)

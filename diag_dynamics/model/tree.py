@@ -39,17 +39,9 @@ class MovingJoint:
 
 
 class Tree:
-    """A robot walked from its root.
+    """A robot (yourdfpy.Robot) walked from its root, with positions of locked joints and :class:`Mimic` by name.
 
-    Parameters
-    ----------
-    robot : yourdfpy.Robot
-    root : str
-    floating_base : bool
-    locked : dict
-        Positions [rad, m] of locked joints of one degree of freedom.
-    mimics : dict
-        :class:`Mimic` by name; their leaders are neither fixed nor locked.
+    Leaders of mimics are neither fixed nor locked.
 
     Attributes
     ----------
@@ -59,10 +51,8 @@ class Tree:
         Joints of each coupled group, base to tip; `group_sizes` has their numbers of bodies.
     links : list of (yourdfpy.Link, int, ndarray)
         Each link with its body and its placement (4, 4) in that body's frame.
-    dof_names, coordinate_names : tuple of str
-        Names of all degrees of freedom and position coordinates.
-    orientations : tuple of int
-        For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1.
+    dof_names, coordinate_names, orientations
+        See :class:`RobotModel`.
     """
 
     def __init__(self, robot, root, floating_base, locked, mimics):

@@ -25,8 +25,8 @@ DEFINITIONS = ("property", "macro", "arg")
 
 UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
 
-LOOPS = ("loopjoint", "loop", "constraint", "coupling", "closedloop", "loopclosure", "gearjoint")
-"""Elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case without underscores."""
+LOOPS = ("loop", "constraint", "coupling", "gear_joint", "gearjoint")
+"""Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case."""
 
 CONTAINERS = ("robot", "link", "joint", "gazebo")
 """Elements whose children may close loops."""
@@ -49,12 +49,12 @@ def read_urdf(source, max_joints=MAX_JOINTS):
 
 
 def read_element(robot, max_joints=MAX_JOINTS):
-    """Check a parsed <robot> element; see :func:`read_urdf`."""
+    """Return what :func:`read_urdf` does of a parsed <robot> element."""
     joints, links = (len(robot.findall(tag)) for tag in ("joint", "link"))
     if max(joints, links - 1) > max_joints:
         raise UrdfError(
-            f"The URDF has {joints} joints and {links} links, and no more than {max_joints} joints are accepted. Raise "
-            "max_joints if it is to be loaded."
+            f"The URDF has {joints} joints and {links} links, and no more than {max_joints} joints are accepted: see "
+            "max_joints."
         )
     _reject_loops(robot)
     reduced = etree.Element("robot", name=_expanded(robot.get("name"), "The robot's name") or "robot")
@@ -84,23 +84,13 @@ def _read(reduced):
 def _reject_loops(robot):
     """Reject elements of dialects of URDF that change dynamics."""
     for element in robot.iter(etree.Element):
-        parent = element.getparent()
+        parent, tag = element.getparent(), local_name(element)
         if parent is None or parent.tag not in CONTAINERS:
             continue
-        tag = local_name(element)
-        plain = tag.lower().replace("_", "")
-        shown = short(f"{element.prefix}:{tag}" if element.prefix else element.tag)[1:-1]
-        if tag == "joint" and element.tag != "joint":
-            raise UrdfError(
-                f"joint {short(element.get('name'))}: <{shown} type={short(element.get('type'))}> is not supported; "
-                f"expected <joint> of type {', '.join(JOINT_TYPES)}."
-            )
-        if plain in LOOPS or plain.endswith("constraint"):
+        if (tag == "joint" and element.tag != "joint") or any(part in tag.lower() for part in LOOPS):
+            shown = short(f"{element.prefix}:{tag}" if element.prefix else element.tag)[1:-1]
             name = f" name={short(element.get('name'))}" if element.get("name") else ""
-            raise UrdfError(
-                f"<{shown}{name}> closes a loop or couples joints; expected a tree of joints. "
-                "Remove the element to model the open tree."
-            )
+            raise UrdfError(f"<{shown}{name}> is not supported; expected a tree of <joint>. Remove the element.")
 
 
 def parse_urdf(text, comments=False):
@@ -283,16 +273,14 @@ def _root_link(reduced):
         children.setdefault(joint.find("parent").get("link"), []).append(joint.find("child").get("link"))
     has_parent = {child for group in children.values() for child in group}
     roots = [link for link in links if link not in has_parent]
-    if not roots:
-        raise UrdfError(f"Every link is the child of a joint: the joints form a loop through '{links[0]}'.")
     if len(roots) > 1:
         listed = ", ".join(f"'{root}'" for root in roots[:6]) + (", …" if len(roots) > 6 else "")
         raise UrdfError(f"The URDF has {len(roots)} root links ({listed}), expected one: join them with fixed joints.")
     front = list(roots)
     for link in front:
         front += children.get(link, ())
-    unreached = set(links).difference(front)
-    if unreached:
-        first = next(link for link in links if link in unreached)
-        raise UrdfError(f"link '{first}' is part of a loop of joints that the root '{roots[0]}' does not reach.")
+    reached = set(front)
+    for link in links:
+        if link not in reached:
+            raise UrdfError(f"link '{link}' is part of a loop of joints; expected a tree.")
     return roots[0]

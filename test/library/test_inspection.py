@@ -137,7 +137,6 @@ MISTAKES = (
     ("meshes", "note", "left_upper", None, arm(BOX, '<box size="0.4 0 0.09"/>')),
     ("elements", "warning", "elbow", None, arm(LIMIT, LIMIT * 2)),
     ("attributes", "warning", "elbow", None, arm('lower="-2.5"', 'Lower="-2.5"')),
-    ("attributes", "note", "elbow", None, arm('velocity="3"', 'velocity="3" current="1"')),
     ("attributes", "warning", "flange", 90.0, arm('"0.3 0 0"', '"0.3 0 0" rpy="0 90 0"')),
     ("transmissions", "note", "elbow", 0.02, more(ROTOR)),
     ("axes", "note", "elbow", np.sqrt(2), arm('"0.4 0 0"/><axis xyz="0 1 0"', '"0.4 0 0"/><axis xyz="0 1 1"')),

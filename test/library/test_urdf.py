@@ -238,7 +238,7 @@ BROKEN = {
         arm(link("l", **BOX), joint("e", "revolute", "upper", "l"), joint("back", "revolute", "base", "l")),
         "two joints, 'e' and 'back'",
     ),
-    "ring": (description("r", *RING), "loop through 'a'"),
+    "ring": (description("r", *RING), "'a' is part of a loop"),
     "ring beside the tree": (arm(*RING), "'a' is part of a loop"),
     # numbers
     "no mass": (changed(MASS, ""), "link 'upper': <inertial> lacks <mass value="),

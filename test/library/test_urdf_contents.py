@@ -381,24 +381,24 @@ REJECTED = {
     ),
     "loop of Isaac Sim": (
         changed("</robot>", '<loop_joint name="l" type="spherical"><link1 link="base"/></loop_joint></robot>'),
-        "<loop_joint name='l'> closes a loop",
+        "<loop_joint name='l'> is not supported",
     ),
-    "loop of URDF+": (changed("</robot>", '<loop name="l"/></robot>'), "<loop name='l'> closes a loop"),
+    "loop of URDF+": (changed("</robot>", '<loop name="l"/></robot>'), "<loop name='l'> is not supported"),
     "coupling of URDF+": (changed("</robot>", '<coupling name="c"/></robot>'), "<coupling name='c'>"),
-    "loop in other letters": (changed("</robot>", "<LoopJoint/></robot>"), "<LoopJoint> closes a loop"),
-    "gear": (changed("</robot>", "<gear_joint/></robot>"), "<gear_joint> closes a loop or couples joints"),
+    "loop in other letters": (changed("</robot>", "<LoopJoint/></robot>"), "<LoopJoint> is not supported"),
+    "gear": (changed("</robot>", "<gear_joint/></robot>"), "<gear_joint> is not supported"),
     "loop of Gazebo": (
         changed("</robot>", '<gazebo><loop_joint name="l"/></gazebo></robot>'),
-        "<loop_joint name='l'> closes a loop",
+        "<loop_joint name='l'> is not supported",
     ),
-    "constraint": (changed("</robot>", "<constraint/></robot>"), "<constraint> closes a loop or couples joints"),
+    "constraint": (changed("</robot>", "<constraint/></robot>"), "<constraint> is not supported"),
     "constraint of Drake": (
         changed("</robot>", '<d:ball_constraint xmlns:d="http://drake.mit.edu"/></robot>'),
-        "<d:ball_constraint> closes",
+        "<d:ball_constraint> is not",
     ),
     "joint of Drake": (
         changed("</robot>", '<drake:joint name="s" type="screw"/></robot>'),
-        "joint 's': <drake:joint type='screw'> is not supported",
+        "<drake:joint name='s'> is not supported",
     ),
 }
 
