@@ -17,16 +17,14 @@ from diag_dynamics.entries import arguments_of, split_arguments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.mjcf import Described, is_mjcf, read_mjcf
 from diag_dynamics.model.robot import RobotModel, load_urdf
-from diag_dynamics.model.sources import urdf_text
-from diag_dynamics.model.xacro_files import expanded
+from diag_dynamics.model.sources import expanded, urdf_text
 
 DESCRIPTIONS = "robot_descriptions"
 """A package whose modules, one for each robot, clone a repository from the net when they are imported."""
 
 _FOLDER = "example-robot-data/robots/"
 
-_OWN = Path(__file__).parents[1] / "robots"
-"""Robots of this package, each in a folder of its name."""
+_OWN = Path(__file__).parents[1] / "robots"  # robots of this package, each in a folder of its name
 
 
 def load_robot(name: str, **options: Any) -> RobotModel:

@@ -33,14 +33,13 @@ KINDS = {
 
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
-LARGEST_DENSITY = 30000.0
-"""Largest density accepted [kg/m³]; osmium, the densest element, has 22 590."""
+LARGEST_DENSITY = 30000.0  # largest density accepted [kg/m³]; osmium, the densest element, has 22 590
 
 
 class Shape(NamedTuple):
-    """A shape of a URDF: a key of :data:`KINDS`, its numbers [m], placement (4, 4) in the link's axes, and a mesh's file.
+    """A shape of a URDF, of a kind in :data:`KINDS`, with its placement (4, 4) in the link's axes and a mesh's file.
 
-    Numbers are size x, y, z; radius, length; radius; or the scale of a mesh.
+    Its numbers [m] are size x, y, z; radius, length; radius; or the scale of a mesh.
     """
 
     kind: str
@@ -200,7 +199,7 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
     """Return the URDF with an inertia for every link that has geometry and lacks one, at a uniform density [kg/m³].
 
     The collision geometry counts, or the visual one if that cannot be measured. Primitives and watertight meshes are exact,
-    other meshes are replaced by their convex hull. Where shapes overlap, they count twice. Meshes begin from `folder`.
+    other meshes are replaced by their convex hull. Meshes begin from `folder`.
     """
     rho = positive("estimate_inertias", density, "[kg/m³]")
     if rho > LARGEST_DENSITY:

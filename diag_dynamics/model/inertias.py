@@ -14,8 +14,7 @@ from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import mapping, numbers
 from diag_dynamics.exceptions import InputError
 
-LARGEST = 1e9
-"""Largest mass, length, inertia or armature accepted, in SI units."""
+LARGEST = 1e9  # largest mass, length, inertia or armature accepted, in SI units
 
 
 class Payload(NamedTuple):

@@ -22,8 +22,7 @@ class JointType(NamedTuple):
 _LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))
 _ANGULAR = (("w_x", ANGULAR_X), ("w_y", ANGULAR_Y), ("w_z", ANGULAR_Z))
 
-QUATERNION = ("qx", "qy", "qz", "qw")
-"""Suffixes of coordinates that are together an orientation."""
+QUATERNION = ("qx", "qy", "qz", "qw")  # suffixes of coordinates that are together an orientation
 
 JOINT_TYPES = {
     "revolute": JointType(REVOLUTE, (("", ANGULAR_Z),), ("",)),

@@ -18,14 +18,12 @@ from diag_dynamics.sweeps.records import WRENCH
 
 _NUMBERS = "six finite numbers, force [N] then moment [N m]"
 
-FINGER_LENGTH = 0.25
-"""Maximum length of a finger, as a fraction of the length of the chain that carries it."""
+FINGER_LENGTH = 0.25  # maximum length of a finger, as a fraction of the length of the chain that carries it
 
 MIN_MASS = 0.1
 """Minimum mass of the end-effector link, as a fraction of the mass of all links that are fixed to it."""
 
-SAME_PLACE = 1e-6
-"""Distance below which two links have the same origin [m]."""
+SAME_PLACE = 1e-6  # distance below which two links have the same origin [m]
 
 
 def end_effector_link(model: RobotModel) -> str:

@@ -10,8 +10,7 @@ from diag_dynamics.sweeps import factorization
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.joints import SINGULAR
 
-MAX_LISTED = 50
-"""Largest number of joints that a message lists."""
+MAX_LISTED = 50  # largest number of joints that a message lists
 
 
 def massless_freedoms(model):

@@ -84,9 +84,9 @@ def _source(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], 
 
 def _require_single(joint: Any, chain: list[str]) -> None:
     if joint.type not in (*SINGLE, "fixed"):
-        follows = f"joint '{chain[-2]}' mimics it" if len(chain) > 1 else "it mimics another joint"
         raise MimicJointError(
-            f"joint '{joint.name}' is {joint.type}, and {follows}: that takes joints of one degree of freedom. {_CURE}",
+            f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, where each mimics the next; "
+            f"expected one degree of freedom. {_CURE}",
             chain,
         )
 
@@ -99,10 +99,9 @@ def _compose(joint: Any, source: Any, multiplier: float, offset: float) -> _Sour
     offset = (own.offset or 0.0) + factor * offset
     vanished = product == 0.0 and multiplier != 0.0 and factor != 0.0
     if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
+        text = f"joint '{joint.name}' follows '{source.name}' with multiplier {product:g} and offset {offset:g}"
         raise MimicJointError(
-            f"joint '{joint.name}' follows '{source.name}' with multiplier {product:g} and offset {offset:g}: these are "
-            f"beyond {LARGEST:g}, or vanish. {_CURE}",
-            [joint.name, source.name],
+            f"{text}; expected numbers within {LARGEST:g} that do not vanish. {_CURE}", [joint.name, source.name]
         )
     return source, product, offset
 
@@ -151,18 +150,9 @@ def _joints_between(family: list[str], depth: Mapping[str | None, int], carriers
 class Followers:
     """Positions of mimic joints by their leaders, and efforts of mimic joints on their leaders.
 
-    Vectors of mimic joints are in the order of `names`, NaN for unknown values.
-
-    Parameters
-    ----------
-    joints : sequence of str
-        The independent joints, in the order of their vectors.
-    mimics : mapping
-        :class:`Mimic` by name.
-    tolerance : float
-        Largest distance of a mimic joint's own position from that which its leader gives it [rad, m]; 0 for any.
-    continuous : container of str
-        Mimic joints whose position is an angle that wraps.
+    `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has mimic joints whose
+    position is an angle that wraps. A mimic joint's own position is within `tolerance` [rad, m] of that which its leader
+    gives it; 0 accepts any. Vectors of mimic joints are in the order of `names`, NaN for unknown values.
     """
 
     def __init__(

@@ -14,8 +14,7 @@ from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import UrdfError
 
-LARGEST = 1e30
-"""Largest number accepted, of whatever unit: products of a few must not overflow."""
+LARGEST = 1e30  # largest number accepted, of whatever unit: products of a few must not overflow
 
 
 def floats(text: str | None, count: int, may_be_infinite: bool = False) -> list[float] | None:

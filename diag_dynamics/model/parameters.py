@@ -23,8 +23,7 @@ from diag_dynamics.model.tree import Tree
 from diag_dynamics.rigid_body import RigidBody, symmetric
 from diag_dynamics.yaml_files import read_yaml, yaml_text
 
-NEGLIGIBLE = 1e-9
-"""Fraction of a mass that is rounding."""
+NEGLIGIBLE = 1e-9  # fraction of a mass that is rounding
 
 _UNITS = {
     "damping": "[N m s/rad, N s/m]",
@@ -61,19 +60,14 @@ class JointParameters(NamedTuple):
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters of a robot beside its URDF.
-
-    For :meth:`RobotModel.with_parameters`, ``load_urdf(…, parameters=…)``, and the parameter `parameters_file` of the nodes.
+    """Parameters of a robot beside its URDF, see :meth:`RobotModel.with_parameters`.
 
     Attributes
     ----------
-    joints : mapping
-        :class:`JointParameters` by name of the joint.
-    links : mapping
-        Inertia of a link, as :class:`Payload`, in place of what the URDF says, by name of the link.
-    payloads : mapping
-        :class:`Payload` by name of the link, added to its own inertia and not listed by `RobotModel.payloads`. Its mass is
-        negative if the robot lacks a part that the URDF has.
+    joints, links, payloads : mapping
+        :class:`JointParameters` by joint; inertia of a link, as :class:`Payload`, in place of what the URDF says; and
+        :class:`Payload` by link, added to its own inertia and not listed by `RobotModel.payloads`. The mass of a payload
+        is negative if the robot lacks a part that the URDF has.
     friction_velocity : float or None
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].
     origin : mapping
@@ -135,21 +129,21 @@ class Parameters:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dicts, lists and numbers, as the file has them, without empty entries."""
-        content: dict[str, Any] = {"joints": {name: entry.known for name, entry in self.joints.items()}}
-        for what, bodies in (("links", self.links), ("payloads", self.payloads)):
-            content[what] = {
-                name: {key: np.asarray(value, float).tolist() for key, value in body._asdict().items()}
-                for name, body in bodies.items()
-            }
         velocity = self.friction_velocity
-        content |= {"friction_velocity": None if velocity is None else float(velocity), "origin": dict(self.origin)}
+        content = {
+            "joints": {name: entry.known for name, entry in self.joints.items()},
+            "links": {name: _plain(body) for name, body in self.links.items()},
+            "payloads": {name: _plain(body) for name, body in self.payloads.items()},
+            "friction_velocity": None if velocity is None else float(velocity),
+            "origin": dict(self.origin),
+        }
         return {key: value for key, value in content.items() if value not in (None, {})}
 
     def merged_with(self, later: Parameters) -> Parameters:
         """Return these parameters merged with later ones, identified with a model that had these.
 
-        Later numbers of a joint replace earlier ones, entry by entry. The later inertia of a link replaces the earlier one
-        and the payload of the link, which was fitted with it. Later payloads are added. `origin` is the later one.
+        Later numbers replace earlier ones; the later inertia of a link also its payload, which was fitted with it. Later
+        payloads are added.
         """
         joints = dict(self.joints)
         for name, entry in later.joints.items():
@@ -194,8 +188,7 @@ def _number(value: object) -> Any:
 
 
 def _joint(entry: object, source: str) -> JointParameters:
-    if isinstance(entry, JointParameters):
-        entry = entry._asdict()
+    entry = entry._asdict() if isinstance(entry, JointParameters) else entry
     checked = {}
     for key, value in _mapping(entry, source, JointParameters._fields).items():
         if value is None:
@@ -209,11 +202,9 @@ def _joint(entry: object, source: str) -> JointParameters:
 
 
 def _body(entry: object, source: str, may_be_negative: bool) -> Payload:
-    if isinstance(entry, Payload):
-        entry = entry._asdict()
-    given = {
-        key: _number(value) for key, value in _mapping(entry, source, Payload._fields).items() if value is not None
-    }
+    entry = entry._asdict() if isinstance(entry, Payload) else entry
+    entries = _mapping(entry, source, Payload._fields).items()
+    given = {key: _number(value) for key, value in entries if value is not None}
     if "mass" not in given:
         raise InputError(f"{source} has no mass.")
     return checked_body(Payload(**given), f"{source}: ", may_be_negative=may_be_negative)
@@ -264,6 +255,10 @@ def _with_payload(link: Any, payload: Payload | None) -> Any:
     if payload is None or payload.mass == 0.0:
         return link
     return _with_inertia(link, payload if link.inertial is None else _union(_body_of(link), payload, link.name))
+
+
+def _plain(body: Payload) -> dict[str, Any]:
+    return {key: np.asarray(value, float).tolist() for key, value in body._asdict().items()}
 
 
 def _rigid(payload: Payload) -> RigidBody:

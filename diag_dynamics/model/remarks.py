@@ -29,8 +29,9 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "parent": ("link",),
     "child": ("link",),
     "axis": ("xyz",),
-    "limit": tuple(
-        "lower upper effort velocity acceleration deceleration jerk command_effort current gear_velocity".split()
+    "limit": (
+        *("lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"),
+        *("command_effort", "current", "gear_velocity"),
     ),
     "dynamics": ("damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"),
     "mimic": ("joint", "multiplier", "offset"),
@@ -50,11 +51,8 @@ CHILDREN: dict[str, tuple[str, ...]] = {
 MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")
 """Elements of other formats, or of another place."""
 
-MAX_ANGLE = 2.0 * math.pi + 1e-3
-"""Largest angle of an origin or a mimic offset [rad]: a full turn, rounded."""
-
-MAX_MISTAKES = 10
-"""Mistakes that a warning lists."""
+MAX_ANGLE = 2.0 * math.pi + 1e-3  # largest angle of an origin or a mimic offset [rad]: a full turn, rounded
+MAX_MISTAKES = 10  # mistakes that a warning lists
 
 
 class Remark(NamedTuple):

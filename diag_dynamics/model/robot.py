@@ -31,22 +31,19 @@ from diag_dynamics.model.parameters import (
     reject_too_light,
 )
 from diag_dynamics.model.remarks import remarks_of, warn, warning_of
-from diag_dynamics.model.sources import folder_of, urdf_text
+from diag_dynamics.model.sources import expanded, folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_element
-from diag_dynamics.model.xacro_files import expanded
 from diag_dynamics.sweeps import configuration, joints
 from diag_dynamics.sweeps.workspace import Workspace
 
-MAX_COUPLED = 200
-"""Largest number of bodies in a coupled group, by default."""
+MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
 
 FRICTION_VELOCITY = 5e-3
 """Default v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]: estimated velocities at rest are milliradians per second."""
 
-LARGEST_GRAVITY = 1000.0
-"""Largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it."""
+LARGEST_GRAVITY = 1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
 
 REACH = 1.0
 """Random position coordinates without limits are within this distance of zero [m]; angles within a turn."""
@@ -244,8 +241,7 @@ class RobotModel:
     def integrate(self, q: VectorLike, v: VectorLike) -> Array:
         """Return the positions reached from q along v, shape (nq,): v [rad, m], shape (nv,), is a rate times a time.
 
-        q + v of joints of one degree of freedom; of a planar or floating joint, v is a twist in its own axes that is held
-        for a unit of time, as in Pinocchio.
+        That is q + v but for planar and floating joints, whose v is a twist in their own axes.
         """
         q, v, result = self._positions("q", q), vector("v", v, self.dof_names), np.empty(self.nq)
         if configuration.integrate(self.workspace.robot, q, v, result):
@@ -393,8 +389,8 @@ def load_urdf(
     Parameters
     ----------
     source : str, bytes, os.PathLike or file
-        Path of a URDF file, an open one, or XML text. A file whose name ends with .xacro is expanded by the package `xacro`,
-        if that is installed; its arguments may follow the path: ``"arm.urdf.xacro prefix:=left_"``.
+        Path of a URDF file, an open one, or XML text. The package `xacro`, if installed, expands a file whose name ends with
+        .xacro; its arguments may follow the path: ``"arm.urdf.xacro prefix:=left_"``.
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)
@@ -403,8 +399,7 @@ def load_urdf(
         Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them at the
         positions that belong to leaders at zero, or at their locked positions.
     massless : {"error", "lock"}
-        Treatment of joints that move no inertia: raise, or lock them at zero or, where that is outside their limits,
-        at the limit next to it.
+        Treatment of joints that move no inertia: raise, or lock them at zero or the position limit next to it.
     locked_joints : dict
         Positions [rad, m] of locked joints. These numbers, and those of `armature` and `payloads`, are within ±1e9; those of
         the URDF within ±1e30.
@@ -421,19 +416,17 @@ def load_urdf(
     xacro_args : dict
         Arguments of a xacro file, by name.
     estimate_inertias : float
-        Density [kg/m³] of links that have geometry and no <inertial>. Their collision geometry counts, else the visual one.
-        It opens the files that the URDF names, so it is not for untrusted descriptions; meshes need trimesh.
+        Density [kg/m³] of links that have geometry and no <inertial>. It opens the files that the URDF names, so it is not
+        for untrusted descriptions; meshes need trimesh.
     parameters : str, os.PathLike, Parameters or dict
-        Friction, offsets, rotor inertias, inertias of links and payloads beside the URDF, see :class:`Parameters`; `armature`
-        and `friction_velocity` have precedence over those in it.
+        Parameters beside the URDF; `armature` and `friction_velocity` have precedence over those in it.
 
     Raises
     ------
     UrdfError
         The URDF is malformed, not a tree, or too large; or a xacro file cannot be expanded.
     MimicJointError
-        Mimic joints follow themselves, a joint that does not exist, or one of several degrees of freedom; or a coupled
-        group is too large.
+        A mimic joint has no valid source, or a coupled group is too large.
     MasslessLinkError
         Joints move no inertia: the mass matrix would be singular.
 

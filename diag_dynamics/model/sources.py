@@ -1,19 +1,22 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Text of a URDF from a path, text, bytes or an open file: decoded, with well-formed comments."""
+"""Text of a URDF from a path, text, bytes or an open file: decoded, with well-formed comments; xacro, expanded."""
 
 from __future__ import annotations
 
 import codecs
 import os
 import re
+from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from diag_dynamics.entries import split_arguments
-from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.origins import short
+from diag_dynamics.model.remarks import warn
 
 MAX_BYTES = 32 * 1024 * 1024
 """Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
@@ -32,8 +35,7 @@ WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "shift_jis": "cp932", "euc_kr": 
 UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
 """Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it."""
 
-GIT_LFS = b"version https://git-lfs"
-"""First bytes of a pointer of Git LFS."""
+GIT_LFS = b"version https://git-lfs"  # first bytes of a pointer of Git LFS
 
 FORMATS = {
     GIT_LFS: "a pointer of Git LFS. Run git lfs pull",
@@ -170,3 +172,73 @@ def _corrected(text: str) -> str:
         parts += [_AMPERSAND.sub("&amp;", text[at : found.start()]), found[0], content]
         at = end
     return "".join([*parts, _AMPERSAND.sub("&amp;", text[at:])])
+
+
+# --- Xacro files
+
+
+class _Arguments(dict[str, str]):
+    """Values by name; `used` are the names that xacro asked for."""
+
+    def __init__(self, values: Mapping[str, str]) -> None:
+        super().__init__(values)
+        self.used = set[str]()
+
+    def __contains__(self, name: object) -> bool:
+        self.used.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.used.add(str(name))
+        return super().__getitem__(name)
+
+
+def expanded(source: Any, arguments: Any) -> Any:
+    """Return the XML text of a xacro file, given by a path that ends with .xacro; any other source as it is.
+
+    Arguments may follow the path, see :func:`split_arguments`.
+    """
+    if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
+        source = source.name  # of an open file: xacro finds what it includes by its place
+    if arguments is not None and not isinstance(arguments, Mapping):
+        raise InputError(f"xacro_args is {arguments!r}, expected a dict by name.")
+    arguments = dict(arguments or {})
+    if isinstance(source, str):
+        source, own = split_arguments(source)
+        arguments = own | arguments
+    if not (isinstance(source, (str, os.PathLike)) and os.fspath(source).lower().endswith(".xacro")):
+        if arguments:
+            names = ", ".join(map(str, arguments))
+            raise InputError(f"xacro_args has {names}, but the source is no path of a .xacro file.")
+        return source
+    path = os.path.expanduser(os.fspath(source))
+    if not os.path.isfile(path):
+        raise UrdfError(f"Cannot read the xacro file '{path}': no such file.")
+    with open(path, "rb") as file:
+        reject_other_kinds(file.read(10_000))
+    try:
+        xacro = import_module("xacro")
+    except ImportError as error:
+        raise UrdfError(
+            f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
+        ) from error
+    texts = {  # as xacro's command line has them
+        str(name): str(value).lower() if isinstance(value, bool) else str(value) for name, value in arguments.items()
+    }
+    mappings = _Arguments(texts)
+    try:
+        text = xacro.process_file(path, mappings=mappings).toxml()
+    except Exception as error:  # it has exceptions of a dozen modules
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        missing = sorted(mappings.used.difference(mappings))
+        give = (
+            f". Give {missing[0]}:=VALUE behind the path, or xacro_args={{'{missing[0]}': VALUE}}." if missing else ""
+        )
+        raise UrdfError(f"xacro cannot expand '{path}': {reason}{give}") from error
+    if unused := [name for name in texts if name not in mappings.used]:
+        used = ", ".join(sorted(mappings.used)) or "none"
+        warn(
+            f"The xacro argument {', '.join(map(repr, unused))} has no effect on '{path}'; it uses {used}.",
+            stacklevel=4,
+        )
+    return text

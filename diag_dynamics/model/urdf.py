@@ -17,19 +17,15 @@ from diag_dynamics.model.joint_types import JOINT_TYPES
 from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
 from diag_dynamics.model.sources import reject_root, urdf_text
 
-MAX_JOINTS = 2000
-"""Largest number of joints, by default; the largest public robots have some 200."""
-
-DEFINITIONS = ("property", "macro", "arg")
-"""Elements of xacro that define something for others."""
+MAX_JOINTS = 2000  # largest number of joints, by default; the largest public robots have some 200
+DEFINITIONS = ("property", "macro", "arg")  # elements of xacro that define something for others
 
 UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
 
 LOOPS = ("loop", "constraint", "coupling", "gear_joint", "gearjoint")
 """Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case."""
 
-CONTAINERS = ("robot", "link", "joint", "gazebo")
-"""Elements whose children may close loops."""
+CONTAINERS = ("robot", "link", "joint", "gazebo")  # elements whose children may close loops
 
 INERTIAL = {"mass": {"value": 1}, "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1)}
 """Elements of an inertial that dynamics needs, each with the attributes that hold numbers."""
