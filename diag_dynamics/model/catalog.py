@@ -89,16 +89,9 @@ def example_urdfs() -> dict[str, Path]:
 
 
 def find_urdf(robot: str) -> Path:
-    """Return the path of a URDF, given as a path, or as the name of an example robot.
-
-    A name is that of the file (``panda``), or a part of one path only.
-    """
-    path = Path(os.path.expanduser(robot))
-    try:
-        if path.is_file():
-            return path.resolve()
-    except OSError as error:  # of a folder without permission
-        raise InputError(f"robot '{robot}' cannot be read: {error.strerror}.") from error
+    """Return the path of a URDF, given as a path, or as the name of a file (``panda``) or a part of one path only."""
+    if os.path.isfile(path := os.path.expanduser(robot)):
+        return Path(path).resolve()
     urdfs, name = example_urdfs(), robot.removesuffix(".urdf")
     is_path = robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro"))
     exact = [key for key in urdfs if name in (key, Path(key).name)]
@@ -118,11 +111,7 @@ def find_urdf(robot: str) -> Path:
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
-    """Return the path of a robot, followed by its xacro arguments, as an argument of :func:`read_source`.
-
-    A robot is the path of a URDF, xacro or MJCF file, or a name, see :func:`load_robot`; xacro arguments ``NAME:=VALUE`` may
-    follow it, and `arguments` are more of them.
-    """
+    """Return a robot's path or name, see :func:`load_robot`, as a path with xacro arguments ``NAME:=VALUE`` behind it."""
     name, own = split_arguments(robot)
     path = os.path.expanduser(name)
     if os.path.isdir(path):

@@ -160,10 +160,7 @@ def _body(solid: Solid) -> RigidBody:
 
 
 class Estimate(NamedTuple):
-    """Estimated inertia of a link: mass [kg], centre (3,) in its axes [m], inertia (3, 3) about the centre [kg m²].
-
-    `source` has the geometry, "collision" or "visual", and its shapes.
-    """
+    """Estimated mass [kg], centre (3,) in the link's axes [m], inertia (3, 3) about it [kg m²], and the shapes behind."""
 
     link: str
     mass: float
@@ -173,10 +170,7 @@ class Estimate(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Text of a URDF with estimated inertias, each with a comment, at a density [kg/m³].
-
-    `failed` has the reason, by link, why an inertia could not be estimated.
-    """
+    """Text of a URDF with estimated inertias at a density [kg/m³], and by link why an inertia could not be estimated."""
 
     text: str
     estimates: tuple[Estimate, ...]

@@ -47,10 +47,7 @@ def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
 
 
 def checked_body(body: Payload, before: str, after: str = "", may_be_negative: bool = False) -> Payload:
-    """Return mass, centre and inertia of a rigid body as read-only arrays; errors name a part between two texts.
-
-    Mass may be negative if something is taken off.
-    """
+    """Return a body, whose mass may be negative if it is taken off; errors name a part between two texts."""
     mass_name, com_name, inertia_name = (f"{before}{part}{after}" for part in Payload._fields)
     expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
     mass = float(numbers(mass_name, body.mass, (), expected, LARGEST))
@@ -83,11 +80,7 @@ def not_physical(inertia: Array, mass: float) -> str | None:
 
 
 def _moments(inertia: Array, mass: float) -> tuple[Array, float]:
-    """Return the principal moments, and how far beyond a bound they may be by rounding [kg m²].
-
-    The moments of plates and rods lie on the bound; rounded to four digits, they are beyond it. A radius of gyration of a
-    micrometre counts as that of a point.
-    """
+    """Return the principal moments, and how far beyond a bound they may be by rounding to three digits [kg m²]."""
     moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
     return moments, float(max(1e-3 * np.abs(moments).max(), 1e-12 * mass))
 

@@ -14,10 +14,7 @@ MAX_LISTED = 50  # largest number of joints that a message lists
 
 
 def massless_freedoms(model):
-    """Return the degrees of freedom that move no inertia in any of four configurations, and the smallest D of each one.
-
-    At a single configuration M may be merely singular there.
-    """
+    """Return the degrees of freedom that move no inertia in four configurations, and the smallest D of each."""
     rng = np.random.default_rng(0)
     own = ws.Workspace(model.bodies, model.gravity)
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)

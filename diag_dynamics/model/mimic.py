@@ -36,8 +36,7 @@ class Mimic(NamedTuple):
 def resolve_mimics(robot: Any, mode: str, locked: Mapping[str, float]) -> tuple[dict[str, Mimic], dict[str, float]]:
     """Return :class:`Mimic` by mimic joint, and the positions of all locked joints.
 
-    Locked are `locked` and mimic joints that stand still: all of them if `mode` is "lock", those of a joint that is locked
-    or fixed, and those of multiplier 0. With mode "free" no joint mimics another one.
+    Locked are `locked` and mimic joints that stand still, all of them if `mode` is "lock".
     """
     mimics: dict[str, Mimic] = {}
     held = dict(locked)

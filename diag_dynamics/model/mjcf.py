@@ -31,8 +31,7 @@ FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(("equality", 
 class Described(NamedTuple):
     """A robot as the text of a URDF, and what a URDF cannot say.
 
-    `options` are those of :func:`load_urdf` that an MJCF says itself: floating_base, gravity, armature; none of a URDF.
-    `omitted` is `RobotModel.omitted`.
+    `options` of :func:`load_urdf` are floating_base, gravity and armature of an MJCF; none of a URDF.
     """
 
     text: str

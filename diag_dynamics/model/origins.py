@@ -53,10 +53,7 @@ def short(value: object) -> str:
 
 
 def placement_of(element: Any, where: str) -> Array:
-    """Return the placement (4, 4) of an `<origin>`: xyz, then rpy (Rz(yaw) Ry(pitch) Rx(roll)) or quat_xyzw.
-
-    A quaternion is normalized, as urdfdom does; `where` is for errors.
-    """
+    """Return the placement (4, 4) of an `<origin>`: xyz, then Rz(yaw) Ry(pitch) Rx(roll) or quat_xyzw, normalized."""
     given = {
         name: numbers_of(element, name, count, where)
         for name, count in {"xyz": 3, "rpy": 3, "quat_xyzw": 4}.items()

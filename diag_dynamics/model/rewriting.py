@@ -51,10 +51,7 @@ def _insert_first(parent: Any, element: Any) -> None:
 
 
 def urdf_with(text: str, parameters: Parameters) -> str:
-    """Return the text of a URDF with inertias of links, payloads, damping and friction of joints written into it.
-
-    A URDF has no place for rotor inertias and offsets of efforts: they stay with `parameters`.
-    """
+    """Return a URDF's text with inertias, payloads, damping and friction; it has no place for armature and offsets."""
     element = parse_urdf(text, comments=True)
     robot, _ = read_urdf(text)
     inertials = {link.name: link.inertial for link in apply_parameters(robot, parameters).links}

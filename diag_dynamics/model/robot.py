@@ -216,10 +216,7 @@ class RobotModel:
         return np.array([1.0 if orientation == 3 else 0.0 for orientation in self.orientations])
 
     def random(self, rng: np.random.Generator | int | None = None) -> Array:
-        """Return random positions, shape (nq,): evenly within the limits, orientations evenly of all.
-
-        Without limits, angles are within a turn and positions within a metre of zero. `rng` may be a seed.
-        """
+        """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m; `rng` may be a seed."""
         if not isinstance(rng, np.random.Generator):
             try:
                 rng = np.random.default_rng(rng)

@@ -194,10 +194,7 @@ class _Arguments(dict[str, str]):
 
 
 def expanded(source: Any, arguments: Any) -> Any:
-    """Return the XML text of a xacro file, given by a path that ends with .xacro; any other source as it is.
-
-    Arguments may follow the path, see :func:`split_arguments`.
-    """
+    """Return the text of a xacro file, a path that ends with .xacro and may have arguments behind; else the source."""
     if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
         source = source.name  # of an open file: xacro finds what it includes by its place
     if arguments is not None and not isinstance(arguments, Mapping):

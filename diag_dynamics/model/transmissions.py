@@ -26,10 +26,7 @@ JOINTS = ("joint", "flexJoint", "rollJoint")
 
 
 def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
-    """Return N²J [kg m², prismatic: kg] of each joint whose transmission gives a rotor inertia, and remarks on the rest.
-
-    Rotors of several actuators of one joint add up. An actuator that several transmissions name counts once.
-    """
+    """Return N²J [kg m², prismatic: kg] by joint, the sum over its actuators, and remarks on what is ignored."""
     types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
     rotors: dict[str, dict[str, float]] = {}
     remarks = []
@@ -88,12 +85,12 @@ def _number(elements: Iterable[Any], names: tuple[str, ...], where: str) -> floa
 
 
 def _entries(elements: Iterable[Any], names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """Yield name and text of the numbers of elements: attributes, elements with text or a value, and <param>."""
+    """Yield name and text of numbers: attributes of elements, and children with text or a value, <param> included."""
     for element in elements:
-        children = [
-            (child.get("name", "") if local_name(child) == "param" else local_name(child), child) for child in element
-        ]
-        entries = [(tag, child.get("value") or child.text or "") for tag, child in children]
-        for tag, text in (*element.items(), *entries):
+        entries = [(name, text) for name, text in element.items()]
+        for child in element:
+            tag = child.get("name", "") if local_name(child) == "param" else local_name(child)
+            entries.append((tag, child.get("value") or child.text or ""))
+        for tag, text in entries:
             if tag.rpartition("}")[2].rpartition(":")[2].replace("_", "").lower() in names:
                 yield tag, text

@@ -18,10 +18,7 @@ _UPPER = np.triu_indices(3)
 
 
 class MovingJoint:
-    """A moving joint, with the joint that carries it, or None, and its placement (4, 4) in the frame of that one's body.
-
-    `joint` is that of the URDF, None for a floating base.
-    """
+    """A moving joint, its carrier or None, and its placement (4, 4) there; `joint` is None for a floating base."""
 
     def __init__(self, name, kind, carrier, placement, joint=None):
         self.name, self.kind, self.type = name, kind, JOINT_TYPES[kind]

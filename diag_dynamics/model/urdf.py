@@ -90,10 +90,7 @@ def _reject_loops(robot):
 
 
 def parse_urdf(text, comments=False):
-    """Return the <robot> element of XML text without declaration, with comments or without; nothing in it is checked.
-
-    It has neither unexpanded xacro nor entities.
-    """
+    """Return the <robot> element of XML text, without unexpanded xacro and entities; nothing else is checked."""
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
