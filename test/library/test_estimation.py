@@ -149,6 +149,7 @@ def test_collada_in_centimetres(tmp_path):
         ('<box size="1 2"/>', "size='1 2'"),
         ('<cylinder radius="-1" length="1"/>', "radius='-1'"),
         ('<cone radius="1"/>', "<cone>"),
+        ('<sphere radius="1e31"/>', "radius='1e31'"),
         ("<mesh/>", "no filename"),
         ('<mesh filename="a.stl" scale="1 1 0"/>', "scale='1 1 0'"),
     ],

@@ -21,6 +21,7 @@ import laws
 import robots
 from accuracy import assert_close, norm
 from coupling import NAMED, ROMEO, UNKNOWN_SOURCES, Coupled, Coupling, coupled_tree, mimic_tags, mimicking
+from diag_dynamics.model.mimic import Followers
 from examples import examples, some_of
 from laws import assert_same, everything, load, wrenches_on
 from robots import TwoLinkArm, description, joint, link
@@ -606,3 +607,19 @@ def test_simulation(name):
         assert abs(kinetic + sim.potential_energy - first) < 1e-6 * exchanged
         assert oracle.potential_energy(sim.q) - sim.potential_energy == pytest.approx(offset, abs=1e-11)
     assert exchanged > 1e-2
+
+
+# --- Values in messages
+
+
+def test_followers():
+    """Velocities and efforts of mimic joints scale by the multiplier; unknown values are NaN."""
+    mimics = {"left": dd.Mimic("turn", 2.0, 0.1), "right": dd.Mimic("slide", -0.5, 0.0)}
+    followers = Followers(("slide", "turn"), mimics, tolerance=0.01, continuous=("left",))
+    q = np.array([3.0, 0.2])
+    np.testing.assert_allclose(followers.positions(q), [0.5, -1.5])
+    np.testing.assert_allclose(followers.velocities(q), [0.4, -1.5])
+    np.testing.assert_allclose(followers.reflected(q, np.array([0.5, np.nan])), [3.0, 1.2])
+    (text,) = followers.disagreements(q, np.array([0.5 + 2.0 * np.pi, -1.4]))
+    assert "'right' is -1.4, expected -1.5 from 'slide'" in text
+    assert not followers.disagreements(q, np.array([np.nan, -1.495]))
