@@ -68,12 +68,7 @@ class Meshes:
     def mesh(self, name: str) -> Any:
         """Return a mesh as one trimesh.Trimesh, in metres and in the axes of its file."""
         if name not in self._meshes:
-            try:
-                self._meshes[name] = _read(name, find_mesh(name, self._folder))
-            except UrdfError as error:
-                self._meshes[name] = error
-        if isinstance(self._meshes[name], UrdfError):
-            raise self._meshes[name]
+            self._meshes[name] = _read(name, find_mesh(name, self._folder))
         return self._meshes[name]
 
 

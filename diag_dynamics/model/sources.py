@@ -22,8 +22,6 @@ MAX_BYTES = 32 * 1024 * 1024
 """Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
 
 MARKS = (
-    (b"\xff\xfe\x00\x00", "utf-32"),
-    (b"\x00\x00\xfe\xff", "utf-32"),
     (b"\xff\xfe", "utf-16"),
     (b"\xfe\xff", "utf-16"),
 )
@@ -46,7 +44,6 @@ FORMATS = {
 
 ROOTS = {
     "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
-    "mujocoinclude": "a part of an MJCF of MuJoCo. Load the whole MJCF with load_mjcf",
     "sdf": "an SDF of Gazebo. Load the URDF that it was made from",
 }
 """Root elements of XML files that are no URDF: their kind, and what to do."""

@@ -73,7 +73,6 @@ ENCODED = {
     "UTF-8 with a mark": b"\xef\xbb\xbf" + declaring("gb2312", with_comment(CHINESE)).encode(),
     "UTF-16": declaring("utf-16", with_comment(CHINESE)).encode("utf-16"),
     "UTF-16, big end first": ("\ufeff" + declaring("utf-16", with_comment(CHINESE))).encode("utf-16-be"),
-    "UTF-32": declaring("utf-32", with_comment(CHINESE)).encode("utf-32"),
     "unknown encoding": declaring("x-editor", with_comment(" ä ")).encode(),
     "no extension of ASCII": declaring("punycode", with_comment(" ä ")).encode(),
     "names of domains": declaring("idna", with_comment(" ä ")).encode(),
