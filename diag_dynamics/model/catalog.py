@@ -45,18 +45,10 @@ def robot_path(name: str) -> Path:
     """Return the path of the URDF or xacro file of a robot by its name, see :func:`load_robot`."""
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
-    return _cloned(name) if name in _descriptions() else find_urdf(name)
-
-
-def _descriptions() -> list[str]:
-    """Return the names of the descriptions with a URDF that robot_descriptions has; none where it is not installed."""
-    if util.find_spec(DESCRIPTIONS) is None:
-        return []
-    try:
-        table = import_module(f"{DESCRIPTIONS}._descriptions").DESCRIPTIONS  # public in some versions only
-    except (ImportError, AttributeError):
-        return []
-    return [name for name, one in table.items() if one.has_urdf]
+    has_urdf = name.isidentifier() and name.endswith("_description") and not name.endswith("_mj_description")
+    if has_urdf and util.find_spec(DESCRIPTIONS) and util.find_spec(f"{DESCRIPTIONS}.{name}"):
+        return _cloned(name)
+    return find_urdf(name)
 
 
 def _cloned(name: str) -> Path:

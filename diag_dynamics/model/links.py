@@ -29,8 +29,8 @@ SAME_PLACE = 1e-6  # distance below which two links have the same origin [m]
 def end_effector_link(model: RobotModel) -> str:
     """Return the name of the end-effector link; the root link, if no joint moves.
 
-    It is the deepest link of the longest chain of actuated joints whose end carries no other joints than fingers. Of chains
-    with equally many joints the first one counts. A mimic joint is not actuated. A floating base counts as one joint.
+    It is the deepest link of the first longest chain of actuated joints whose end carries no other joints than fingers. A
+    mimic joint is not actuated. A floating base counts as one joint.
 
     Fingers are the moving children of a moving link: at least two, none of them with more joints than the chain that carries
     them, none longer than :data:`FINGER_LENGTH` of that chain. The jaws of a gripper, casters and rotors are fingers. Legs

@@ -162,7 +162,6 @@ class _Compiled:
         return self.any(attribute, slice(begin, begin + (6 if self.is_free(j) else 1)))
 
     def moves(self, b):
-        """Return whether a joint moves a body."""
         return self.m.body_dofnum[self.m.body_weldid[b]] > 0
 
     def is_marker(self, b):
@@ -178,7 +177,6 @@ class _Compiled:
         return j if self.is_a("jnt_type", j, "Joint", "JNT_SLIDE", "JNT_HINGE") else None
 
     def gear(self, a):
-        """Return the gear of an actuator at a hinge or slide."""
         row = self.m.actuator_outadr[a] if hasattr(self.m, "actuator_outadr") else a
         return float(self.m.actuator_gear[row, 0])
 

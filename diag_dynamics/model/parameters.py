@@ -87,7 +87,7 @@ class Parameters:
 
     @property
     def lighter_links(self) -> list[str]:
-        """Links that a payload of negative mass makes lighter."""
+        """Links with a payload of negative mass."""
         return [name for name, payload in self.payloads.items() if payload.mass < 0.0]
 
     @property

@@ -15,11 +15,9 @@ from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.origins import floats, local_name, short
 from diag_dynamics.model.remarks import Remark
 
+# Names without prefix and underscores, in lower case: <drake:rotor_inertia>, <mechanicalReduction>, <drake:gear_ratio>
 INERTIA = ("rotorinertia", "motorinertia")
-"""Names of a rotor inertia, in lower case without underscores: <drake:rotor_inertia>, <rotorInertia>."""
-
 REDUCTION = ("mechanicalreduction", "gearratio", "reduction")
-"""Names of a reduction: <mechanicalReduction> of ROS 1, <mechanical_reduction> of ROS 2, <drake:gear_ratio>."""
 
 ACTUATORS = ("actuator", "leftActuator", "rightActuator")
 JOINTS = ("joint", "flexJoint", "rollJoint")

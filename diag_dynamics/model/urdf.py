@@ -3,8 +3,8 @@
 
 """Checked links and joints from the text of a URDF, the one place for XML and yourdfpy.
 
-The text may come from a topic, so it is not trusted: no entities, no network, no files, bounded size and depth.
-yourdfpy reads a reduced copy with the elements that dynamics needs: broken visuals and unknown extensions do not matter.
+The text may come from a topic: no entities, no network, no files, bounded size and depth. yourdfpy reads a reduced copy
+with the elements that dynamics needs, so broken visuals and unknown extensions do not matter.
 """
 
 import io
