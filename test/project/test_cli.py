@@ -125,7 +125,7 @@ def test_without_ros(run, monkeypatch):
         status, _, error = run(command)
         assert status == 1 and error.count("\n") == 1 and "needs a ROS 2" in error and "make setup" in error
     status, out, _ = run("robots")
-    assert status == 0 and "panda_description/urdf/panda" in out.split()
+    assert status == 0 and "ur_description/urdf/ur5_robot" in out.split()
 
 
 @pytest.mark.full
