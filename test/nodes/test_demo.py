@@ -14,7 +14,7 @@ from diag_dynamics.nodes import demo
     ("robot", "texts"),
     [
         ("nosuchrobot", ["'nosuchrobot'", "neither a file nor one of the", "All of them: "]),
-        ("pandaa", ["'pandaa'", "did you mean panda"]),
+        ("pandaa", ["'pandaa'", "is neither a file"]),
         ("talos", ["talos_reduced", "talos_left_arm"]),
         ("iris_simple", ["iris", "no moving joint"]),
         ("romeo_laas_small", ["l_gripper_joint"]),
@@ -22,7 +22,7 @@ from diag_dynamics.nodes import demo
     ],
 )
 def test_robots_it_cannot_show(robot, texts, capsys, monkeypatch):
-    """Status 1 and the reason: similar names, ambiguous names, paths, robots without motion or inertia."""
+    """Status 1 and the reason: unknown and ambiguous names, paths, robots without motion or inertia."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     assert demo.main(["demo", "--robot", robot]) == 1
     output = capsys.readouterr()

@@ -86,7 +86,7 @@ def test_description_of_a_xacro_file(peer, tmp_path):
     with peer.start("simulator", "-r", "__ns:=/expanded", robot_description=f"{path} side:=left"):
         peer.wait_until(lambda: topic.messages, "a description")
     assert load_urdf(topic.messages[-1].data).dof_names == ("left_turn",)
-    with pytest.raises(DiagDynamicsError, match="argument 'side' has no value"):
+    with pytest.raises(DiagDynamicsError, match="Give side:=VALUE"):
         peer.start("simulator", robot_description=str(path))
 
 
