@@ -75,7 +75,7 @@ def example_urdfs() -> dict[str, Path]:
     found = {}
     for file in files:
         text = file.as_posix()
-        if text.endswith(".urdf") and _FOLDER in text and file.stem not in own:
+        if text.endswith(".urdf") and _FOLDER in text:
             found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(str(file.locate())).resolve()
     return own | dict(sorted(found.items()))
 
@@ -86,7 +86,9 @@ def find_urdf(robot: str) -> Path:
         return Path(path).resolve()
     urdfs, name = example_urdfs(), robot.removesuffix(".urdf")
     is_path = robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro"))
-    exact = [key for key in urdfs if name in (key, Path(key).name)]
+    if name in urdfs:
+        return urdfs[name]
+    exact = [key for key in urdfs if Path(key).name == name]
     exact = exact or [key for key in urdfs if Path(key).name == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
     partial = [] if is_path else [key for key in urdfs if name.lower() in key.lower()]
     for keys in (exact, partial):

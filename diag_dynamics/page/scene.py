@@ -117,8 +117,8 @@ def _ellipsoid(record, placement, bones, origin):
 
 def mesh_folders(source=None):
     """Return folders of meshes that no ROS package has: of the URDF's file, and of the example robots."""
-    own = folder_of(source) if source is not None else None
-    return [*([own.resolve()] if own else []), *[path.parent for path in list(example_urdfs().values())[:1]]]
+    own, urdfs = folder_of(source) if source is not None else None, list(example_urdfs().values())
+    return [*([own.resolve()] if own else []), urdfs[0].parent, urdfs[-1].parent]
 
 
 def scene_of(model, source, meshes=None):
