@@ -81,10 +81,11 @@ def test_a_push_is_told_of(arm):
     above = arm.wait_for(lambda s: s.contact_energy > 1.02 * s.contact_energy_limit > 0.0, "energy above the bound")
     assert above.contact_limited and above.contact_energy_limit == pytest.approx(BOUND)
 
-    def told(report):
-        return f"contact energy above its bound at '{above.contact_link}'" in report.entries["commands"].message
+    def told(report):  # of any link: the pushed arm turns between status and report
+        return "contact energy above its bound at '" in report.entries["commands"].message
 
     arm.wait_for_report(told, "the diagnostics", begin)
+    assert above.contact_link
     arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
     arm.wait_for(lambda s: s.contact_energy < 0.99 * BOUND, "the bound")
 
