@@ -59,8 +59,9 @@ class Evaluation:
     and friction as separate terms).
 
     Results are read-only and permanent, except those of :meth:`DiagonalDynamics.new_evaluation`: these hold the
-    last evaluation, and NaN after an error. ``copy.copy`` makes a permanent copy. Every attribute is read from
-    memory, but `link_energy`, which is computed on each access.
+    last evaluation. A wrong argument leaves them; they are NaN where numbers are not finite or have no dynamics.
+    ``copy.copy`` makes a permanent copy. Every attribute is read from memory, but `link_energy`, which is computed
+    on each access.
     """
 
     __slots__ = ("_external", "_friction", "_memory", "_model", "_rows", "_state", "_with_tau")

@@ -8,7 +8,7 @@
 dd_root=$(cd "$(dirname "${BASH_SOURCE[0]:-$0}")/.." && pwd -P)
 . "$dd_root/scripts/choose_ros.bash"
 
-if grep -qsF "$dd_home " "$dd_home/install/.complete"; then  # complete, and made here: it does not survive a move
+if [ "$(cut -d' ' -f1 "$dd_home/install/.complete" 2>/dev/null)" = "$dd_home" ]; then  # complete, and made here: it does not survive a move
   export VIRTUAL_ENV=$dd_home/venv
   export PATH=$VIRTUAL_ENV/bin:$PATH
   if [ $dd_ros = pypi ]; then

@@ -58,7 +58,7 @@ def run(chosen):
             return common.DONE
     start = time.perf_counter()
     with Progress(chosen.quiet, lines=True) as progress:
-        progress.show("Compiling all kernels for this machine and Python. This takes about a minute.")
+        progress.show("Compiling all kernels for this machine and Python. This takes half a minute or more.")
         failure = _compile(min(chosen.jobs, len(UNITS)), progress)
     if failure:
         print(f"diag-dynamics compile: {failure}", file=sys.stderr)

@@ -66,7 +66,7 @@ def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
 class Law:
     """Control law in (ν, ε) for one robot.
 
-    A law uses the workspace of its :class:`DiagonalDynamics`: one thread. The constructor compiles all that the law calls.
+    Use a law in one thread. The constructor compiles all that the law calls.
     It raises UnsupportedError for a floating base or another joint of several degrees of freedom.
     """
 

@@ -57,7 +57,7 @@ class DisturbanceObserver:
     by default never, and reset below `release`, by default half of it. Efforts are "sampled" with the state, or "held" on the
     joints since the last sample, as a command is. The friction is that of the model, if any, without static friction, which
     remains in r: :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets. The workspace of
-    the dynamics is used at every sample: one thread.
+    use an observer in one thread.
     """
 
     def __init__(

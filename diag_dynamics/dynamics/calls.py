@@ -35,6 +35,12 @@ from diag_dynamics.sweeps import workspace as ws
 ENTRIES = {
     evaluation.evaluate: "evaluate",
     batch.evaluate_many: "evaluate_batch",
+    batch.mass_matrix_each: "mass_matrix_batch",
+    batch.effort_of_wrenches_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch",
+    batch.sweep_each: (
+        "bias_batch epsilon_from_tau_batch forward_dynamics_batch gravity_torque_batch inverse_dynamics_batch "
+        "nu_from_qd_batch qd_from_nu_batch tau_from_epsilon_batch"
+    ),
     evaluation.link_energies: "evaluate evaluate_batch",
     factors.factors: "factors",
     classical.forward_dynamics: "forward_dynamics",

@@ -140,7 +140,7 @@ class DiagonalDynamics:
             Whether to evaluate the friction of :meth:`friction_torque` as a separate term.
         out : Evaluation, optional
             Result of :meth:`new_evaluation` or :meth:`new_batch` to overwrite; nothing is allocated then. Its own arrays
-            may be arguments. It is NaN after an error while it is written.
+            may be arguments. It keeps its numbers if an argument has a wrong type or shape, and is NaN after other errors.
         threads : int, optional
             Number of threads for many states.
 

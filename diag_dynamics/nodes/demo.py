@@ -149,8 +149,8 @@ def main(args=None):
     except KeyboardInterrupt:
         leave(130)
     address = f"http://127.0.0.1:{port}/"
-    print(f"Open {address}", flush=True)
     duration = chosen.duration or (10.0 if lines else math.inf)
+    print(f"Open {address}" + (f" (for {duration:g} s)" if duration < math.inf else ""), flush=True)
     nodes = []
 
     weight = GRAVITY * model.total_mass
@@ -170,9 +170,11 @@ def main(args=None):
 
     logs = ["--log-level", "WARN"] if lines else ["--disable-stdout-logs"]
     compiler = compile_rest() if chosen.compile_rest else None
-    status = run(make_nodes, ["demo", "--ros-args", "-r", f"__ns:={NAMESPACE}", *logs])
-    if compiler:
-        compiler.terminate()
+    try:
+        status = run(make_nodes, ["demo", "--ros-args", "-r", f"__ns:={NAMESPACE}", *logs])
+    finally:
+        if compiler:
+            compiler.terminate()
     if not status and lines and not nodes[-1].has_states:
         print("No state of the robot arrived.", file=sys.stderr)
         return 1

@@ -12,6 +12,7 @@ import shutil
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numba
@@ -75,8 +76,9 @@ def code_folder(module):
         folder.mkdir(exist_ok=True)
         folder.touch()
         for other in folder.parent.glob(f"{PREFIX}*"):
-            if time.time() - other.stat().st_mtime > UNUSED:
-                shutil.rmtree(other, ignore_errors=True)
+            with suppress(FileNotFoundError):  # another process removes it at the same time
+                if time.time() - other.stat().st_mtime > UNUSED:
+                    shutil.rmtree(other, ignore_errors=True)
     except OSError as error:
         logger.warning("No folder for compiled code; each process compiles it again: %s", error)
         return None

@@ -20,7 +20,7 @@ MAX_PAUSE = 1.0
 PERIOD = 5.0
 """Time [s] between two messages."""
 
-RULE = "for this machine and Python, once: all kernels take about a minute (in advance: diag-dynamics compile)"
+RULE = "for this machine and Python, once (in advance: diag-dynamics compile)"
 
 
 def print_message(text):

@@ -71,7 +71,7 @@ class Table:
     Parameters
     ----------
     name : str
-        That of no other table: numba tells the types of tables from one another by it.
+        Unique name: numba distinguishes the types of tables by it.
     **fields
         :class:`int`, :class:`float`, or an :class:`Array`.
 

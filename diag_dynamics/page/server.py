@@ -6,6 +6,7 @@
 import asyncio
 import ipaddress
 import json
+import logging
 import select
 import socket
 import threading
@@ -17,6 +18,8 @@ from aiohttp import web
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.text import plain
+
+logger = logging.getLogger(__name__)
 
 STATIC = Path(__file__).parent / "static"
 
@@ -44,6 +47,10 @@ HEARTBEAT = 1.0
 
 MAX_FRAMES = 200.0
 """Frames per second of all streams together."""
+
+
+PUSH_PERIOD = 0.1
+"""Shortest time between two pushes of a tab [s]."""
 
 
 class RejectedRequestError(Exception):
@@ -191,9 +198,20 @@ class PageServer:
 
     async def _receive(self, ws, shown):
         """Receive until the reader leaves; the text "push" pushes the link that it shows."""
+        pushed = -PUSH_PERIOD
         async for message in ws:
-            if message.type == web.WSMsgType.TEXT and message.data == "push" and self._on_push:
-                self._on_push(*shown)
+            now = time.monotonic()
+            if (
+                message.type == web.WSMsgType.TEXT
+                and message.data == "push"
+                and self._on_push
+                and now > pushed + PUSH_PERIOD
+            ):
+                pushed = now
+                try:
+                    self._on_push(*shown)
+                except Exception:
+                    logger.exception("The robot could not be pushed.")
 
     async def _send(self, ws, request, robot, news, hz):
         """Send what is new until the reader leaves. A slow one gets the newest frame, and no queue of older ones."""
@@ -259,7 +277,8 @@ def is_own(request, host):
     name, origin = (request.url.host or "").lower(), request.headers.get("Origin")
     if origin is not None and origin.partition("://")[2] != request.host:
         return False  # browsers let every page open a websocket
-    if name in ("localhost", socket.gethostname().lower(), host.lower()) or name.endswith((".localhost", ".local")):
+    own = socket.gethostname().lower()
+    if name in ("localhost", own, f"{own}.local", host.lower()) or name.endswith(".localhost"):
         return True
     try:
         return bool(ipaddress.ip_address(name.partition("%")[0]))

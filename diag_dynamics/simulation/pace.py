@@ -14,10 +14,7 @@ COMMAND_TIMEOUT = 1.0
 
 
 class Kept(NamedTuple):
-    """Record of the pace since the last report: ticks, their lateness [s], ticks that were late by a period or more.
-
-    `let_go` is the dropped time in all [s of simulated time].
-    """
+    """Record of the pace since the last report: ticks, their lateness [s], skipped ticks, dropped simulated time [s]."""
 
     ticks: int
     mean: float
@@ -43,7 +40,7 @@ class Pace:
         self._start_report()
 
     def _start_report(self):
-        self._ticks, self._late, self._latest, self._reported_overruns = 0, 0.0, 0.0, self.overruns
+        self._ticks, self._late, self._latest, self._reported = 0, 0.0, 0.0, (self.overruns, self.let_go)
 
     def resume(self, now, simulated):
         """Go on from a simulated time [s] at a time [s] of the clock."""
@@ -80,8 +77,9 @@ class Pace:
 
     def kept(self):
         """Return the :class:`Kept` since the last call."""
-        overruns, mean = self.overruns - self._reported_overruns, self._late / max(self._ticks, 1)
-        kept = Kept(self._ticks, mean, self._latest, overruns, self.let_go)
+        overruns, let_go = self._reported
+        mean = self._late / max(self._ticks, 1)
+        kept = Kept(self._ticks, mean, self._latest, self.overruns - overruns, self.let_go - let_go)
         self._start_report()
         return kept
 

@@ -60,10 +60,10 @@ class Simulation:
         q: VectorLike | None = None,
         qd: VectorLike | None = None,
         step: float = 1e-3,
-        damping: VectorLike | float | None = None,
+        damping: VectorLike | None = None,
         limits: bool | CompliantLimits = True,
         order: Literal[1, 4] = 4,
-        friction: VectorLike | float | None = None,
+        friction: VectorLike | None = None,
         effort_limits: bool | VectorLike = True,
         effort_offset: VectorLike | None = None,
     ) -> None:
@@ -155,7 +155,7 @@ class Simulation:
         return self._memory["damping"].copy()
 
     @damping.setter
-    def damping(self, value: VectorLike | float) -> None:
+    def damping(self, value: VectorLike) -> None:
         self._memory["damping"][:] = options.not_negative("damping", value, self.model.dof_names)
 
     @property
@@ -164,7 +164,7 @@ class Simulation:
         return self._memory["friction"].copy()
 
     @friction.setter
-    def friction(self, value: VectorLike | float) -> None:
+    def friction(self, value: VectorLike) -> None:
         self._memory["friction"][:] = options.not_negative("friction", value, self.model.dof_names)
 
     @property

@@ -23,5 +23,6 @@ finite, BAD_LENGTH if a vector has not the robot's length.
 
 records: what sweeps work on; workspace: their memory. joints: steps that sweeps share. groups: degrees of freedom
 that are eliminated together. evaluation, factorization, factors, classical, derivatives, kinematics, mobilities: the sweeps;
-contacts: contact at points. batch: sweeps over many states. motions: positions that move along a twist, and locked joints.
+contacts: contact at points. batch: sweeps over many states. total_rates: ν̇ of the simulation. configuration: positions
+that move along a twist, and locked joints.
 """

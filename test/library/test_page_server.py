@@ -123,7 +123,14 @@ def test_only_get_by_its_own_name_and_its_own_page(address):
     """The server rejects host names of others (DNS rebinding), and pages of others: these may open websockets."""
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS"):
         assert get(address, "/robots", method)[0] == 405
-    names = {"evil.example": 403, "localhost:1234": 200, "127.0.0.1": 200, "[::1]:80": 200, "robot.local": 200}
+    names = {
+        "evil.example": 403,
+        "localhost:1234": 200,
+        "127.0.0.1": 200,
+        "[::1]:80": 200,
+        "robot.local": 403,
+        f"{socket.gethostname()}.local:80": 200,
+    }
     assert {name: get(address, "/robots", Host=name)[0] for name in names} == names
     for origin, answer in {"http://evil.example": "403 Forbidden", address.rstrip("/"): "101 Switching"}.items():
         with Stream(address, origin=origin, robot="/arm") as stream:
@@ -227,14 +234,21 @@ def test_streams_share_the_maximum_of_frames(serve, arm, monkeypatch):
 
 
 def test_a_tab_pushes_the_link_that_it_shows(serve, arm):
-    """Other texts do nothing."""
+    """Other texts do nothing, a failure ends no stream, and a tab pushes ten times per second at most."""
     links = queue.Queue()
-    with Stream(serve(arm.stream, on_push=links.put), link="panda_link4") as stream:
+
+    def push(link):
+        links.put(link)
+        raise RuntimeError("no robot")
+
+    with Stream(serve(arm.stream, on_push=push), link="panda_link4") as stream:
         assert stream.next(HEARTBEAT)["pushes"]
         stream.next(FRAME)
-        stream.send("pull")
-        stream.send("push")
-        assert links.get(timeout=PATIENCE) == "panda_link4" and links.empty()
+        for text in ("pull", *10 * ["push"]):
+            stream.send(text)
+        assert links.get(timeout=PATIENCE) == "panda_link4"
+        stream.frames(3)
+        assert links.qsize() < 9
 
 
 def test_a_robot_that_no_tab_can_push(serve, arm):

@@ -58,6 +58,10 @@ def simulation_status(plant, paused, failure):
     return Status("simulation", WARN, "paused", values) if paused else Status("simulation", OK, "running", values)
 
 
+MAX_OVERRUNS = 0.1
+"""Skipped ticks, as a fraction of those that were not, above which the pace is a warning."""
+
+
 def pace_status(pace, lockstep, waits, time_values, problems):
     """Return the status of time; `time_values` and `problems` are those of its publishers."""
     kept = pace.kept()
@@ -66,14 +70,14 @@ def pace_status(pace, lockstep, waits, time_values, problems):
         "late, mean [s]": f"{kept.mean:.6f}",
         "late, largest [s]": f"{kept.largest:.6f}",
         "overruns": pace.overruns,
-        "real-time lag dropped [s]": f"{kept.let_go:.3f}",
+        "real-time lag dropped [s]": f"{pace.let_go:.3f}",
         "real-time factor": "lockstep" if lockstep else f"{pace.factor:g}",
         **time_values,
     }
     if waits:
         problems = [*problems, "in lockstep: waiting for a command"]
-    elif kept.overruns:
-        problems = [*problems, "ticks overran since the last report"]
+    elif kept.let_go > 0.0 or kept.overruns > MAX_OVERRUNS * kept.ticks:
+        problems = [*problems, "too slow for the rate: ticks were skipped"]
     return Status("pace", WARN if problems else OK, "; ".join(problems) or "kept", values)
 
 
