@@ -21,7 +21,7 @@ import pytest
 from numba.core.caching import IndexDataCacheFile
 
 import diag_dynamics as dd
-from diag_dynamics.numerics import cache, progress
+from diag_dynamics.numerics import cache, linking, progress
 from diag_dynamics.numerics import kernel as kernels
 from diag_dynamics.numerics.kernel import (
     FILLED_VECTOR,
@@ -93,7 +93,6 @@ def test_first_calls():
 @pytest.mark.parametrize("part", ["add_llvm_module", "_link", "_simplify"])
 def test_other_inside_of_numba(part, monkeypatch, caplog):
     """Where a private part fails, or gives another number, numba links kernels itself, to the same bits."""
-    linking = pytest.importorskip("diag_dynamics.numerics.linking")
 
     def results():
         @kernel

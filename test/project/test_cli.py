@@ -9,7 +9,6 @@
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -427,7 +426,6 @@ def test_a_signal_ends_compiling(end, tmp_path):
 
 
 @pytest.mark.full
-@pytest.mark.skipif(not shutil.which("cmake"), reason="cmake is not installed")
 def test_compiled_where_it_is_installed(tmp_path):
     """By CMake, at the end of an installation: what is installed, wherever that is; never where a package is made."""
     (tmp_path / "CMakeLists.txt").write_text(
