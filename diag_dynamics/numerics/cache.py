@@ -44,7 +44,7 @@ def sources(module):
 
 
 def _path(name):
-    if name.partition(".")[0] != PACKAGE.name:  # an entry of somebody else's
+    if name.partition(".")[0] != PACKAGE.name:  # an entry of another package
         return Path(getattr(sys.modules.get(name), "__file__", None) or os.devnull)
     path = PACKAGE.parent.joinpath(*name.split("."))
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
@@ -111,7 +111,7 @@ def cache_folder():
 
 
 def _is_ours(folder):
-    """Whether `folder` can be written and nobody else can have put code there."""
+    """Whether this user owns `folder` and can write to it."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

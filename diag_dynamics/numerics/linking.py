@@ -3,9 +3,9 @@
 
 """Compile kernels in a quarter of the time: each is simplified once, and an entry links all that it calls and emits it.
 
-numba optimizes and emits machine code for every function with all functions below it, although nobody calls kernels from
-Python. This module uses numba's code libraries, which are private. Where they fail, numba's own linking gives the same
-bits: see works.
+numba optimizes and emits machine code for every function with all functions below it. Python calls entries alone, so this
+work is lost for kernels. This module uses numba's code libraries, which are private. Where they fail, numba's own linking
+gives the same bits: see works.
 """
 
 import logging
