@@ -29,8 +29,8 @@ def effort_limits(entries, model):
     return limits
 
 
-def command_order(entries, names):
-    """Return the joints of a command's entries, each of the robot's once, and their indices in the robot's order."""
+def command_order(entries, names, complete=True):
+    """Return the joints of a command's entries and their indices among `names`; by default and if `complete`, all."""
     joints, parameter = tuple(name for name in entries if name) or tuple(names), "parameter 'command_joints'"
     for name in joints:
         if name not in names:
@@ -38,7 +38,7 @@ def command_order(entries, names):
         if joints.count(name) > 1:
             raise InputError(f"{parameter} names '{name}' twice.")
     for name in names:
-        if name not in joints:
+        if complete and name not in joints:
             raise InputError(f"{parameter} lacks joint '{name}': name it, or lock it (locked_joints).")
     return joints, [names.index(name) for name in joints]
 

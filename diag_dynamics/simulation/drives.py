@@ -3,14 +3,15 @@
 
 """Inputs of a simulated robot: effort commands and external wrenches, held until a timeout in simulated time [s].
 
-A rejected input is a RejectedError, and leaves the last one in force.
+A rejected input raises RejectedError and changes nothing.
 """
 
 from collections import Counter
 
 import numpy as np
 
-from diag_dynamics.exceptions import InputError, RejectedError
+from diag_dynamics.control.by_dof import command_order
+from diag_dynamics.exceptions import RejectedError
 
 ZERO, BRAKE = "zero", "brake"
 """Behaviour of drives without a command: no effort, or joints held by brakes."""
@@ -42,28 +43,19 @@ class _Inputs:
 
 
 class Drives(_Inputs):
-    """Drives of the joints `names`: each takes an effort. `phase` is WAITING, DRIVEN or TIMED_OUT.
+    """Drives of the joints `names`. `phase` is WAITING, DRIVEN or TIMED_OUT.
 
-    `joints` is the order of a command's entries; a joint that is not there has no effort of its own. `without` is the
-    behaviour before the first command, and after one has timed out.
+    `joints` is the order of a command's entries, by default `names`; the effort of other joints is zero. `without` is the
+    behaviour before the first command and after a timeout.
     """
 
     def __init__(self, names, joints, timeout, without):
-        joints, parameter = [name for name in joints if name] or list(names), "parameter 'command_joints'"
-        for k, name in enumerate(joints):
-            if name not in names:
-                drives = ", ".join(names)
-                raise InputError(
-                    f"{parameter} names '{name}', which is no joint that can be driven; these are {drives}."
-                )
-            if name in joints[:k]:
-                raise InputError(f"{parameter} names '{name}' twice.")
-        self._joints, self._at = joints, np.array([list(names).index(name) for name in joints], dtype=int)
+        self._joints, self._at = command_order(joints, names, complete=False)
         self._without, self._effort = without, np.zeros(len(names))
         super().__init__("commands", timeout)
 
     def forget(self):
-        """Drop the command: the phase is that before the first one."""
+        """Drop the command, and wait for the next one."""
         self._effort[:] = 0.0
         self.phase, self._since = WAITING, None
 
