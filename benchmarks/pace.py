@@ -51,8 +51,8 @@ executor = EventsExecutor()
 executor.add_node(node)
 while not done.done():
     executor.spin_until_future_complete(done, timeout_sec=0.2)
-kept = pace.kept()
-print(kept.mean, kept.largest, kept.overruns / kept.ticks)
+report = pace.report()
+print(report.mean, report.largest, report.overruns / report.ticks)
 """
 
 

@@ -1,49 +1,48 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What sets simulated time going: a clock, with a record of how well it is followed, or the commands in lockstep."""
+"""Pace of simulated time: by a clock, or in lockstep with commands."""
 
 import math
 from typing import NamedTuple
 
 MAX_LAG = 0.1
-"""Lag [s of simulated time] beyond which the simulation drops time instead of catching up."""
+"""Lag [s of simulated time] beyond which the simulation drops time."""
 
 COMMAND_TIMEOUT = 1.0
-"""Wall time [s] without a command after which lockstep may have to publish the last state again."""
+"""Wall time [s] without a command after which lockstep may publish the last state again."""
 
 
-class Kept(NamedTuple):
-    """Record of the pace since the last report: ticks, their lateness [s], skipped ticks, dropped simulated time [s]."""
+class PaceReport(NamedTuple):
+    """Pace since the last report."""
 
     ticks: int
-    mean: float
+    mean: float  # lateness of ticks [s]
     largest: float
-    overruns: int
-    let_go: float
+    overruns: int  # skipped ticks
+    dropped: float  # simulated time [s]
 
 
 class Pace:
-    """Ties simulated time to a clock: `factor` seconds for each of the clock's, or a period with each tick where it is 0.
+    """Simulated time by a clock: `factor` seconds for each of the clock's; a factor of 0 is a period for each tick.
 
-    After an overrun the next tick takes all steps that are due: the robot is where it has to be, but states in between are
-    not published. Lag beyond :data:`MAX_LAG` is dropped. `skipped` is the lag of simulated time since the last `resume`, a
-    multiple of `step` [s]: what was dropped, less what the clock was set back. `let_go` and `overruns` are totals of those
-    in :class:`Kept`.
+    After an overrun the next tick takes all steps that are due, without publishing the states between them. Lag beyond
+    :data:`MAX_LAG` is dropped. `skipped` is the lag of simulated time since the last `resume`, a multiple of `step` [s]: the
+    dropped time less that by which the clock went back. `dropped` and `overruns` are totals of those in PaceReport.
     """
 
     def __init__(self, factor, period, step):
         self.factor, self._period, self._step = factor, period, step
         self._span = period / factor if factor else 0.0  # between two ticks [s of the clock]
-        self.skipped = self.let_go = 0.0
+        self.skipped = self.dropped = 0.0
         self.overruns = 0
         self._start_report()
 
     def _start_report(self):
-        self._ticks, self._late, self._latest, self._reported = 0, 0.0, 0.0, (self.overruns, self.let_go)
+        self._ticks, self._late, self._latest, self._reported = 0, 0.0, 0.0, (self.overruns, self.dropped)
 
     def resume(self, now, simulated):
-        """Go on from a simulated time [s] at a time [s] of the clock."""
+        """Continue from a simulated time [s] at a time [s] of the clock."""
         self._begun, self._from, self.skipped = now, simulated, 0.0
         self._due = now + self._span
 
@@ -53,14 +52,14 @@ class Pace:
             self._ticks += 1
             return max(1, round(self._period / self._step))
         behind = self._from + (now - self._begun) * self.factor - simulated
-        max_lag = max(MAX_LAG, 2.0 * self._period) + self._step  # a leap must be longer than two periods
+        max_lag = max(MAX_LAG, 2.0 * self._period) + self._step
         if behind < -self._period:
             self._due = now
-        if behind > max_lag or behind < -self._period:  # too late to catch up, or the clock has jumped back
+        if behind > max_lag or behind < -self._period:  # too late to catch up, or the clock went back
             steps = math.floor((behind - self._period) / self._step)  # stamps stay whole steps apart
             self._from -= steps * self._step
             self.skipped += steps * self._step
-            self.let_go += max(steps, 0) * self._step
+            self.dropped += max(steps, 0) * self._step
             behind -= steps * self._step
         self._record(now - self._due)
         return max(0, int(behind / self._step + 1e-6))
@@ -75,20 +74,21 @@ class Pace:
         self.overruns += missed
         self._due += (missed + 1) * self._span
 
-    def kept(self):
-        """Return the :class:`Kept` since the last call."""
-        overruns, let_go = self._reported
+    def report(self):
+        """Return the :class:`PaceReport` since the last call."""
+        overruns, dropped = self._reported
         mean = self._late / max(self._ticks, 1)
-        kept = Kept(self._ticks, mean, self._latest, self.overruns - overruns, self.let_go - let_go)
+        report = PaceReport(self._ticks, mean, self._latest, self.overruns - overruns, self.dropped - dropped)
         self._start_report()
-        return kept
+        return report
 
 
 class Lockstep:
-    """Account of joint states and of the commands that answer them, by a steady clock [s].
+    """Joint states and the commands that answer them, by a steady clock [s].
 
-    A command does not say which state it answers: it answers the oldest one. A state that all peers have received is not
-    published again, because an answer to each copy would be a step too many. A state whose answer may never come is.
+    A command does not name the state that it answers: it answers the oldest one. A state that all peers have received is
+    not published again, because an answer to each copy would advance time twice. It is published again if a peer may have
+    missed it.
     """
 
     def __init__(self):
@@ -108,18 +108,18 @@ class Lockstep:
         self._unanswered, self._heard = max(self._unanswered - 1, 0), now
 
     def refuse(self):
-        """Mark the state for another publication, because the sender of a rejected command takes it for answered."""
+        """Mark the state for another publication, because its answer was rejected."""
         self._uncertain = True
 
     def answered(self, now):
-        """Return whether the last state has been answered, so that time goes on."""
+        """Return whether the last state has been answered, so that time advances."""
         # A command that was sent before the newcomer received the state may still arrive.
         joining = now - self._joined < 2.0 * COMMAND_TIMEOUT
         self._uncertain = joining or self._unanswered > 0
         return not self._unanswered
 
     def meet(self, peers, now):
-        """Store who listens to states or sends commands: a newcomer may not have received the last state."""
+        """Store the receivers of states and senders of commands: a new one may not have received the last state."""
         if peers - self._peers:
             self._uncertain, self._joined = True, now
         self._peers = peers
@@ -133,7 +133,7 @@ class Lockstep:
         self._heard = now
 
     def repeat(self, now):
-        """Return whether to publish the last state again, once; it then counts as the only unanswered one."""
+        """Return whether to publish the last state again; it then counts as the only unanswered one."""
         due = self.waits(now) and (self._uncertain or self._unanswered > 1)
         if due:
             self._unanswered, self._heard = 1, now

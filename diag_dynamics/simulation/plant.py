@@ -11,9 +11,10 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.model.mimic import Followers
-from diag_dynamics.simulation import CompliantLimits, Simulation, Wave
 from diag_dynamics.simulation.drives import Drives, Pushes
-from diag_dynamics.simulation.sensors import Errors, Sensors
+from diag_dynamics.simulation.sensors import Sensors
+from diag_dynamics.simulation.simulation import CompliantLimits, Simulation
+from diag_dynamics.simulation.wave import Wave
 
 BRAKE_FACTOR = 2.0
 """Torque of a brake, as a multiple of its drive's largest effort."""
@@ -23,7 +24,7 @@ UNLIMITED_BRAKE = 1e9
 
 
 class Measured(NamedTuple):
-    """Sensor values of all joints, followers last; their stamp, and q and q̇ of a floating base."""
+    """Sensor values of all joints, mimic joints last; their stamp, and q and q̇ of a floating base."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -33,15 +34,15 @@ class Measured(NamedTuple):
 
 
 class Plant:
-    """A :class:`Simulation` with drives, sensors and pushes, of a robot and values of simulator.PARAMETERS.
+    """A :class:`Simulation` with drives, sensors and pushes, by values of parameters.simulator.PARAMETERS.
 
-    `names` are all joints, followers last.
+    `names` are those of all joints, mimic joints last.
     """
 
     def __init__(self, model, values):
-        _refuse_together(model, values)
+        _require_consistent(model, values)
         period = 1.0 / values["rate"]
-        step = period / math.ceil(period / values["step"] - 1e-9)  # a period is so many of them
+        step = period / math.ceil(period / values["step"] - 1e-9)  # a whole number of steps a period
         compliant = CompliantLimits(values["limit_stiffness"], values["limit_damping"])
         limits = {"hard": True, "compliant": compliant, "none": False}[values["limits"]]
         self.simulation = Simulation(model, step=step, limits=limits, order=values["order"])
@@ -50,10 +51,8 @@ class Plant:
         self.names = (*joints, *self._followers.names)
         self._driven = np.array(places(joints, model.dof_names), dtype=int)
         self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
-        noise, resolution = tuple(values["sensor_noise"]), tuple(values["sensor_resolution"])
-        self.sensors = Sensors(
-            Errors(noise, resolution, values["sensor_delay"], values["sensor_dropped"], values["seed"])
-        )
+        errors = (values[f"sensor_{name}"] for name in ("noise", "resolution", "delay", "dropped"))
+        self.sensors = Sensors(*errors, values["seed"])
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
         self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
         self._compensates_gravity = values["compensates_gravity"]
@@ -68,14 +67,11 @@ class Plant:
 
     @property
     def time(self):
-        """Simulated time [s]: it goes on when the robot is put into another state."""
+        """Simulated time [s]; another state of the robot does not reset it."""
         return self._before + self.simulation.time
 
     def advance(self, steps):
-        """Take some steps together: none of them times a command out that was in force when the first one began.
-
-        A command that came while the simulation was late acts after the steps that catch up.
-        """
+        """Take some steps together, with the command at their begin: it does not time out meanwhile."""
         simulation, begin = self.simulation, self.time
         if not steps:
             simulation.advance(self._effort(begin), steps=0)
@@ -84,7 +80,7 @@ class Plant:
             simulation.advance(effort, f_ext=wrenches or None, frame=self._axes if wrenches else "link")
 
     def _effort(self, begin):
-        """Efforts on all degrees of freedom, by the drives as they were at `begin` [s]; opens or closes the brakes."""
+        """Return the efforts of the drives at `begin` [s] on all degrees of freedom; open or close the brakes."""
         simulation, drives = self.simulation, self.drives
         if self._wave:
             return self._wave.effort()
@@ -98,13 +94,13 @@ class Plant:
         return effort
 
     def measure(self, stamp=None):
-        """Have the sensors measure the present state; `stamp` comes out with the measurement."""
+        """Measure the present state by the sensors; `stamp` is stored with the measurement."""
         simulation, followers = self.simulation, self._followers
         q, qd = simulation.q, simulation.qd
         own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
         position = np.append(own, followers.positions(own))
         velocity = np.append(rate, followers.velocities(rate))
-        effort = np.append(effort, np.zeros(len(followers.names)))  # on followers none acts of their own
+        effort = np.append(effort, np.zeros(len(followers.names)))  # mimic joints have no drives
         base = (q[:7], qd[:6]) if simulation.model.floating_base else None
         self.sensors.measure(self.time, position, velocity, effort, (stamp, base))
 
@@ -115,7 +111,7 @@ class Plant:
     def put(self, q, qd):
         """Put the robot into a state; time and command stay, delayed measurements are lost.
 
-        A joint beyond a hard limit and a state that cannot be evaluated are errors, and change nothing.
+        Raise InputError for a joint beyond a hard limit or an energy that is not finite, and change nothing.
         """
         simulation, before = self.simulation, self.time
         model = simulation.model
@@ -133,15 +129,15 @@ class Plant:
         self.sensors.forget()
 
     def reset(self):
-        """Put the robot where it began, without a command or a wrench, and let the sensors err as they did then."""
+        """Reset the state, commands, wrenches and the sequence of sensor errors; time goes on."""
         self.put(*self._start)
         self.drives.forget()
         self.pushes.forget()
         self.sensors.restart()
 
 
-def _refuse_together(model, values):
-    """Raise InputError where values do not go together, or are out of a range that their type cannot tell."""
+def _require_consistent(model, values):
+    """Raise InputError for values that contradict each other or lie outside of ranges that Spec cannot express."""
     factor = values["real_time_factor"]
     if values["seed"] < 0:
         raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")

@@ -1,26 +1,26 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Wave: every joint follows a sine, and the efforts that drive it there."""
+"""Motion for demonstrations: every joint follows a sine."""
 
 import numpy as np
 
 from diag_dynamics.exceptions import UnsupportedError
-from diag_dynamics.simulation.options import rest_position
+from diag_dynamics.simulation.simulation import rest_position
 
 STIFFNESS, DAMPING = 25.0, 10.0
-"""Of the error, critically damped: 5 rad/s."""
+"""Gains on errors of position [1/s²] and rate [1/s]: critically damped at 5 rad/s."""
 
 RAMP = 1.0
-"""Time to grow to half of the full swing [s]."""
+"""Time in which the amplitude grows to half [s]."""
 
 
 class Wave:
-    """Motion of a simulation: every joint swings about the middle of its range, each at its own pace, within its limits.
+    """Motion of a simulation: every joint swings about the middle of its range, at a frequency of its own, within limits.
 
     The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from the reference and the error;
-    damping and friction are compensated at the desired rate, which adds to stability. The robot is put at the middle of its
-    ranges. Joints of several degrees of freedom are an UnsupportedError.
+    damping and friction are compensated at the desired rate. The robot starts at the middle of its ranges. Joints of several
+    degrees of freedom raise UnsupportedError.
     """
 
     def __init__(self, simulation):

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import diag_dynamics as dd
 from diag_dynamics.collision.detector import AlarmDetector
-from diag_dynamics.simulation.sensors import Errors, Sensors
+from diag_dynamics.simulation.sensors import Sensors
 
 ROBOTS = {
     "panda": ("panda_finger_joint1", "panda_finger_joint2"),
@@ -26,7 +26,7 @@ ROBOTS = {
 STEP, STEPS_PER_STATE, BANDWIDTH = 1e-3, 4, 8.0
 """Step of the simulation [s], steps from one recorded state to the next, and bandwidth of the position loop [1/s]."""
 
-ERRORS = Errors(noise=(2e-5, 1e-3, 0.1), resolution=(1e-5, 0.0, 0.01), seed=1)
+ERRORS = {"noise": (2e-5, 1e-3, 0.1), "resolution": (1e-5, 0.0, 0.01), "seed": 1}
 """Of a good drive: steps of the encoder, filtered velocities, ripple of the torque [rad, rad/s, N m]."""
 
 PUSHES, FORCE, DURATION = 10, 30.0, 1.0 / 3.0
@@ -71,7 +71,7 @@ def record(robot, known, time, position, velocity, acceleration, pushes=(), erro
     The controller computes efforts by the model `known`; a spring bounds the error that unknown friction causes.
     """
     simulation, dynamics = dd.Simulation(robot, q=position[0], step=STEP, order=1), dd.DiagonalDynamics(known)
-    sensors, stiffness = Sensors(errors), 40.0 * np.maximum(robot.friction, 0.1)
+    sensors, stiffness = Sensors(**errors), 40.0 * np.maximum(robot.friction, 0.1)
     stamps = STEP * np.arange(round((time[-1] - time[0]) / STEP))
     motion = np.hstack([position, velocity, acceleration])
     motion = np.column_stack([np.interp(stamps, time, column) for column in motion.T])
@@ -121,7 +121,7 @@ def demonstrate(name, folder, error, seed):
 
     def recorded(what, motion, pushes=()):
         path = folder / f"{name}_{what}.npz"
-        errors = ERRORS._replace(seed=next(count))  # no two recordings have the same noise
+        errors = ERRORS | {"seed": next(count)}  # no two recordings have the same noise
         np.savez(path, **record(robot, model, *motion[1:5], pushes=pushes, errors=errors))
         return dd.read_recording(path, model)
 

@@ -17,7 +17,7 @@ from diag_dynamics.parameters.simulator import PARAMETERS
 from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives, Pushes
 from diag_dynamics.simulation.pace import MAX_LAG, Lockstep, Pace
 from diag_dynamics.simulation.plant import Plant
-from diag_dynamics.simulation.sensors import Errors, Sensors
+from diag_dynamics.simulation.sensors import Sensors
 from examples import examples
 
 NAMES = ("shoulder", "elbow", "wrist")
@@ -48,7 +48,7 @@ VALUES = np.array([0.1, -2.0]), np.array([1.0, 0.5]), np.array([3.0, 0.0])
 
 def test_noise_and_resolution():
     """Noise is white and has the given deviations; values are rounded to the resolution."""
-    sensors = Sensors(Errors(noise=(0.1, 2.0, 0.0)))
+    sensors = Sensors(noise=(0.1, 2.0, 0.0))
     many = []
     for k in range(4000):
         sensors.measure(k, *VALUES)
@@ -57,7 +57,7 @@ def test_noise_and_resolution():
     assert np.abs(error.mean(axis=0)).max() < 4 * 2.0 / np.sqrt(4000)
     np.testing.assert_allclose(error.std(axis=0), [[0.1, 0.1], [2.0, 2.0], [0.0, 0.0]], rtol=0.1)
     assert abs(np.corrcoef(error[1:, 0, 0], error[:-1, 0, 0])[0, 1]) < 0.1
-    sensors = Sensors(Errors(resolution=(0.25, 0.1, 1.0)))
+    sensors = Sensors(resolution=(0.25, 0.1, 1.0))
     sensors.measure(0.0, *VALUES)
     ((_, values, _),) = sensors.known(0.0)
     np.testing.assert_allclose(np.concatenate(values), [0.0, -2.0, 1.0, 0.5, 3.0, 0.0])
@@ -65,7 +65,7 @@ def test_noise_and_resolution():
 
 def test_delay():
     """States come in order after the delay, with the time of their measurement and, without errors, its values."""
-    sensors, seen = Sensors(Errors(delay=0.03)), []
+    sensors, seen = Sensors(delay=0.03), []
     for k in range(10):
         sensors.measure(0.01 * k, *VALUES, "base")
         for time, values, base in sensors.known(0.01 * k):
@@ -80,7 +80,7 @@ def test_losses_and_seed():
     """The same seed has the same losses and errors, another seed others."""
 
     def run(seed):
-        sensors, known = Sensors(Errors(noise=(0.1, 0.1, 0.1), dropped=0.2, seed=seed)), []
+        sensors, known = Sensors(noise=(0.1, 0.1, 0.1), dropped=0.2, seed=seed), []
         for k in range(1000):
             sensors.measure(k, *VALUES)
             known += [(time, np.concatenate(values).tolist()) for time, values, _ in sensors.known(k)]
@@ -105,10 +105,10 @@ def test_pace(factor, gaps):
         taken = pace.steps(now, 7.0 + steps * step)
         assert taken >= 0 and taken * step <= max(MAX_LAG, 2 * period) + step
         steps += taken
-        behind = (now - 100.0) * factor - pace.let_go - steps * step
+        behind = (now - 100.0) * factor - pace.dropped - steps * step
         assert -1e-6 <= behind < step + 1e-6
         assert now - (step + 1e-6) / factor < 100.0 + (steps * step + pace.skipped) / factor < now + 1e-6
-    assert pace.let_go / step == pytest.approx(round(pace.let_go / step))
+    assert pace.dropped / step == pytest.approx(round(pace.dropped / step))
 
 
 def test_clock_that_jumps_back():
@@ -117,7 +117,7 @@ def test_clock_that_jumps_back():
     pace.resume(50.0, 0.0)
     assert pace.steps(50.5, 0.0) > 0
     taken = pace.steps(10.0, 0.5)
-    assert taken <= 10 and pace.let_go == pytest.approx(0.49, abs=0.02)
+    assert taken <= 10 and pace.dropped == pytest.approx(0.49, abs=0.02)
     assert 50.0 + 0.5 + 0.001 * taken + pace.skipped == pytest.approx(10.0, abs=0.002)
     assert pace.steps(10.02, 0.5 + 0.001 * taken) == pytest.approx(20, abs=10)
 
@@ -196,7 +196,7 @@ def test_steps_divide_the_period(rate, step, own):
     [
         (lambda: Drives(NAMES, ("hip",), 0.0, ZERO), "names 'hip'"),
         (lambda: Drives(NAMES, ("wrist", "wrist"), 0.0, ZERO), "names 'wrist' twice"),
-        (lambda: Sensors(Errors(noise=(1.0, 0.0))), "'sensor_noise' is"),
+        (lambda: Sensors(noise=(1.0, 0.0)), "'sensor_noise' is"),
         (lambda: plant(seed=-1), "'seed' is -1"),
         (lambda: plant(real_time_factor=1e-16), "'real_time_factor' is 1e-16"),
         (lambda: plant(lockstep=True, motion="wave"), "'lockstep'"),

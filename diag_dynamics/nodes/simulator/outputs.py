@@ -64,19 +64,19 @@ MAX_OVERRUNS = 0.1
 
 def pace_status(pace, lockstep, waits, time_values, problems):
     """Return the status of time; `time_values` and `problems` are those of its publishers."""
-    kept = pace.kept()
+    report = pace.report()
     values = {
-        "ticks": kept.ticks,
-        "late, mean [s]": f"{kept.mean:.6f}",
-        "late, largest [s]": f"{kept.largest:.6f}",
+        "ticks": report.ticks,
+        "late, mean [s]": f"{report.mean:.6f}",
+        "late, largest [s]": f"{report.largest:.6f}",
         "overruns": pace.overruns,
-        "real-time lag dropped [s]": f"{pace.let_go:.3f}",
+        "real-time lag dropped [s]": f"{pace.dropped:.3f}",
         "real-time factor": "lockstep" if lockstep else f"{pace.factor:g}",
         **time_values,
     }
     if waits:
         problems = [*problems, "in lockstep: waiting for a command"]
-    elif kept.let_go > 0.0 or kept.overruns > MAX_OVERRUNS * kept.ticks:
+    elif report.dropped > 0.0 or report.overruns > MAX_OVERRUNS * report.ticks:
         problems = [*problems, "too slow for the rate: ticks were skipped"]
     return Status("pace", WARN if problems else OK, "; ".join(problems) or "kept", values)
 
