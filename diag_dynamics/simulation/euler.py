@@ -8,8 +8,8 @@ import math
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import HELD, classify_joints, solve_stiction
-from diag_dynamics.simulation.runge_kutta import integrate, wrench_efforts
-from diag_dynamics.sweeps import classical, factorization, groups
+from diag_dynamics.simulation.runge_kutta import wrench_efforts
+from diag_dynamics.sweeps import classical, configuration, factorization, groups
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.records import FLOATING
@@ -22,40 +22,26 @@ SHORT = 1e-2
 
 
 @large_kernel
-def euler_step(address, h, load, may_have_modes):
+def euler_step(address, h, load):
     """Step (q, q̇), and add the work done to the accounts; ν is scratch. Return a status."""
-    sim = opened(address)
-    status = wrench_efforts(sim.robot, sim.q, load, sim.pushed)
-    if status == 0 and may_have_modes:
-        status = _step_with_modes(address, h, load.tau)
-    elif status == 0:
-        status = _free_rates(address, h, load.tau)
-        if status == 0:
-            status = _move(address, h, load.tau)
-    if status == 0 and find_limits(address)[1]:
+    sim, tau = opened(address), load.tau
+    ws.copy(sim.q, sim.first_q)
+    ws.copy(sim.qd, sim.before)
+    has_modes, has_springs = classify_joints(address)
+    status, touching = wrench_efforts(sim.robot, sim.q, load, sim.pushed), True
+    while touching and status == 0:
+        status = solve_stiction(address, h, tau) if has_modes or has_springs else _free_rates(address, h, tau)
+        touching = status == 0 and _touches_spring(address, h)
+        has_springs |= touching
+    if status == 0:
+        status = _move(address, h, tau)
+    if status == 0 and has_modes:
+        status = _book_friction(address, h)
+    book_springs(address)
+    if status == 0 and is_beyond_hard_limit(address):
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status == 0:
             status = resolve_impacts(address, h)
-    return status
-
-
-@large_kernel
-def _step_with_modes(address, h, tau):
-    """Solve for the rates until no more joint comes to lean on a limit, then move."""
-    sim = opened(address)
-    ws.copy(sim.qd, sim.before)
-    ws.copy(sim.q, sim.first_q)
-    moded, leaning = classify_joints(address)
-    status, touching = 0, True
-    while touching and status == 0:
-        status = solve_stiction(address, h, tau) if moded or leaning else _free_rates(address, h, tau)
-        touching = status == 0 and _touches_spring(address, h)
-        leaning |= touching
-    if status == 0:
-        status = _move(address, h, tau)
-    if status == 0 and moded:
-        status = _book_friction(address, h)
-    book_springs(address)
     return status
 
 
@@ -93,10 +79,9 @@ def _move(address, h, tau):
     bodies, _, _, _ = ws.opened(sim.robot)
     for k in range(len(tau)):
         sim.u[k] = h * sim.after[k]
-    if not sim.flat:
-        _turn_floating_velocities(address, h)
+    _turn_floating_velocities(address, h)
     ws.copy(sim.after, sim.qd)
-    integrate(sim.flat, bodies, sim.q, sim.u, sim.q)
+    configuration.integrate_positions(bodies, sim.q, sim.u, sim.q)
     effort, damping, limits, wrenches = 0.0, 0.0, 0.0, 0.0
     for k in range(len(tau)):
         qd, u = sim.qd[k], sim.u[k]
@@ -199,15 +184,14 @@ def _energy(address):
 
 
 @large_kernel
-def find_limits(address):
-    """Return whether a joint is at its limits or beyond them, and whether one is beyond hard limits."""
+def is_beyond_hard_limit(address):
+    """Whether a joint is beyond a hard limit."""
     sim = opened(address)
-    reached, beyond = False, False
+    beyond = False
     for k in range(len(sim.lower)):
         q = sim.q[sim.coordinate[k]]
-        reached |= q <= sim.lower[k] or q >= sim.upper[k]
         beyond |= (q < sim.lower[k] or q > sim.upper[k]) and sim.stiffness[k] == math.inf
-    return reached, beyond
+    return beyond
 
 
 @large_kernel

@@ -9,8 +9,11 @@ from diag_dynamics.numerics.tables import Addresses, Table, array
 from diag_dynamics.simulation.tableau import STAGES
 from diag_dynamics.sweeps import workspace as ws
 
-EFFORT, WRENCHES, DAMPING, FRICTION, LIMITS, ACCOUNTS = range(6)
+EFFORT, WRENCHES, DAMPING, FRICTION, LIMITS, N_ACCOUNTS = range(6)
 """Energy accounts [J]: work of efforts, of wrenches, of damping, of friction, and of limits without what they store."""
+
+STATE = "q", "qd", "nu", "accounts"
+"""Parts of the vector `state`: q, q̇, ν and the energy accounts."""
 
 BY_DOF = (
     # Parameters.
@@ -52,12 +55,10 @@ SIMULATION = Table(
     "Simulation",
     robot=int,
     damped_robot=int,  # the same robot with other scratch, for inertia added by dampers
-    flat=int,  # no joint has several degrees of freedom
     steps=array(np.int64),  # number of steps taken
     coordinate=array(np.int64),  # of each degree of freedom that can have limits
-    **dict.fromkeys(("state", "q", "qd", "nu"), array(float)),  # q, q̇ and ν are views of `state`
+    **dict.fromkeys(("state", *STATE), array(float)),
     last=array(float),  # state before the step, in case that fails
-    **dict.fromkeys(("accounts", "last_accounts"), array(float)),
     armature=array(float),  # of the bodies: a locked joint's is replaced
     **dict.fromkeys(("place", "first_q"), array(float)),  # q at a stage and at the start of a step [rad, m]
     **dict.fromkeys(BY_DOF, array(float)),
@@ -69,49 +70,44 @@ opened = SIMULATION.opened
 
 
 class Memory:
-    """Arrays of a simulation of a robot, found by name: ``memory["q"]``. Kernels use `address` while the object lives."""
+    """Arrays of a simulation, found by name: ``memory["q"]``. Kernels use `address` while the object lives."""
 
-    def __init__(self, nq, nv):
+    def __init__(self, model):
+        nq, nv = model.nq, model.nv
         self._arrays = {
-            "state": np.zeros(nq + 2 * nv),
-            "last": np.zeros(nq + 2 * nv),
+            "state": np.zeros(nq + 2 * nv + N_ACCOUNTS),
+            "last": np.zeros(nq + 2 * nv + N_ACCOUNTS),
             "steps": np.zeros(1, np.int64),
-            "accounts": np.zeros(ACCOUNTS),
-            "last_accounts": np.zeros(ACCOUNTS),
+            "coordinate": np.zeros(nv, np.int64),
             "place": np.zeros(nq),
             "first_q": np.zeros(nq),
             "moment": np.zeros(3),
             **{name: np.zeros(nv) for name in BY_DOF},
             **{name: np.zeros((STAGES, nv)) for name in BY_STAGE},
         }
+        self.use(model)
 
-    def use(self, bodies, gravity):
-        """Simulate the robot of these bodies: a copy, in which joints can be locked."""
-        # The limits' stiffness is that of degrees of freedom, their bounds those of coordinates.
-        single = (bodies["dofs"] == 1) & (bodies["leader"] == np.arange(len(bodies)))
-        coordinate = np.zeros(len(self._arrays["zeros"]), np.int64)
-        coordinate[bodies["dof"][single]] = bodies["q"][single]
-        self.limited = bodies["dof"][single]
-        self._arrays |= {"coordinate": coordinate, "armature": bodies["armature"].copy()}
-        self.flat = bool((bodies["dofs"][1:] == 1).all())
-        self.workspace = ws.Workspace(bodies.copy(), gravity)
+    def use(self, model):
+        """Simulate a model with the same degrees of freedom; parameters and state stay."""
+        bodies = model.bodies.copy()  # in which joints can be locked
+        self._arrays["armature"] = bodies["armature"].copy()
+        self.workspace = ws.Workspace(bodies, model.gravity)
         self._locate()
 
     def _locate(self):
-        nv = len(self._arrays["zeros"])
-        nq = len(self._arrays["state"]) - 2 * nv
-        views = zip(("q", "qd", "nu"), np.split(self._arrays["state"], [nq, nq + nv]), strict=True)
-        self._views = self._arrays | dict(views)
+        nq, nv = len(self._arrays["place"]), len(self._arrays["zeros"])
+        parts = np.split(self._arrays["state"], np.cumsum([nq, nv, nv]))
+        self._named = self._arrays | dict(zip(STATE, parts, strict=True))
         self._damped = ws.Workspace(self.workspace.bodies, self.workspace.gravity)
         robots = {"robot": self.workspace.robot, "damped_robot": self._damped.robot}
-        self._table = Addresses(SIMULATION, **robots, flat=int(self.flat), **self._views)
+        self._table = Addresses(SIMULATION, **robots, **self._named)
         self.address = self._table.at
 
     def __getitem__(self, name):
-        return self._views[name]
+        return self._named[name]
 
     def __getstate__(self):
-        return {name: self.__dict__[name] for name in ("_arrays", "workspace", "flat", "limited")}
+        return {"_arrays": self._arrays, "workspace": self.workspace}
 
     def __setstate__(self, copied):
         self.__dict__.update(copied)

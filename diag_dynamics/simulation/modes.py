@@ -41,7 +41,7 @@ def _limit_force(stiffness, damping, side, depth, rate):
 def classify_joints(address):
     """Set mode, spring and depth of each joint from q and q̇; return whether a joint has a mode, and whether one leans."""
     sim = opened(address)
-    moded, leaning = False, False
+    has_modes, has_springs = False, False
     for k in range(len(sim.qd)):
         x, rate = sim.q[sim.coordinate[k]], sim.qd[k]
         side, depth = 0.0, 0.0
@@ -53,13 +53,13 @@ def classify_joints(address):
         if side != 0.0 and sim.stiffness[k] < math.inf:
             force, size = _limit_force(sim.stiffness[k], sim.limit_damping[k], side, depth, rate)
             if force > NO_FORCE * size or (size == 0.0 and side * rate > 0.0):
-                sim.spring[k], leaning = side, True
+                sim.spring[k], has_springs = side, True
             side = 0.0
         if rate == 0.0 and (sim.friction[k] > 0.0 or side != 0.0):
-            sim.mode[k], moded = HELD, True
+            sim.mode[k], has_modes = HELD, True
         elif sim.friction[k] > 0.0:
-            sim.mode[k], moded = math.copysign(1.0, rate), True
-    return moded, leaning
+            sim.mode[k], has_modes = math.copysign(1.0, rate), True
+    return has_modes, has_springs
 
 
 @large_kernel

@@ -3,7 +3,7 @@
 
 """A step of order 4 in which no joint changes its mode: the equations are smooth."""
 
-from diag_dynamics.numerics.kernel import kernel, large_kernel
+from diag_dynamics.numerics.kernel import large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
@@ -16,20 +16,11 @@ UNRESOLVED = 1.5
 
 @large_kernel
 def wrench_efforts(robot, q, load, pushed):
-    """Write Jᵀf of the wrenches at q into `pushed`, which stays as it is without wrenches."""
+    """Write Jᵀf of the wrenches at q into `pushed`; return a status."""
     if len(load.wrenches) == 0:
+        ws.clear(pushed)
         return 0
     return classical.effort_of_wrenches(robot, q, load.wrenches, load.in_world, pushed)
-
-
-@kernel
-def integrate(flat, bodies, q, u, target):
-    """Write q exp(u) to `target`."""
-    if flat:
-        for k in range(len(u)):
-            target[k] = q[k] + u[k]
-    else:
-        configuration.integrate_positions(bodies, q, u, target)
 
 
 @large_kernel
@@ -73,16 +64,15 @@ def _predict(address, h, i, stiff):
     """Position and explicit ν of a stage from those before it."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
-    charts = sim.rates if sim.flat else sim.charts
     ws.clear(sim.u)
     ws.copy(sim.nu, sim.stage_nu)
     for j in range(i):
         a, b = h * EXPLICIT[i, j], h * IMPLICIT[i, j]
-        _add(sim.u, a, charts[j])
+        _add(sim.u, a, sim.charts[j])
         _add(sim.stage_nu, a, sim.explicit[j])
         if stiff:
             _add(sim.stage_nu, b, sim.implicit[j])
-    integrate(sim.flat, bodies, sim.q, sim.u, sim.place)
+    configuration.integrate_positions(bodies, sim.q, sim.u, sim.place)
 
 
 @large_kernel
@@ -91,15 +81,13 @@ def _stage_rates(address, h, i, stiff, load):
     sim = opened(address)
     bodies, _, work, table = ws.opened(sim.robot)
     rates, nu, pushed = sim.rates[i], sim.stage_nu, sim.stage_pushed[i]
-    ws.copy(sim.constant_effort, sim.effort)
-    if len(load.wrenches) > 0:
-        status = wrench_efforts(sim.robot, sim.place, load, pushed)
-        if status != 0:
-            return status
-        _add(sim.effort, 1.0, pushed)
-    status = factorization.factorize_at(bodies, sim.place, work, table[0])
+    status = wrench_efforts(sim.robot, sim.place, load, pushed)
+    if status == 0:
+        status = factorization.factorize_at(bodies, sim.place, work, table[0])
     if status != 0:
         return status
+    ws.copy(sim.constant_effort, sim.effort)
+    _add(sim.effort, 1.0, pushed)
     if i == 0:
         ws.copy(sim.qd, rates)
         factorization.xi_from_qd(bodies, rates, work, table[0], nu)
@@ -111,8 +99,7 @@ def _stage_rates(address, h, i, stiff, load):
         ws.copy(nu, rates)
         factorization.scale_by_inertia(bodies, work, -0.5, rates)
         factorization.qd_from_xi(bodies, rates, work, table[0], rates)
-    if not sim.flat:
-        configuration.dexp_inverse(bodies, sim.u, rates, sim.charts[i])
+    configuration.dexp_inverse(bodies, sim.u, rates, sim.charts[i])
     if status != 0:
         return status
     return total_rates.nu_dot_from_tau(sim.robot, rates, sim.effort, sim.bias, sim.explicit[i])
@@ -162,19 +149,17 @@ def _combine_stages(address, h, stiff, load):
     """q, q̇ and ν at the end of the step, and the accounts."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
-    charts = sim.rates if sim.flat else sim.charts
     ws.clear(sim.u)
     ws.clear(sim.path)
     for i in range(STAGES):
         b = h * WEIGHTS[i]
-        _add(sim.u, b, charts[i])
+        _add(sim.u, b, sim.charts[i])
         _add(sim.nu, b, sim.explicit[i])
         _add(sim.path, b, sim.rates[i])
         if stiff:
             _add(sim.nu, b, sim.implicit[i])
-        if len(load.wrenches) > 0:
-            for k in range(len(sim.qd)):
-                sim.accounts[WRENCHES] += b * sim.stage_pushed[i, k] * sim.rates[i, k]
+        for k in range(len(sim.qd)):
+            sim.accounts[WRENCHES] += b * sim.stage_pushed[i, k] * sim.rates[i, k]
     work = 0.0
     for k in range(len(sim.qd)):
         if sim.mode[k] == HELD:
@@ -183,7 +168,7 @@ def _combine_stages(address, h, stiff, load):
             sim.accounts[FRICTION] -= sim.friction[k] * sim.mode[k] * sim.path[k]
         work += load.tau[k] * sim.path[k]
     sim.accounts[EFFORT] += work
-    integrate(sim.flat, bodies, sim.q, sim.u, sim.q)
+    configuration.integrate_positions(bodies, sim.q, sim.u, sim.q)
     status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
     for k in range(len(sim.qd)):
         if sim.mode[k] == HELD:

@@ -1,27 +1,94 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulation: a robot, its state, and what acts on it."""
+"""Simulation of a robot: its state, efforts, friction and limits, and the audit of its energy."""
 
 from __future__ import annotations
 
 import copy
-from typing import Literal
+import math
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
-from diag_dynamics.checks import in_order, number, vector
+from diag_dynamics.checks import in_order, number, numbers, per_name, vector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.model.links import wrenches_on_links
 from diag_dynamics.results import Evaluation
-from diag_dynamics.simulation import options
 from diag_dynamics.simulation import steps as compiled
-from diag_dynamics.simulation.audit import EnergyAudit, potential_energy
 from diag_dynamics.simulation.memory import Memory
-from diag_dynamics.simulation.options import CompliantLimits
+from diag_dynamics.sweeps import classical
+from diag_dynamics.sweeps.records import WRENCH
+from diag_dynamics.sweeps.workspace import Workspace
+
+_NO_WRENCHES = np.zeros(0, WRENCH)
+
+
+def rest_position(model):
+    """Return zero, or the middle of a joint's limits where zero lies outside them; [rad, m], shape (nq,)."""
+    lower, upper = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6)
+    outside = (lower > 0.0) | (upper < 0.0)
+    return np.where(outside, 0.5 * (lower + upper), model.neutral)
+
+
+def potential_energy(model, q):
+    """Return the energy of the robot in the field of gravity [J], −g·Σ m_i c_i in the world's axes; q of shape (nq,)."""
+    workspace, moment = Workspace(model.bodies, model.gravity), np.zeros(3)
+    q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
+    classical.first_moment(workspace.robot, q, moment)
+    return -float(model.gravity @ moment)
+
+
+class CompliantLimits(NamedTuple):
+    """Position limits that give way: a spring and a damper that push a joint back into its range, and never pull.
+
+    Each number is for all joints, or an array of shape (nv,). Of degrees of freedom without limits it has no effect.
+    """
+
+    stiffness: VectorLike | float
+    """[N m/rad, N/m], greater than zero; inf is a hard limit."""
+    damping: VectorLike | float = 0.0
+    """[N m s/rad, N s/m]."""
+
+
+class EnergyAudit(NamedTuple):
+    """Work on a robot and change of its energy since the last reset [J].
+
+    The work of each force is integrated by the method that integrates the motion. The work of an impulse is the energy that
+    it takes. The residual is the error of the method: it falls with the power of the step that is the method's order.
+    """
+
+    effort: float
+    """Work of the joint efforts, as saturated."""
+    wrenches: float
+    """Work of the external wrenches."""
+    damping: float
+    """Work of joint damping, never positive."""
+    friction: float
+    """Work of Coulomb friction, never positive."""
+    limits: float
+    """Work of position limits but for their elastic energy: impacts, dampers, and returns of joints to hard limits."""
+    exchanged: float
+    """Energy that came with another model: see :meth:`Simulation.change_model`."""
+    kinetic: float
+    """Change of kinetic energy."""
+    potential: float
+    """Change of the energy in the field of gravity."""
+    elastic: float
+    """Change of the elastic energy of compliant limits."""
+
+    @property
+    def residual(self) -> float:
+        """ΔK + ΔU + ΔE_elastic less all work [J]."""
+        return sum(self[6:]) - sum(self[:6])
+
+    def since(self, earlier: EnergyAudit) -> EnergyAudit:
+        """Return the audit of the time from an earlier audit to this one."""
+        return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))
 
 
 class Simulation:
@@ -40,17 +107,17 @@ class Simulation:
         Initial rates [rad/s, m/s], of a floating base the twist in its own axes; by default at rest.
     step : float
         Step size h [s].
-    damping : array_like, shape (nv,), optional
+    damping : float or array_like, shape (nv,), optional
         Joint damping d [N m s/rad, N s/m], by default that of the model.
     limits : bool or CompliantLimits
-        Whether position limits are hard stops without rebound, or springs with dampers.
+        Whether there are position limits: hard stops without rebound, or springs with dampers.
     order : {4, 1}
         Order of the error in the step: 4, or 1 for steps at a tenth of the cost.
-    friction : array_like, shape (nv,), optional
+    friction : float or array_like, shape (nv,), optional
         Coulomb friction f [N m, N], by default that of the model.
-    effort_limits : bool or array_like, shape (nv,)
-        Largest efforts [N m, N], to which commands are cut: those of the URDF, where 0 stands for none; none; or given ones.
-    effort_offset : array_like, shape (nv,), optional
+    effort_limits : bool, float or array_like, shape (nv,)
+        Largest efforts [N m, N], to which commands are cut. True: those of the URDF, where 0 is no limit. False: none.
+    effort_offset : float or array_like, shape (nv,), optional
         Part of a command that has no effect, and of the effort that is measured [N m, N]; by default that of the model.
     """
 
@@ -60,15 +127,14 @@ class Simulation:
         q: VectorLike | None = None,
         qd: VectorLike | None = None,
         step: float = 1e-3,
-        damping: VectorLike | None = None,
+        damping: VectorLike | float | None = None,
         limits: bool | CompliantLimits = True,
         order: Literal[1, 4] = 4,
-        friction: VectorLike | None = None,
-        effort_limits: bool | VectorLike = True,
-        effort_offset: VectorLike | None = None,
+        friction: VectorLike | float | None = None,
+        effort_limits: bool | VectorLike | float = True,
+        effort_offset: VectorLike | float | None = None,
     ) -> None:
-        self._memory = Memory(model.nq, model.nv)
-        self._use(model)
+        self.dynamics, self.model, self._memory = DiagonalDynamics(model), model, Memory(model)
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
             raise InputError(f"order is {order!r}, expected 4 or 1.")
@@ -79,28 +145,33 @@ class Simulation:
         self._set_limits(limits)
         self.effort_limits = effort_limits
         self._no_effort = np.zeros(model.nv)
-        self.reset(options.rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
+        self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
     def __copy__(self):
         """A simulation of its own: a shallow copy would share the state, and the robot."""
         return copy.deepcopy(self)
 
-    def _use(self, model):
-        """Simulate this model from now on."""
-        self.dynamics, self.model = DiagonalDynamics(model), model
-        self._memory.use(model.bodies, model.gravity)
-
     def _set_limits(self, limits):
-        memory, limited = self._memory, self._memory.limited
-        is_on, stiffness, damping = options.limits_of(limits, self.model)
+        """Set stiffness and damping of all degrees of freedom, and bounds of those of one coordinate."""
+        memory, model = self._memory, self.model
+        joints = single_joints(model)
+        dofs, coordinates = places(joints, model.dof_names), places(joints, model.coordinate_names)
+        memory["coordinate"][dofs] = coordinates
+        is_on = True
+        if isinstance(limits, (bool, np.bool_)):
+            is_on, limits = bool(limits), CompliantLimits(np.inf)
+        elif not isinstance(limits, CompliantLimits):
+            raise InputError(f"limits is {limits!r}, expected True, False or CompliantLimits(stiffness, damping).")
+        expected, names = "a number > 0 [N m/rad, N/m]", model.dof_names
+        stiffness = per_name("stiffness of limits", limits.stiffness, names, expected, lambda x: x > 0.0)
+        memory["stiffness"][:] = stiffness
+        memory["limit_damping"][:] = _not_negative("damping of limits", limits.damping, names, "[N m s/rad, N s/m]")
         memory["lower"][:], memory["upper"][:] = -np.inf, np.inf
         if is_on:
-            at = memory["coordinate"][limited]
-            memory["lower"][limited], memory["upper"][limited] = self.model.lower[at], self.model.upper[at]
-        memory["stiffness"][:], memory["limit_damping"][:] = stiffness, damping
+            memory["lower"][dofs], memory["upper"][dofs] = model.lower[coordinates], model.upper[coordinates]
 
     def reset(self, q: VectorLike, qd: VectorLike) -> None:
-        """Put the robot into a state, at time 0; the audit begins anew.
+        """Put the robot into a state, and set the time and the audit to zero.
 
         Parameters
         ----------
@@ -112,7 +183,7 @@ class Simulation:
         memory = self._memory
         q, qd = in_order("q", q, self.model.coordinate_names), in_order("qd", qd, self.model.dof_names)
         memory["nu"][:] = self.dynamics.nu_from_qd(q, qd)
-        memory["q"][:] = q if memory.flat else options.with_unit_quaternions(self.model, q)
+        memory["q"][:] = _with_unit_quaternions(self.model, q)
         memory["qd"][:] = qd
         self._effort = self._wanted = self._no_effort
         memory["accounts"][:], memory["steps"][:] = 0.0, 0
@@ -120,7 +191,7 @@ class Simulation:
         self._start, self._start_energies = (self.q, self.nu), None
 
     def change_model(self, model: RobotModel) -> None:
-        """Go on with another model of the same degrees of freedom: another payload, gravity or armature.
+        """Simulate another model of the same degrees of freedom: another payload, gravity or armature.
 
         q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed and height; the audit
         has the difference as `exchanged`. Damping, friction and limits in force stay, too.
@@ -140,7 +211,8 @@ class Simulation:
         nu = DiagonalDynamics(model).nu_from_qd(self.q, self.qd)
         self._start_energies = self._energies_at_start()
         before = self._energies(self.q, self.nu).sum()
-        self._use(model)
+        self.dynamics, self.model = DiagonalDynamics(model), model
+        self._memory.use(model)
         self._memory["nu"][:] = nu
         self._exchanged += float(self._energies(self.q, self.nu).sum() - before)
 
@@ -155,8 +227,8 @@ class Simulation:
         return self._memory["damping"].copy()
 
     @damping.setter
-    def damping(self, value: VectorLike) -> None:
-        self._memory["damping"][:] = options.not_negative("damping", value, self.model.dof_names)
+    def damping(self, value: VectorLike | float) -> None:
+        self._memory["damping"][:] = _not_negative("damping", value, self.model.dof_names, "[N m s/rad, N s/m]")
 
     @property
     def friction(self) -> Array:
@@ -164,8 +236,8 @@ class Simulation:
         return self._memory["friction"].copy()
 
     @friction.setter
-    def friction(self, value: VectorLike) -> None:
-        self._memory["friction"][:] = options.not_negative("friction", value, self.model.dof_names)
+    def friction(self, value: VectorLike | float) -> None:
+        self._memory["friction"][:] = _not_negative("friction", value, self.model.dof_names, "[N m, N]")
 
     @property
     def effort_offset(self) -> Array:
@@ -173,8 +245,9 @@ class Simulation:
         return self._effort_offset.copy()
 
     @effort_offset.setter
-    def effort_offset(self, value: VectorLike) -> None:
-        self._effort_offset = vector("effort_offset", value, self.model.dof_names)
+    def effort_offset(self, value: VectorLike | float) -> None:
+        names, expected = self.model.dof_names, "a finite number [N m, N]"
+        self._effort_offset = per_name("effort_offset", value, names, expected, math.isfinite)
 
     @property
     def effort_limits(self) -> Array:
@@ -182,8 +255,11 @@ class Simulation:
         return self._effort_limits.copy()
 
     @effort_limits.setter
-    def effort_limits(self, value: bool | VectorLike) -> None:
-        self._effort_limits = options.effort_limits_of(value, self.model)
+    def effort_limits(self, value: bool | VectorLike | float) -> None:
+        if isinstance(value, (bool, np.bool_)):
+            value = self.model.effort_bound if value else np.inf
+        names, expected = self.model.dof_names, "True, False or a number >= 0 [N m, N]"
+        self._effort_limits = per_name("effort_limits", value, names, expected, lambda x: x >= 0.0)
 
     @property
     def q(self) -> Array:
@@ -257,7 +333,7 @@ class Simulation:
         wanted = self._no_effort if tau is None else vector("tau", tau, self.model.dof_names)
         if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
             raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
-        wrenches = options.NO_WRENCHES
+        wrenches = _NO_WRENCHES
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(self.model, {} if f_ext is None else f_ext, frame)
         effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
@@ -286,7 +362,7 @@ class Simulation:
 
     @property
     def elastic_energy(self) -> float:
-        """Energy that compliant limits store [J]."""
+        """Elastic energy of compliant limits [J]."""
         return self._elastic_energy(self._memory["q"])
 
     def _elastic_energy(self, q):
@@ -308,3 +384,17 @@ class Simulation:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
         stored = self._energies(self.q, self.nu) - self._energies_at_start()
         return EnergyAudit._make([*self._memory["accounts"].tolist(), self._exchanged, *stored.tolist()])
+
+
+def _not_negative(name, value, names, unit):
+    """Return one finite number >= 0 for all names, or one for each, as a vector."""
+    return per_name(name, value, names, f"a finite number >= 0 {unit}", lambda x: 0.0 <= x < np.inf)
+
+
+def _with_unit_quaternions(model, q):
+    """Return a copy of q with quaternions of unit length."""
+    q = np.array(q, dtype=float)
+    for k, component in enumerate(model.orientations):
+        if component == 3:
+            q[k - 3 : k + 1] /= np.linalg.norm(q[k - 3 : k + 1])
+    return q

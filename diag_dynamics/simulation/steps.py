@@ -21,14 +21,13 @@ Load = namedtuple("Load", ["tau", "wrenches", "in_world"])
 
 
 @large_kernel
-def _smooth_step(address, h, load, may_have_modes):
-    """Take a step of order 4. Return a status, and whether a joint changes its mode: the state is then of no use."""
+def _smooth_step(address, h, load):
+    """Take a step of order 4. Return a status, and whether a joint changes its mode: the state is then invalid."""
     sim = opened(address)
-    status, moded, locked = 0, False, False
-    if may_have_modes:
-        ws.copy(sim.q, sim.first_q)
-        moded, _ = modes.classify_joints(address)
-    if moded:
+    status, locked = 0, False
+    ws.copy(sim.q, sim.first_q)
+    has_modes, _ = modes.classify_joints(address)
+    if has_modes:
         status = wrench_efforts(sim.robot, sim.q, load, sim.pushed)
         if status == 0:
             status = modes.solve_stiction(address, h, load.tau)
@@ -41,55 +40,28 @@ def _smooth_step(address, h, load, may_have_modes):
         status = runge_kutta(address, h, load)
     if status != 0:
         return status, False
-    changes = (may_have_modes or euler.find_limits(address)[0]) and modes.is_mode_left(address)
+    changes = modes.is_mode_left(address)
     if locked:
         modes.unlock_joints(address)
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
-    if may_have_modes:
-        euler.book_springs(address)
+    euler.book_springs(address)
     return status, changes
 
 
 @large_kernel
-def _step(address, order, h, load, may_have_modes):
+def _step(address, order, h, load):
     """Take a step of order 1, or of order 4 or its sub-steps of order 1."""
     sim = opened(address)
     if order == 1:
-        return euler.euler_step(address, h, load, may_have_modes)
-    status, changes = _smooth_step(address, h, load, may_have_modes)
+        return euler.euler_step(address, h, load)
+    status, changes = _smooth_step(address, h, load)
     if status != 0 or not changes:
         return status
-    _restore(address)
+    ws.copy(sim.last, sim.state)
     for _ in range(SUBSTEPS):
         if status == 0:
-            status = euler.euler_step(address, h / SUBSTEPS, load, changes)
+            status = euler.euler_step(address, h / SUBSTEPS, load)
     return status if status != 0 else factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
-
-
-@large_kernel
-def _save(address):
-    """Keep the state and accounts before a step."""
-    sim = opened(address)
-    ws.copy(sim.state, sim.last)
-    ws.copy(sim.accounts, sim.last_accounts)
-
-
-@large_kernel
-def _restore(address):
-    """Go back to the state and accounts before the step."""
-    sim = opened(address)
-    ws.copy(sim.last, sim.state)
-    ws.copy(sim.last_accounts, sim.accounts)
-
-
-@large_kernel
-def _has_friction_or_springs(address):
-    """Whether a joint has friction or compliant limits."""
-    sim = opened(address)
-    for k in range(len(sim.friction)):
-        if sim.friction[k] > 0.0 or sim.stiffness[k] < math.inf:
-            return True
-    return False
 
 
 @entry_kernel(ROBOT, COUNT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
@@ -97,19 +69,13 @@ def advance(address, order, h, steps, tau, wrenches, in_world):
     """Take `steps` steps of the simulation at an address; a failure leaves the state before the failing step."""
     sim, load = opened(address), Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
-    _save(address)
-    ws.clear(sim.pushed)
+    ws.copy(sim.state, sim.last)
     status, taken = 0, 0
-    if steps > 0 and euler.find_limits(address)[1]:
+    if steps > 0 and euler.is_beyond_hard_limit(address):
         status = euler.resolve_impacts(address, h)
-    modes.classify_joints(address)
-    always, before = _has_friction_or_springs(address), False
     while status == 0 and taken < steps:
-        _save(address)
-        touching, _ = euler.find_limits(address)
-        may_have_modes = always or touching or before  # once more after a touch, which clears the modes
-        before = touching
-        status = _step(address, order, h, load, may_have_modes)
+        ws.copy(sim.state, sim.last)
+        status = _step(address, order, h, load)
         taken += 1
     if status == 0 and order == 1 and steps > 0:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
@@ -118,7 +84,7 @@ def advance(address, order, h, steps, tau, wrenches, in_world):
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
         modes.unlock_joints(address)
-        _restore(address)
+        ws.copy(sim.last, sim.state)
         taken -= 1
         if order == 1:
             factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)

@@ -463,11 +463,11 @@ def test_energy_is_accounted_for(name, limits, seconds):
         ({"damping": [-1.0] * 9}, "damping"),
         ({"q": [0.0] * 8}, "q has shape"),
         ({"qd": [np.nan] * 9}, "panda_joint1"),
-        ({"friction": [-1.0] * 9}, "friction is"),
+        ({"friction": [-1.0] * 9}, "friction of .panda_joint1. is -1"),
         ({"effort_limits": "none"}, "effort_limits is"),
         ({"limits": "soft"}, "limits is 'soft'"),
-        ({"limits": dd.CompliantLimits(0.0)}, "stiffness of limits is 0.0"),
-        ({"limits": dd.CompliantLimits(1.0, -1.0)}, "damping of limits is -1.0"),
+        ({"limits": dd.CompliantLimits(0.0)}, "stiffness of limits of .panda_joint1. is 0.0"),
+        ({"limits": dd.CompliantLimits(1.0, -1.0)}, "damping of limits of .panda_joint1. is -1.0"),
     ],
 )
 def test_bad_options(options, key):
@@ -482,7 +482,7 @@ def test_bad_options(options, key):
         (lambda sim: sim.advance(steps=2**70), "steps"),
         (lambda sim: sim.advance(f_ext={"nowhere": np.zeros(6)}), "'nowhere' is not a link"),
         (lambda sim: sim.advance(f_ext={}, frame="body"), "frame is 'body'"),
-        (lambda sim: setattr(sim, "damping", -np.ones(9)), "damping is"),
+        (lambda sim: setattr(sim, "damping", -np.ones(9)), "damping of .panda_joint1. is -1"),
         (lambda sim: sim.reset(np.zeros(2), np.zeros(9)), "q has shape"),
         (lambda sim: sim.change_model(load(UR5)), "degrees of freedom"),
         (lambda sim: sim.change_model(None), "needs a RobotModel"),
