@@ -125,11 +125,11 @@ def parse(arguments):
     parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints")
     parser.add_argument("--rate", type=float, default=250.0, help="joint states per second (default: 250)")
     parser.add_argument("--compile-rest", action="store_true", help="compile all other kernels meanwhile")
-    parser.add_argument("--duration", type=float, help="time to run [s] (10 without a terminal)")
+    parser.add_argument("--duration", type=float, default=math.inf, help="time to run [s] (default: until Ctrl-C)")
     chosen = parser.parse_args(arguments)
     if not 1.0 <= chosen.rate <= 10000.0:
         parser.error(f"argument --rate: {chosen.rate} is not between 1 and 10000")
-    if chosen.duration is not None and not 0.0 < chosen.duration < math.inf:
+    if not chosen.duration > 0.0:
         parser.error(f"argument --duration: {chosen.duration} is not a number > 0")
     return chosen
 
@@ -149,8 +149,7 @@ def main(args=None):
     except KeyboardInterrupt:
         leave(130)
     address = f"http://127.0.0.1:{port}/"
-    duration = chosen.duration or (10.0 if lines else math.inf)
-    print(f"Open {address}" + (f" (for {duration:g} s)" if duration < math.inf else ""), flush=True)
+    print(f"Open {address}", flush=True)
     nodes = []
 
     weight = GRAVITY * model.total_mass
@@ -165,7 +164,7 @@ def main(args=None):
         view = {"port": port, "robots": [NAMESPACE]}
         nodes.append(ViewNode(pusher.push, parameter_overrides=overrides(view)))
         topics = [f"{NAMESPACE}/diag_dynamics/state"]
-        nodes.append(Top(topics, duration=duration, lines=lines, note=f"page: {address}"))
+        nodes.append(Top(topics, duration=chosen.duration, lines=lines, note=f"page: {address}"))
         return nodes.copy()
 
     logs = ["--log-level", "WARN"] if lines else ["--disable-stdout-logs"]

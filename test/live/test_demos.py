@@ -62,7 +62,7 @@ def test_without_a_terminal(tmp_path):
 def test_robot_by_path(tmp_path, number):
     """Any URDF file; the page shows it while the demo runs; a signal ends everything with status 0."""
     shutil.copy(robot(UR5).path, tmp_path / "my robot.urdf")
-    with demo(tmp_path, "--robot", "my robot.urdf", "--duration", "1000") as process:
+    with demo(tmp_path, "--robot", "my robot.urdf") as process:
         process.wait_for_text(" Hz\n")
         address = re.search(r"Open (http://127\.0\.0\.1:\d+/)", process.output)[1]
         wait_for_robot(address, lambda one: one["alive"])
