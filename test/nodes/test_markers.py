@@ -111,14 +111,14 @@ def test_ellipsoid_arrow_and_text(name, floating):
     k = int(np.argmax(s.energy_share))
     share = f"{100 * s.energy_share[k] / s.kinetic_energy:.0f} %"
     assert text.text.splitlines() == [
-        f"K {s.kinetic_energy:.3g} J, most of it {model.dof_names[k]}: {share}",
-        f"{link}: {np.linalg.norm(v):.3g} m/s, {(v @ v) / (v @ mobility @ v):.3g} kg along it",
-        "velocities are estimated",
+        f"K {s.kinetic_energy:.3g} J, {share} of it {model.dof_names[k]}",
+        f"{link}: {np.linalg.norm(v):.3g} m/s, reflected mass {(v @ v) / (v @ mobility @ v):.3g} kg",
+        "estimated velocities",
     ]
     assert arrow.action == Marker.ADD
     markers = drawn.show(qd=np.zeros(model.nv))
-    assert markers["velocity"][0].action == markers["contact"][0].action == Marker.DELETE
-    assert markers["text"][0].text == f"K 0 J: at rest\n{link}: 0 m/s\nvelocities are estimated"
+    assert markers["velocity"][0].action == markers["collision"][0].action == Marker.DELETE
+    assert markers["text"][0].text == f"K 0 J, at rest\n{link}: 0 m/s\nestimated velocities"
 
 
 class Watch:
@@ -129,7 +129,7 @@ class Watch:
 
 
 @pytest.mark.parametrize("link", ["upper_arm_link", "forearm_link", "wrist_2_link"])
-def test_contact_is_at_the_link_that_is_pushed(link):
+def test_collision_is_at_the_link_that_is_pushed(link):
     """The ε of a push is zero at joints outboard of the link."""
     drawn = Drawn("ur5")
     epsilon = drawn.dynamics.epsilon_from_wrench(drawn.q, link, [30.0, -20.0, 9.0, 0, 0, 0], [0.05, 0.05, 0.15])
@@ -137,10 +137,10 @@ def test_contact_is_at_the_link_that_is_pushed(link):
     k = int(np.argmax(np.abs(torque)))
     for collision in (False, True):
         markers = drawn.show(Watch(epsilon, torque, collision))
-        (contact,), lines = markers["contact"], markers["text"][0].text.splitlines()
+        (ball,), lines = markers["collision"], markers["text"][0].text.splitlines()
         assert f"external torque {abs(torque[k]):.3g} N m at {drawn.model.dof_names[k]}" in lines
-        assert (contact.action == Marker.ADD) == (f"contact at {link}" in lines) == collision
-    np.testing.assert_allclose(vector(contact.pose.position), drawn.dynamics.placement(drawn.q, link)[:3, 3])
+        assert (ball.action == Marker.ADD) == (f"collision at {link}" in lines) == collision
+    np.testing.assert_allclose(vector(ball.pose.position), drawn.dynamics.placement(drawn.q, link)[:3, 3])
 
 
 def test_shapes_of_links(tmp_path):
@@ -191,7 +191,7 @@ def test_topic(peer):
         assert len(stamps) == 6
         assert all(47 * MS < gap <= 50 * MS for gap in np.diff(stamps[:-1]))
         text = by_space(topic.messages[-1])["text"][0].text
-        assert text.startswith(f"K {energy.total:.3g} J, most of it panda_joint")
+        assert text.startswith(f"K {energy.total:.3g} J, ") and " % of it panda_joint" in text
         assert "\npanda_hand: " in text
         refused = monitor.set_parameters({"markers.link": "nose"})
         assert not refused.successful

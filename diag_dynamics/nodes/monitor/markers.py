@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot as RViz markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, and a contact."""
+"""A robot as RViz markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, and a collision."""
 
 import math
 import re
@@ -30,7 +30,7 @@ LIFETIME, HORIZON = 2, 0.5
 """Time after which a viewer deletes markers, and after which a link would be at the end of its arrow [s]."""
 
 MIN_ENERGY, MIN_RESIDUAL = 1e-3, 0.1
-"""Energy added to K where shares are compared with it [J], and |r| of a joint in a contact, as a fraction of the largest."""
+"""Energy added to K where shares are compared with it [J], and minimum |r| of a joint in a collision, as a fraction of the largest."""
 
 MAX_HALF_AXIS, MIN_REACH = 0.2, 0.05
 """Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach, and minimum reach [m]."""
@@ -63,12 +63,12 @@ class MarkerMaker:
         self._ellipsoid = _marker("ellipsoid", Marker.SPHERE, (1.0, 1.0, 1.0), (0.34, 0.71, 0.91, 0.4))
         self._arrow = _marker("velocity", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.62, 0.0, 1.0))
         self._text = _marker("text", Marker.TEXT_VIEW_FACING, (0.0, 0.0, 0.07 * reach), (0.6, 0.6, 0.6, 1.0))
-        self._contact = _marker("contact", Marker.SPHERE, (0.15 * reach,) * 3, (0.9, 0.1, 0.1, 0.5))
+        self._collision = _marker("collision", Marker.SPHERE, (0.15 * reach,) * 3, (0.9, 0.1, 0.1, 0.5))
         links = [marker for *_, marker in self._parts]
-        self._message = MarkerArray(markers=[*links, self._ellipsoid, self._arrow, self._text, self._contact])
+        self._message = MarkerArray(markers=[*links, self._ellipsoid, self._arrow, self._text, self._collision])
 
     def message(self, s, state, watch=None):
-        """Return the markers of an evaluation (or what stands for it), its RobotState, and the TorqueWatch, if any."""
+        """Return the markers of an evaluation (or an equivalent), its RobotState, and the TorqueWatch, if any."""
         header = Header(stamp=to_time(state.newest), frame_id=self._model.root_link)
         for marker in self._message.markers:
             marker.header = header
@@ -76,8 +76,8 @@ class MarkerMaker:
         self._tint(shares / (s.kinetic_energy + MIN_ENERGY))
         for name, placement, marker in self._parts:
             marker.pose = _pose(placed[name] @ placement)
-        lines = [self._describe_energy(s.kinetic_energy, shares), self._move(placed[self.link], state)]
-        lines += self._touch(watch, placed) + ["velocities are estimated"] * bool(state.velocity_estimated)
+        lines = [self._describe_energy(s.kinetic_energy, shares), self._draw_velocity(placed[self.link], state)]
+        lines += self._draw_collision(watch, placed) + ["estimated velocities"] * bool(state.velocity_estimated)
         self._text.text = "\n".join(lines)
         top = max((float(placed[name][2, 3]) for name, *_ in self._parts), default=0.0)
         self._text.pose.position = Point(z=top + 0.25 * self.reach)
@@ -103,11 +103,11 @@ class MarkerMaker:
 
     def _describe_energy(self, K, shares):
         if not K:
-            return "K 0 J: at rest"
+            return "K 0 J, at rest"
         k = int(np.argmax(shares))
-        return f"K {K:.3g} J, most of it {self._names[k]}: {100 * shares[k] / K:.0f} %"
+        return f"K {K:.3g} J, {100 * shares[k] / K:.0f} % of it {self._names[k]}"
 
-    def _move(self, X, state):
+    def _draw_velocity(self, X, state):
         """Place ellipsoid and arrow at a link's placement; return the line about its velocity."""
         q, R, origin, ellipsoid = state.position, X[:3, :3], X[:3, 3], X.copy()
         values, axes = self._mobility(q)
@@ -121,16 +121,16 @@ class MarkerMaker:
         self._arrow.points = [_point(origin), _point(origin + HORIZON * R @ v)]
         line = f"{plain(self.link)}: {speed:.3g} m/s"
         mass = self._dynamics.reflected_mass(q, self.link, v) if speed else math.inf
-        return f"{line}, {mass:.3g} kg along it" if math.isfinite(mass) else line
+        return f"{line}, reflected mass {mass:.3g} kg" if math.isfinite(mass) else line
 
-    def _touch(self, watch, placed):
+    def _draw_collision(self, watch, placed):
         """Mark the link of a collision; return lines about external torque, none where it is not observed.
 
         A push on a link gives no ε to joints outboard of it: the outermost joint that has some of r carries the link.
         """
         seen = watch.seen if watch else None
         colliding = bool(seen and seen.valid and seen.collision)
-        self._contact.action = Marker.ADD if colliding else Marker.DELETE
+        self._collision.action = Marker.ADD if colliding else Marker.DELETE
         if not (seen and seen.valid):
             return []
         k = int(np.argmax(np.abs(seen.external_torque)))
@@ -139,8 +139,8 @@ class MarkerMaker:
             return [line]
         r = np.abs(seen.residual)
         link = self._link_of_dof[int(np.flatnonzero(r >= MIN_RESIDUAL * r.max())[-1])]
-        self._contact.pose.position = _point(placed[link][:3, 3])
-        return [f"contact at {plain(link)}", line]
+        self._collision.pose.position = _point(placed[link][:3, 3])
+        return [f"collision at {plain(link)}", line]
 
 
 def _parts(link, folder):

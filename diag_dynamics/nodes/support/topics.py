@@ -45,7 +45,7 @@ TOPICS = (
     Topic(
         "markers",
         "visualization_msgs/MarkerArray",
-        "for RViz and Foxglove: links coloured by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text, contact",
+        "for RViz and Foxglove: links coloured by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text, collision",
         beside=True,
     ),
 )
