@@ -423,10 +423,10 @@ def test_a_report_shows_the_recording(chromium, recording):
         words = {name: " ".join(tab.page.locator(f"#{name}").inner_text().split()) for name in CHAPTERS}
         assert f"{summary['kinetic_energy']['at']:.3f} s" in words["overall"]
         assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
-        assert f"{summary['contact']['worst'][0]['at']:.3f} s" in words["touches"]
-        assert words["contacts"].startswith("1 contact")
+        assert f"{summary['contact']['worst'][0]['at']:.3f} s" in words["limits"]
+        assert words["collisions"].startswith("1 collision")
         assert "external_torque.threshold" in words["parameters"]
-        tab.page.locator("#contacts button").first.click()
+        tab.page.locator("#collisions button").first.click()
         tab.until("diag.state.window[1] - diag.state.window[0] < 6 && diag.values.t === diag.state.now")
         assert tab.ask("diag.values.norm[0]") == pytest.approx(summary["collisions"][0]["norm"], rel=1e-3)
         assert len(rows_of(tab)) > 4.0 * recorded_arm.RATE
@@ -439,7 +439,7 @@ def test_a_report_shows_the_recording(chromium, recording):
         assert tab.asked <= {"file://", "data://", "blob://"}
 
 
-CHAPTERS = "overall", "contacts", "touches", "parameters"
+CHAPTERS = "overall", "collisions", "limits", "parameters"
 
 
 @pytest.mark.full

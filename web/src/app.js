@@ -39,7 +39,7 @@ export class App {
       select: (dof) => this.selectDof(dof),
       selected: () => this.chosen.dof,
       selectLink: (link) => this.select(link),
-      contacts: () => this.source?.contacts ?? [],
+      collisions: () => this.source?.collisions ?? [],
       point: (plot) => this.cards.point(plot),
     };
     this.stage = new Stage({ ...shared, app: this });
@@ -74,7 +74,7 @@ export class App {
 
   // --- events of the source ---
 
-  // same: the robot of before with more data.
+  // same: whether the robot is unchanged.
   laidOut(layout, same = false) {
     this.layout = layout;
     if (!same) this.chosen = { link: null, dof: -1 };
@@ -144,22 +144,22 @@ export class App {
   #actions() {
     const { report, view } = this;
     return [
-      [[" "], report ? "play, pause" : "pause, continue", () => this.toggle()],
-      [["ArrowLeft", "ArrowRight"], "previous, next state (with shift: a second)", (event) => this.#step(event)],
-      [["Home"], "beginning", () => view.go(this.rows.first)],
+      [[" "], report ? "play or pause" : "pause or continue", () => this.toggle()],
+      [["ArrowLeft", "ArrowRight"], "previous or next state (Shift: one second)", (event) => this.#step(event)],
+      [["Home"], "start", () => view.go(this.rows.first)],
       [["End", "l"], report ? "end" : "live", () => (report ? view.go(this.rows.last) : view.follow())],
-      [["+", "-"], "shorter, longer window", (event) => view.zoom(view.length * (event.key === "+" ? 0.5 : 2))],
-      [["0"], report ? "whole recording" : "window of 30 s", () => (report ? view.whole() : view.zoom(30))],
-      [["1", "2", "3", "4"], "links by energy share, energy, torque, external torque", ({ key }) => this.stage.colourBy(key - 1)],
-      [["e"], "ellipsoid and velocity", () => this.stage.toggleMarks()],
-      [["f"], "fit the robot", () => this.stage.frame()],
-      [["j", "k"], "next, previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
+      [["+", "-"], "shorter or longer time window", (event) => view.zoom(view.length * (event.key === "+" ? 0.5 : 2))],
+      [["0"], report ? "whole recording" : "time window of 30 s", () => (report ? view.whole() : view.zoom(30))],
+      [["1", "2", "3", "4"], "colour links by energy share, link energy, joint torque, external torque", ({ key }) => this.stage.colourBy(key - 1)],
+      [["e"], "show or hide ellipsoid and velocity", () => this.stage.toggleMarks()],
+      [["f"], "fit the robot into the view", () => this.stage.frame()],
+      [["j", "k"], "select the next or previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
       [["r"], "next robot", () => this.bar.nextRobot()],
-      [["t"], "light, dark", () => this.theme.next()],
-      ...(this.report ? [] : [[["p"], "push the robot of the demo", () => this.source.push()]]),
-      [["c"], "numbers of the time window (CSV)", () => this.csv()],
-      [["Escape"], "no selection", () => this.layout && this.select(null)],
-      [["?"], "this list", () => this.keys.help()],
+      [["t"], "light or dark theme", () => this.theme.next()],
+      ...(this.report ? [] : [[["p"], "push the simulated robot", () => this.source.push()]]),
+      [["c"], "download the time window as CSV", () => this.csv()],
+      [["Escape"], "clear the selection", () => this.layout && this.select(null)],
+      [["?"], "show this list", () => this.keys.help()],
     ];
   }
 
@@ -208,10 +208,10 @@ export class App {
     this.#mark("cursor");
   }
 
-  // Updates what changes with time alone, for example the age of a state.
+  // Updates values that change with time, such as the age of a state.
   update() {
     this.bar.draw();
-    this.stage.judged(this.verdict());
+    this.stage.showVerdict(this.verdict());
   }
 
   verdict() {
@@ -251,7 +251,7 @@ export class App {
     this.table.draw(rows, i);
     this.details.draw(rows, i);
     contact?.draw(rows.data, rows.base(i));
-    this.stage.touched(contact?.worst ?? null);
+    this.stage.showContact(contact?.worst ?? null);
     this.update();
   }
 }

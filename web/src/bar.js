@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The head of the page: robot, state, window and tools; and the buttons beside the strip of time.
+// The head of the page (robot, state, tools) and the transport buttons beside the timeline.
 
 import { el, say } from "./dom.js";
 import { clock, shortened } from "./format.js";
@@ -32,8 +32,8 @@ export class Bar {
       this.notes,
       this.worst,
       el("span", { class: "spring" }),
-      (this.look = button("◐", "light, dark (t)", () => app.theme.next())),
-      button("?", "keys (?)", () => app.keys.help()),
+      (this.look = button("◐", "light or dark theme (t)", () => app.theme.next())),
+      button("?", "keyboard shortcuts (?)", () => app.keys.help()),
     );
     this.go = button("", "", () => app.toggle());
     this.time = el("span", { class: "time" });
@@ -43,7 +43,7 @@ export class Bar {
     this.transport = el("div", { class: "transport" }, this.go, this.time, ...(app.report ? [] : [this.live]));
     const tools = [
       ...(app.report ? [] : [this.push, this.length]),
-      button("CSV", "numbers of the time window (c)", () => app.csv()),
+      button("CSV", "download the time window as CSV (c)", () => app.csv()),
     ];
     this.tools = el("span", { class: "tools" }, ...tools);
     const narrow = matchMedia("(max-width: 56rem)");
@@ -51,7 +51,7 @@ export class Bar {
     this.#arrange(narrow.matches);
   }
 
-  // A phone has no room for the tools in the head.
+  // On a narrow screen the tools are beside the transport buttons.
   #arrange(narrow) {
     if (narrow) this.transport.append(this.tools);
     else this.look.before(this.tools);
@@ -59,7 +59,7 @@ export class Bar {
 
   listed(robots, chosen) {
     const known = [...this.robots.options].map((option) => option.value + option.textContent).join("\n");
-    const options = robots.map((robot) => ({ value: robot.name, text: (robot.name || "/") + (robot.alive ? "" : " (silent)") }));
+    const options = robots.map((robot) => ({ value: robot.name, text: (robot.name || "/") + (robot.alive ? "" : " (no data)") }));
     if (known !== options.map(({ value, text }) => value + text).join("\n")) {
       this.robots.replaceChildren(...options.map((one) => el("option", one)));
     }

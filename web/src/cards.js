@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The right half of the page: cards of contact, plots, diagnostics and a report; all plots share one cursor.
+// The cards: predicted contact, plots, diagnostics, results of a report. All plots share one cursor.
 
-import { el, say } from "./dom.js";
+import { el, resized, say } from "./dom.js";
 import { ContactCard } from "./contact.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
@@ -21,6 +21,7 @@ export class Cards {
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.chapters = []; // cards of a report
     this.node = el("div", { class: "cards" }, ...(shared.view.live ? [this.words] : [])); // with the reason why there is no robot yet
+    resized(this.node, () => this.#fill());
   }
 
   setLayout(layout) {
@@ -31,6 +32,17 @@ export class Cards {
     const contact = this.contact ? [this.contact.node] : [];
     const [first, ...others] = this.chapters;
     this.node.replaceChildren(...(first ? [first] : []), ...contact, ...others, ...this.plots.map((plot) => plot.node), ...(this.chapters.length ? [] : [this.words]));
+    this.#fill();
+  }
+
+  // The last card spans the cells that the others leave free.
+  #fill() {
+    const cards = [...this.node.children];
+    const last = cards.pop();
+    const columns = getComputedStyle(this.node).gridTemplateColumns.split(" ").length;
+    const cells = cards.length + (columns > 1 && this.contact ? 1 : 0); // the contact card has two
+    for (const card of cards) card.style.gridColumn = "";
+    if (last) last.style.gridColumn = `span ${columns - (cells % columns)}`;
   }
 
   draw() {

@@ -6,9 +6,10 @@
 import { breakable, el } from "./dom.js";
 import { number, percent, quantity, span, UNKNOWN } from "./format.js";
 
-// act: go(t) shows a moment, see(start, end) a contact and its largest |r|; both in seconds after the first state.
-export function chapters(told, act) {
-  return [overall(told, act), contacts(told, act), ...(told.summary.contact ? [touches(told, act)] : []), quality(told), parameters(told)];
+// act: go(t) shows a moment, see(start, end) a collision and its largest |r|; both in seconds after the first state.
+export function chapters(content, act) {
+  const limits = content.summary.contact ? [contactLimits(content, act)] : [];
+  return [overall(content, act), collisionCard(content, act), ...limits, quality(content), parameters(content)];
 }
 
 const card = (id, title, ...children) =>
@@ -35,7 +36,7 @@ function unitOf([, turns, slides = turns], { dofs, angular }, dof) {
 function overall({ summary, begin, layout }, act) {
   const { balance } = summary;
   const rows = [line("duration", `${span(summary.duration)}, ${summary.states} states`)];
-  if (summary.kinetic_energy.mean !== null) rows.push(line("mean of K", `${quantity(summary.kinetic_energy.mean, "J")}`));
+  if (summary.kinetic_energy.mean !== null) rows.push(line("mean K", `${quantity(summary.kinetic_energy.mean, "J")}`));
   for (const [name, { value, at: when, of }] of Object.entries(summary.peaks)) {
     const peak = PEAKS[name] ?? [name, ""];
     const [label, unit] = [peak[0], unitOf(peak, layout, of)];
@@ -43,12 +44,12 @@ function overall({ summary, begin, layout }, act) {
   }
   const shares = Object.entries(summary.kinetic_energy.share).sort((a, b) => b[1] - a[1]).slice(0, 3);
   if (shares.length) rows.push(line("largest shares", shares.map(([name, value]) => `${name} ${quantity(value, "J")}`).join(", ")));
-  rows.push(line("balance explains", summary.explained === null ? UNKNOWN : percent(summary.explained), summary.explained === null ? "" : ` of dK/dt; residual ${quantity(summary.residual_power, "W")} rms`));
+  rows.push(line("variance explained (R²)", summary.explained === null ? UNKNOWN : percent(summary.explained), summary.explained === null ? "" : ` of dK/dt; residual ${quantity(summary.residual_power, "W")} rms`));
   if (summary.explained_with_potential !== null) rows.push(line("with potential energy", percent(summary.explained_with_potential)));
-  return card("overall", `${summary.robot}: what happened`, el("dl", {}, ...rows), el("p", { text: balance.says ?? "" }));
+  return card("overall", `${summary.robot}: summary`, el("dl", {}, ...rows), el("p", { text: balance.says ?? "" }));
 }
 
-function contacts({ summary, begin, without_full_rate: without }, act) {
+function collisionCard({ summary, begin, without_full_rate: without }, act) {
   const { observer, collisions } = summary;
   const rows = collisions.map((one) => {
     const [start, end] = [one.start - begin, one.end - begin];
@@ -59,17 +60,17 @@ function contacts({ summary, begin, without_full_rate: without }, act) {
     );
   });
   const known = !observer.missing.length && observer.observed > 0;
-  const judged = observer.judged.length ? `thresholds of ${observer.judged.length} detectors` : `|r| above ${quantity(observer.threshold, "√J/s")}`;
-  const texts = known ? [`By ${judged}; observer of gain ${number(observer.gain)}/s.`] : [];
+  const judged = observer.judged.length ? `Thresholds of ${observer.judged.length} alarms` : `Threshold |r| > ${quantity(observer.threshold, "√J/s")}`;
+  const texts = known ? [`${judged}; observer gain ${number(observer.gain)}/s.`] : [];
   if (observer.says) texts.push(observer.says);
-  if (observer.missing.includes(GAIN) && observer.observed) texts.push(`The gain of the observer is ${number(observer.gain)}/s because ${GAIN} is not set.`);
-  if (without) texts.push(`There was no room for every state around ${without} of the weakest.`);
-  const count = collisions.length === 1 ? "1 contact" : `${collisions.length || "No"} contacts`;
-  return card("contacts", known ? count : "Contacts: nothing known", ...texts.map((text) => el("p", {}, ...breakable(text))), el("dl", {}, ...rows));
+  if (observer.missing.includes(GAIN) && observer.observed) texts.push(`${GAIN} is not set; this report uses ${number(observer.gain)}/s.`);
+  if (without) texts.push(`The file omits full-rate states around the ${without} weakest collisions.`);
+  const count = collisions.length === 1 ? "1 collision" : `${collisions.length || "No"} collisions`;
+  return card("collisions", known ? count : "Collisions: unknown", ...texts.map((text) => el("p", {}, ...breakable(text))), el("dl", {}, ...rows));
 }
 
 // Contact limits: how long they were exceeded, and the worst moments.
-function touches({ summary, begin, layout }, act) {
+function contactLimits({ summary, begin, layout }, act) {
   const { half } = layout.contact;
   const { contact } = summary;
   const points = Object.entries(contact.above_by_point).sort((a, b) => b[1] - a[1]);
@@ -83,7 +84,7 @@ function touches({ summary, begin, layout }, act) {
   );
   const words = `Limits exceeded for ${span(contact.above)} of ${span(contact.of)}. Advisory: rigid bodies, no safety function.`;
   const by = points.map(([name, seconds]) => line(name, span(seconds)));
-  return card("touches", "Limits of contact", el("p", { text: words }), el("dl", {}, ...by, ...moments));
+  return card("limits", "Contact limits", el("p", { text: words }), el("dl", {}, ...by, ...moments));
 }
 
 function quality({ summary }) {
@@ -94,12 +95,12 @@ function quality({ summary }) {
     line("gaps", `${q.gaps}, the longest ${span(q.longest_gap)}`),
     line("repeated states", String(q.repeated_states)),
     line("without effort", String(q.without_effort)),
-    line("velocities estimated", String(q.estimated_velocity)),
-    line("messages rejected", rejected ? Object.entries(summary.rejected).map(([cause, n]) => `${n} ${cause}`).join(", ") : "0"),
+    line("estimated velocities", String(q.estimated_velocity)),
+    line("rejected messages", rejected ? Object.entries(summary.rejected).map(([cause, n]) => `${n} ${cause}`).join(", ") : "0"),
   ];
-  if (q.velocity_delay !== null) rows.push(line("velocities come late by", span(q.velocity_delay)));
+  if (q.velocity_delay !== null) rows.push(line("velocity delay", span(q.velocity_delay)));
   const texts = [...summary.findings.map(({ cause, count, text }) => (cause === "note" ? text : `${cause}${count > 1 ? ` (${count} ×)` : ""}: ${text}`)), ...summary.warnings];
-  return card("quality", "Data", el("dl", {}, ...rows), el("ul", {}, ...texts.map((text) => el("li", {}, ...breakable(text)))));
+  return card("quality", "Data quality", el("dl", {}, ...rows), el("ul", {}, ...texts.map((text) => el("li", {}, ...breakable(text)))));
 }
 
 function parameters({ parameters: all, summary, version }) {
@@ -110,6 +111,6 @@ function parameters({ parameters: all, summary, version }) {
     "Parameters",
     el("p", {}, ...breakable(`${summary.recording} · diag_dynamics ${version}`)),
     el("dl", {}, ...rows(own)),
-    el("details", {}, el("summary", { text: `${usual.length} as by default` }), el("dl", {}, ...rows(usual))),
+    el("details", {}, el("summary", { text: `${usual.length} defaults` }), el("dl", {}, ...rows(usual))),
   );
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The card of predicted contact: a row for each point, smallest margin first. Advisory.
+// The card of predicted contact: one row per contact point, smallest margin first. Advisory.
 
 import { breakable, el, say, toggle } from "./dom.js";
 import { number, shortNames } from "./format.js";
@@ -9,24 +9,24 @@ import { number, shortNames } from "./format.js";
 const SORT_PERIOD = 1000; // [ms]: rows keep their places so that one can be read and clicked
 const COLUMNS = [
   ["margin", "m/s", "allowed speed minus speed; negative: a limit is exceeded"],
-  ["speed", "m/s", "along the point's motion"],
+  ["speed", "m/s", "speed of the point along its motion"],
   ["mass", "kg", "reflected mass along the motion"],
   ["energy", "J", "energy that a contact along the motion can transfer"],
-  ["by M/2", "J", "energy of half the moving mass and the payload at this speed (ISO/TS 15066)"],
+  ["by M/2", "J", "energy at this speed of half the moving mass plus payload (ISO/TS 15066)"],
 ];
 
 export class ContactCard {
   constructor(layout, select) {
     this.layout = layout;
     const { points, half, frames_only: without } = layout.json.contact;
-    this.notes = `M/2 + payload: ${number(half)} kg${without ? ` · without the shapes of ${without} links` : ""}`;
+    this.notes = `M/2 + payload: ${number(half)} kg${without ? ` · links without shape: ${without}` : ""}`;
     this.summary = el("p", { class: "none" });
     const heads = COLUMNS.map(([name, unit, help]) => el("th", { title: help }, `${name} `, el("small", { text: unit })));
     this.body = el("tbody");
     const table = el("table", { class: "contact" }, el("thead", {}, el("tr", {}, el("th", { text: "point" }), ...heads)), this.body);
     this.node = el(
       "section",
-      { class: "card words", id: "contact", title: "Rigid bodies; no safety function: see docs/contact.md" },
+      { class: "card words", id: "contact", title: "Rigid-body prediction, no safety function (docs/contact.md)" },
       el("header", {}, el("h2", { text: "Predicted contact (advisory)" })),
       this.summary,
       el("div", { class: "text" }, table),
@@ -53,8 +53,8 @@ export class ContactCard {
     this.worst = worst >= 0 ? { position: [...all("contact_position")], above: margin[worst] < 0 } : null;
     const least = points[worst] && (Number.isFinite(margin[worst])
       ? `smallest margin: ${points[worst].name}, ${number(margin[worst])} m/s`
-      : `largest energy: ${points[worst].name}, ${number(energy[worst])} J; no limits (contact.limits_file)`);
-    say(this.summary, known ? `${least ?? "at rest"} · ${this.notes}` : "not known at this moment");
+      : `largest energy: ${points[worst].name}, ${number(energy[worst])} J; no limits set (contact.limits_file)`);
+    say(this.summary, known ? `${least ?? "at rest"} · ${this.notes}` : "no result at this time");
     rows.forEach(({ cells, node }, k) => {
       toggle(node, "above", margin[k] < 0);
       toggle(node, "chosen", k === worst);

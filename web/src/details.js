@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// All quantities of the chosen joint or link.
+// All quantities of the selected joint or link.
 
 import { el, say } from "./dom.js";
 import { metres, number, percent } from "./format.js";
@@ -33,15 +33,15 @@ export class Details {
       add("total rate ν", f("nu", dof), "√J");
       add("energy share ½ν²", own, "J");
       add("… of K", (d, b) => own(d, b) / total(d, b), "", percent);
-      add("effort τ", f("effort", dof), moment);
+      add("joint torque τ", f("effort", dof), moment);
       if (layout.limits.effort?.[dof] > 0) add("… of its limit", ofLimit(layout, "effort", dof), "", percent);
       add("gravity torque", f("gravity_torque", dof), moment);
       add("external torque", f("external_torque", dof), moment);
       add("residual r", f("residual", dof), "√J/s");
       add("working moment ε", f("epsilon", dof), "√J/s");
-      add("gravity ε_g", f("gravity", dof), "√J/s");
-      add("Coriolis C", f("coriolis", dof), "√J/s");
-      add("gives νC", exchange(layout, dof), "W");
+      add("gravity term ε_g", f("gravity", dof), "√J/s");
+      add("Coriolis term C", f("coriolis", dof), "√J/s");
+      add("exchange νC", exchange(layout, dof), "W");
       add("articulated inertia D", f("D", dof), slides ? "kg" : "kg m²");
     }
     const k = layout.links.indexOf(link);

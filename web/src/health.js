@@ -16,10 +16,14 @@ export class Health {
     this.robots = null;
     this.why = "";
     this.worst = null; // of the diagnostics: {level, text}; null while all are well
+    this.collision = ""; // what the diagnostics say of a collision; empty without one
   }
 
   setDiagnostics(list) {
-    const worst = list.reduce((most, one) => (one.level > (most?.level ?? 0) ? one : most), null);
+    const collisions = list.filter(({ name, message }) => /(^|: )external torque$/.test(name) && message.startsWith("collision"));
+    this.collision = collisions[0]?.message ?? "";
+    const others = list.filter((one) => !collisions.includes(one)); // a collision has a note of its own
+    const worst = others.reduce((most, one) => (one.level > (most?.level ?? 0) ? one : most), null);
     const text = worst && [worst.name.replace(/^[^:]*: /, ""), worst.message].filter(Boolean).join(": "); // without its node
     this.worst = worst && { level: worst.level > 1 ? "bad" : "warn", text };
   }
@@ -48,7 +52,7 @@ export class Health {
       const says = this.heart?.waiting || (this.robots?.length === 0 ? "no robot found" : "no state received yet");
       return { level: "warn", word: "Waiting", says, notes: [], dim: true };
     }
-    const notes = this.notes(flags);
+    const notes = this.notes(flags, paused ? "" : this.collision);
     const stale = (flags & FLAGS.late) !== 0 || this.silence > OLD;
     if (stale) return { level: "bad", word: "Stale", says: `the last state is ${span(this.silence)} old`, notes, dim: !paused, stale };
     if (paused) return { level: "paused", word: "Paused", says: "", notes };
@@ -56,14 +60,15 @@ export class Health {
     return { level, word: "Live", says: Number.isFinite(rate) && rate > 0 ? `${Math.round(rate)} Hz` : "", notes };
   }
 
-  notes(flags) {
+  // collision: text of the diagnostics about it.
+  notes(flags, collision = "") {
     const notes = [];
-    if (flags & FLAGS.collision) notes.push({ level: "bad", text: "contact" });
+    if (collision || flags & FLAGS.collision) notes.push({ level: "bad", text: collision || "collision" });
     if (flags & FLAGS.estimated) notes.push({ level: "warn", text: "velocities estimated" });
-    if (flags & FLAGS.effortMissing) notes.push({ level: "warn", text: "no efforts" });
-    else if (flags & FLAGS.observerInvalid) notes.push({ level: "warn", text: "external torque not valid" });
-    if (flags & FLAGS.receiveTime) notes.push({ level: "warn", text: "receive times instead of stamps" });
-    if (flags & FLAGS.otherModel) notes.push({ level: "warn", text: "links of another model" });
+    if (flags & FLAGS.effortMissing) notes.push({ level: "warn", text: "no joint torques" });
+    else if (flags & FLAGS.observerInvalid) notes.push({ level: "warn", text: "external torque invalid" });
+    if (flags & FLAGS.receiveTime) notes.push({ level: "warn", text: "reception times, no stamps" });
+    if (flags & FLAGS.otherModel) notes.push({ level: "warn", text: "model differs from the monitor's" });
     return notes;
   }
 }

@@ -8,12 +8,14 @@ import { breakable, el, say, toggle } from "./dom.js";
 import { number } from "./format.js";
 import { exchange, field, hasLimits, hasThresholds, ofLimit, ofThreshold, share } from "./quantities.js";
 
+const EXCHANGE = "power by the Coriolis term: positive if the joint gives, negative if it receives";
+
 export class JointTable {
   constructor(layout, { select, selected }) {
     this.selected = selected;
     this.ends = {};
     this.columns = columnsOf(layout);
-    const heads = this.columns.map(({ title, unit }) => el("th", {}, `${title} `, el("small", { text: unit })));
+    const heads = this.columns.map(({ title, unit, help }) => el("th", { title: help }, `${title} `, el("small", { text: unit })));
     this.rows = layout.dofs.map((name, k) => this.#row(name, layout.short[k], k, () => select(k)));
     this.node = el(
       "table",
@@ -60,10 +62,10 @@ export class JointTable {
 export function columnsOf(layout) {
   const of = (name) => (k) => field(layout, name, k);
   const limited = (name) => (k) => ofLimit(layout, name, k);
-  const torque = { id: "torque", title: "torque", signed: true };
+  const torque = { id: "torque", title: "torque", help: "joint torque; mark: gravity torque", signed: true };
   return [
-    { id: "share", title: "½ν²", unit: "J", get: (k) => share(layout, k) },
-    { id: "exchange", title: "gives νC", unit: "W", signed: true, get: (k) => exchange(layout, k) },
+    { id: "share", title: "½ν²", unit: "J", help: "energy share of the total joint rate", get: (k) => share(layout, k) },
+    { id: "exchange", title: "exchange νC", unit: "W", help: EXCHANGE, signed: true, get: (k) => exchange(layout, k) },
     hasLimits(layout)
       ? { ...torque, unit: "% of limit", factor: 100, end: 100, get: limited("effort"), mark: limited("gravity_torque") }
       : { ...torque, unit: "N m", get: of("effort"), mark: of("gravity_torque") },
@@ -71,6 +73,7 @@ export function columnsOf(layout) {
       id: "external",
       title: "external",
       unit: "N m",
+      help: "external torque of the disturbance observer",
       signed: true,
       get: of("external_torque"),
       bar: hasThresholds(layout) ? (k) => ofThreshold(layout, k) : undefined,

@@ -11,11 +11,11 @@ export class Keys {
     this.actions = new Map();
     this.dialog = el(
       "dialog",
-      { class: "help", "aria-label": "keys" },
-      el("h2", { text: "Keys" }),
+      { class: "help", "aria-label": "keyboard shortcuts" },
+      el("h2", { text: "Keyboard shortcuts" }),
       el("table", {}, ...actions.map(([keys, what]) => el("tr", {}, el("th", {}, ...keys.map((key) => el("kbd", { text: NAMES[key] ?? key }))), el("td", { text: what })))),
-      el("p", { text: "Click a link or a joint: all of its quantities. Drag over a plot: that time only. Wheel: longer, shorter." }),
-      el("p", {}, "Drag the robot to turn it, with the right button or two fingers to move it."),
+      el("p", { text: "Click a link or joint to show its quantities. Drag across a plot to zoom into that time. Turn the wheel over a plot to change the time window." }),
+      el("p", {}, "Drag the robot to rotate it. Drag with the right button or two fingers to move it."),
       el("button", { text: "close", onclick: () => this.dialog.close() }),
     );
     for (const [keys, , act] of actions) for (const key of keys) this.actions.set(key, act);

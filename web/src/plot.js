@@ -29,17 +29,18 @@ export class Plot {
       "section",
       { class: "card", id: `plot-${spec.id}`, title: spec.help },
       el("header", {}, el("h2", { text: spec.title }), el("span", { class: "unit", text: spec.unit })),
-      el("div", { class: "legendbox" }, this.legend),
+      this.legend,
       this.box,
     );
     this.observers = [
       resized(this.box, () => this.#resize()),
+      resized(this.legend, () => this.#keepHeight()),
       new IntersectionObserver(([entry]) => {
         this.seen = entry.isIntersecting;
         if (this.seen) this.draw();
       }),
     ];
-    this.observers[1].observe(this.box);
+    this.observers[2].observe(this.box);
   }
 
   remove() {
@@ -238,6 +239,12 @@ export class Plot {
     ctx.restore();
   }
 
+  // The legend grows only: else the plot below would change its size with the numbers.
+  #keepHeight() {
+    const { legend } = this;
+    if (legend.offsetHeight > (parseFloat(legend.style.minHeight) || 0)) legend.style.minHeight = `${legend.offsetHeight}px`;
+  }
+
   #size() {
     return { width: this.box.clientWidth, height: this.box.clientHeight };
   }
@@ -245,6 +252,7 @@ export class Plot {
   #resize() {
     if (!this.plot) return this.draw();
     const { width, height } = this.#size();
+    if (width !== this.plot.width) this.legend.style.minHeight = "";
     if (width > 20 && height > 20 && (width !== this.plot.width || height !== this.plot.height)) {
       this.plot.setSize({ width, height });
       this.draw();

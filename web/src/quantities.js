@@ -107,13 +107,13 @@ export function plotsOf(layout) {
       title: "Power balance",
       unit: "W",
       lines: [
-        single(layout, "p_effort", "effort", COLOURS.effort),
+        single(layout, "p_effort", "joint torque", COLOURS.effort),
         single(layout, "p_gravity", "gravity", COLOURS.gravity),
         single(layout, "p_friction", "friction", COLOURS.friction),
         single(layout, "p_external", "external", COLOURS.external),
         single(layout, "dK", "dK/dt", COLOURS.dK, { width: 2 }),
       ],
-      help: "Power into the kinetic energy. Effort, gravity, friction and external torque sum to dK/dt if the model is right.",
+      help: "Power into the kinetic energy. Joint torque, gravity, friction and external torque add up to dK/dt if the model is right.",
     },
     {
       id: "external",
@@ -123,7 +123,7 @@ export function plotsOf(layout) {
         ...line,
         threshold: thresholds[line.dof] ?? null,
       })),
-      help: "External torque m r of the disturbance observer, by joint. Dashed: thresholds of alarms.",
+      help: "External torque m r of the disturbance observer, by joint. Dashed: alarm thresholds.",
     },
     {
       id: "norm",
@@ -136,14 +136,14 @@ export function plotsOf(layout) {
           unit: "N m",
         }),
       ],
-      help: "Norms of the residual r and of the external torque m r. Dashed: thresholds of alarms.",
+      help: "Norms of the residual r and of the external torque m r. Dashed: alarm thresholds.",
     },
     {
       id: "exchange",
       title: "Coriolis exchange νₖCₖ",
       unit: "W",
       lines: ofJoints(layout, (k) => exchange(layout, k)),
-      help: "Power between joints: above zero a joint gives, below zero it receives. The sum is zero.",
+      help: "Power exchanged between joints by the Coriolis term: positive if a joint gives, negative if it receives. The sum is zero.",
     },
     {
       id: "torque",
@@ -154,7 +154,7 @@ export function plotsOf(layout) {
         ...line,
         twin: limits ? ofLimit(layout, "gravity_torque", line.dof) : field(layout, "gravity_torque", line.dof),
       })),
-      help: "Measured. Dashed: gravity torque.",
+      help: "Measured joint torque. Dashed: gravity torque.",
     },
     {
       id: "inertia",
@@ -162,7 +162,7 @@ export function plotsOf(layout) {
       unit: "kg m² · kg",
       log: true,
       lines: ofJoints(layout, (k) => field(layout, "D", k)),
-      help: "Inertia that the torque of each joint meets while all joints outboard of it are free.",
+      help: "Inertia at each joint while all outboard joints are free.",
     },
     {
       id: "work",
@@ -171,7 +171,7 @@ export function plotsOf(layout) {
       log: true,
       points: true,
       lines: [single(layout, "coriolis_work", "|νᵀC| / (|ν||C|)", "#76b7b2")],
-      help: "Zero but for rounding errors (Lemma 7.1).",
+      help: "Zero within rounding (Lemma 7.1).",
     },
   ];
   if (!layout.json.report) {
@@ -181,9 +181,9 @@ export function plotsOf(layout) {
       unit: "ms · Hz",
       lines: [
         single(layout, "latency", "latency", "#edc948", { factor: 1000, unit: "ms" }),
-        single(layout, "rate", "states per second", "#76b7b2", { scale: "rate", unit: "Hz" }),
+        single(layout, "rate", "state rate", "#76b7b2", { scale: "rate", unit: "Hz" }),
       ],
-      help: "Age of a state at its arrival, and states per second.",
+      help: "Age of each state at reception, and states per second.",
     });
   }
   return plots.filter((plot) => plot.id !== "work" || layout.has("coriolis_work"));

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The source of a report: the recording that is in this file, and what was found in it.
+// The source of a report: the recording and the results that this file contains.
 
 import { Layout } from "./layout.js";
 import { Rows } from "./rows.js";
@@ -10,28 +10,28 @@ import { field } from "./quantities.js";
 import { timeOfLargest } from "./sampling.js";
 import { bytesOf, meshOf, rowsOf } from "./tracks.js";
 
-const AROUND = 2; // [s] before and after a contact that its click shows
+const AROUND = 2; // [s] shown before and after a collision
 const ROUNDING = 1e-6; // [s] of times in the summary
 
 export class Report {
   constructor(app, block) {
     this.app = app;
-    this.told = JSON.parse(block.textContent);
+    this.content = JSON.parse(block.textContent);
     this.rows = new Rows(1, 2);
     this.playing = false;
     this.speed = 1;
     this.robots = [];
     this.robot = null;
-    const { begin, summary } = this.told;
-    this.contacts = summary.collisions.map((one) => ({ ...one, start: one.start - begin, end: one.end - begin }));
+    const { begin, summary } = this.content;
+    this.collisions = summary.collisions.map((one) => ({ ...one, start: one.start - begin, end: one.end - begin }));
   }
 
   async begin() {
-    const { app, told } = this;
-    const layout = new Layout({ ...told.layout, report: true });
-    const rows = await rowsOf(layout, told.tracks);
+    const { app, content } = this;
+    const layout = new Layout({ ...content.layout, report: true });
+    const rows = await rowsOf(layout, content.tracks);
     this.rows = rows;
-    app.cards.chapters = chapters(told, {
+    app.cards.chapters = chapters(content, {
       go: (t) => app.view.go(t),
       see: (start, end) => {
         const t = timeOfLargest(rows, start - ROUNDING, end + ROUNDING, field(layout, "norm"));
@@ -43,18 +43,18 @@ export class Report {
     app.view.end = this.rows.last;
     app.view.moment = this.rows.first;
     app.view.whole();
-    const at = told.summary.kinetic_energy.at;
-    if (at !== null) app.view.go(at - told.begin);
+    const at = content.summary.kinetic_energy.at;
+    if (at !== null) app.view.go(at - content.begin);
     app.update();
   }
 
   mesh(sha) {
-    const place = this.told.meshes[sha];
+    const place = this.content.meshes[sha];
     if (place === undefined) return Promise.reject(new Error(`mesh ${sha} is not in this file`));
     return bytesOf(place).then(meshOf);
   }
 
-  // Goes on from the moment that is shown, as fast as it was; from the beginning, at the end.
+  // Plays from the moment shown in real time; at the end, from the start.
   play() {
     const { view } = this.app;
     this.playing = !this.playing;

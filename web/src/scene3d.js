@@ -80,7 +80,7 @@ export class Scene3D {
       this.robot.dispose();
     }
     Object.assign(this, { layout, framed: false, posed: false, root: null });
-    this.touch(null);
+    this.showContact(null);
     this.robot = new Robot(layout, this.load, () => {
       if (!this.robot.pending) {
         this.frame(!this.framed);
@@ -198,8 +198,8 @@ export class Scene3D {
     if (visible) this.marks.place(originOf(group), root, velocity, this.size);
   }
 
-  // The worst point of contact; null hides it.
-  touch(worst) {
+  // The contact point with the smallest margin; null hides it.
+  showContact(worst) {
     this.dirty ||= Boolean(worst) || this.point.visible;
     this.worst = worst;
     this.point.visible = Boolean(worst);

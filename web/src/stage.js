@@ -20,7 +20,7 @@ export class Stage {
     this.marks = stored("diag.marks") !== "off";
     this.marked = null;
     this.colours = new Map();
-    this.choice = el("select", { title: "what links are coloured by (1 to 4)", "aria-label": "colour of links", onchange: () => this.colourBy(this.choice.selectedIndex) }, ...IDS.map((id) => el("option", { value: id, text: COLOURINGS[id].label })));
+    this.choice = el("select", { title: "quantity that colours the links (1 to 4)", "aria-label": "colour of links", onchange: () => this.colourBy(this.choice.selectedIndex) }, ...IDS.map((id) => el("option", { value: id, text: COLOURINGS[id].label })));
     this.ticks = ["0", "", ""].map((text) => el("span", { text }));
     this.legend = el("div", { class: "ramp" }, this.choice, el("div", { class: "gradient", style: `background-image:${rampGradient()}` }), el("div", { class: "ticks" }, ...this.ticks));
     this.energy = el("b");
@@ -35,7 +35,7 @@ export class Stage {
       this.scene = new Scene3D(this.node, { load: (sha) => app.source.mesh(sha), changed: () => this.#missing() });
       this.#listen();
     } catch (error) {
-      say(this.hint, `No 3-D: this browser gives no WebGL (${error.message}).`);
+      say(this.hint, `No 3D view: this browser does not provide WebGL (${error.message}).`);
       this.hint.hidden = false;
       this.hint.classList.add("fixed");
     }
@@ -67,12 +67,12 @@ export class Stage {
     return Number.isFinite(value) ? `${number(value)} ${COLOURINGS[this.colouring].unit(this.layout)}` : "";
   }
 
-  // Says in small print what cannot be drawn.
+  // Shows the number of missing meshes.
   #missing() {
     const named = Object.keys(this.layout?.scene.missing ?? {}).length;
     const count = named + (this.scene?.robot?.missing ?? 0);
     this.missing.hidden = !count;
-    say(this.missing, count === 1 ? "1 mesh is not there" : `${count} meshes are not there`);
+    say(this.missing, count === 1 ? "1 mesh is missing" : `${count} meshes are missing`);
     this.missing.title = Object.entries(this.layout?.scene.missing ?? {}).map(([name, why]) => `${name}: ${why}`).join("\n");
   }
 
@@ -162,12 +162,12 @@ export class Stage {
     // With 1 J of kinetic energy a link can be as fast as √(2λ) along an axis.
     this.scene?.mark(this.marked, root.map((row) => row.map((x) => Math.SQRT2 * x)), Number.isFinite(speed) ? velocity : [0, 0, 0]);
     this.shown = { link: this.marked, speed, mass };
-    const along = Number.isFinite(mass) ? `, ${quantity(mass, "kg")} along it` : "";
-    say(this.marksNote, `${this.marked}: ${quantity(speed, "m/s")}${along}`);
-    this.marksNote.title = "Ellipsoid of J M⁻¹ Jᵀ: velocities that 1 J allows; arrow: the link's velocity; effective mass along it";
+    const reflected = Number.isFinite(mass) ? `, reflected mass ${quantity(mass, "kg")}` : "";
+    say(this.marksNote, `${this.marked}: ${quantity(speed, "m/s")}${reflected}`);
+    this.marksNote.title = "Ellipsoid: velocities that 1 J of kinetic energy allows (J M⁻¹ Jᵀ). Arrow: velocity of the link. Reflected mass: along this velocity.";
   }
 
-  judged({ level, word, says, dim, worst }) {
+  showVerdict({ level, word, says, dim, worst }) {
     toggle(this.node, "dim", Boolean(dim));
     this.banner.hidden = !dim;
     this.banner.className = `banner ${level}`;
@@ -176,9 +176,9 @@ export class Stage {
     say(this.why, worst && !says.includes(worst.text) ? worst.text : "");
   }
 
-  // worst: of the points of contact, {position, above}; null hides it.
-  touched(worst) {
-    this.scene?.touch(worst);
+  // worst: the contact point with the smallest margin, {position, above}; null hides it.
+  showContact(worst) {
+    this.scene?.showContact(worst);
   }
 
   render() {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The strip below: K over the whole history, with contacts, window and moment; dragging moves the moment.
+// The timeline: K over the whole history, collisions, window and moment; dragging moves the moment.
 
 import { faded } from "./colours.js";
 import { el, resized } from "./dom.js";
@@ -47,7 +47,7 @@ export class Timeline {
     ctx.clearRect(0, 0, width, height);
     const [at, flags] = [layout.at("K"), layout.at("flags")];
     const getters = [(d, b) => d[b + at], (d, b) => (d[b + flags] & FLAGS.collision ? 1 : 0)];
-    const [x, energy, contact] = envelope(rows, 0, rows.length, Math.min(600, Math.floor(width / 2)), getters);
+    const [x, energy, collision] = envelope(rows, 0, rows.length, Math.min(600, Math.floor(width / 2)), getters);
     const [first, last] = [rows.first, Math.max(rows.last, rows.first + 1e-9)];
     const across = (t) => (width * (t - first)) / (last - first);
     const most = energy.reduce((a, b) => Math.max(a, b ?? 0), 1e-12);
@@ -66,8 +66,8 @@ export class Timeline {
       from = k + 1;
     }
     ctx.fillStyle = colours.bad;
-    x.forEach((t, k) => contact[k] > 0 && ctx.fillRect(across(t) - 0.75, 0, 2, 5));
-    for (const { start, end } of this.shared.contacts?.() ?? []) {
+    x.forEach((t, k) => collision[k] > 0 && ctx.fillRect(across(t) - 0.75, 0, 2, 5));
+    for (const { start, end } of this.shared.collisions?.() ?? []) {
       ctx.fillRect(across(start) - 1, 0, Math.max(2, across(end) - across(start)), 5);
     }
     this.place();

@@ -45,10 +45,10 @@ test("live, paused, stale, and a recording", () => {
 
 test("notes of a state", () => {
   const all = Object.values(FLAGS).reduce((sum, bit) => sum + bit) - FLAGS.late;
-  const words = ["contact", "velocities estimated", "no efforts", "receive times instead of stamps", "links of another model"];
+  const words = ["collision", "velocities estimated", "no joint torques", "reception times, no stamps", "model differs from the monitor's"];
   assert.deepEqual(seen(healthy(), all), ["warn", "Live", "", ...words]);
-  assert.deepEqual(seen(healthy(), FLAGS.observerInvalid), ["warn", "Live", "", "external torque not valid"]);
-  assert.deepEqual(seen(healthy(), FLAGS.collision), ["good", "Live", "", "contact"]);
+  assert.deepEqual(seen(healthy(), FLAGS.observerInvalid), ["warn", "Live", "", "external torque invalid"]);
+  assert.deepEqual(seen(healthy(), FLAGS.collision), ["good", "Live", "", "collision"]);
 });
 
 test("the worst status colours the verdict, without the name of its node", () => {
@@ -61,4 +61,17 @@ test("the worst status colours the verdict, without the name of its node", () =>
   assert.deepEqual([health.worst, seen(health)[0]], [{ level: "warn", text: "rates" }, "warn"]);
   health.setDiagnostics([status(0, "rates", "well")]);
   assert.deepEqual([health.worst, seen(health)[0]], [null, "good"]);
+});
+
+test("a collision is one note with its cause, and does not colour the verdict", () => {
+  const health = healthy();
+  const collision = status(1, "arm/diag_dynamics: external torque", "collision: |m r| 15 N m > 5.14");
+  health.setDiagnostics([collision, status(1, "arm/diag_dynamics: pace", "late")]);
+  assert.equal(health.worst.text, "pace: late");
+  health.setDiagnostics([collision]);
+  assert.deepEqual([health.worst, seen(health, FLAGS.collision)], [null, ["good", "Live", "", collision.message]]);
+  assert.deepEqual(seen(health), ["good", "Live", "", collision.message]);
+  assert.deepEqual(seen(health, 0, { paused: true }), ["paused", "Paused", ""]); // the cause is of now
+  health.setDiagnostics([status(1, "arm/diag_dynamics: external torque", "no effort of 1: elbow")]);
+  assert.deepEqual(health.worst, { level: "warn", text: "external torque: no effort of 1: elbow" });
 });

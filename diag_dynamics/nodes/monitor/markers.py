@@ -30,7 +30,7 @@ LIFETIME, HORIZON = 2, 0.5
 """Time after which a viewer deletes markers, and after which a link would be at the end of its arrow [s]."""
 
 MIN_ENERGY, MIN_RESIDUAL = 1e-3, 0.1
-"""Energy added to K where shares are compared with it [J], and minimum |r| of a joint in a collision, as a fraction of the largest."""
+"""Energy added to K where shares are compared with it [J]; minimum |r| of a joint in a collision, relative to the largest."""
 
 MAX_HALF_AXIS, MIN_REACH = 0.2, 0.05
 """Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach, and minimum reach [m]."""
