@@ -40,7 +40,7 @@ test: $(or $(LINT),setup-tests)  ## the gate: lint, JavaScript, tests; ARGS=<pyt
 	@node --test web/test/*.test.js
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
-test-full: lint docs  ## everything: all robots and examples, processes, browser, namespaces, both ROS 2; an hour
+test-full: lint docs  ## everything: all robots and examples, processes, browser, both ROS 2; an hour
 	@node --test web/test/*.test.js
 	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS)
 	@ROS_DISTRO=kilted $(MAKE) setup-tests

@@ -4,6 +4,7 @@
 """Faults of publishers, quality of service, requests and names: what fits is served, and the rest is named."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from diag_dynamics.srv import Diagonalize, SetPayload
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Inertia, Vector3, Wrench
 from rcl_interfaces.srv import ListParameters
+from rclpy.event_handler import QoSSubscriptionEventType as Lost
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -94,6 +96,15 @@ def test_overrides_of_qos(overridden, panda):
     overridden.peer.graph.spin()
     assert late.stamps == [overridden.now]
     node.destroy_subscription(late.subscription)
+
+
+def test_messages_that_the_middleware_lost(monitor):
+    """They are counted beside those received."""
+    before = monitor.next_report()
+    (states,) = [one for one in monitor.process.node.subscriptions if one.topic_name == "/default/joint_states"]
+    (handler,) = [one for one in states.event_handlers if one.event_type == Lost.RCL_SUBSCRIPTION_MESSAGE_LOST]
+    handler.callback(SimpleNamespace(total_count=7, total_count_change=3))
+    assert monitor.next_report().since(before) == {"lost in transport": 3}
 
 
 TYPE = ["/intruder publishes std_msgs/msg/String on", "expected sensor_msgs/msg/JointState"]
