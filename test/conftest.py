@@ -116,7 +116,7 @@ def pytest_runtest_call(item):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
-    """Show the output of processes, and the stacks of those that still run, where a live test fails."""
+    """Show the output of processes where a live test fails."""
     report = yield
     if report.failed and item.get_closest_marker("live"):
         from processes import Process

@@ -21,14 +21,7 @@ import rclpy
 from rcl_interfaces.srv import GetParameterTypes
 from rclpy.executors import SingleThreadedExecutor
 
-import stacks
 from nodes import START, TIMEOUT, Peer
-
-SLOW = 18.0
-"""Shutdown timeout [s], below :data:`TIMEOUT`, so that stacks are dumped before a launcher kills the process."""
-
-ASKED = "\n--- asked for stacks:\n"
-"""Marker between the output of a process and its stack dump."""
 
 
 class Process(contextlib.AbstractContextManager):
@@ -40,7 +33,7 @@ class Process(contextlib.AbstractContextManager):
         """Start it, in a session of its own: a Ctrl-C at the test run does not reach it."""
         self.command = [str(part) for part in command]
         options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT} | options
-        options["env"] = (options.get("env") or os.environ) | stacks.ENVIRONMENT
+        options["env"] = (options.get("env") or os.environ) | {"PYTHONFAULTHANDLER": "1"}
         self.popen = subprocess.Popen(self.command, start_new_session=True, **options)
         self._said = b""
         self._changed = threading.Condition(threading.RLock())
@@ -70,14 +63,8 @@ class Process(contextlib.AbstractContextManager):
 
     @classmethod
     def report(cls):
-        """Return the output of the last processes, and the stacks of those that still run, as sections of a report."""
-        sections = []
-        for process in cls.started[-4:]:
-            sections.append((f"output of {process}", process.tail()))
-            if process.alive():
-                known = "\n".join(map(stacks.known_of, stacks.family(process.popen.pid)))
-                sections.append((f"stacks of {process}", known))
-        return sections
+        """Return the output of the last processes as sections of a report."""
+        return [(f"output of {process}", process.tail()) for process in cls.started[-4:]]
 
     def __str__(self):
         return " ".join(part.rsplit("/", 1)[-1] for part in self.command[1:4]) + f", pid {self.popen.pid}"
@@ -88,17 +75,16 @@ class Process(contextlib.AbstractContextManager):
         with self._changed:
             return self._said.decode(errors="replace")
 
-    def tail(self, lines=60):
-        """The last of what it has said."""
-        said, asked, known = self.output.partition(ASKED)
-        return ("".join(said.splitlines(keepends=True)[-lines:]) + asked + known) or "(nothing)"
+    def tail(self, lines=100):
+        """Return the last lines of the output."""
+        return "".join(self.output.splitlines(keepends=True)[-lines:]) or "(nothing)"
 
     def wait_for(self, condition, what, timeout=START):
         """Wait until a condition on the output holds."""
         with self._changed:
             self._changed.wait_for(lambda: self._descriptor is None or condition(self.output), timeout)
         if not condition(self.output):
-            self.tell_stacks()
+            self.dump_stacks()
             raise AssertionError(f"{self}: waited in vain for {what}")
 
     def wait_for_text(self, text):
@@ -118,26 +104,23 @@ class Process(contextlib.AbstractContextManager):
         self.popen.send_signal(number)
 
     def wait(self, timeout=TIMEOUT):
-        """Wait for its end, and return its status; where it does not end, it and what it has started say what they are at."""
+        """Wait for its end, and return its status; where it does not end, it prints its stacks."""
         try:
             status = self.popen.wait(timeout)
         except subprocess.TimeoutExpired:
-            self.tell_stacks()
+            self.dump_stacks()
             raise
         self._reader.join(timeout)
         return status
 
-    def tell_stacks(self):
-        """Have it and what it has started say what they are at, which ends them; the report of the failure shows it."""
-        with self._changed:
-            self._said += ASKED.encode()
-        known = stacks.asked_for(self.popen.pid)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self.popen.wait(SLOW)
-        if self._reader.ident:
-            self._reader.join(SLOW)
-        with self._changed:
-            self._said += f"\n{known}\n".encode()
+    def dump_stacks(self):
+        """End it and its children by a signal at which Python prints the stacks of all threads, one after the other."""
+        if not self.alive():
+            return
+        for process in (*self.children(), psutil.Process(self.popen.pid)):
+            with contextlib.suppress(psutil.Error):
+                process.send_signal(signal.SIGABRT)
+                process.wait(5.0)
 
     def stop(self, *signals, timeout=TIMEOUT):
         """End it by signals, SIGINT if none is given; it must end with status 0."""
@@ -152,7 +135,7 @@ class Process(contextlib.AbstractContextManager):
             if self.popen.poll() is None and kind is None:
                 self.stop()
             elif self.popen.poll() is None and issubclass(kind, Exception):
-                self.tell_stacks()
+                self.dump_stacks()
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self.popen.pid, signal.SIGKILL)
