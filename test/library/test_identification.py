@@ -23,7 +23,6 @@ from robots import robot, without_hand
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 PANDA = robot("panda_description/urdf/panda.urdf").urdf
-UR5 = robot("ur_description/urdf/ur5_robot.urdf")
 HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 V0 = 5e-3
 DAMPING = np.array([0.5, 0.5, 0.4, 0.4, 0.2, 0.2, 0.2])

@@ -43,28 +43,6 @@ def grid(dt, count):
     return stamps, (stamps - stamps[0]) * 1e-9
 
 
-PACES = [(dt, T) for dt in (0.001, 0.01, 0.1) for T in (0.0, 0.002, 0.01, 0.05, 0.3)]
-
-
-@pytest.mark.parametrize(("dt", "time"), PACES)
-def test_constant_velocity_is_exact(dt, time):
-    """From the first sample on that is no sooner than T after the first one, the second at least."""
-    stamps, t = grid(dt, 400)
-    estimate = estimates(stamps, 0.3 - 1.7 * t, time)
-    first = max(1, math.ceil(round(time * S) / round(dt * S)))
-    assert np.isnan(estimate[:first]).all()
-    np.testing.assert_allclose(estimate[first:], -1.7, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("dt", "time"), [(dt, T) for dt, T in PACES if T])
-def test_delay_of_a_constant_acceleration(dt, time):
-    """The delay is dt/2 + dt/(exp(dt/T) − 1) in the steady state."""
-    stamps, t = grid(dt, 3 + math.ceil(40 * max(time, dt) / dt))
-    a, v = 0.8, -0.4
-    estimate = estimates(stamps, 0.1 + v * t + 0.5 * a * t**2, time)[-1]
-    assert t[-1] - (estimate - v) / a == pytest.approx(dt / 2 + dt / math.expm1(dt / time), abs=1e-9)
-
-
 @examples(100)
 @given(
     st.lists(st.tuples(st.integers(1, 300_000), st.floats(-3, 3)), min_size=2, max_size=40),
@@ -84,28 +62,6 @@ def test_irregular_samples(samples, time):
         weights = np.exp(-ages / time) * -np.expm1(-dt / time) if time else np.arange(n) == n - 1
         size = np.abs(quotients).max()
         assert estimate == pytest.approx(weights @ quotients / weights.sum(), rel=1e-9, abs=1e-9 * size)
-
-
-@pytest.mark.parametrize("dt", [0.0002, 0.001, 0.01])
-@pytest.mark.parametrize("time", [0.01, 0.05])
-def test_noise_of_an_encoder(dt, time):
-    """The error by quantised positions is at most step/T; that of single quotients is up to step/dt."""
-    step = 2.0 * math.pi / 4096
-    stamps, t = grid(dt, math.ceil(40 * time / dt))
-    true = 0.2 * t + 0.05 * np.sin(3.0 * t)
-    quantised = step * np.round(true / step)
-    error = (estimates(stamps, quantised, time) - estimates(stamps, true, time))[t > 20 * time]
-    bound = -math.expm1(-dt / time) * step / dt  # of differences of roundings, summed by parts
-    assert 0.05 * bound < np.abs(error).max() <= bound * (1 + 1e-9) < step / time
-
-
-@pytest.mark.parametrize(("count", "weight"), [(51, 1.0 - math.exp(-1.0)), (500, 1.0)], ids=["at first", "settled"])
-def test_single_step_in_a_short_time(count, weight):
-    """It changes the estimate by the step over T and over the weight of all steps, 1 − 1/e at first."""
-    stamps, _ = grid(0.001, count)
-    estimate = estimates(np.append(stamps, stamps[-1] + 1000), np.append(np.zeros(count), 1e-3), 0.05)
-    assert estimate[-2] == 0.0
-    assert estimate[-1] == pytest.approx(1e-3 / 0.05 / weight, rel=1e-4)
 
 
 @pytest.mark.parametrize("velocity", [2.0, -2.0, 25.0])
@@ -149,19 +105,6 @@ def test_many_positions_of_each_stamp(count, dt, time):
     known = np.isfinite(estimate)
     assert known.tolist() == np.repeat(np.isfinite(estimates(stamps, t, time)), count).tolist()
     np.testing.assert_allclose(estimate[known], -1.7, rtol=1e-9)
-
-
-def test_step_that_no_joint_makes():
-    """A quotient beyond the fastest rejects the message, and none of its positions is kept."""
-    names, (stamps, _) = ("shoulder", "elbow"), grid(0.1, 5)
-    options = Options(0.0, estimate_velocity=True, velocity_filter_time=0.0, max_velocity=100.0)
-    assembler = StateAssembler(Joints(names), options)
-    positions = [(0.0, 0.0), (1.0, 1.0), (5.0, 99.0), (3.0, 1.5), (4.0, 2.5)]
-    found = [accept(assembler, names, *one, [NAN] * 2) for one in zip(stamps, positions, strict=True)]
-    assert (
-        isinstance(found[2], Rejected) and "joint 'elbow': its step to position 99 is faster than 100" in found[2].text
-    )
-    np.testing.assert_allclose([one.state.velocity for one in found[3:]], [(10.0, 2.5), (10.0, 10.0)], rtol=1e-9)
 
 
 # --- stuck sensors

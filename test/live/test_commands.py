@@ -16,7 +16,6 @@ from diag_dynamics.msg import DiagonalizedState
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Float64
 
-from diag_dynamics.nodes.support.names import NODES
 from nodes import PANDA, START
 from processes import Process
 from robots import robot_path
@@ -54,13 +53,6 @@ def test_rate_of_a_topic_that_falls_silent(ros_domain, peer):
         assert rate.wait() == 130 and "Traceback" not in rate.output
 
 
-def test_echo_until_a_signal(simulator):
-    with Process(command("topic", "echo", "/arm/joint_states", "--field", "name")) as echo:
-        echo.wait_for_text("---")
-        echo.signal(signal.SIGTERM)
-        assert echo.wait() == 128 + signal.SIGTERM and "Traceback" not in echo.output
-
-
 def test_echo_before_anybody_publishes(ros_domain, peer):
     """A topic whose type is given is heard, however it will be published."""
     with Process(command("topic", "echo", "--once", "/late", "std_msgs/msg/Float64")) as echo:
@@ -86,12 +78,6 @@ def test_a_reader_that_goes_away(simulator, arguments):
         os.close(read)
         process.listen(process.popen.stderr.fileno())
         assert process.wait() == 0 and process.output == ""
-
-
-def test_service_call(simulator):
-    pause = ("service", "call", f"/arm/{NODES['simulator']}/pause", "std_srvs/srv/SetBool", "{data: false}")
-    with Process(command(*pause)) as call:
-        assert call.wait(START) == 0 and "success: true" in call.output
 
 
 def test_top_in_a_terminal(peer, tmp_path):

@@ -18,7 +18,6 @@ from rclpy.node import NodeNameNonExistentError
 from controllers import effort_controller
 from nodes import PANDA, START, robot
 from processes import Process, node_process
-from robots import robot_path
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
@@ -74,34 +73,6 @@ def test_units_start_nodes(ros_domain, tmp_path, unit):
             process.popen.pid == os.getpgid(process.popen.pid) and process.children() == []
         )  # exec: no shell in between
         process.stop(getattr(signal, said["KillSignal"]))
-
-
-# --- the container
-
-
-def test_services_start_nodes(ros_domain, tmp_path):
-    """Those of the compose file, by the image's entrypoint: a robot, its monitor that finds it, and the page."""
-    compose = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text(encoding="utf-8"))["services"]
-    entrypoint = tmp_path / "entrypoint.sh"
-    text = (ROOT / "deploy" / "entrypoint.sh").read_text(encoding="utf-8")
-    set_up = '"/opt/ros/${ROS_DISTRO:?is set by the image}/setup.bash"', "/ws/install/setup.bash"
-    places = dict.fromkeys(set_up, nothing(tmp_path))
-    entrypoint.write_text(at_hand(text, places), encoding="utf-8")
-    mounted = {"/robot/robot.urdf": robot_path(PANDA), "/robot/monitor.yaml": ROOT / "config" / "robots" / "xarm.yaml"}
-
-    def start(service, *more):
-        command = compose[service]["command"]
-        for place, path in mounted.items():
-            command = [part.replace(place, str(path)) for part in command]
-        return Process(("bash", entrypoint, *command, *more), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)})
-
-    with start("robot"), start("monitor") as monitor, start("page", "--ros-args", "-p", "port:=0") as page:
-        page.wait_for_text("Page: http")
-        monitor.wait_for_text("Ready: robot 'panda'")
-        page.wait_for_text("Showing robot 'panda'")
-        assert {one.popen.poll() for one in (monitor, page)} == {None}
-        for process in (page, monitor):
-            process.stop(getattr(signal, compose["page"]["stop_signal"]))
 
 
 # --- the policy for SROS 2

@@ -68,7 +68,7 @@ def test_soak(peer):
         peer.wait_until(
             lambda: states.subscription.get_publisher_count() and monitor.feeder.get_subscription_count(), "it"
         )
-        monitor.next_report()
+        monitor.process.wait_for_text("Ready")
         process, end = psutil.Process(monitor.process.popen.pid), time.monotonic() + SECONDS
         timer = peer.node.create_timer(1e-3, lambda: sent.update([publish(monitor, rng, peer.now())]))
         while time.monotonic() < end:

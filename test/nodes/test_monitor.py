@@ -48,13 +48,6 @@ def running(peer):
         yield monitor.connect(robot(PANDA))
 
 
-def mixed(panda, moved, new, old):
-    """Return what Pinocchio says of a state in which some joints are those of one sample and the others of another."""
-    some = np.isin(panda.names, moved)
-    samples = panda.samples[new][:3], panda.samples[old][:3]
-    return Truth(panda, *(np.where(some, one, other) for one, other in zip(*samples, strict=True)))
-
-
 # --- joint states
 
 

@@ -13,18 +13,15 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter, get_parameter_value
 
-from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
 from diag_dynamics.nodes.support import runner
 from diag_dynamics.nodes.support.declaring import TableNode, convert, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import steady
-from diag_dynamics.nodes.support.loading import MAX_WARNINGS, compile_dynamics, load_robot
+from diag_dynamics.nodes.support.loading import MAX_WARNINGS, load_robot
 from diag_dynamics.parameters.controller import PARAMETERS as OF_CONTROLLER
-from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
-from nodes import PANDA, robot
 from robots import description, joint, link
 
 # --- parameters
@@ -259,25 +256,6 @@ def test_many_warnings_are_summed_up():
     assert load_robot(log, text, values).nv == 29
     assert sum("triangle" in line for line in log) == MAX_WARNINGS
     assert log[-1].startswith(f"{30 - MAX_WARNINGS} more such warnings")
-
-
-@pytest.mark.usefixtures("compiled")
-def test_kernels_are_compiled_with_a_small_robot(monkeypatch):
-    """The matrices of a large one would take time in which no callback is served."""
-    sizes = []
-    for name in ("factors", "mass_matrix"):
-        method = getattr(DiagonalDynamics, name)
-
-        def record(self, q, method=method):
-            sizes.append(self.model.nv)
-            return method(self, q)
-
-        monkeypatch.setattr(DiagonalDynamics, name, record)
-    compile_dynamics.cache_clear()
-    settings = Settings.of({name: spec.default for name, spec in PARAMETERS.items()})
-    model = load_urdf(robot(PANDA).path)
-    assert MonitoredRobot(robot(PANDA).urdf.encode(), model, settings, 1).model is model
-    assert not sizes  # kernels are compiled by a small robot, and none of the robot's own matrices are computed
 
 
 # --- the process

@@ -5,8 +5,6 @@
 
 import itertools
 import math
-import re
-import xml.etree.ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
@@ -158,38 +156,6 @@ def test_missing_efforts(monitor, standing, panda):
     feed(monitor, [(q, qd, one)])
     entry = monitor.next_report().entries[TORQUE]
     assert (entry.level, entry.message) == (WARN, f"no effort of 1: {panda.names[2]}")
-
-
-def test_meaning_of_efforts(monitor, standing, panda):
-    """Gravity is added and currents are scaled where parameters say so; without a sensor nothing is known."""
-    q, qd, tau = standing(0)
-    gravity, one = standing.oracle.gravity_torque(q), panda.names[1]
-    for values, sent in (
-        ({"effort_scale": ["*=0.5"]}, 2.0 * tau),
-        ({"effort_includes_gravity": [f"{one}=false"]}, tau - gravity * (np.arange(len(q)) == 1)),
-    ):
-        with monitor.having(**values):
-            found = feed(monitor, [(q, qd, sent)] * 150)
-            np.testing.assert_allclose(found[-1].external_torque, standing.push, rtol=1e-4)
-    with monitor.having(effort_available=[f"{one}=false"]):
-        assert all(map(nothing, feed(monitor, [(q, qd, tau)] * 3)))
-
-
-def test_friction(monitor, panda):
-    """The URDF's friction is no external torque, and part of it without external_torque.friction."""
-    motion, xml = Motion(panda), ET.fromstring(panda.urdf)
-    d = np.array([2.0 * bool(re.fullmatch(r"panda_joint\d", name)) for name in panda.names])
-    for joint in xml.findall("joint"):
-        for dynamics in joint.findall("dynamics"):
-            arm = re.fullmatch(r"panda_joint\d", joint.get("name"))
-            dynamics.attrib.update(damping="2" if arm else "0", friction="0")
-    rubbing = [(q, qd, tau + d * qd) for q, qd, tau in map(motion, range(60))]
-    with monitor.having(robot_description=ET.tostring(xml, encoding="unicode")):
-        for known, expected in ((True, 0.0), (False, -d * rubbing[-1][1])):
-            restart(monitor)
-            with monitor.having(external_torque__friction=known):
-                torque = np.array(feed(monitor, rubbing)[-1].external_torque)
-            assert np.linalg.norm(torque - expected) < 0.02 + 0.1 * np.linalg.norm(expected)
 
 
 # --- collisions

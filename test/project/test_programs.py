@@ -10,9 +10,7 @@ import os
 import shlex
 import shutil
 import signal
-import subprocess
 import sys
-import time
 from importlib import import_module
 from pathlib import Path
 
@@ -154,63 +152,44 @@ def test_maps_are_read(tmp_path, monkeypatch):
 # --- The tutorial ---
 
 
-class Terminal:
-    """A bash that runs one block of the tutorial, with its output in a file."""
+def start(block, folder, environment):
+    """Start a bash that runs a block."""
+    from processes import Process  # which needs ROS 2
 
-    def __init__(self, block, folder, environment):
-        self.line, self.output = block.line, folder.with_name(f"{folder.name}-{block.line}.txt")
-        with open(self.output, "w") as file:
-            self.process = subprocess.Popen(
-                ["bash", "-euo", "pipefail", "-c", block.code],
-                cwd=folder,
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+    return Process(["bash", "-euo", "pipefail", "-c", block.code], cwd=folder, env=environment)
 
-    def __str__(self):
-        return f"docs/tutorial.md, line {self.line}:\n{self.output.read_text()[-4000:]}"
 
-    def wait_for(self, text):
-        deadline = time.monotonic() + TIMEOUT
-        while text not in self.output.read_text():
-            ended = self.process.poll() is not None or time.monotonic() > deadline
-            assert not ended or text in self.output.read_text(), f"no '{text}' in {self}"
-            time.sleep(0.1)
-
-    def interrupt(self):
-        """Send Ctrl-C to the bash and its children, and wait for its end."""
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGINT)
-        self.process.wait(TIMEOUT)
+def interrupt(process):
+    """Send Ctrl-C to a bash and its children, and wait for its end."""
+    if process.alive():
+        os.killpg(process.popen.pid, signal.SIGINT)
+    process.wait(TIMEOUT)
 
 
 def run_block(block, folder, environment, names, running):
-    """Run a block as its comment says; `running` are the terminals in the background by name."""
+    """Run a block as its comment says; `running` are the processes in the background by name."""
     if block.how == "end":
         for name in block.what.split(", "):
-            running.pop(name).interrupt()
+            interrupt(running.pop(name))
     elif block.how == "hear":
         name, text = block.what.split(", ")
-        running[name].wait_for(text)
+        running[name].wait_for_text(text)
     elif block.language == "python":
         exec(compile("\n" * block.line + block.code, "docs/tutorial.md", "exec"), names)
     elif block.how == "run in the background":
         name, _, texts = block.what.partition(", until ")
-        running[name] = Terminal(block, folder, environment)
+        running[name] = start(block, folder, environment)
         for text in texts.split(", and ") if texts else ():
-            running[name].wait_for(text)
+            running[name].wait_for_text(text)
     elif block.how == "run until":
-        terminal = Terminal(block, folder, environment)
+        process = start(block, folder, environment)
         try:
-            terminal.wait_for(block.what)
+            process.wait_for_text(block.what)
         finally:
-            terminal.interrupt()
+            interrupt(process)
     else:
-        terminal = Terminal(block, folder, environment)
-        assert terminal.process.wait(TIMEOUT) == 0, str(terminal)
+        process = start(block, folder, environment)
+        assert process.wait(TIMEOUT) == 0, f"docs/tutorial.md, line {block.line}: {process.tail()}"
 
 
 @pytest.mark.live
@@ -227,10 +206,10 @@ def test_the_tutorial_runs_to_its_end(ros_domain, tmp_path, monkeypatch):
         for block in blocks_of(DOCS / "tutorial.md"):
             if block.how != "not run":
                 run_block(block, tmp_path, environment, names, running)
-            for name, terminal in running.items():
-                assert terminal.process.poll() is None, f"{name} has ended: {terminal}"
+            for name, process in running.items():
+                assert process.alive(), f"{name} has ended: {process.tail()}"
     finally:
-        for terminal in running.values():
-            terminal.interrupt()
+        for process in running.values():
+            interrupt(process)
     assert running == {}
     assert {"arm.urdf", "arm.yaml", "alarms.yaml"} <= {path.name for path in tmp_path.iterdir()}

@@ -51,10 +51,6 @@ class Robot:
         assert other.oracle.dof_names == self.names
         return other
 
-    def in_order(self, names, values):
-        """Put a vector that is in this robot's order into that of `names`."""
-        return np.asarray(values)[[self.names.index(name) for name in names]]
-
 
 @cache
 def robot(id, free=False):

@@ -51,15 +51,6 @@ COUNTERS = sorted(
 )
 """Every counter that the table raises."""
 
-NODE_COUNTERS = (
-    "before the model",
-    "skipped: overload",
-    "odometry skipped: overload",
-    "clock jumped back",
-    "rejected: InputError",
-)
-"""Counters that a node alone raises."""
-
 
 def wiring(counter):
     """Return the shortest case that raises a counter."""

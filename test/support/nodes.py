@@ -476,12 +476,6 @@ class Monitor(contextlib.AbstractContextManager):
             self.peer.graph.finish_loading(node)
         return result
 
-    def reload(self):
-        """Have it load the robot of its parameter again, and forget all that has arrived."""
-        description = self.peer.get_parameters(self.name, ["robot_description"])["robot_description"]
-        assert description, "the robot is that of a topic"
-        self.set_parameter("robot_description", description)
-
     @contextlib.contextmanager
     def having(self, **values):
         """Set parameters, which must succeed, and put them back at the end."""

@@ -99,13 +99,6 @@ class Truth:
         else:
             assert len(message.l) == 0
 
-    def check_named(self, message):
-        """By joint: ½ν² where a position is, ν where a velocity is, ε where an effort is."""
-        s = self.state
-        self.check_vector(message.position, 0.5 * s.nu**2)
-        self.check_vector(message.velocity, s.nu)
-        self.check_vector(message.effort, [] if s.tau is None else s.epsilon)
-
     def check_kinetic_energy(self, message):
         s = self.state
         K = s.kinetic_energy
