@@ -4,14 +4,11 @@
 """Analysis of recordings: figures are those of single calls, of NumPy and of motions whose truth is known."""
 
 import json
-import os
 from itertools import pairwise
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from lxml import etree
 
 import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
@@ -19,13 +16,6 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
-
-RECORDINGS = Path(
-    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
-)
-with_recordings = pytest.mark.skipif(
-    not RECORDINGS.is_dir(), reason=f"no recordings of real arms in {RECORDINGS}: set DIAG_DYNAMICS_RECORDINGS"
-)
 
 LOOSE = [f"absurd.{name}=0" for name in ("jump", "beyond_limits", "beyond_velocity", "velocity", "position")]
 LOOSE += ["frozen_timeout=0"]
@@ -252,23 +242,6 @@ def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
     assert summary["duration"] == pytest.approx(t[-1], abs=1e-8)
 
 
-def test_text_for_people(tmp_path, motion, capsys, monkeypatch):
-    """Lines fit, times are from the first state on, losses come before notes."""
-    t, q, qd, tau = motion
-    tau = np.where(np.arange(len(t))[:, None] == 9, np.inf, 0.1 * tau)
-    path = write_columns(tmp_path / "x.npz", t + 1.7e9, q, qd, tau)
-    main(["analyse", str(path), "--urdf", "ur5", "--json", "-"])
-    summary = json.loads(capsys.readouterr().out)
-    for width in (40, 100):
-        monkeypatch.setenv("COLUMNS", str(width))
-        main(["analyse", str(path), "--urdf", "ur5"])
-        lines = capsys.readouterr().out.split("\n")
-        assert max(map(len, lines)) <= width
-        text = " ".join(line.strip() for line in lines)
-        assert f"J at {summary['kinetic_energy']['at'] - summary['begin']:.3f} s, " in text
-        assert text.index("Worth knowing") < text.index("How it was read") < text.index("time: t.")
-
-
 # --- Observer and contact ---
 
 
@@ -448,43 +421,3 @@ def test_gaps_repeats_and_bounds(analysed, ur5, motion):
     summary, *_ = analysed(np.round(t, 1), q, qd, tau)
     assert summary["quality"]["repeated_stamps"] > 0.9 * len(t)
     assert any("times need more digits" in text for text in summary["warnings"])
-
-
-# --- Real arms ---
-
-
-@with_recordings
-@pytest.mark.parametrize("hand", [False, True], ids=["without the hand", "with a hand that is not mounted"])
-def test_panda(tmp_path, hand):
-    """The model without the hand explains what it should; with the hand, a payload is missing."""
-    path, urdf, out = RECORDINGS / "panda/exciting_trajectory.csv.gz", tmp_path / "panda.urdf", tmp_path / "a.json"
-    tree, options = etree.parse(find_urdf("panda")).getroot(), []
-    if hand:
-        locked = "locked_joints=['panda_finger_joint1=0.0', 'panda_finger_joint2=0.0']"
-        options = ["--set", locked, "mimic=free", "massless=lock"]
-    else:
-        links = {"panda_hand", "panda_hand_tcp", "panda_leftfinger", "panda_rightfinger"}
-        for part in list(tree):
-            child = part.find("child")
-            if part.get("name") in links or (child is not None and child.get("link") in links):
-                tree.remove(part)
-    urdf.write_bytes(etree.tostring(tree))
-    status = main(["analyse", str(path), "--urdf", str(urdf), *options, "--quiet", "--json", str(out)])
-    summary = json.loads(out.read_text())
-    assert summary["states"] == 20544 and status == hand
-    assert summary["explained"] == pytest.approx(0.29 if hand else 0.95, abs=0.02)
-    assert ("payload" in summary["balance"]["says"]) == hand
-    if not hand:
-        assert summary["explained_with_potential"] > 0.99
-        assert summary["quality"]["velocity_delay"] == pytest.approx(0.005, abs=0.001)
-
-
-@with_recordings
-def test_kuka(tmp_path):
-    """In slow motion the change of kinetic and potential energy is explained."""
-    path, urdf = (str(RECORDINGS / "kuka_lwr4" / name) for name in ("measurements_1.npz", "kuka_lwr4.urdf"))
-    main(["analyse", path, "--urdf", urdf, "--quiet", "--json", str(tmp_path / "a.json")])
-    summary = json.loads((tmp_path / "a.json").read_text())
-    assert summary["states"] == 5027 and summary["explained"] < 0.0 < 0.95 < summary["explained_with_potential"]
-    with np.load(path) as arrays:  # not what was commanded
-        np.testing.assert_array_equal(dd.read_recording(path, urdf).q, arrays["positions"])

@@ -51,13 +51,13 @@ CAUSES = {
 }
 
 
-@pytest.mark.parametrize("wear", [False, True], ids=["alone", "with friction and noise"])
 @pytest.mark.parametrize("cause", CAUSES)
-def test_causes_are_named_on_a_desk_arm(arm, cause, wear):
+def test_causes_are_named_on_a_desk_arm(arm, cause):
+    """Friction and noise are a third of the arm's torque each."""
     gravity, changed, key = CAUSES[cause]
     t, q, qd, tau = motion(gravity=gravity)
     with pytest.raises(dd.InputError, match=key):
-        dd.identify(recording(t, q, qd, changed(worn(tau, qd) if wear else tau)), arm, "friction")
+        dd.identify(recording(t, q, qd, changed(worn(tau, qd))), arm, "friction")
 
 
 @pytest.mark.parametrize("wear", [False, True], ids=["alone", "with friction and noise"])
@@ -224,17 +224,6 @@ def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     columns = t, 0.0 * q + 0.3, 0.0 * qd, 0.1 + noise(tau, 0.01)
     status, said = commanded(tmp_path, capsys, "calibrate", columns, "-o", str(tmp_path / "alarms.yaml"))
     assert status == 1 and "no joint moves: the thresholds are those of a robot at rest" in said
-
-
-@pytest.mark.parametrize("cause", ["ceiling", "each joint's own unit"])
-def test_the_balance_names_the_same_causes(tmp_path, capsys, cause):
-    gravity, changed, key = CAUSES[cause]
-    t, q, qd, tau = motion(gravity=gravity)
-    options = "--set", "absurd.beyond_effort=0", "--json", str(tmp_path / "summary.json")
-    status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, changed(tau)), *options)
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert status == 1 and re.search(key, summary["efforts"]["says"]) and summary["efforts"]["says"] in said
-    assert summary["explained"] < 0.8
 
 
 def test_the_balance_of_a_desk_arm(tmp_path, capsys):

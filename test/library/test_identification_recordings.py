@@ -7,6 +7,7 @@ Real recordings are no part of the package, so their tests are in the full tier.
 """
 
 import gzip
+import json
 import os
 import re
 from pathlib import Path
@@ -134,6 +135,36 @@ def test_the_hand_that_the_panda_lacks(measured):
     told = next(text for text in unaware if "ask for payload" in text)
     found = re.search(r"a payload of (\S+) kg at 'panda_link7'", told)
     assert float(found[1]) == pytest.approx(-0.7, abs=0.07)
+
+
+@FULL
+@pytest.mark.parametrize("hand", [False, True], ids=["without the hand", "with a hand that is not mounted"])
+def test_balance_of_the_panda(tmp_path, hand):
+    """The model without the hand explains what it should; with the hand, a payload is missing."""
+    path, urdf, out = path_of("panda"), tmp_path / "panda.urdf", tmp_path / "summary.json"
+    text = Path(find_urdf("panda")).read_text(encoding="utf-8")
+    urdf.write_text(text if hand else without_hand(text), encoding="utf-8")
+    locked = f"locked_joints={[f'{name}={position}' for name, position in HELD.items()]}"
+    options = ["--set", locked, "mimic=free", "--quiet", "--json", str(out)]
+    status, summary = main(["analyse", str(path), "--urdf", str(urdf), *options]), json.loads(out.read_text())
+    assert summary["states"] == 20544 and status == hand
+    assert summary["explained"] == pytest.approx(0.29 if hand else 0.95, abs=0.02)
+    assert ("payload" in summary["balance"]["says"]) == hand
+    if not hand:
+        assert summary["explained_with_potential"] > 0.99
+        assert summary["quality"]["velocity_delay"] == pytest.approx(0.005, abs=0.001)
+
+
+@FULL
+def test_balance_of_the_kuka(tmp_path):
+    """In slow motion the change of kinetic and potential energy is explained."""
+    path, out = path_of("kuka"), tmp_path / "summary.json"
+    urdf = str(path.with_name("kuka_lwr4.urdf"))
+    main(["analyse", str(path), "--urdf", urdf, "--quiet", "--json", str(out)])
+    summary = json.loads(out.read_text())
+    assert summary["states"] == 5027 and summary["explained"] < 0.0 < 0.95 < summary["explained_with_potential"]
+    with np.load(path) as arrays:  # not what was commanded
+        np.testing.assert_array_equal(dd.read_recording(path, urdf).q, arrays["positions"])
 
 
 UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from bags import ODOMETRY, Message, arm, description, serialized, write_mcap
+from bags import ODOMETRY, Message, arm, description, write_mcap
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.states import States
 from hostile import MS, START, Driver, S
@@ -70,28 +70,6 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
         assert estimated.tolist() == [one.estimated for one in expected]
         total += counts
     assert seeds != (0, 1) or not [key for key in case.counts if not total[key]]
-
-
-@pytest.mark.parametrize("velocity", [(), (0.0, 0.0)], ids=["no velocities", "zeros"])
-@pytest.mark.parametrize("shift", [0, 5, -5], ids="{} ms".format)
-def test_two_sources_in_one_topic(tmp_path, velocity, shift):
-    """joint_state_publisher's zeros beside a driver: the driver is served, and a finding names the sources.
-
-    Where a state of the zeros comes first, the driver's first message is a jump from there.
-    """
-    names, times = ("shoulder", "elbow"), 0.01 * np.arange(100)
-    q, qd = (scale * of(3.0 * times + 1.0)[:, None] * (1.0, -0.7) for scale, of in ((0.8, np.sin), (2.4, np.cos)))
-    stamps = [START + 10 * MS * k for k in range(1, 101)]
-    moving = [(at, serialized(at, names, *row)) for at, *row in zip(stamps, q, qd, strict=True)]
-    zeros = [(at + shift * MS, serialized(at + shift * MS, names, (0.0, 0.0), velocity)) for at in stamps]
-    messages = [Message("/joint_states", at, raw) for at, raw in sorted(moving + zeros, key=lambda one: one[0])]
-    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", messages), arm(*names))
-    served = {row.tobytes() for row in recording.q}
-    zeros_first = shift < 0 and bool(velocity)
-    assert all(row.tobytes() in served for row in q[zeros_first:])
-    assert len(recording.t) == 100 + zeros_first  # two of them of the zeros, where these came first
-    (finding,) = [one for one in recording.findings if "interleaved sources" in one.cause]
-    assert "publish" in finding.text and finding.count >= 98
 
 
 # --- Reading ---

@@ -3,7 +3,6 @@
 
 """Faults injected into a monitor: each is counted and named, nothing is published of it, and the next state is right."""
 
-import math
 from collections import Counter
 
 import numpy as np
@@ -248,28 +247,16 @@ def test_one_source_of_the_robot(by_topic, monitor):
 
 PARAMETERS = [
     ({"absurd.position": -1.0}, "absurd.position"),
-    ({"absurd.position": math.nan}, "absurd.position"),
     ({"alarm.joints": ["elbow=1"]}, "gain is 0"),
-    ({"alarm.joints": ["panda_joint1"]}, "name=number"),
     ({"armature": ["panda_joint1=0.5"]}, "read-only"),
     ({"contact.limits_file": "/nowhere/limits.yaml"}, "parameter 'contact.limits_file'"),
     ({"contact.links": ["nowhere"]}, "'nowhere', which is no link of robot 'panda'"),
     ({"contact.links": ["panda_link0"]}, "names no link that moves: 'panda_link0'"),
     ({"contact.points": ["tip=nowhere 0 0 0"]}, "'nowhere' is not a link"),
-    ({"effort_available": ["elbow=true"]}, "elbow"),
-    ({"effort_available": [f"{FINGER}=true", f"{FINGER}=false"]}, "two entries"),
     ({"effort_includes_gravity": [f"{MIMIC_FINGER}=false"]}, MIMIC_FINGER),
-    ({"foreign_time": "maybe"}, "warn, refuse"),
-    ({"gravity": [0.0]}, "3 numbers"),
     ({"gravity": [0.0, 9810.0, 0.0]}, "within ±1000"),
     ({"gravity": -9.81}, "Wrong parameter type"),
-    ({"max_rate.coriolis": -1.0}, "max_rate.coriolis"),
     ({"payloads": ["tool=1"]}, "tool"),
-    ({"payloads": [f"{HAND}=1 0 1e200 0"]}, "within ±1e+09"),
-    ({"warn_energy_share": ["elbow=1"]}, "elbow"),
-    ({"warn_energy": 10.0, "error_energy": 5.0}, "warn_energy is 10"),
-    ({"warn_energy_share": ["*=2"], "error_energy_share": ["panda_joint1=1"]}, "panda_joint1"),
-    ({"external_torque.threshold": 1.0, "external_torque.release_threshold": 2.0}, "release_threshold is 2"),
     ({"external_torque.gain": 9.0, "alarm.norm": 1.0, "external_torque.threshold": 2.0}, "threshold is 2"),
     ({"external_torque.gain": 9.0, "alarm.joints": ["elbow=1"]}, "'elbow'"),
 ]

@@ -245,15 +245,6 @@ def test_mjcf_without_mujoco(run, monkeypatch):
 # --- inspect
 
 
-def test_inspect_for_people(run):
-    """Lines fit into 80 columns; the worst finding is the first."""
-    _, out, _ = run("inspect ur5")
-    assert max(map(len, out.splitlines())) <= 80
-    found = [line.split()[0] for line in out.splitlines() if re.match(r"(?:ok|note|warning|error) ", line)]
-    assert [SEVERITIES.index(one) for one in found] == sorted((SEVERITIES.index(one) for one in found), reverse=True)
-    assert re.search(r"\n\d+ errors?, \d+ warnings?, \d+ notes?\n$", out)
-
-
 def test_inspect_for_programs(run):
     """The keys of the JSON are part of the interface."""
     status, out, _ = run("inspect bare.urdf --json")
@@ -335,22 +326,6 @@ def test_parameters_hold_for_all_recordings(run):
     options = "--urdf ur5_robot --what payload:ee_link --set effort_scale=*=0.5 --json -"
     status, out, _ = run(f"identify doubled.csv doubled.csv {options} --reference doubled.csv")
     assert status == 0 and abs(json.loads(out)["payload"]["mass"]) < 0.05
-
-
-def test_plots_of_two_runs(columns, run, tmp_path, monkeypatch):
-    """Time stamps that restart: curves do not go back, and the held-out part is the end."""
-    figures = []
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: figures.append(figure))
-    names, numbers = columns
-    write(tmp_path / "twice.csv", names, np.vstack([numbers, numbers]))
-    assert run("identify {tmp}/twice.csv --urdf ur5_robot --what friction --plots {tmp}/x.png --quiet")[0] == 0
-    whole = 2.0 * (numbers[-1, 0] - numbers[0, 0])
-    for axes in figures[0].axes[:6]:
-        (held_out,) = axes.patches
-        assert held_out.get_x() == pytest.approx(2.0 / 3.0 * whole, rel=0.02)
-        for line in axes.lines[:2]:
-            time = line.get_xdata()
-            assert (np.diff(time) >= 0.0).all() and time[-1] == pytest.approx(whole, rel=0.02)
 
 
 # --- compile
