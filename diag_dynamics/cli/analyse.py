@@ -22,9 +22,8 @@ from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, describe_faults, format_summary, summarize
 from diag_dynamics.text import Progress
 
-EPILOG = """exit status: 0 success; 1 analysed, but data could not be read, messages were rejected, the balance of power
-explains less than 80 % (see the summary) or is missing although there are efforts, units do not agree, or one of several
-recordings failed; 2 nothing could be analysed. docs/recordings.md describes formats and results."""
+EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
+than 80 %, a wrong unit, or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."""
 
 THRESHOLDS = {"alarm.joints", "alarm.external_torque", "alarm.norm", "external_torque.threshold"}
 """Parameters of the monitor that set a threshold; a file of alarms sets at least one."""
@@ -34,17 +33,17 @@ OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "j
 
 def add_arguments(parser):
     """Declare the arguments."""
-    common.add_recording(parser, "rosbag2 folder, .mcap, .db3, .bag, CSV, TSV, Parquet or npz; or several", nargs="*")
+    common.add_recording(parser, "rosbag2 folder, .mcap, .db3, .bag, CSV, TSV, Parquet or npz", nargs="*")
     parser.add_argument("--alarms", metavar="ALARMS.yaml", help="thresholds written by diag-dynamics calibrate")
-    text = f"gain of the observer [1/s], unless external_torque.gain is set (default: {common.GAIN:g})"
+    text = f"observer gain [1/s] unless external_torque.gain is set (default: {common.GAIN:g})"
     parser.add_argument("--gain", type=float, help=text)
     parser.add_argument("-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play")
     text = f"topics in OUT.mcap, separated by commas: {', '.join(TOPICS)} (default: {','.join(WRITTEN)})"
     parser.add_argument("--topics", help=text)
-    parser.add_argument("--parquet", metavar="OUT.parquet", help="a column for each quantity and joint")
-    parser.add_argument("--csv", metavar="OUT.csv", help="the same as text")
-    parser.add_argument("--report", metavar="OUT.html", help="a page with all results; it needs no network")
-    parser.add_argument("--json", metavar="SUMMARY.json", help="the summary for programs; - for stdout")
+    parser.add_argument("--parquet", metavar="OUT.parquet", help="table with a column for each quantity and joint")
+    parser.add_argument("--csv", metavar="OUT.csv", help="the same table as text")
+    parser.add_argument("--report", metavar="OUT.html", help="self-contained HTML page with all results")
+    parser.add_argument("--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout")
     common.add_threads(parser)
     common.add_quiet(parser)
     fleet.add_arguments(parser)
@@ -53,18 +52,18 @@ def add_arguments(parser):
 def run(chosen):
     """Analyse recordings; return the exit status."""
     if not chosen.recording and not chosen.fleet:
-        raise InputError("no recording is named; expected one before --set and --joint-names, or --fleet PATTERN…")
+        raise InputError("recording is missing; expected a path before --set and --joint-names, or --fleet PATTERN.")
     parameters, robot = _parameters(chosen), common.chosen_robot(chosen)
     if chosen.fleet is not None:
         return fleet.analyse(chosen, parameters, robot)
     fleet.refuse(chosen)
     if chosen.topics is not None and chosen.mcap is None:
-        raise InputError("--topics are those of a file that --mcap writes.")
+        raise InputError("--topics requires --mcap OUT.mcap.")
     is_single = len(chosen.recording) == 1
     for option, name in OUTPUTS.items():
         if name != "json" and getattr(chosen, name) and not is_single:
-            count = f"there are {len(chosen.recording)}: --fleet --out DIR writes files of each."
-            raise InputError(f"{option} is of a single recording, and {count}")
+            count = f"there are {len(chosen.recording)}. Use --fleet --out DIR to write files of each."
+            raise InputError(f"{option} writes results of one recording, but {count}")
     with common.json_output(chosen.json) as write:
         return (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
 
@@ -78,10 +77,10 @@ def _analyse(chosen, parameters, robot, write):
         print(format_summary(summary, _width()))
         took = max(time.perf_counter() - start, 1e-9)
         ratio = summary["duration"] / took
-        print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} times as fast as it was recorded.", file=sys.stderr)
+        print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} × real time.", file=sys.stderr)
         common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
         if faults:
-            print(f"Worth a look, so the exit status is {DOUBTFUL}: {'; '.join(faults)}.", file=sys.stderr)
+            print(f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}.", file=sys.stderr)
     return DOUBTFUL if faults else DONE
 
 
@@ -146,8 +145,7 @@ def _progress_of_states(progress):
 
 def _no_states(chosen, recording, analysis):
     if (chosen.start, chosen.end) != (None, None) and not analysis.reading.counts["received"]:
-        place = "no message is within --start and --end"
-        return InputError(f"'{printable(recording)}' has not a single state: {place}.")
+        return InputError(f"'{printable(recording)}' contains no message between --start and --end.")
     return no_states_error(printable(recording), analysis.findings)
 
 
@@ -156,8 +154,8 @@ def _parameters(chosen):
     alarms = [chosen.alarms] if chosen.alarms else []
     if alarms and not THRESHOLDS & set(parameters_of(alarms)):
         raise InputError(
-            f"--alarms: '{printable(chosen.alarms)}' has no thresholds, expected one of {', '.join(sorted(THRESHOLDS))}, "
-            "as diag-dynamics calibrate writes them; other parameters are for --parameters."
+            f"--alarms is '{printable(chosen.alarms)}', which has no thresholds; expected one of "
+            f"{', '.join(sorted(THRESHOLDS))}. Create it with diag-dynamics calibrate, or use --parameters."
         )
     parameters = common.chosen_parameters(chosen, *alarms)
     if chosen.gain is not None and parameters.get("external_torque.threshold"):  # it counts only with a gain

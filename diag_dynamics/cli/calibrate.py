@@ -20,27 +20,35 @@ from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED
 from diag_dynamics.text import Progress
 
-EPILOG = """exit status: 0 calibrated; 1 calibrated, but the recordings are too short for the rate, their parts differ,
-efforts are wrong, or data could not be read (see the summary); 2 not calibrated."""
+EPILOG = """exit status: 0 calibrated; 1 calibrated with warnings: recordings too short for the rate, parts that differ,
+wrong efforts, or unreadable data; 2 not calibrated. Requirements of recordings: docs/collision.md."""
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 OUTPUTS = {"-o": "output"}
 
+METHODS = {
+    "counted": "from {} alarms",
+    "tail": "extrapolated from {} peaks",
+    "blocks": "extrapolated from {} maxima of one second each",
+}
+"""Origin of the thresholds by the method of a Calibration."""
+
 
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_recording(parser, "recordings without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
-    text = "N/s, N/min or N/h, of all detectors together (default: %(default)s)"
+    text = "accepted rate of false alarms, all detectors together: N/s, N/min or N/h (default: %(default)s)"
     parser.add_argument("--false-alarms", metavar="N/min", default="1/min", help=text)
     for option, default, text in (
         ("--gain", common.GAIN, "gain of the disturbance observer [1/s]"),
-        ("--release", RELEASE, "alarm.release"),
-        ("--hold-off", HOLD_OFF, "alarm.hold_off [s]"),
-        ("--standing", STANDING, "alarm.standing [s], 0 for never"),
+        ("--release", RELEASE, "fraction of its threshold below which a detector releases"),
+        ("--hold-off", HOLD_OFF, "time after an alarm in which a rise belongs to that alarm [s]"),
+        ("--standing", STANDING, "age of an alarm at which a constant torque becomes an offset [s], 0 for never"),
     ):
         parser.add_argument(option, type=float, default=default, help=f"{text} (default: %(default)g)")
-    parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help="for monitor and analyse --alarms")
+    text = "parameter file for the monitor and for analyse --alarms"
+    parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help=text)
     common.add_threads(parser)
     common.add_quiet(parser)
 
@@ -81,7 +89,7 @@ def _notes(chosen):
     """Return comments of the file: recordings, date and parameters."""
     notes = [f"From {', '.join(map(repr, chosen.recording))}, {datetime.now(timezone.utc):%Y-%m-%d}."]
     if chosen.parameters or chosen.set:
-        notes.append(f"By {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor needs as well.")
+        notes.append(f"With {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor also needs.")
     return notes
 
 
@@ -93,28 +101,27 @@ def parse_rate(text):
     except ValueError:
         rate = math.nan
     if not 0.0 < rate < math.inf:
-        raise InputError(f"--false-alarms is {text!r}, expected a number > 0 per time: N/s, N/min or N/h.")
+        raise InputError(f"--false-alarms is {text!r}; expected a number > 0 per time: N/s, N/min or N/h.")
     return rate
 
 
 def _summary(found, model, path, findings):
     low, high = found.rate_interval
-    how = f"{found.peaks} alarms counted" if found.method == "counted" else f"from the tail of {found.peaks} peaks"
     width = max(len("|m r|"), *map(len, found.joints))
     units = {name: "N" if slides else "N m" for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)}
     return [
-        f"{found.duration:.4g} s without contact, observer of gain {found.gain:g}/s "
+        f"{found.duration:.4g} s without contact, observer gain {found.gain:g}/s, "
         f"{'with' if found.friction else 'without'} friction of the model",
-        f"False alarms asked for: {format_rate(found.asked)}, all detectors together; {how}",
-        f"Held-out parts: {found.held_out} alarms in {found.duration:.4g} s, {format_rate(found.rate)} "
-        f"(95 %: {format_rate(low)} to {format_rate(high)}); on the recordings themselves {found.alarms}",
+        f"Requested false alarms: {format_rate(found.asked)}, all detectors together",
+        f"Held-out parts: {found.held_out} alarm{'s' * (found.held_out != 1)}, {format_rate(found.rate)} "
+        f"(95 % interval: {format_rate(low)} to {format_rate(high)}); with the final thresholds: {found.alarms}",
         "",
-        "Thresholds",
+        f"Thresholds, {METHODS[found.method].format(found.peaks)}",
         *(f"  {name:{width}}  {value:.4g} {units[name]}" for name, value in found.joints.items()),
         f"  {'|m r|':{width}}  {found.external_torque:.4g} N m",
         f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s",
-        *(["", "Worth knowing"] if found.warnings or findings else []),
+        *(["", "Warnings"] if found.warnings or findings else []),
         *(f"  {text}" for text in (*found.warnings, *findings)),
         "",
-        f"Wrote {path}: for the monitor as --params-file, for analyse as --alarms.",
+        f"Wrote {path}. Give it to the monitor as --params-file and to analyse as --alarms.",
     ]

@@ -23,8 +23,7 @@ GAIN = 25.0
 """Default gain of the disturbance observer [1/s]."""
 
 ROBOT = (
-    "the robot: a URDF, xacro or MJCF file, or a name that `diag-dynamics robots` lists; arguments of a xacro file stand "
-    "anywhere on the line, as NAME:=VALUE"
+    "robot: a URDF, xacro or MJCF file, or a name listed by `diag-dynamics robots`. Add xacro arguments as NAME:=VALUE"
 )
 
 READ = ("recording", "reference", "urdf", "columns", "alarms", "parameters")
@@ -102,13 +101,14 @@ def add_recording(parser, text, nargs="+"):
     """Add recordings and the options of how they are read."""
     parser.add_argument("recording", nargs=nargs, help=text)
     parser.add_argument("--urdf", metavar="ROBOT", help=f"{ROBOT} (default: the robot in the bag)")
-    parser.add_argument("--columns", metavar="MAP.yaml", help="map of the columns of a table (docs/recordings.md)")
+    parser.add_argument("--columns", metavar="MAP.yaml", help="column map of a table (docs/recordings.md)")
     parser.add_argument("--topic", action="append", help="topic of joint states; repeat it to merge several")
-    text = "joint of the robot by its name in the recording; * is any text: 'fer_*=panda_*' (docs/recordings.md)"
+    text = "map a name in the recording to a joint of the robot; * matches any text: 'fer_*=panda_*'"
     add_entries(parser, "--joint-names", "NAME=JOINT", text)
     add_parameters(parser)
-    for option, what in (("--start", "ignore data before"), ("--end", "ignore data from here on")):
-        parser.add_argument(option, type=float, metavar="SECONDS", help=f"{what}, from the beginning [s]")
+    for option, what in (("--start", "ignore earlier data"), ("--end", "ignore later data")):
+        text = f"{what}; seconds from the beginning of the recording"
+        parser.add_argument(option, type=float, metavar="SECONDS", help=text)
 
 
 def add_robot(parser):
@@ -118,9 +118,9 @@ def add_robot(parser):
 
 def add_parameters(parser):
     """Add the options that set parameters."""
-    text = "parameters of the monitor, or of the robot (docs/library.md); may be repeated"
+    text = "file with parameters of the monitor or of the robot (docs/library.md); repeatable"
     parser.add_argument("--parameters", metavar="FILE.yaml", action="append", default=[], help=text)
-    add_entries(parser, "--set", "PARAMETER=VALUE", "parameters of the monitor, as effort_scale='*=0.5'")
+    add_entries(parser, "--set", "PARAMETER=VALUE", "set parameters of the monitor, such as effort_scale='*=0.5'")
 
 
 def add_quiet(parser):
@@ -136,7 +136,7 @@ def add_threads(parser):
 def positive_int(text):
     """Return a whole number of at least 1, as a type of argparse."""
     if int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 1")
+        raise argparse.ArgumentTypeError(f"value is {text}; expected at least 1")
     return int(text)
 
 
@@ -151,7 +151,7 @@ def chosen_robot(chosen):
         return robot_source(chosen.urdf, chosen.xacro_args)
     if chosen.xacro_args:
         argument = chosen.xacro_args[0]
-        raise InputError(f"'{argument}' is a xacro argument, but no robot is named. Give --urdf FILE.xacro.")
+        raise InputError(f"'{argument}' is a xacro argument, but --urdf is missing. Give --urdf FILE.xacro.")
     return None
 
 
@@ -246,20 +246,20 @@ def json_output(path):
 
 
 def check_outputs(chosen, outputs):
-    """Refuse to write over a file that is read, twice into one file, and into a folder that does not exist."""
+    """Reject outputs that are inputs, two outputs into one file, and folders that do not exist."""
     read = [getattr(chosen, name, None) or () for name in READ]
     read = [path for paths in read for path in ([paths] if isinstance(paths, str) else paths)]
-    taken = {_resolve(split_arguments(path)[0]): f"'{path}' is read" for path in read}
+    taken = {_resolve(split_arguments(path)[0]): f"'{path}' is an input" for path in read}
     for option, path in outputs.items():
         full = None if path in (None, "-") else _resolve(path)
         if full is None or (full.exists() and not full.is_file() and not full.is_dir()):
             continue  # several outputs may share a pipe or /dev/null
         for other, what in taken.items():
             if full == other or other in full.parents:
-                raise InputError(f"{option} '{path}': {what}, so nothing is written there.")
+                raise InputError(f"{option} is '{path}', but {what}. Choose another file.")
         if not full.parent.is_dir():
-            raise InputError(f"{option} '{path}': there is no folder '{full.parent}'.")
-        taken[full] = f"{option} is written into it"
+            raise InputError(f"{option} is '{path}', but there is no folder '{full.parent}'.")
+        taken[full] = f"{option} writes this file"
 
 
 def _resolve(path):

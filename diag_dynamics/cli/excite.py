@@ -12,16 +12,16 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.excite import excite
 from diag_dynamics.text import Progress, plain
 
-EPILOG = """Collisions are not checked. Try the trajectory on the simulator first, give --range where space is limited, and
-start slowly (--velocity)."""
+EPILOG = """Collisions are not checked. Try the trajectory on the simulator first, limit the motion by --range, and start with
+a low --velocity."""
 
 OUTPUTS = {"-o": "output", "--trajectory": "trajectory"}
 
 NUMBERS = {  # options with a number: type, default and help
     "--duration": (float, 20.0, "duration [s], a whole number of periods"),
     "--period": (float, 10.0, "period of the Fourier series [s]"),
-    "--velocity": (float, 0.5, "fraction of the velocity limits that is used"),
-    "--effort": (float, 0.7, "fraction of the effort limits that is used"),
+    "--velocity": (float, 0.5, "maximum velocity as a fraction of the limits"),
+    "--effort": (float, 0.7, "maximum effort as a fraction of the limits"),
     "--rate": (float, 50.0, "points per second [1/s]"),
     "--trials": (int, 300, "number of random trajectories"),
     "--seed": (int, 0, "seed of the random trajectories"),
@@ -32,7 +32,7 @@ NUMBERS = {  # options with a number: type, default and help
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_robot(parser)
-    parser.add_argument("--what", default="friction,rotors", help="as of identify (default: %(default)s)")
+    parser.add_argument("--what", default="friction,rotors", help="as for identify (default: %(default)s)")
     for option, (kind, default, text) in NUMBERS.items():
         parser.add_argument(option, type=kind, default=default, help=f"{text} (default: %(default)g)")
     parser.add_argument("--joints", help="joints that move, separated by commas (default: all)")
@@ -48,7 +48,7 @@ def add_arguments(parser):
 def run(chosen):
     """Write a trajectory; return the exit status."""
     if not (chosen.output or chosen.trajectory):
-        raise InputError("no output is named; expected -o OUT.json or --trajectory OUT.yaml.")
+        raise InputError("output is missing; expected -o OUT.json or --trajectory OUT.yaml.")
     model = common.chosen_model(chosen)
     numbers = "duration", "period", "velocity", "effort", "rate", "trials", "seed"
     with Progress() as progress:
@@ -88,7 +88,7 @@ def _parse_entries(option, entries, expected, parse):
         except ValueError:
             name = ""
         if not name:
-            raise InputError(f"{option} has {entry!r}, expected {expected}.")
+            raise InputError(f"{option} has {entry!r}; expected {expected}.")
     return values
 
 
@@ -96,8 +96,8 @@ def _summary(model, found):
     """Return the lines of the summary: range, velocity and effort of each joint."""
     width = max(len(name) for name in ("joint", *found.joints))
     lines = [
-        f"{model.name}: {found.time[-1]:g} s that excite {', '.join(found.what)}.",
-        f"Condition of the regressor: {found.condition:.3g}; below 100 is good.",
+        f"{model.name}: a trajectory of {found.time[-1]:g} s for {', '.join(found.what)}.",
+        f"Condition number of the regressor: {found.condition:.3g} (below 100 is good).",
         "",
         f"  {'joint':{width}}       from         to  velocity  of limit    effort  of limit",
     ]

@@ -25,27 +25,27 @@ def add_arguments(parser):
     """Declare the options of a fleet."""
     group = parser.add_argument_group("many recordings")
     group.add_argument("--fleet", metavar="PATTERN", nargs="*", help="paths or patterns; ** is any number of folders")
-    group.add_argument("--out", metavar="DIR", help="folder for a summary and a Parquet file of each, and fleet.html")
+    group.add_argument("--out", metavar="DIR", help="folder for fleet.html, and a summary and a Parquet file of each")
     group.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster (default: local processes)")
     group.add_argument("--workers", type=common.positive_int, help="number of local processes (default: processors)")
-    group.add_argument("--no-parquet", action="store_true", help="no Parquet files")
-    group.add_argument("--reports", action="store_true", help="a report of each, linked from fleet.html")
+    group.add_argument("--no-parquet", action="store_true", help="write no Parquet files")
+    group.add_argument("--reports", action="store_true", help="write a report of each, linked from fleet.html")
 
 
 def refuse(chosen):
-    """Refuse options of many recordings."""
+    """Reject options of many recordings."""
     for name in TOGETHER:
         value = getattr(chosen, name)
         if value is not None and value is not False:
-            raise InputError(f"--{name.replace('_', '-')} belongs to --fleet.")
+            raise InputError(f"--{name.replace('_', '-')} requires --fleet.")
 
 
 def analyse(chosen, parameters, robot):
     """Analyse the recordings; return the exit status."""
     if alone := [name for name in ALONE if getattr(chosen, name) is not None]:
-        raise InputError(f"--{alone[0]} is of a single recording, not of --fleet, which writes into --out.")
+        raise InputError(f"--{alone[0]} cannot be combined with --fleet, which writes its results into --out DIR.")
     if chosen.out is None:
-        raise InputError("--fleet needs --out DIR, the folder for what is written.")
+        raise InputError("--out is missing; --fleet requires --out DIR for its results.")
     options = {name: getattr(chosen, name) for name in ("topic", "scheduler", "workers", "reports")}
     options |= {"joint_names": common.reading_options(chosen)["joint_names"], "parameters": parameters}
     options |= {"gain": common.GAIN if chosen.gain is None else chosen.gain, "parquet": not chosen.no_parquet}
@@ -69,8 +69,8 @@ def format_report(report):
     """Return the results of a fleet as text."""
     lines = [line for robot in report["robots"] for line in (*_robot_lines(robot), "")]
     failed = report["failed"]
-    kept = f", {report['kept']} had been" if report["kept"] else ""
-    lines.append(f"{report['computed']} recordings analysed{kept}; {len(failed)} failed")
+    kept = f", {report['kept']} unchanged" if report["kept"] else ""
+    lines.append(f"{report['computed']} recordings analysed{kept}, {len(failed)} failed")
     lines += [f"  {path}: {text}" for path, text in list(failed.items())[:MAX_LISTED]]
     if len(failed) > MAX_LISTED:
         lines.append(f"  … {len(failed) - MAX_LISTED} more; fleet.json has all")
@@ -82,15 +82,15 @@ def _robot_lines(robot):
     energy, total = robot["kinetic_energy"], robot["explained_with_potential"]
     yield f"Robot '{robot['robot']}': {robot['recordings']} recordings, {robot['hours']:.4g} h, {robot['states']} states"
     below = [f"{part:.0%} of states below {_quantile(energy['histogram'], part):.3g} J" for part in (0.5, 0.99)]
-    yield f"  kinetic energy: at most {energy['max']:.4g} J, {', '.join(below)}"
+    yield f"  kinetic energy: maximum {energy['max']:.4g} J, {', '.join(below)}"
     yield f"    in {energy['recording']} at {energy['at']:.6f} s"
     if robot["explained"] is not None:
-        also = "" if total is None else f" (with potential energy {total:.3f})"
+        also = "" if total is None else f" ({total:.3f} with potential energy)"
         rest = f"residual {robot['residual_power']:.3g} W rms"
-        yield f"  balance of power: explained {robot['explained']:.3f}{also}, {rest}"
+        yield f"  power balance: variance explained {robot['explained']:.3f}{also}, {rest}"
     if robot["unjudged"] or robot["collisions"]:
         yield f"  {describe_collisions(robot)}"
-    for heading, counts in (("rejected", robot["rejected"]), ("worth knowing", robot["findings"])):
+    for heading, counts in (("rejected", robot["rejected"]), ("findings", robot["findings"])):
         causes = [f"{cause} ({n} ×)" for cause, n in sorted(counts.items(), key=lambda one: -one[1])]
         more = f" and {len(causes) - MAX_LISTED} more causes" if len(causes) > MAX_LISTED else ""
         if causes:

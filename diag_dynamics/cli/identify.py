@@ -20,24 +20,24 @@ from diag_dynamics.plot.identified import draw_identification
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import Progress, plain
 
-EPILOG = """exit status: 0 identified; 1 no parameter improved the model on the held-out part, so that it stays as it was, the
-motion does not show whether efforts are torques, or the effort of a light joint is doubtful; 2 not identified, for example
-because efforts differ from the model in unit, sign or order. docs/identification.md says which recordings are suitable."""
+EPILOG = """exit status: 0 identified; 1 doubtful: no parameter reduces the error on held-out data, or the efforts cannot be
+verified; 2 not identified, for example efforts with a wrong unit, sign or order. Requirements of recordings:
+docs/identification.md."""
 
 OUTPUTS = {"-o": "output", "--json": "json", "--plots": "plots", "--write-urdf": "write_urdf"}
 
 
 def add_arguments(parser):
     """Declare the arguments."""
-    common.add_recording(parser, "as of diag-dynamics analyse, without contact")
-    text = "some of friction, rotors, inertias, payload:LINK, separated by commas (default: %(default)s)"
+    common.add_recording(parser, "recordings without contact, in the formats of diag-dynamics analyse")
+    text = "any of friction, rotors, inertias, payload:LINK, separated by commas (default: %(default)s)"
     parser.add_argument("--what", default="friction,rotors", metavar="WHAT", help=text)
     text = "recordings of the same robot without the payload"
     parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)
-    parser.add_argument("-o", "--output", metavar="ARM.yaml", help="the parameters, for every node and load_urdf")
-    parser.add_argument("--json", metavar="QUALITY.json", help="the quality, for programs; - for stdout")
-    parser.add_argument("--plots", metavar="PAGE.png", help="efforts that the model does not explain, before and after")
-    text = "a copy of the URDF with inertias, payloads, damping and friction"
+    parser.add_argument("-o", "--output", metavar="ARM.yaml", help="parameter file for all nodes and load_urdf")
+    parser.add_argument("--json", metavar="QUALITY.json", help="quality as JSON; - for stdout")
+    parser.add_argument("--plots", metavar="PAGE.png", help="plots of the residual before and after")
+    text = "copy of the URDF with inertias, payloads, damping and friction"
     parser.add_argument("--write-urdf", metavar="NEW.urdf", help=text)
     common.add_quiet(parser)
 
@@ -46,9 +46,9 @@ def run(chosen):
     """Identify; return the exit status."""
     parameters, robot = common.chosen_parameters(chosen), common.chosen_robot(chosen)
     if parameters.get("floating_base"):
-        raise UnsupportedError("floating_base is true: a floating base is not identified, its support is not measured.")
+        raise UnsupportedError("floating_base is true; expected false: identify supports fixed bases only.")
     if chosen.write_urdf and is_mjcf(robot):
-        raise InputError(f"--write-urdf writes a URDF, but '{robot}' is an MJCF. -o ARM.yaml keeps all parameters.")
+        raise InputError(f"--write-urdf requires a URDF, but '{robot}' is an MJCF. Use -o ARM.yaml.")
     with Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
@@ -90,7 +90,7 @@ def _report_outputs(chosen, shared):
         links = f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
         print(plain(f"{links}: no single link has the mass that the payload subtracts."), file=sys.stderr)
     if not chosen.output:
-        print("Nothing is kept: -o arm.yaml would write the parameters.", file=sys.stderr)
+        print("The parameters were not saved. Give -o ARM.yaml.", file=sys.stderr)
 
 
 def _draw(path, recording, model, found):
@@ -98,9 +98,9 @@ def _draw(path, recording, model, found):
     quality = found.quality
     shares = ["-" if share is None else f"{share:.2f}" for share in quality["explained_total"]]
     title = (
-        f"{model.name}: {', '.join(quality['taken']) or 'no parameter'}. Effort that the model does not explain, by the "
-        f"observer at {common.GAIN:g}/s; shaded: held out.\n"
-        f"Of d(K + U)/dt the efforts explain {shares[0]} before, {shares[1]} after."
+        f"{model.name}: {', '.join(quality['taken']) or 'no parameter'}. Residual torque (observer gain "
+        f"{common.GAIN:g}/s); held-out part shaded.\n"
+        f"Variance explained of d(K + U)/dt: {shares[0]} before, {shares[1]} after."
     )
     time, torques = residual_curves((model, found.model), recording.pieces, common.GAIN)
     draw_identification(
@@ -114,24 +114,24 @@ def format_summary(found, first):
     lines = [f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}"]
     begin, end = (time - first for time in quality["held_out"])
     lasts = quality["held_out_duration"]
-    until = f"{end:.1f} s" if end >= begin else f"{end:.1f} s of the run after it"  # its stamps restart
-    lines += ["", f"From {begin:.1f} to {until}, {lasts:.1f} s that this was not fitted to, before and after:", ""]
+    until = f"{end:.1f} s" if end >= begin else f"{end:.1f} s after a restart of time stamps"
+    lines += ["", f"Held-out part from {begin:.1f} to {until} ({lasts:.1f} s), before → after:", ""]
     width = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
-        f"  {'joint':{width}}  {'effort, rms':>17}  {'observer, spread':>17}   damping  friction    offset  armature"
+        f"  {'joint':{width}}  {'effort error':>17}  {'external torque':>17}   damping  friction    offset  armature"
     )
-    lines.append(f"  {'SI units':{width}}  {'N m':>17}  {'N m':>17}   N m s/rad     N m       N m     kg m²")
+    lines.append(f"  {'SI units':{width}}  {'N m rms':>17}  {'N m spread':>17}   N m s/rad     N m       N m     kg m²")
     for name in quality["torque_rms"]:
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
         lines.append(f"  {name:{width}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")
     for key, what in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
         if None not in quality[key]:
-            lines.append(f"  of {what} the efforts explain {quality[key][0]:.3f}, then {quality[key][1]:.3f}")
+            lines.append(f"  variance explained of {what}: {quality[key][0]:.3f} → {quality[key][1]:.3f}")
     before, after = quality["kinetic_energy"]
-    lines.append(f"  kinetic energy, mean: {before:.4g} J, then {after:.4g} J")
+    lines.append(f"  mean kinetic energy: {before:.4g} J → {after:.4g} J")
     if quality["payload"]:
         lines += ["", _payload(quality["payload"])]
-    for title, texts in (("warnings", quality["warnings"]), ("about the recordings", quality["findings"])):
+    for title, texts in (("warnings", quality["warnings"]), ("findings", quality["findings"])):
         if texts:
             lines += ["", f"{title}:", *(f"  {text}" for text in texts)]
     return lines

@@ -20,8 +20,8 @@ MAX_NAMES = 6
 JOINED = "\u00a0"
 """Space at which no line is broken."""
 
-EPILOG = """exit status: 0 with nothing above a note, 1 with a warning, 2 with an error or without such a robot. A note is
-information; a warning is very likely a mistake in the URDF; an error prevents results from being computed."""
+EPILOG = """exit status: 0 notes at most, 1 warnings, 2 errors. A note is information. A warning is very likely a mistake in
+the URDF. An error prevents results from being computed."""
 
 OUTPUTS = {"-o": "output"}
 
@@ -40,7 +40,7 @@ def run(chosen):
     """Inspect a robot, or write its URDF with estimated inertias; return the exit status."""
     try:
         if (chosen.estimate_inertias is None) != (chosen.output is None):
-            raise InputError("--estimate-inertias DENSITY and -o NEW.urdf belong together.")
+            raise InputError("--estimate-inertias DENSITY and -o NEW.urdf require each other.")
         robot = common.chosen_robot(chosen)
         if chosen.output is not None:
             return _estimate(robot, chosen.estimate_inertias, Path(chosen.output), chosen.json)
@@ -73,7 +73,7 @@ def _estimate(robot, density, output, as_json):
     from diag_dynamics.model.sources import folder_of
 
     if output.exists():
-        raise InputError(f"'{output}' is there already, and is not overwritten.")
+        raise InputError(f"-o is '{output}', which exists. Choose another name.")
     described = read_source(robot)
     if described.is_mjcf:
         raise InputError(
@@ -106,7 +106,7 @@ def _print_estimates(found, density, output):
     if found.estimates:
         print(plain(f"Wrote {output}: {len(found.estimates)} links with an inertia estimated at {density:g} kg/m³."))
     elif not found.failed:
-        print("Every link with geometry has an <inertial>: nothing to estimate, and nothing written.", file=sys.stderr)
+        print("Every link with geometry has an <inertial>. No file was written.", file=sys.stderr)
 
 
 # --- Report
@@ -142,7 +142,7 @@ def _facts(report):
     if facts["degrees_of_freedom"] is not None:
         base = "floating" if facts["floating_base"] else "fixed"
         rows.append(("freedom", f"{facts['degrees_of_freedom']} degrees, {base} base '{facts['root_link']}'"))
-    rows.insert(2, ("joints", f"{facts['joints']}, {facts['moving_joints']} of which move"))
+    rows.insert(2, ("joints", f"{facts['joints']}, {facts['moving_joints']} movable"))
     rows.append(("mass", f"{facts['total_mass']:.5g} kg"))
     if facts["mimic_joints"]:
         groups = facts["coupled_groups"]
@@ -166,9 +166,9 @@ def _ranges(facts):
         if number == MAX_NAMES:
             rows.append(("", f"… and {len(facts['tips']) - MAX_NAMES} more"))
             break
-        push = f"a push meets {_range(mass, 'kg')}" if mass["least"] is not None else "its origin stands still"
-        rows.append(("" if number else "tips", f"{tip}: {push}"))
-    return [*rows, ("", f"Ranges are those over {facts['poses']} random poses.")]
+        push = f"effective mass {_range(mass, 'kg')}" if mass["least"] is not None else "its origin does not move"
+        rows.append(("" if number else "ends", f"{tip}: {push}"))
+    return [*rows, ("", f"Ranges are over {facts['poses']} random poses.")]
 
 
 def _shortened(path):
@@ -181,9 +181,9 @@ def _links(facts):
     without = len(facts["links_without_inertial"]) - len(facts["frames"])
     parts = [f"{facts['links']}"]
     if facts["frames"]:
-        parts.append(f"{_count(len(facts['frames']), 'mere frame')}")
+        parts.append(f"{_count(len(facts['frames']), 'coordinate frame')}")
     if without:
-        parts.append(f"{without} with geometry and without inertia")
+        parts.append(f"{without} with geometry but no inertia")
     return ", ".join(parts)
 
 
@@ -191,7 +191,7 @@ def _range(found, unit):
     low, high = (found[name] for name in ("least", "greatest"))
     unit = unit and f" {unit}"
     if low is None or high is None:
-        return "no bound" if low is None else f"from {low:.3g}{unit} on"
+        return "unbounded" if low is None else f"{low:.3g}{unit} or more"
     return f"{low:.3g}{unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}{unit}"
 
 

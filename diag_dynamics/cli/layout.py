@@ -12,8 +12,8 @@ from diag_dynamics.cli import common
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.plot.drawing import COLOURS
 
-EPILOG = """Name the parameters of the monitor: mimic, locked_joints and floating_base change the order of joints. The
-layouts follow the sources of the viewers, and have not been tried with the viewers themselves."""
+EPILOG = """Give the monitor's parameters too, because mimic, locked_joints and floating_base change the order of joints. The
+layouts follow the source code of the viewers; they are unverified in the viewers."""
 
 OUTPUTS = {"-o": "output"}
 
@@ -136,7 +136,7 @@ def add_arguments(parser):
 def run(chosen):
     """Write a layout; return the exit status."""
     if not re.fullmatch(r"(/\w+)+", chosen.monitor):
-        raise InputError(f"--monitor is '{chosen.monitor}'; expected a whole name such as /arm/diag_dynamics.")
+        raise InputError(f"--monitor is '{chosen.monitor}'; expected an absolute name such as /arm/diag_dynamics.")
     text = TOOLS[chosen.tool](common.chosen_model(chosen), chosen.monitor)
     if chosen.output in (None, "-"):
         print(text, end="")

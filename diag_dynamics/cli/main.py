@@ -15,22 +15,22 @@ PROGRAM = "diag-dynamics"
 
 LIBRARY = {
     "compile": "compile all kernels in advance",
-    "analyse": "a recording: energies, balance of power, external torque, quality",
+    "analyse": "energies, power balance, external torque and quality of a recording",
     "identify": "friction, rotor inertias, payloads and inertias from recordings",
     "excite": "a trajectory that moves a robot for identify",
     "calibrate": "alarm thresholds from recordings without contact",
     "inspect": "facts about a robot, and checks of its URDF",
-    "layout": "a layout of Foxglove or PlotJuggler for a robot",
+    "layout": "a Foxglove or PlotJuggler layout for a robot",
     "robots": "names of the example robots",
 }
 """Commands that need no ROS 2; each has a module of its name in diag_dynamics.cli."""
 
 NODES = {
-    "monitor": "the dynamics of the robot on the graph",
+    "monitor": "dynamics of the robot that publishes joint_states",
     "simulator": "a simulated robot",
-    "controller": "a robot controlled by laws in (ν, ε)",
-    "view": "a page in the browser that shows robots live",
-    "top": "robots in this terminal: joints by energy or torque, with peaks",
+    "controller": "joint-space and Cartesian control in (ν, ε)",
+    "view": "browser page of all monitored robots",
+    "top": "terminal view: joints by energy or torque, with peaks",
     "demo": "simulator, monitor, page and top of one robot",
 }
 
@@ -41,8 +41,8 @@ GRAPH = {
 
 GROUPS = {
     "library": LIBRARY,
-    "nodes, with a ROS 2": NODES,
-    "the graph, with a ROS 2 (as ros2cli, which PyPI has not)": GRAPH,
+    "nodes (require ROS 2)": NODES,
+    "topics and services (require ROS 2; a small ros2cli)": GRAPH,
 }
 
 COMMANDS = LIBRARY | NODES | GRAPH
@@ -79,7 +79,7 @@ def _run(arguments):
     if name in COMMANDS:
         return import_module("diag_dynamics.cli.ros").run(name, rest)
     near = get_close_matches(name, COMMANDS, n=1)
-    hint = f"Is '{near[0]}' meant?" if near else f"{PROGRAM} --help lists all."
+    hint = f"Is '{near[0]}' meant?" if near else f"{PROGRAM} --help lists all commands."
     print(f"{PROGRAM}: there is no command '{arguments[0]}'. {hint}", file=sys.stderr)
     return 2
 

@@ -5,7 +5,7 @@
 
 from diag_dynamics.model.catalog import example_urdfs
 
-EPILOG = "Names that load_robot and all commands accept. `pip install example-robot-data` adds 80 robots."
+EPILOG = "load_robot and all commands accept these names. `pip install example-robot-data` adds 80 robots."
 
 
 def add_arguments(parser):

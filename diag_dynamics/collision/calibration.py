@@ -91,7 +91,7 @@ class Calibration(AlarmThresholds):
         """
         low, high = map(format_rate, self.rate_interval)
         head = [
-            f"Thresholds for false alarms of {format_rate(self.asked)}, all detectors together.",
+            f"Thresholds for {format_rate(self.asked)} false alarms, all detectors together.",
             f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, "
             f"{format_rate(self.rate)} (95 %: {low} to {high}).",
             *self.warnings,
@@ -147,12 +147,12 @@ def calibrate_residuals(
     time = rows.time
     duration = float(time[-1]) if len(time) else 0.0
     if duration == 0.0:
-        raise InputError("there is no external torque: no efforts, or states too far apart.")
+        raise InputError("external torque is missing: the recordings have no efforts, or too long gaps.")
     thresholds, level = _fit(rows, names, rate, template)
     if level is None:
         raise InputError(
-            f"the residuals are too short for any threshold: {duration:.3g} s with fewer than four "
-            "separate peaks. Record a longer motion."
+            f"the recordings have {duration:.3g} s with fewer than four separate peaks, too few for a "
+            "threshold. Record a longer motion."
         )
     held_out, alarm_time = 0, 0.0
     for low, high in pairwise([*np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf]):
@@ -203,8 +203,8 @@ def _warnings(result: Calibration, alarm_time: float) -> list[str]:
     warnings = {
         f"too short for {asked}: {result.duration:.4g} s can demonstrate at best {best}; "
         f"record {UNSEEN / result.asked:.3g} s without an alarm": result.vouched > result.asked,
-        f"alarms run into one another: {result.peaks} maxima of single seconds are used": result.method == "blocks",
-        f"parts are unlike one another: {result.held_out} alarms by thresholds from the others, {rate}, "
-        f"on for {alarm_time:.0%} of the time": (result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME),
+        f"alarms overlap: thresholds are from {result.peaks} maxima of one second each": result.method == "blocks",
+        f"parts of the recordings differ: {result.held_out} alarms by thresholds from the other parts, {rate}, "
+        f"active {alarm_time:.0%} of the time": (result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME),
     }
     return [text for text, applies in warnings.items() if applies]

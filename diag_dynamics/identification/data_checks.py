@@ -45,8 +45,8 @@ def find_delay(model, segments):
         if high < 1.0 - TOLERANCE or low > 1.0 + TOLERANCE:
             cause = cause_of_ratio(low) or "are velocities those of the motor, or of another joint?"
             raise InputError(
-                f"positions of joint '{model.dof_names[k]}' change by {low:.4g} times what its velocities say, expected 1: "
-                f"{cause}"
+                f"positions of joint '{model.dof_names[k]}' change by {low:.4g} times the integral of its velocities; "
+                f"expected 1: {cause}"
             )
     if not 0 < best < len(DELAYS) - 1:
         return float(DELAYS[best])
@@ -89,7 +89,7 @@ def check_efforts(model, dataset, tolerant):
     if fault:
         dataset.findings.append(Finding(DOUBTFUL, 1, fault.text))
     if not relation.judged().any():
-        text = "no effort has a clear relation to the motion. Check that efforts are in N m or N, and contain gravity"
+        text = "no effort clearly follows the motion. Check that efforts are in N m or N and contain gravity"
         dataset.findings.append(Finding(NOT_JUDGED, 1, text))
     return relation
 
@@ -108,8 +108,8 @@ def check_motion(model, datasets, slides):
         metre = "m" if slides[k] else "rad"
         text = (
             f"joint '{model.dof_names[k]}' moves {times[0, k]:.2g} s forward and {times[1, k]:.2g} s backward above "
-            f"{MOVING * unit[k]:g} {metre}/s, over {moved[k]:.2g} {metre}; its friction needs {EACH_WAY:g} s each way, "
-            f"and {RANGE * unit[k]:g}: it stays as the model has it"
+            f"{MOVING * unit[k]:g} {metre}/s, over {moved[k]:.2g} {metre}; its friction requires {EACH_WAY:g} s each way "
+            f"and {RANGE * unit[k]:g} {metre}, and keeps the model's values"
         )
         findings.append(Finding("not excited", 1, text))
     return enough, findings

@@ -50,8 +50,8 @@ def list_recordings(name, recordings):
     found = list(recordings) if isinstance(recordings, Sequence) else [recordings]
     if not found or not all(callable(one) or isinstance(one, Recording) for one in found):
         raise InputError(
-            f"{name} is {recordings!r}; expected recordings, or functions that return the pieces of one. "
-            "Give lambda: dd.stream_recording(path, model)."
+            f"{name} is {recordings!r}; expected recordings, or functions that return the pieces of a recording such as "
+            "lambda: dd.stream_recording(path, model)."
         )
     return found
 
@@ -72,8 +72,8 @@ class Dataset:
         self.segments = self._clean(self._read(name, recording, model, max_values), model)
         delay = find_delay(model, self.segments)
         if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
-            size, late = f"{abs(delay) * 1e3:.1f} ms", "late" if delay > 0.0 else "early"
-            text = f"velocities are {size} {late} against positions, which was taken out"
+            size, late = f"{abs(delay) * 1e3:.1f} ms", "later" if delay > 0.0 else "earlier"
+            text = f"velocities are {size} {late} than positions; the delay was removed"
             self.findings.append(Finding("velocity delay", 1, text))
             self.delay, self.segments = delay, [one for one in self.segments if one.duration > abs(delay)]
             if not self.segments:
@@ -125,9 +125,9 @@ class Dataset:
                 f"{efforts.unmeasured()}. Record the efforts of these joints, or lock the joints (locked_joints)."
             )
         if not with_efforts:
-            raise InputError(f"{explain_missing_efforts(counts)}, without which nothing can be identified.")
-        self._add(step > 1, "thinned", f"every {step}th of {count} states is used, as the recording is long")
-        text = "velocities were estimated from positions: those of the driver would be better"
+            raise InputError(f"{explain_missing_efforts(counts)}. Identification requires them.")
+        self._add(step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}")
+        text = "velocities were estimated from positions. Record the velocities of the driver if it sends any"
         self._add(estimated, "velocity estimated", text)
         jumped = _any_since(np.concatenate(jumps), np.arange(step - 1, count, step))
         return replace(States.concatenate(parts), jumped=jumped)
@@ -136,7 +136,7 @@ class Dataset:
         """Return segments of usable states, and add findings on the others."""
         finite = np.isfinite(np.hstack([states.position, states.velocity, states.effort])).all(axis=1)
         if not finite.any():
-            raise InputError("no state of the recording is whole: positions, velocities and efforts of all joints.")
+            raise InputError("no state of the recording has positions, velocities and efforts of all joints.")
         fast = _find_fast(model, states.velocity, finite)
         rows = np.flatnonzero(finite & ~fast)
         again = np.diff(states.stamp[rows], prepend=-1) == 0
@@ -147,12 +147,13 @@ class Dataset:
             raise InputError(
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
             )
-        self._add(sum(~finite), "not whole", "states without position, velocity or effort of all joints, left out")
-        self._add(sum(again), "time did not go on", "states with the stamp of the one before, left out")
-        text = f"states with a velocity above {MAX_VELOCITY} times the URDF's limit, left out"
+        text = "states without position, velocity or effort of some joint were omitted"
+        self._add(sum(~finite), "incomplete state", text)
+        self._add(sum(again), "repeated time stamp", "states with the time stamp of the previous state were omitted")
+        text = f"states with a velocity above {MAX_VELOCITY} times the URDF's limit were omitted"
         self._add(sum(fast), "too fast", text)
-        self._add(restarts, "time began anew", "stamps went back and on from there; what follows is fitted, too")
-        self._add(left, "scattered", f"states in runs of fewer than {MIN_STATES}, left out")
+        self._add(restarts, "restart of time stamps", "stamps jumped back; the data after it are used, too")
+        self._add(left, "scattered", f"states in runs of fewer than {MIN_STATES} were omitted")
         return segments
 
     def _add(self, count, cause, text):
@@ -180,9 +181,9 @@ def _find_fast(model, velocity, finite):
     k = int(np.argmax(share))
     if share[k] > MAX_GARBAGE:
         raise InputError(
-            f"velocities of joint '{model.dof_names[k]}' reach {np.abs(velocity[finite, k]).max():.3g}, and {share[k]:.0%} "
-            f"of them are above {MAX_VELOCITY} times the URDF's limit, {model.velocity_limit[k]:.3g} rad/s or m/s: are "
-            "they in degrees, or of the motor?"
+            f"velocities of joint '{model.dof_names[k]}' reach {np.abs(velocity[finite, k]).max():.3g}; expected at most "
+            f"{MAX_VELOCITY} times the URDF's limit, {model.velocity_limit[k]:.3g} rad/s or m/s, which {share[k]:.0%} "
+            "exceed. Are they in degrees, or of the motor?"
         )
     return beyond.any(axis=1)
 

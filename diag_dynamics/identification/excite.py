@@ -153,7 +153,7 @@ def excite(
     instance("model", model, RobotModel)
     names = model.dof_names
     if not names:
-        raise InputError(f"robot '{model.name}' has no degrees of freedom; expected one joint at least that can move.")
+        raise InputError(f"robot '{model.name}' has no degrees of freedom; expected at least one movable joint.")
     require_single_joints(model)
     joints = names if joints is None else joints
     for name in joints:
@@ -167,9 +167,9 @@ def excite(
     number("margin", margin, "a number within 0 … 0.45", lambda x: 0.0 < x <= 0.45)
     cycles, least = round(duration / period), 2.0 * HARMONICS / period
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
-        raise InputError(f"duration is {duration:g} s, expected a whole number of periods of {period:g} s.")
+        raise InputError(f"duration is {duration:g} s; expected a whole number of periods of {period:g} s.")
     if rate < least:
-        raise InputError(f"rate is {rate:g} 1/s; expected {least:g} 1/s at least, or a longer period.")
+        raise InputError(f"rate is {rate:g} 1/s; expected at least {least:g} 1/s. Increase rate or period.")
     ranges = dict(ranges or {})
     fastest, low, high = _find_limits(model, moving, velocity_limits or {}, {**(position_limits or {}), **ranges})
     free = np.where(np.isin(names, list(ranges)), 0.0, margin) * (high - low)
@@ -182,7 +182,7 @@ def excite(
     for k in np.flatnonzero(moving & ((travel < MIN_TRAVEL) | (speed < MIN_SPEED))):
         raise InputError(
             f"joint '{names[k]}' stands still: it moves over {travel[k]:.2g} rad or m at {speed[k]:.2g} rad/s or m/s at "
-            "most. Widen its limits or its range, or leave it out of joints."
+            "most. Widen its limits or its range, or remove it from joints."
         )
     return Excitation(names, time, q, qd, qdd, tau, period, condition, wanted)
 
@@ -314,10 +314,10 @@ class _Series:
         """Return why no trajectory is possible."""
         needed = np.where(np.isinf(self._worst), 0.0, self._worst)
         if not needed.any():
-            return "no trajectory tells all unknowns of what apart. Let more joints move, or ask for fewer unknowns."
+            return "no trajectory makes all unknowns of what observable. Move more joints, or choose fewer unknowns."
         return (
-            f"joint '{self._model.dof_names[needed.argmax()]}' would need {needed.max():.2g} times the effort that may be "
-            "used: give a longer period, narrower ranges, or a larger part of the limits (effort)."
+            f"joint '{self._model.dof_names[needed.argmax()]}' needs {needed.max():.2g} times its allowed effort. Increase "
+            "period or effort, or narrow the ranges."
         )
 
 

@@ -227,7 +227,7 @@ def _minimize(problem, x, scale, goal):
             return x, hessian
         x, before = x + length * direction, squared if length == 1.0 else np.inf
         value, gradient, hessian = reached
-    raise DiagDynamicsError(f"Identification has found no minimum within {MAX_STEPS} Newton steps.")
+    raise DiagDynamicsError(f"The identification did not converge within {MAX_STEPS} Newton steps.")
 
 
 def _evaluate(problem, x, scale):

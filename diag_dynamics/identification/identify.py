@@ -77,9 +77,9 @@ def identify(
     if len(asked) > 1:
         raise InputError(f"what is {what!r}; expected one payload at most.")
     if asked and reference is None and "inertias" in steps:
-        raise InputError(f"what is {what!r}; give a recording without the payload as reference.")
+        raise InputError(f"what is {what!r}, but reference is missing. Give a recording without the payload.")
     if reference is not None and not asked:
-        raise InputError(f"what is {what!r}; expected payload:<link>, as reference is a recording without it.")
+        raise InputError(f"what is {what!r}; expected payload:<link>, because reference is a recording without it.")
     require_single_joints(model)
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
     links = [model.link_names[link] for link in model.bodies["link"][ends]]
@@ -168,9 +168,9 @@ def _warn_of_payload(selection, payloads):
         if score < best:
             best = score
             warnings = [
-                f"a payload of {mass:+.2g} kg at '{payload.link}' would make the residual of what was held out "
-                f"{1.0 - best / selection.score:.0%} smaller: if the robot carries, or lacks, something there, ask for "
-                f"payload:{payload.link}, too; else for inertias"
+                f"a payload of {mass:+.2g} kg at '{payload.link}' would reduce the held-out residual by "
+                f"{1.0 - best / selection.score:.0%}. If the robot carries or lacks a tool there, add payload:{payload.link} "
+                "to what, otherwise inertias"
             ]
     return warnings
 

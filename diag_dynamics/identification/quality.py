@@ -100,36 +100,34 @@ def _factors(names, relations):
 def _warnings(quality, without_reference, nothing):
     warnings, payload = [], quality["payload"]
     if quality["effective_parameters"]:
-        warnings.append(
-            "masses and inertias of single links are not determined by any motion: only what they do together is"
-        )
+        warnings.append("masses and inertias of single links are not observable: only their combinations are")
     if payload:
         warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
     if payload and without_reference:
         warnings.append(
-            f"payload of {payload['link']}: its deviations take the model of the robot for right; a reference without the "
-            "payload would tell"
+            f"payload of {payload['link']}: its standard deviations assume a correct model of the robot; a reference "
+            "without the payload removes this assumption"
         )
     before, after = quality["kinetic_energy"]
     if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:
-        warnings.append(f"kinetic energy is {after / before:.2f} times what it was with the model")
+        warnings.append(f"kinetic energy is {after / before:.2f} times that of the model")
     for name, (first, then) in quality["row_residual"].items():
         if then > first:
-            warnings.append(f"the held-out residual of joint '{name}' is {then:.3g}, with the model {first:.3g}")
+            warnings.append(f"the held-out residual of joint '{name}' increased from {first:.3g} to {then:.3g}")
     for step, joints in quality["kept"].items():
         for name, (without, own) in joints.items():
-            again = "" if own >= without else f"; a step that was refused before needs {GAIN:.0%} less"
+            again = "" if own >= without else f"; a repeated attempt must reduce it by {GAIN:.0%}"
             warnings.append(
-                f"{step} of joint '{name}': as the model has it. In cross-validation the residual is {own:.3g} with numbers "
-                f"of its own, {without:.3g} with the model's{again}"
+                f"{step} of joint '{name}': the model's values are kept. Its cross-validation residual is {own:.3g} with "
+                f"fitted values and {without:.3g} with the model's{again}"
             )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:
-        warnings.append(f"the efforts explain less of dK/dt than before: {share[1]:.2f} of {share[0]:.2f}")
+        warnings.append(f"variance explained of dK/dt decreased from {share[0]:.2f} to {share[1]:.2f}")
     if nothing:
         warnings.append(
-            f"the identified model explains nothing of the motion: {share[1]:.3g} of dK/dt and {total:.3g} of d(K + U)/dt. "
-            "Check that efforts are those of these joints, in their order and in N m or N"
+            f"the identified model does not explain the motion: {share[1]:.3g} of the variance of dK/dt and {total:.3g} of "
+            "that of d(K + U)/dt. Check order of the joints and unit of the efforts (N m or N)"
         )
     return warnings
 

@@ -19,8 +19,8 @@ from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 COLUMNS = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
 MAX_DEVIATION = 0.5  # relative standard deviation above which a payload's inertia is unknown
 INERTIA_KNOWN = (
-    "its inertia is not known from this motion: the value depends on the sphere that the fit assumes",
-    "its inertia is known to 20 to 50 % only",
+    "its inertia is not observable in this motion: the value depends on the sphere that the fit assumes",
+    "its inertia has an error of 20 to 50 %",
 )
 
 
@@ -55,7 +55,7 @@ class Identification:
         before, after = ("-" if share is None else f"{share:.2f}" for share in shares)
         taken = ", ".join(self.quality["taken"]) or "nothing"
         return (
-            f"<Identification of '{self.model.name}': {taken}; of d(K + U)/dt explained {before} before, {after} after>"
+            f"<Identification of '{self.model.name}': {taken}; variance explained of d(K + U)/dt: {before} → {after}>"
         )
 
 

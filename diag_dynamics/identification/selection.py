@@ -107,8 +107,8 @@ class Selection:
         if self.layout.without_rotors:
             known[columns] = 0.0
             self.warnings.append(
-                f"rotor inertias of the model are left out: the residual of what was held out is {gain:.1%} smaller without "
-                "them, as of torque sensors behind the gears"
+                f"rotor inertias of the model are omitted: the held-out residual is {gain:.1%} smaller without them, as with "
+                "torque sensors behind the gears"
             )
 
     def _select(self, left):
@@ -139,8 +139,8 @@ class Selection:
         self.ladder.append({"steps": self.named(steps), "score": score, "taken": better})
         if not better:
             return (
-                f"{step}: the model's numbers are kept, because the residual on the held-out part would be only "
-                f"{max(0.0, gain):.1%} smaller; expected {GAIN:.0%} at least"
+                f"{step}: the model's values are kept, because the held-out residual would be only {max(0.0, gain):.1%} "
+                f"smaller; expected at least {GAIN:.0%}"
             )
         self.taken, self.fit = steps, fit
         before = sum(own.sum() for own in self._own.values())

@@ -22,7 +22,7 @@ LOST_DIGITS = 1e8  # condition number that leaves accelerations half of their 16
 SPEED = 50.0  # mean speed that no robot's mass has [m/s]; tips of the fastest arms have 10
 
 GRAVITY = "gravity exceeds the effort limit in some poses, at most by the factor"
-CONDITION = "cond M up to {:.2g} leaves {:.0f} digits of accelerations; joints of the smallest D"
+CONDITION = "cond M up to {:.2g}: accelerations have {:.0f} digits; joints with the smallest D"
 LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
 
 # fmt: off
@@ -35,12 +35,12 @@ ROWS = {  # severity, unit, what, remedy; True where the smallest number is the 
     "quick": ("note", "ms", "no rotor inertia: the effort limit accelerates the joint to its "
               "velocity limit before a motor's current has risen, in",
               "Give load_urdf armature={joint: n² J_rotor}, or the drive's effort limit.", True),
-    "heavy": ("warning", "1", GRAVITY, "Are masses in kg, and efforts those behind gears?"),
+    "heavy": ("warning", "1", GRAVITY, "Are masses in kg, and effort limits those of the joint, not of the motor?"),
     "balanced": ("note", "1", GRAVITY, "Fine with springs or counterweights."),
     "few digits": ("note", "kg m², kg", CONDITION, LIGHT, True),
     "no digits": ("warning", "kg m², kg", CONDITION, LIGHT, True),
     "rapid": ("warning", "rad/s, m/s", "at its velocity limits the robot's mass moves at {:.3g} "
-              "m/s on average; limits that matter most",
+              "m/s on average; limits with the largest contribution",
               "Is the limit in rad/s, and not in degrees or a placeholder?"),
 }
 # fmt: on

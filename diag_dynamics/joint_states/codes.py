@@ -112,10 +112,10 @@ STEP = "{name}: position went from {first:.9g} to {second:.9g}"
 
 SAME_STAMP = "messages of one stamp have other positions: two sources publish in turns, or a slow clock"
 
-OTHER_SOURCE = "another source has other positions, most of {name}: two sources publish in turns"
+OTHER_SOURCE = "another source has other positions, mainly of {name}: two sources publish in turns"
 
 FROZEN_TEXTS = {
-    FROZEN_STILL: "has a velocity, but no bit of its position changes",
+    FROZEN_STILL: "has a velocity, but a constant position",
     FROZEN_SLIDES: "moves, but its velocity is 0",
 }
 

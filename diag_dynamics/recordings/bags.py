@@ -29,7 +29,7 @@ MAGIC = {b"\x89MCAP": "mcap", b"SQLite format 3": "sqlite", b"#ROSBAG": "ros1"}
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite", ".bag": "ros1"}
 UNFINISHED, PACKED = ".active", ".zstd"
 """Suffixes that rosbag of ROS 1 adds while it records, and rosbag2 to compressed files."""
-KNOWN = "folders of rosbag2, .mcap and .db3, each of them compressed by zstd or not, and .bag of ROS 1"
+KNOWN = "a rosbag2 folder, .mcap or .db3, also compressed by zstd, or a ROS 1 .bag"
 ROS1 = "ros1", "ros1msg"
 """Names of the encoding of ROS 1."""
 MAX_MESSAGE = 1 << 26
@@ -68,7 +68,7 @@ class Bag:
         yield from merge_parts(read_file(file, *maps) for file, maps in zip(self._files, self._maps, strict=True))
         for k, count in failed.items():
             topic, kind = self.connections[k][:2]
-            what = f"{count} messages of '{topic}' are not of its type, {kind} of ROS Noetic"
+            what = f"{count} messages of '{topic}' are not of the type {kind} of ROS Noetic"
             self._notes.add_damage(self.path, "messages of ROS 1", what)
 
     def _open_file(self, path, name):
@@ -79,7 +79,7 @@ class Bag:
         kind = next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
         kind = kind or SUFFIXES.get(Path(path.name.removesuffix(UNFINISHED)).suffix)
         if kind is None:
-            raise InputError(f"'{name}' is no bag that is known; there are {KNOWN}.")
+            raise InputError(f"'{name}' is not a supported bag; expected {KNOWN}.")
         if kind == "mcap":
             require("mcap", REASON)
         reader = import_module(f"diag_dynamics.recordings.{kind}_file")  # the libraries are optional
@@ -96,7 +96,7 @@ class Bag:
                 unpacker = zstandard.ZstdDecompressor()
                 shutil.copyfileobj(unpacker.stream_reader(file, read_across_frames=True), out, 1 << 17)
         except zstandard.ZstdError as error:
-            what = f"{describe_error(error)}: all behind {content.stat().st_size} bytes of its content"
+            what = f"{describe_error(error)}: all content after {content.stat().st_size} bytes"
             self._notes.add_damage(path, "its compression", what)
         except OSError as error:
             raise InputError(f"'{path}' cannot be decompressed: {error.strerror}.") from error
@@ -170,11 +170,9 @@ def _find_files(folder, notes):
     if not bags and not listed:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
-        raise InputError(
-            f"'{folder}' {why}, and has no bags in it; there are {KNOWN}. Give tables by their files.{meant}"
-        )
+        raise InputError(f"'{folder}' {why} and contains no bag; expected {KNOWN}, or the file of a table.{meant}")
     if not listed:
-        notes.add_oddity(folder, f" {why}. All bags in it are read, in the order of their names.")
+        notes.add_oddity(folder, f" {why}. All bags in it are read in the order of their names.")
         return [folder / name for name in bags]
     files = {}
     for name in listed:
@@ -185,14 +183,14 @@ def _find_files(folder, notes):
     if others and len(missing) == len(listed):
         if len(missing) != len(others):
             raise InputError(
-                f"'{folder}': {METADATA} lists {', '.join(missing)}; the folder has {', '.join(others)} instead, and it "
-                f"is not certain which are meant. Give one file, or delete {METADATA} to read all of them."
+                f"'{folder}': {METADATA} lists {', '.join(missing)}, but the folder has {', '.join(others)}. Give one "
+                f"file, or delete {METADATA} to read all of them."
             )
         for name, other in zip(missing, others, strict=True):
-            notes.add_oddity(folder, f": {METADATA} lists {name}, which is not there; {other} is read instead.")
+            notes.add_oddity(folder, f": {METADATA} lists {name}, which is missing; {other} is read instead.")
         return [folder / name for name in others]
     for name in missing:
-        notes.add_damage(folder, name, f"{METADATA} lists this file, which is not there")
+        notes.add_damage(folder, name, f"{METADATA} lists this file, which is missing")
     if others:
         notes.add_oddity(folder, f": {METADATA} does not list {', '.join(others)}: not read.")
     return [folder / file for file in files.values() if file is not None]

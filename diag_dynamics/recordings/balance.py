@@ -139,24 +139,24 @@ class Balance:
         explained, total = self.explained, self.explained_total
         if self.count < MIN_WINDOWS:
             return (
-                f"there are {self.count} windows of {WINDOW:g} s, of at least {MIN_WINDOWS}, in which all states "
-                f"have efforts and are no more than {MAX_GAP:g} s apart"
+                f"{self.count} windows of {WINDOW:g} s have efforts and no gap above {MAX_GAP:g} s; "
+                f"expected at least {MIN_WINDOWS}"
             )
         if explained is None:
-            return "the robot is at rest, or nearly so: no joint moves"
+            return "no joint moves"
         if explained >= MIN_EXPLAINED:
             return f"the efforts explain {explained:.0%} of the change of kinetic energy"
-        remedy = "check the unit of efforts, friction, rotor inertias, payload (docs/recordings.md)"
+        remedy = "check unit of the efforts, friction, rotor inertias and payload (docs/recordings.md)"
         remedy = f"{fault}; {remedy}" if fault else remedy
         if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
             return (
-                f"kinetic energy changes less than what is not explained; of kinetic and potential energy "
-                f"together the efforts explain {total:.0%}: for more, {remedy}"
+                f"the residual exceeds the change of kinetic energy; the efforts explain {total:.0%} of the change of "
+                f"kinetic and potential energy. To improve this, {remedy}"
             )
         culprits = ", ".join(name for name, one in self.joints.items() if one["share"] >= FAULT_SHARE)
-        where = f"; most of what is missing is at {culprits}" if culprits else ""
-        how = f"only {explained:.0%}" if explained >= NOTHING_EXPLAINED else f"nothing ({explained:.3g})"
-        return f"the efforts explain {how} of the change of kinetic energy: {remedy}{where}"
+        where = f"; the largest residual is at {culprits}" if culprits else ""
+        how = f"explain only {explained:.0%} of" if explained >= NOTHING_EXPLAINED else "do not explain"
+        return f"the efforts {how} the change of kinetic energy: {remedy}{where}"
 
 
 def explained_share(residual, change):

@@ -95,11 +95,11 @@ def calibrate(
         if (fault := motion.fault()) and not fault.light:
             faults[f"{fault.text}: thresholds are wrong"] = True
     if not efforts.states:
-        raise InputError("recordings are none, expected at least one.")
+        raise InputError("recordings is empty; expected at least one.")
     unmeasured = efforts.unmeasured()
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
-    still = "" if efforts.moved else "no joint moves: the thresholds are those of a robot at rest"
+    still = "" if efforts.moved else "no joint moves: the thresholds hold for a robot at rest"
     warnings = [unmeasured] if unmeasured else list(faults)
     warnings += [still] * bool(still)
     return calibrate_residuals(residuals, names, gain, false_alarms, template, friction, warnings)

@@ -46,8 +46,8 @@ UNITS = {1e3: "mN m, mA or ‰", 1e2: "N cm or %", 10.2: "kgf cm", 0.102: "kgf m
 """Names of units by their factors to N m."""
 
 UNIT_ERROR = 1.15  # factor up to which one is that of a unit
-SIGN = "efforts of all joints seem to have the other sign (effort_scale: '*=-1')"
-CEILING = ", or gravity points the other way, as of a robot on a ceiling (parameter gravity)"
+SIGN = "efforts of all joints seem to have the opposite sign (effort_scale: '*=-1')"
+CEILING = ", or gravity points the other way, as for a robot on a ceiling (parameter gravity)"
 
 
 class EffortRange:
@@ -153,7 +153,7 @@ def find_fault(relation: Relation, tolerant: bool = False) -> Fault | None:
         ceiling = weighty.any() and np.all((which & turned)[weighty])
         return Fault("; ".join(texts[which]) + (CEILING if ceiling else ""))
     doubtful = wrong if tolerant else wrong | relation.doubtful()
-    text = f"{'; '.join(texts[doubtful])}; or the model misses what a light joint carries"
+    text = f"{'; '.join(texts[doubtful])}; or the model lacks the load of a light joint"
     return Fault(text, light=True) if doubtful.any() else None
 
 
@@ -161,14 +161,14 @@ def _describe_joint(relation, tolerant, k):
     """Return what is wrong with the effort of a joint."""
     name, factor, error = relation.model.dof_names[k], relation.factor[k], ERRORS * relation.error[k]
     low, high = relation.limits(tolerant)[:, k]
-    begin, text = f"the effort of joint '{name}'", f"{factor:.3g} ± {error:.2g} times what the model needs"
+    begin, text = f"the effort of joint '{name}'", f"{factor:.3g} ± {error:.2g} times the model torque"
     if abs(factor) <= error:
-        return f"{begin} has no relation to the motion: it changes by {text}. Check that it is measured at this joint"
+        return f"{begin} does not follow the motion: it is {text}. Check that it is measured at this joint"
     if OTHER_SIGN[0] <= factor <= OTHER_SIGN[1]:
-        return f"{begin} is of the other sign: it changes by {text} (effort_scale: '{name}=-1')"
+        return f"{begin} has the opposite sign: it is {text} (effort_scale: '{name}=-1')"
     return (
-        f"{begin} changes by {text}, expected {low:g} to {high:g}: is it in N m or N, on the joint's side of the gear, and "
-        "are the joints in order (effort_scale, docs/recordings.md)"
+        f"{begin} is {text}; expected {low:g} to {high:g}. Check unit (N m, N), side of the gear and order of the joints "
+        "(effort_scale, docs/recordings.md)"
     )
 
 
@@ -182,10 +182,10 @@ def _describe_weightless(relation, wrong):
         return ""
     k = heavy[int(np.argmax(relation.torque[heavy]))]
     text = (
-        "gravity seems not to be in the efforts (effort_includes_gravity: '*=false'): that of joint "
-        f"'{relation.model.dof_names[k]}' changes by {relation.factor[k]:.2f} times what the model needs"
+        "gravity seems to be missing in the efforts (effort_includes_gravity: '*=false'): that of joint "
+        f"'{relation.model.dof_names[k]}' is {relation.factor[k]:.2f} times the model torque"
     )
-    return text if known.any() else f"{text}, or efforts have no relation to the motion"
+    return text if known.any() else f"{text}, or efforts do not follow the motion"
 
 
 def _explain_all(relation, scaled):
@@ -233,13 +233,13 @@ class _Explanations:
         factor = float(self._weight @ self._own @ self.needed / max(self._weight @ self.torque, 1e-300))
         if factor == 0.0 or 1.0 / UNIT < factor < UNIT:
             return None
-        left, sign = self.share(self.needed, factor), " and the other sign" if factor < 0.0 else ""
+        left, sign = self.share(self.needed, factor), " and the opposite sign" if factor < 0.0 else ""
         names = (name for one, name in UNITS.items() if 1.0 / UNIT_ERROR < abs(factor) / one < UNIT_ERROR)
-        unit = next((f", as of {name}" for name in names), "")
+        unit = next((f", as in {name}" for name in names), "")
         if 1.0 / UNIT < -factor < UNIT:
             return left, SIGN
         return left, (
-            f"efforts of all joints seem to have another unit{sign}: they are {factor:.3g} times what the model needs{unit} "
+            f"efforts of all joints seem to have another unit{sign}: they are {factor:.3g} times the model torque{unit} "
             f"(effort_scale: '*={1.0 / factor:.3g}')"
         )
 
@@ -257,7 +257,7 @@ class _Explanations:
         where = "on a ceiling" if angle > 150.0 else "on a wall" if angle > 60.0 else "on a slope"
         return self.share(np.append(found, 1.0)), (
             f"gravity seems to point along [{', '.join(f'{x:.3g}' for x in np.round(found, 1) + 0.0)}] m/s² in the base, "
-            f"{angle:.0f}° from the model's, as of a robot {where} (parameter gravity)"
+            f"{angle:.0f}° from the model's, as for a robot {where} (parameter gravity)"
         )
 
     def order(self):

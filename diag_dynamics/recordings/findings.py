@@ -9,7 +9,7 @@ from typing import NamedTuple
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
 from diag_dynamics.recordings.intake import ABSURD, LOST
-from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
+from diag_dynamics.recordings.joint_names import FEW, describe_maps, listed, propose_maps
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
@@ -19,14 +19,14 @@ WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no
 TEXTS = {
     "incomplete": None,
     "foreign": None,
-    WITHOUT_VALUES: "rows without a value of any joint, such as rows of other topics; they are no messages",
-    LOST: "states that never came, by the gaps in the stamps",
+    WITHOUT_VALUES: "rows without joint values, such as rows of other topics, were ignored",
+    LOST: "states that are missing, by the gaps in the stamps",
     "positions jumped": None,
     CAUSES[INTERLEAVED]: None,
     "mimic disagreement": None,
-    "absurd effort": "efforts beyond what can be, taken as unknown (absurd.effort)",
-    "before odometry": "joint states before the base was known",
-    "time jumped back": "stamps went back: values of all joints were reset, and a new segment begins",
+    "absurd effort": "efforts beyond the plausibility limits count as unknown (absurd.effort, absurd.beyond_effort)",
+    "before odometry": "joint states before the first odometry",
+    "time jumped back": "stamps jumped back, and all joints were reset",
     "awaiting velocity": "states before a velocity could be estimated",
 }
 """Texts of counts of messages that were not rejected; None for the text on the last time."""
@@ -44,22 +44,22 @@ class Finding(NamedTuple):
 
 
 def explain_missing_efforts(counts):
-    """Return why a recording has no efforts, by the counts of its messages: the beginning of an error."""
+    """Return why a recording has no efforts, by the counts of its messages."""
     absurd = counts.get("absurd effort", 0)
     if absurd:
         return (
-            f"the recording has no efforts, for those of {absurd} states are beyond what can be and were taken as unknown "
-            "(absurd.effort, absurd.beyond_effort; are they in N m?)"
+            f"the recording has no plausible efforts: those of {absurd} states exceed absurd.effort or "
+            "absurd.beyond_effort (are they in N m?)"
         )
-    return "the recording has no efforts, or in no state one of every joint"
+    return "no state of the recording has efforts of all joints"
 
 
 def no_states_error(path, findings):
-    """Return the InputError about a recording without a single state; it names what became of the messages."""
+    """Return the InputError about a recording without a valid state, with its main findings."""
     found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
     what = "; ".join(map(str, found[:3])) or "it has no messages"
     topics = "".join(f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text)
-    return InputError(f"'{path}' has not a single state: {what.removesuffix('.')}.{topics}")
+    return InputError(f"'{path}' contains no valid state: {what.removesuffix('.')}.{topics}")
 
 
 def collect_findings(intake, source):
@@ -80,25 +80,26 @@ def collect_findings(intake, source):
 
 
 def _name_texts(intake, counts):
-    """Return texts on joints that never came, and on messages of other joints, by the name of a count."""
+    """Return texts on missing joints, and on messages of other joints, by the name of a count."""
     missing, own, joints = intake.assembler.missing, intake.assembler.names, intake.assembler.joint_names
-    foreign, incomplete = "messages without a joint of this robot, of ", "messages before all joints were known"
+    foreign, incomplete = "messages of other joints: ", "messages before all joints had arrived"
     if not missing:
         foreign += f"{listed(intake.assembler.last_foreign)}; the robot has {listed(joints)}"
         return {"incomplete": incomplete, "foreign": foreign}
     map_name = intake.names.map_name if intake.names else str
     others = [name for name in intake.assembler.arrived if map_name(name) not in own]
-    maps, lock = propose_maps(others, missing), f"A joint that does not move is held by locked_joints={missing[0]}=0"
+    maps, lock = propose_maps(others, missing), "Lock a joint that the recording lacks: "
+    lock += f"--set {' '.join(f'locked_joints={name}=0' for name in missing[:FEW])} (locked_joints)"
     nothing = len(missing) == len(joints)
     if maps:
         advice = describe_maps(maps, others, own)
     else:
-        advice = "Another name of a joint is given by --joint-names NAME=JOINT (joint_names)"
+        advice = "Map other names by --joint-names NAME=JOINT (joint_names)"
         advice += "" if nothing else f". {lock}"
-    foreign += f"{listed(others)}; {'the robot has' if nothing else 'never came:'} {listed(missing)}. {advice}"
-    incomplete += f"; never came: {listed(missing)}. "
+    foreign += f"{listed(others)}; {'the robot has' if nothing else 'missing:'} {listed(missing)}. {advice}"
+    incomplete += f"; missing: {listed(missing)}. "
     if others and not counts["foreign"]:
-        incomplete += f"Messages name {listed(others)}, which the robot lacks. {advice}"
+        incomplete += f"The recording has other joints: {listed(others)}. {advice}"
     else:
         incomplete += lock
     return {"foreign": foreign, "incomplete": incomplete}

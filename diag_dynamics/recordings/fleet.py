@@ -315,8 +315,8 @@ def _merge_balances(summaries):
 def describe_collisions(robot, noun="collisions"):
     """Return how many a robot had, and in how many of its recordings this is unknown."""
     if robot["collisions"] is None:
-        return f"nothing is known of {noun}: their thresholds are not set, or there are no efforts"
-    unknown = f", nothing known in {robot['unjudged']} recordings" if robot["unjudged"] else ""
+        return f"{noun} unknown: no thresholds, or no efforts"
+    unknown = f", unknown in {robot['unjudged']} recordings" if robot["unjudged"] else ""
     return f"{robot['collisions']} {noun}{unknown}"
 
 

@@ -74,8 +74,8 @@ class JointNames:
             joint = self.map_name(name)
             if joint in robot and mapped.setdefault(joint, name) != name:
                 raise InputError(
-                    f"{self._where} leads from '{mapped[joint]}' and from '{name}' to joint '{joint}'; expected one name "
-                    "of the recording for each joint."
+                    f"{self._where} maps both '{mapped[joint]}' and '{name}' to joint '{joint}'; expected one name of "
+                    "the recording for each joint."
                 )
         return list(names)
 
@@ -130,8 +130,8 @@ def describe_maps(found, names, joints):
     options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint in found)
     names = list(names)
     count = sum(_replace(*found[0], name) in joints for name in names)
-    which = "they" if count == len(names) else f"{count} of them"
-    return f"With {options} (joint_names) {which} are the robot's"
+    which = "them" if count == len(names) else f"{count} of them"
+    return f"{options} (joint_names) maps {which} to the robot's joints"
 
 
 def _reversed(text):

@@ -116,7 +116,7 @@ class McapFile:
             self._lose("byte 0", "the file is empty")
             return
         if begin != MAGIC:
-            self._lose("byte 0", "the file does not begin as one of MCAP does")
+            self._lose("byte 0", "the file does not start with the magic bytes of MCAP")
         while at < stop:
             file.seek(at)
             opcode, size = _RECORD.unpack(file.read(9).ljust(9, b"\0"))
@@ -125,7 +125,7 @@ class McapFile:
                 return
             is_record = 0 < opcode <= LAST or opcode >= PRIVATE
             if not is_record or end > stop:
-                what = "the file ends within a chunk" if opcode == CHUNK else "no record begins here"
+                what = "the file ends within a chunk" if opcode == CHUNK else "no record starts here"
                 self._lose(f"byte {at}", f"{what}: {stop - at} bytes (`mcap recover` may find more)")
                 return
             if opcode == CHUNK:
@@ -133,7 +133,7 @@ class McapFile:
             elif opcode in (SCHEMA, CHANNEL, MESSAGE):
                 end = at + self._add_part(Part(at, min(max(RUN, end - at), stop - at), False))
             at = end
-        self._lose(f"byte {stop}", "the file has no end: what came here, if anything, is lost")
+        self._lose(f"byte {stop}", "the file has no footer: it may be truncated here")
 
     def _add_part(self, part):
         """Store a part with its declarations, times and channels; return the size of its records."""
@@ -175,7 +175,7 @@ class McapFile:
         place, is_late = places[heads["channel"]], heads["time"] > LAST_TIME
         for count, what in (
             (len(content) - end, f"bytes are lost from byte {end} of its records on"),
-            ((place == UNDECLARED).sum(), "messages are of channels that are declared nowhere"),
+            ((place == UNDECLARED).sum(), "messages are of undeclared channels"),
             ((is_late & (place >= 0)).sum(), "messages have log times that int64 cannot hold"),
         ):
             if count:
@@ -222,15 +222,15 @@ def _read_heads(content, starts):
 def _decompress(raw, size):
     """Return the records of a chunk, whose CRC is checked."""
     if len(raw) < size or _RECORD.unpack_from(raw) != (CHUNK, size - 9):
-        raise DamageError("no chunk is here")
+        raise DamageError("the bytes are not a chunk")
     chunk = Chunk.read(ReadDataStream(BytesIO(raw[9:])))
     name, length = chunk.compression, chunk.uncompressed_size
     if name not in COMPRESSIONS:
-        raise DamageError(f"compression '{name}' is not known; zstd, lz4 and none are")
+        raise DamageError(f"compression is '{name}'; expected zstd, lz4 or none")
     library, sizes = require(COMPRESSIONS[name], REASON), (-1, length)
     if length > MAX_SIZE or (name == "zstd" and library.frame_content_size(chunk.data) not in sizes):
-        raise DamageError(f"{length} bytes is not the size of its records")
+        raise DamageError(f"{length} bytes is not the uncompressed size")
     stream, count = get_chunk_data_stream(chunk, validate_crc=True)
     if count != length:
-        raise DamageError(f"it has {count} bytes of records and is to have {length}")
+        raise DamageError(f"it has {count} bytes of records; expected {length}")
     return stream.read(count)

@@ -166,24 +166,24 @@ class Quality:
         rate, delay = report["rate"] or np.inf, report["velocity_delay"] or 0.0
         same_state, same_stamp, many = report["repeated_states"], report["repeated_stamps"], MANY * self._count
         warnings = {
-            f"states are {1.0 / rate:.3g} s apart: over more than {MAX_GAP:g} s nothing is integrated, so that there "
-            "is neither a balance of power nor an external torque": rate * MAX_GAP < 1.0
+            f"states are {1.0 / rate:.3g} s apart; power balance and external torque need intervals of at most "
+            f"{MAX_GAP:g} s": rate * MAX_GAP < 1.0
         }
         # Noise of positions at rest is not the integral of that of velocities.
         moves = np.sqrt(self._sums[0] / max(self.duration / WINDOW, 1.0)) >= REST
         for moving, (name, joint) in zip(moves, report["joints"].items(), strict=True):
             error = joint["velocity_error"] or 0.0
-            apart = f"joint '{name}': velocities are not the slope of positions ({error:.0%} apart)"
+            apart = f"joint '{name}': velocities differ from the derivative of the positions by {error:.0%}"
             warnings[apart] = moving and error > MAX_VELOCITY_ERROR
             for what in joint["clipped"]:
-                warnings[f"joint '{name}': {what} often is just {joint[f'largest_{what}']:.6g}: clipped"] = True
-        late, gaps = "late, perhaps filtered" if delay > 0.0 else "early", report["gaps"]
+                warnings[f"joint '{name}': {what} is clipped at {joint[f'largest_{what}']:.6g}"] = True
+        late, gaps = "later (filtered?)" if delay > 0.0 else "earlier", report["gaps"]
         warnings |= {
-            f"against positions velocities are {abs(delay) * 1e3:.2g} ms {late}": abs(delay) * rate > MIN_PERIODS,
+            f"velocities are {abs(delay) * 1e3:.2g} ms {late} than positions": abs(delay) * rate > MIN_PERIODS,
             f"{gaps} gap{'s' * (gaps > 1)}, the longest of {report['longest_gap']:.3g} s": gaps,
-            f"{same_stamp} of {self._count} states have the time of the one before: several messages have one time, "
-            "as those of an arm and its gripper, or times need more digits": same_stamp > many,
-            f"{same_state} of {self._count} states repeat the one before": same_state > many,
+            f"{same_stamp} of {self._count} states repeat the previous time stamp: messages of arm and gripper, or times "
+            "with too few digits": same_stamp > many,
+            f"{same_state} of {self._count} states repeat the previous state": same_state > many,
         }
         return [text for text, applies in warnings.items() if applies]
 
@@ -221,7 +221,7 @@ def _judge_ratios(ratios):
 
 def describe_ratio(ratio):
     """Return a ratio of Δq to ∫q̇dt in words, with four digits, without an exponent where it has five places."""
-    return f"positions change {float(f'{ratio:.4g}'):g} times as fast as velocities say"
+    return f"positions change {float(f'{ratio:.4g}'):g} times as fast as the velocities"
 
 
 def _common_delay(joints):

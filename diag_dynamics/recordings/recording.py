@@ -205,7 +205,7 @@ class Reading:
     def contact_points(self):
         """ContactPoints by the parameters, and causes by links without points; raises InputError and UrdfError."""
         if self.described is None:
-            raise InputError("contact.limits_file needs the robot's description: a model is made already.")
+            raise InputError("contact.limits_file requires the path or text of a URDF; the robot is a RobotModel.")
         return contact_points(self.model, self.described, self.settings.contact)
 
     @property
@@ -267,8 +267,8 @@ def _check_span(start, end):
     for name, seconds in (("start", start), ("end", end)):
         if seconds is not None and not 0.0 <= seconds < 1e9:
             raise InputError(
-                f"{name} is {seconds!r}, expected seconds after the beginning of the recording, 0 or more."
+                f"{name} is {seconds!r}; expected seconds after the beginning of the recording, 0 or more."
             )
     if None not in (start, end) and end <= start:
-        raise InputError(f"end is {end!r} s, expected more than start, {start!r} s.")
+        raise InputError(f"end is {end!r} s; expected more than start, {start!r} s.")
     return tuple(None if seconds is None else round(seconds * SECOND) for seconds in (start, end))

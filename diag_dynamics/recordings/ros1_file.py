@@ -45,7 +45,7 @@ class Ros1File:
                     yield chosen[one.id], time, data
             except Exception as error:  # of damaged bytes
                 lost = sum(one.msgcount for one in connections) - count
-                self._lose(f"behind log time {time}", f"{describe_error(error)}: {lost} messages")
+                self._lose(f"after log time {time}", f"{describe_error(error)}: {lost} messages")
 
 
 @lru_cache(64)

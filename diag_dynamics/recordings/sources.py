@@ -34,8 +34,8 @@ ENCODING, EXPECTED = "cdr", "'cdr' of ROS 2 or 'ros1'"
 USUAL = {JOINT_STATE: "joint_states", ODOMETRY: "odom", DESCRIPTION: "robot_description"}
 """Last part of the name of a topic that is read, by its type."""
 SEVERAL = {
-    JOINT_STATE: "Give one, or all those of one robot: {options} (topic=[…]).",
-    ODOMETRY: "One is read: the one called odom, or the one in the namespace of the joint states that --topic gives.",
+    JOINT_STATE: "Choose one, or all topics of one robot: {options} (topic=[…]).",
+    ODOMETRY: "Only one named odom, or one in the namespace of --topic, is read.",
     DESCRIPTION: "Give the robot: --urdf ROBOT (model).",
 }
 """Advice about several topics of a type."""
@@ -62,7 +62,7 @@ def open_source(path, columns=None, topic=None, joint_names=None):
     for key, value in columns._asdict().items():
         if key not in ("joint_names", "source") and value != ColumnMap._field_defaults[key]:
             raise InputError(
-                f"'{path}' is a bag; expected joint_names alone in a map of columns, and {columns.source} has {key}."
+                f"'{path}' is a bag; expected a column map with joint_names only, but {columns.source} has {key}."
             )
     return BagSource(path, topic, names)
 
@@ -70,7 +70,7 @@ def open_source(path, columns=None, topic=None, joint_names=None):
 def _make_names(columns, joint_names):
     """Return the JointNames of a ColumnMap or of an argument; None without a map of names."""
     if columns.joint_names is not None and joint_names is not None:
-        raise InputError(f"joint_names is given by {columns.source}, too; expected one of them.")
+        raise InputError(f"joint_names is given twice, by an argument and by {columns.source}; expected one of them.")
     if joint_names is not None:
         return JointNames(joint_names)
     return None if columns.joint_names is None else JointNames(columns.joint_names, f"{columns.source}: joint_names")
@@ -120,8 +120,8 @@ class BagSource:
                 if text := read_message(messages.data[at : at + size].tobytes(), DESCRIPTION).data:
                     return text
         if not self._bag.connections:
-            raise InputError(f"'{self._path}' has nothing: {self._content()}.")
-        raise InputError(f"'{self._path}' has no robot_description: say which robot it is of (model, or --urdf ROBOT).")
+            raise InputError(f"'{self._path}' is empty: {self._content()}.")
+        raise InputError(f"'{self._path}' has no robot_description. Give the robot: --urdf ROBOT (model).")
 
     def batches(self, model):
         """Yield batches of messages in the order of log time."""
@@ -187,7 +187,7 @@ class BagSource:
             encoding = f", encoded as '{one.encoding}'" if one.encoding != ENCODING else ""
             texts.add(f"{one.topic} ({one.type or 'no type'}{encoding})")
             odd = f"; expected messages encoded as {EXPECTED}" if encoding else odd
-        topics = f"its topics are {', '.join(sorted(texts))}" if texts else "it has no topics that could be read"
+        topics = f"its topics are {', '.join(sorted(texts))}" if texts else "it has no readable topics"
         return topics + "".join(f"; {one.where}: {one.what}" for one in self.unread[:3]) + odd
 
 

@@ -26,7 +26,7 @@ class SqliteFile:
             self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
             for one in (path, *journals):
                 shutil.copy(one, self._copy.name)
-            notes.add_oddity(name, " has a journal: its recorder was ended or still records. It is read, too.")
+            notes.add_oddity(name, " has a journal: its recorder was killed or still records. It is read, too.")
         try:
             with closing(self._open()) as database:
                 for key, *declaration in database.execute("SELECT id, name, type, serialization_format FROM topics"):
@@ -57,9 +57,9 @@ class SqliteFile:
                     else:
                         lost += 1
             except sqlite3.Error as error:
-                self._lose("table messages", f"{error}: all behind log time {time}; {self._advice}")
+                self._lose("table messages", f"{error}: all after log time {time}; {self._advice}")
         if lost:
-            self._lose("table messages", f"{lost} messages have no bytes, or no time that int64 can hold")
+            self._lose("table messages", f"{lost} messages have no bytes, or no log time in int64")
 
     def _open(self):
         """Return a connection to the database."""

@@ -84,25 +84,25 @@ def _unmeasured(analysis, without_effort):
     names, absurd = analysis.reading.intake.assembler.lacking_effort, analysis.reading.counts["absurd effort"]
     if not names or absurd or without_effort < analysis.states:
         return analysis.efforts.unmeasured()
-    return f"efforts of {', '.join(names)} are missing throughout, so that no state has those of all joints (locked_joints)"
+    return f"efforts of {', '.join(names)} are missing throughout, so no state has all efforts (locked_joints)"
 
 
 def _unknown_contacts(analysis, without_effort):
-    """Return what is not known of contacts, and why; or an empty text."""
+    """Return why collisions are unknown; or an empty text."""
     states, unknown, missing = analysis.states, analysis.states - analysis.observed, analysis.missing
     if not analysis.observed:
         why = "the observer has no result at any state"
         why = explain_missing_efforts(analysis.reading.counts) if without_effort == states else why
     elif missing:
         why = (
-            f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set. diag-dynamics calibrate finds "
-            "thresholds, and writes them with their gain for --alarms"
+            f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set. diag-dynamics calibrate computes "
+            "thresholds for --alarms"
         )
     elif unknown > 1:  # the first one never has a result
-        return f"Of {unknown} of {states} states nothing is known: the observer has no result there."
+        return f"Collisions are unknown at {unknown} of {states} states: the observer has no result there."
     else:
         return ""
-    return f"Nothing is known of contacts: {why}."
+    return f"Collisions are unknown: {why}."
 
 
 def _exceeded(alarm):
@@ -117,14 +117,14 @@ def describe_faults(summary):
     """Return what is wrong with a recording or its robot, in words: the causes of exit status 1."""
     efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]
     rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
-    few = f"the balance of power explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
-    absurd = "no balance of power, because efforts are beyond what can be (absurd.effort): N m and N are expected"
+    few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
+    absurd = "no power balance, because efforts exceed the plausibility limits (absurd.effort); expected N m or N"
     none, with_efforts = explained is None, _has_efforts(summary)
     wrongs = {
-        "part of it could not be read": "unread" in causes,
-        f"{rejected} message{' was' if rejected == 1 else 's were'} rejected": rejected,
+        "unreadable data": "unread" in causes,
+        f"{rejected} rejected message{_s(rejected)}": rejected,
         few: not none and explained < MIN_EXPLAINED,
-        "there are efforts, but no balance of power": none and with_efforts,
+        "no power balance, although there are efforts": none and with_efforts,
         efforts["unmeasured"]: none and not with_efforts,
         absurd: none and "absurd effort" in causes,
         f"{unit['cause']} ({describe_ratio(unit['factor'])})" if unit else "": True,
@@ -142,7 +142,7 @@ def format_summary(summary, width=WIDTH):
     notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
     faults = [str(Finding(**one)) for one in summary["findings"] if one["cause"] != NOTE]
     parts = [list(part(summary)) for part in PARTS]
-    for heading, texts in (("Worth knowing", [*faults, *summary["warnings"]]), ("How it was read", notes)):
+    for heading, texts in (("Findings", [*faults, *summary["warnings"]]), ("Input", notes)):
         parts += [[heading, *_some(texts, "more; --json has all")]] if texts else []
     return "\n\n".join("\n".join(_wrapped(line, width) for line in part) for part in parts if part)
 
@@ -182,7 +182,7 @@ def _about_states(summary):
     taken = f"{states} state{_s(states)} in {summary['duration']:.6g} s{rate}"
     yield f"{taken}; {rejected} message{_s(rejected)} rejected"
     if summary["begin"]:
-        yield f"Times below are from the first state on, at {summary['begin']:.6f} s in the recording"
+        yield f"Times below start at the first state, {summary['begin']:.6f} s in the recording"
     if quality["without_effort"]:
         yield f"{quality['without_effort']} state{_s(quality['without_effort'])} without effort"
 
@@ -190,7 +190,7 @@ def _about_states(summary):
 def _about_energy(summary):
     energy, peaks = summary["kinetic_energy"], summary["peaks"]
     at = _after(summary, energy["at"])
-    yield f"Kinetic energy: at most {energy['max']:.4g} J at {at}, {energy['mean']:.4g} J on average"
+    yield f"Kinetic energy: maximum {energy['max']:.4g} J at {at}, mean {energy['mean']:.4g} J"
     yield f"  largest shares: {_largest(energy['share'], '{} {:.3g} J')}"
     for name, unit in (("velocity", "rad/s or m/s"), ("effort", "N m or N")):
         if peak := peaks.get(name):
@@ -200,18 +200,18 @@ def _about_energy(summary):
 def _about_balance(summary):
     explained, total, balance = summary["explained"], summary["explained_with_potential"], summary["balance"]
     if explained is None:
-        yield f"No balance of power: {balance['says'] if _has_efforts(summary) else 'no efforts'}."
+        yield f"No power balance: {balance['says'] if _has_efforts(summary) else 'no efforts'}."
         if summary["efforts"]["says"]:
             yield f"  {summary['efforts']['says']}"
         return
-    also = "" if total is None else f" (with potential energy {total:.3f})"
+    also = "" if total is None else f" ({total:.3f} with potential energy)"
     power = summary["residual_power"]
-    yield f"Balance of power over windows of {WINDOW:g} s: explained {explained:.3f}{also}, residual {power:.3g} W rms"
+    yield f"Power balance in windows of {WINDOW:g} s: variance explained {explained:.3f}{also}, residual {power:.3g} W rms"
     yield f"  {balance['says']}"
     if summary["collisions"] and explained < MIN_EXPLAINED:
         yield (
-            "  collisions are in it, and the power of a push is in no effort: judge the balance where nothing touches "
-            "the robot (--start, --end)"
+            "  the balance includes collisions, whose power no effort contains: select a part without contact "
+            "(--start, --end)"
         )
     joints = {name: one["residual_power"] for name, one in balance["joints"].items()}
     yield f"  residual by joint: {_largest(joints, '{} {:.2g} W')}"
@@ -223,15 +223,15 @@ def _about_collisions(summary):
     if "residual_norm" in peaks:
         torque, norm = peaks["external_torque"], peaks["residual_norm"]["value"]
         yield (
-            f"External torque (observer of gain {observer['gain']:g}/s): at most {torque['value']:.4g} N m or N at "
-            f"{torque['of']}, {_after(summary, torque['at'])}; |r| at most {norm:.4g} J^0.5/s"
+            f"External torque (observer gain {observer['gain']:g}/s): maximum {torque['value']:.4g} N m or N at "
+            f"{torque['of']}, {_after(summary, torque['at'])}; maximum |r| {norm:.4g} J^0.5/s"
         )
     else:
         yield "External torque"
     if observer["observed"] and observer["judged"]:
         yield f"  {count}, by thresholds of {', '.join(observer['judged'])}"
     elif observer["observed"] and observer["threshold"] is not None:
-        yield f"  {count} above {observer['threshold']:g} J^0.5/s"
+        yield f"  {count} with |r| above {observer['threshold']:g} J^0.5/s"
     if observer["says"]:
         yield f"  {observer['says']}"
     lines = [
@@ -245,7 +245,7 @@ def _about_collisions(summary):
 def _about_contact(summary):
     if not (contact := summary["contact"]):
         return
-    yield f"Limits of contact exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
+    yield f"Contact limits exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
     if contact["above_by_point"]:
         yield f"  by {_largest(contact['above_by_point'], '{} {:.3g} s')}"
     for one in contact["worst"]:

@@ -53,14 +53,16 @@ class TableSource:
     def notes(self):
         """How columns and times were understood: a list of str."""
         beyond = (
-            f"{self._beyond} rows are of times that no stamp can be of, before 0 s or after {LATEST} s, and are refused; the "
-            f"first is {self._first_beyond} (if times are not seconds: scale: {{time: ms}} in a map of columns)."
+            f"{self._beyond} rows have times outside of 0 … {LATEST} s, the range of ROS stamps, and are rejected; the "
+            f"first is {self._first_beyond}. If times are not in seconds, set scale: {{time: ms}} in a column map."
         )
         return [beyond] * (self._beyond > 0) + (self._table.notes if self._table else [])
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""
-        raise InputError(f"'{self._path}' does not say which robot it is of: give it (model, or --urdf ROBOT).")
+        raise InputError(
+            f"'{self._path}' is a table, without a robot description. Give the robot: --urdf ROBOT (model)."
+        )
 
     def limit(self, begin, end):
         """Omit nothing: a table has no index."""
@@ -78,7 +80,7 @@ class TableSource:
         if named and not any((self.names.map_name(name) if self.names else name) in own for name in named):
             found = [] if self.names else propose_maps(named, own)
             raise InputError(
-                f"'{self._path}': rows name {listed(named)}, none of which the robot has. Its joints are {listed(own)}."
+                f"'{self._path}': rows name {listed(named)}; expected joints of the robot: {listed(own)}."
                 f"{f' {describe_maps(found, named, own)}.' if found else ''}"
             )
 

@@ -17,14 +17,14 @@ MIN_R2 = 0.9  # squared correlation of Δq and ∫q̇dt that determines a ratio
 RATIO_ERROR = 1.1  # factor up to which a ratio is a known one
 DEGREE = math.pi / 180.0
 RATIOS = {
-    1e-3: "times seem to be milliseconds (scale: {time: ms} in a map of columns)",
-    1e-6: "times seem to be microseconds (scale: {time: us} in a map of columns)",
-    1e-9: "times seem to be nanoseconds (scale: {time: ns} in a map of columns)",
-    60.0: "times seem to be minutes, 60 s each (scale: {time: min} in a map of columns)",
-    3600.0: "times seem to be hours, 3600 s each (scale: {time: h} in a map of columns)",
-    86400.0: "times seem to be days, 86400 s each (scale: {time: d} in a map of columns)",
-    DEGREE: "velocities seem to be in degrees (scale: {velocity: deg/s} in a map of columns)",
-    1.0 / DEGREE: "positions seem to be in degrees (scale: {position: deg} in a map of columns)",
+    1e-3: "times seem to be milliseconds (scale: {time: ms} in a column map)",
+    1e-6: "times seem to be microseconds (scale: {time: us} in a column map)",
+    1e-9: "times seem to be nanoseconds (scale: {time: ns} in a column map)",
+    60.0: "times seem to be minutes, 60 s each (scale: {time: min} in a column map)",
+    3600.0: "times seem to be hours, 3600 s each (scale: {time: h} in a column map)",
+    86400.0: "times seem to be days, 86400 s each (scale: {time: d} in a column map)",
+    DEGREE: "velocities seem to be in degrees (scale: {velocity: deg/s} in a column map)",
+    1.0 / DEGREE: "positions seem to be in degrees (scale: {position: deg} in a column map)",
     -1.0: "velocities seem to have the wrong sign",
 }
 """Causes by the ratio of Δq to ∫q̇dt."""
@@ -121,10 +121,9 @@ class RejectedUnits:
         else:
             return None
         what = " and ".join(name for name in ("positions", "velocities") if name[:6] in units)
-        agrees = ", and positions then change as velocities say" if len(ratios) else ""
         return (
-            f"{what} seem to be in degrees: most are beyond what the joints can do, and as degrees within it{agrees}. In a "
-            f"table, scale: {{{units}}} in a map of columns says so (docs/recordings.md); messages have radians (REP 103)"
+            f"{what} seem to be in degrees: most exceed the limits of the joints, but not as degrees. In a table, set "
+            f"scale: {{{units}}} in a column map (docs/recordings.md); messages must have radians (REP 103)"
         )
 
 

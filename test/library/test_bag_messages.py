@@ -68,8 +68,8 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
 
 
 NOT_UNDERSTOOD = [
-    (b"short", {}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of its type"),
-    (None, {"md5sum": "1" * 32}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of its type"),
+    (b"short", {}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of the type"),
+    (None, {"md5sum": "1" * 32}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of the type"),
     (None, {}, "my_msgs/JointState", r"has no joint states: its topics are /joint_states .my_msgs/msg/JointState\)"),
 ]
 
@@ -265,7 +265,7 @@ def test_joint_names_of_a_message_that_has_both(tmp_path):
     one = moving("fer_a", "panda_a", "panda_b")
     two = sorted([*moving("fer_a"), *moving("panda_a", "panda_b")], key=lambda one: one.log_time)
     for sent in (one, two):
-        path, what = write_mcap(tmp_path / "x.mcap", sent), "leads from 'fer_a' and from 'panda_a' to joint 'panda_a'"
+        path, what = write_mcap(tmp_path / "x.mcap", sent), "maps both 'fer_a' and 'panda_a' to joint 'panda_a'"
         refused(what, path, arm("panda_a", "panda_b"), joint_names={"fer_a": "panda_a"})
 
 
@@ -275,7 +275,7 @@ WRONG_MAPS = {
     "no joint of the robot": ({"fer_b": "panda_c"}, "maps 'fer_b' to 'panda_c', which is no joint of robot 'arm'"),
     "no prefix of the robot": ({"fer_*": "ur_*"}, r"maps 'fer_a' to 'ur_a', .* Its joints are panda_a, panda_b\."),
     "two of one joint": ({"fer_a": "panda_a", "fer_b": "panda_a"}, "maps 'fer_a' and 'fer_b' to 'panda_a'"),
-    "two by a prefix": ({"fer_*": "panda_*", "fer_b": "panda_a"}, "from 'fer_a' and from 'fer_b' to joint 'panda_a'"),
+    "two by a prefix": ({"fer_*": "panda_*", "fer_b": "panda_a"}, "both 'fer_a' and 'fer_b' to joint 'panda_a'"),
     "one star": ({"fer_*": "panda_a"}, r"maps 'fer_\*' to 'panda_a'; expected one \* in both names or in neither"),
     "a list": (["fer_a"], r"joint_names is \['fer_a'\]; expected a mapping such as"),
     "a number": ({"fer_a": 1}, "maps 'fer_a' to 1; expected names of joints"),
@@ -292,30 +292,36 @@ def test_joint_names_that_are_wrong(tmp_path, kind, case):
 
 
 def test_maps_of_bags(tmp_path):
-    """Other keys of a map of columns, two maps, and a star that YAML takes for an alias."""
+    """Other keys of a column map, two maps, and a star that YAML takes for an alias."""
     path, robot = write_mcap(tmp_path / "x.mcap", moving("fer_a", "fer_b")), arm("panda_a", "panda_b")
     given = {"fer_*": "panda_*"}
-    what = "is a bag; expected joint_names alone in a map of columns, .* has effort"
+    what = "is a bag; expected a column map with joint_names only, but .* has effort"
     refused(what, path, robot, columns={"joint_names": given, "effort": None})
-    refused("joint_names is given by columns, too", path, robot, columns={"joint_names": given}, joint_names=given)
+    refused(
+        "joint_names is given twice, by an argument and by columns",
+        path,
+        robot,
+        columns={"joint_names": given},
+        joint_names=given,
+    )
     (tmp_path / "map.yaml").write_text("joint_names: {left_*: *}")
     refused(r"Put a text that begins with \* in quotes", path, robot, columns=tmp_path / "map.yaml")
 
 
 PROPOSALS = {
-    "prefix": (["fer_a", "fer_b"], ["panda_a", "panda_b"], ["With --joint-names 'fer_*=panda_*'", "are the robot's"]),
-    "none in the recording": (["a1", "a2"], ["left_a1", "left_a2"], ["With --joint-names '*=left_*'"]),
-    "number": (["J1", "J2", "J3"], ["joint_1", "joint_2", "joint_3"], ["With --joint-names 'J*=joint_*'"]),
-    "suffix": (["pan", "lift"], ["pan_joint", "lift_joint"], ["With --joint-names '*=*_joint'"]),
-    "and other joints": (["fer_a", "fer_b", "hand"], ["panda_a", "panda_b"], ["'fer_*=panda_*'", "2 of them are"]),
-    "two arms": (["l_a", "l_b", "r_a", "r_b"], ["a", "b"], ["'l_*=*' or --joint-names 'r_*=*'", "2 of them are"]),
-    "nothing alike": (["x", "y"], ["a", "b"], ["given by --joint-names NAME=JOINT"]),
+    "prefix": (["fer_a", "fer_b"], ["panda_a", "panda_b"], ["--joint-names 'fer_*=panda_*'", "to the robot's joints"]),
+    "none in the recording": (["a1", "a2"], ["left_a1", "left_a2"], ["--joint-names '*=left_*'"]),
+    "number": (["J1", "J2", "J3"], ["joint_1", "joint_2", "joint_3"], ["--joint-names 'J*=joint_*'"]),
+    "suffix": (["pan", "lift"], ["pan_joint", "lift_joint"], ["--joint-names '*=*_joint'"]),
+    "and other joints": (["fer_a", "fer_b", "hand"], ["panda_a", "panda_b"], ["'fer_*=panda_*'", "maps 2 of them"]),
+    "two arms": (["l_a", "l_b", "r_a", "r_b"], ["a", "b"], ["'l_*=*' or --joint-names 'r_*=*'", "maps 2 of them"]),
+    "nothing alike": (["x", "y"], ["a", "b"], ["Map other names by --joint-names NAME=JOINT"]),
     "many": (
         [f"other_{k}" for k in range(30)],
         [f"joint_{k}" for k in range(20)],
-        ["joint_7 and 12 more. With", "other_7 and 22 more; the robot", "With --joint-names 'other_*=joint_*'"],
+        ["joint_7 and 12 more. --joint-names", "other_7 and 22 more; the robot", "--joint-names 'other_*=joint_*'"],
     ),
-    "one is there": (["a", "fer_b"], ["a", "panda_b"], ["With --joint-names 'fer_*=panda_*'"]),
+    "one is there": (["a", "fer_b"], ["a", "panda_b"], ["--joint-names 'fer_*=panda_*'"]),
 }
 
 
@@ -326,9 +332,9 @@ def test_names_that_came_and_a_map_for_them(tmp_path, case):
     recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving(*came)), arm(*own))
     (finding,) = recording.findings
     if case == "one is there":
-        assert "never came: panda_b. Messages name fer_b, which the robot lacks. " in finding.text
+        assert "missing: panda_b. The recording has other joints: fer_b. " in finding.text
     elif case != "many":
-        assert f"without a joint of this robot, of {', '.join(came)}; the robot has {', '.join(own)}. " in finding.text
+        assert f"messages of other joints: {', '.join(came)}; the robot has {', '.join(own)}. " in finding.text
     assert len(recording) == 0 and all(text in finding.text for text in expected)
 
 
@@ -338,5 +344,5 @@ def test_followers_are_the_robots(tmp_path):
     robot = urdf_of("a", "b").replace('<joint name="b" type="continuous">', mimic)
     recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving("left_a", "left_b")), robot)
     (finding,) = recording.findings
-    assert finding.text.endswith("With --joint-names 'left_*=*' (joint_names) they are the robot's")
+    assert finding.text.endswith("--joint-names 'left_*=*' (joint_names) maps them to the robot's joints")
     assert len(dd.read_recording(recording.path, robot, joint_names={"left_*": "*"})) == 12

@@ -121,15 +121,15 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
     [
         ({"velocity_limits": {"upper_joint": 3.0}}, "Velocity limits of 'upper_joint' are .*3.0.* within 0 … 2"),
         ({"position_limits": {"upper_joint": (-2.0, 1.0)}}, "Position limits of 'upper_joint'"),
-        ({"joints": ()}, "Let more joints move"),
+        ({"joints": ()}, "Move more joints"),
         ({"ranges": {"upper_joint": (0.0, 1e-9)}}, "joint 'upper_joint' stands still: it moves over"),
         ({"what": "payload:tool"}, "'tool' is not a link of robot"),
         ({"joints": ["elbow"]}, "joints: one of them is 'elbow'"),
         ({"ranges": {"upper_joint": (-9, 1)}}, "Position limits of 'upper_joint' are .*-9"),
         ({"duration": 15.0}, "duration is 15 s"),
         ({"velocity": 2.0}, "velocity is 2.0"),
-        ({"effort": 1e-3, "trials": 3}, "joint 'upper_joint' would need"),
-        ({"rate": 0.1}, "rate is 0.1 1/s; expected 1 1/s at least"),
+        ({"effort": 1e-3, "trials": 3}, "joint 'upper_joint' needs"),
+        ({"rate": 0.1}, "rate is 0.1 1/s; expected at least 1 1/s"),
     ],
 )
 def test_limits_above_those_of_the_robot_and_standstill(options, key):

@@ -31,19 +31,19 @@ def noise(tau, size, seed=5):
 
 
 CAUSES = {
-    "mN m": (DOWN, lambda tau: 1000.0 * tau, r"another unit: they are [\d.e+]+ times .* as of mN m"),
-    "motor current": (DOWN, lambda tau: -640.0 * tau, r"another unit and the other sign: they are -6\d\d times"),
-    "kgf cm": (DOWN, lambda tau: 10.2 * tau, r"another unit: they are 10.* as of kgf cm"),
-    "each joint's own unit": (DOWN, lambda tau: tau * [900.0, 400.0, 30.0], r"changes by (9|4)\d\d ± .* is it in N m"),
-    "sign of all": (DOWN, lambda tau: -tau, r"all joints seem to have the other sign \(effort_scale: '\*=-1'\)"),
-    "sign of one": (DOWN, lambda tau: tau * [1.0, 1.0, -1.0], r"joint 'elbow' is of the other sign: .*'elbow=-1'\)"),
-    "no relation": (DOWN, lambda tau: noise(tau, 1.0), "has no relation to the motion"),
+    "mN m": (DOWN, lambda tau: 1000.0 * tau, r"another unit: they are [\d.e+]+ times .* as in mN m"),
+    "motor current": (DOWN, lambda tau: -640.0 * tau, r"another unit and the opposite sign: they are -6\d\d times"),
+    "kgf cm": (DOWN, lambda tau: 10.2 * tau, r"another unit: they are 10.* as in kgf cm"),
+    "each joint's own unit": (DOWN, lambda tau: tau * [900.0, 400.0, 30.0], r"is (9|4)\d\d ± .* Check unit"),
+    "sign of all": (DOWN, lambda tau: -tau, r"all joints seem to have the opposite sign \(effort_scale: '\*=-1'\)"),
+    "sign of one": (DOWN, lambda tau: tau * [1.0, 1.0, -1.0], r"joint 'elbow' has the opposite sign: .*'elbow=-1'\)"),
+    "no relation": (DOWN, lambda tau: noise(tau, 1.0), "does not follow the motion"),
     "exchanged": (DOWN, lambda tau: tau[:, [0, 2, 1]], "lift and elbow seem to be exchanged"),
     "order": (DOWN, lambda tau: tau[:, [1, 2, 0]], "another order: those of pan, lift, elbow .* elbow, pan, lift"),
     "no gravity": (
         (0.0, 0.0, 0.0),
         lambda tau: tau,
-        r"gravity seems not to be in the efforts \(effort_includes_gravity",
+        r"gravity seems to be missing in the efforts \(effort_includes_gravity",
     ),
     "ceiling": (UP, lambda tau: tau, r"gravity seems to point along .*1(79|80)° from .* on a ceiling"),
     "wall": ((9.81, 0.0, 0.0), lambda tau: tau, r"gravity .* along \[(9|10)[\d.]*, .*(8[5-9]|9[0-5])° .* on a wall"),
@@ -86,7 +86,7 @@ def test_residuals_of_neighbours_in_time_are_alike(arm):
 def test_no_relation_is_named_beside_a_payload(arm):
     """Wider limits would accept a factor of 0 with its errors."""
     t, q, qd, tau = motion()
-    with pytest.raises(dd.InputError, match="has no relation to the motion"):
+    with pytest.raises(dd.InputError, match="does not follow the motion"):
         dd.identify(recording(t, q, qd, noise(tau, 1.0)), arm, "payload:fore")
 
 
@@ -94,7 +94,7 @@ def test_slow_motion_does_not_tell_the_other_sign_from_a_ceiling(arm):
     t, q, qd, _ = motion()
     tau = 1e-3 * np.sin(t)[:, None] - dd.DiagonalDynamics(arm).gravity_torque_batch(q)
     with pytest.raises(
-        dd.InputError, match=r"other sign.* or gravity points the other way, as of a robot on a ceiling"
+        dd.InputError, match=r"opposite sign.* or gravity points the other way, as for a robot on a ceiling"
     ):
         dd.identify(recording(10.0 * t, q, qd / 10.0, tau), arm, "friction")
 
@@ -119,10 +119,10 @@ def large_arm(name):
 
 LIGHT_JOINTS = {
     "right": ({}, None),
-    "sign of the last": ({-1: -1.0}, r"joint '{-1}' is of the other sign: .*'{-1}=-1'\)"),
-    "unit of the last": ({-1: 10.0}, r"joint '{-1}' changes by (9\.\d+|10) ± .* is it in N m"),
-    "unit of wrist 2": ({-2: 0.01}, r"joint '{-2}' changes by 0\.0(10?|09\d*) ± .* is it in N m"),
-    "signs and unit": ({-3: -1.0, -2: -1.0, -1: 10.0}, r"'{-3}=-1'\); .*'{-2}=-1'\); .* '{-1}' changes by"),
+    "sign of the last": ({-1: -1.0}, r"joint '{-1}' has the opposite sign: .*'{-1}=-1'\)"),
+    "unit of the last": ({-1: 10.0}, r"joint '{-1}' is (9\.\d+|10) ± .* Check unit"),
+    "unit of wrist 2": ({-2: 0.01}, r"joint '{-2}' is 0\.0(10?|09\d*) ± .* Check unit"),
+    "signs and unit": ({-3: -1.0, -2: -1.0, -1: 10.0}, r"'{-3}=-1'\); .*'{-2}=-1'\); .* '{-1}' is "),
 }
 
 
@@ -149,7 +149,7 @@ def test_a_small_factor_of_a_lighter_joint_may_be_the_models_fault(arm):
     t, q, qd, tau = motion(seed=4)
     found = dd.identify(recording(t, q, qd, tau * [1.0, 1.0, 0.01]), arm, "friction")
     assert any("effort doubtful: the effort of joint 'elbow'" in text for text in found.quality["findings"])
-    with pytest.raises(dd.InputError, match="joint 'elbow' is of the other sign"):
+    with pytest.raises(dd.InputError, match="joint 'elbow' has the opposite sign"):
         dd.identify(recording(t, q, qd, tau * [1.0, 1.0, -1.0]), arm, "friction")
 
 
@@ -172,7 +172,7 @@ def axes_alone(kind):
 @pytest.mark.parametrize("kind", AXES)
 @pytest.mark.parametrize(
     ("factor", "key"),
-    [(1.0, None), (-1.0, "of the other sign"), (1000.0, r"by 1e\+03 .* is it in N m or N"), (0.0, "no relation")],
+    [(1.0, None), (-1.0, "has the opposite sign"), (1000.0, r"is 1e\+03 .* Check unit"), (0.0, "does not follow")],
 )
 def test_axes_whose_gravity_does_not_change(kind, factor, key):
     """Inertia tells unit and sign, though a rotor may be part of it; efforts in closed form: mass or inertia times q̈."""
@@ -223,7 +223,7 @@ def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     t, q, qd, tau = motion()
     columns = t, 0.0 * q + 0.3, 0.0 * qd, 0.1 + noise(tau, 0.01)
     status, said = commanded(tmp_path, capsys, "calibrate", columns, "-o", str(tmp_path / "alarms.yaml"))
-    assert status == 1 and "no joint moves: the thresholds are those of a robot at rest" in said
+    assert status == 1 and "no joint moves: the thresholds hold for a robot at rest" in said
 
 
 def test_the_balance_of_a_desk_arm(tmp_path, capsys):
@@ -232,7 +232,7 @@ def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
     assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
-    assert status == 1 and "no balance of power, because efforts are beyond what can be (absurd.effort)" in said
+    assert status == 1 and "no power balance, because efforts exceed the plausibility limits (absurd.effort)" in said
 
 
 def nothing_seen(tau, qd):
@@ -248,8 +248,8 @@ def nothing_explained(tau, qd):
 @pytest.mark.parametrize(
     ("changed", "key"),
     [
-        (nothing_seen, r"efforts not judged: no effort has a clear relation to the motion"),
-        (nothing_explained, "the identified model explains nothing of the motion"),
+        (nothing_seen, r"efforts not judged: no effort clearly follows the motion"),
+        (nothing_explained, "the identified model does not explain the motion"),
     ],
 )
 def test_results_of_exit_status_1(tmp_path, capsys, changed, key):

@@ -118,7 +118,7 @@ def test_errors_of_reading(tmp_path, panda):
     refused(r"recording\.mcap", tmp_path / "recordin.mcap")
     refused("robot_description", model=None)
     refused(r"no topic '/joint_state'.*'/joint_states'", topic="/joint_state")
-    refused("map of columns", columns={"time": "t"})
+    refused("column map", columns={"time": "t"})
     refused("no parameter 'max_agge'", parameters={"max_agge": 1.0})
     refused("'locked_joints' shapes a robot", parameters={"locked_joints": ["a=0"]})
     assert len(dd.read_recording(path, panda, parameters={"gravity": [0.0, 0.0, -9.81]})) == 5
@@ -129,4 +129,4 @@ def test_errors_of_reading(tmp_path, panda):
     assert len(dd.read_recording(path, panda, topic="/left/states")) == 5
     write_mcap(path, [])
     refused("has no joint states")
-    refused("has not a file|is a folder|no bags in it", tmp_path.joinpath("empty").mkdir() or tmp_path / "empty")
+    refused("has not a file|is a folder|contains no bag", tmp_path.joinpath("empty").mkdir() or tmp_path / "empty")

@@ -297,7 +297,7 @@ def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, m
     _, summary = recording.analyse("part", "--set", *given, **columns)
     observer, said = summary["observer"], " ".join(capsys.readouterr().out.split())
     assert (observer["missing"], observer["observed"], summary["collisions"]) == (missing, 749 * efforts, [])
-    assert "0 collisions" not in said and all(word in said for word in ("Nothing is known of contacts", *words)), said
+    assert "0 collisions" not in said and all(word in said for word in ("Collisions are unknown", *words)), said
 
 
 def test_states_without_an_effort_are_counted(recording):
@@ -307,7 +307,7 @@ def test_states_without_an_effort_are_counted(recording):
     html, summary = recording.analyse("gap", "--quiet", "--set", *WATCHED, **columns)
     unknown = summary["states"] - summary["observer"]["observed"]
     assert 201 <= unknown <= 202 and len(summary["collisions"]) == 1
-    assert f"Of {unknown} of 4000 states nothing is known" in summary["observer"]["says"]
+    assert f"unknown at {unknown} of 4000 states" in summary["observer"]["says"]
     told, blocks = parts_of(html)
     t, found = track_of(told, blocks, told["tracks"][0])
     missing = np.abs(t - 5.2) < 0.18

@@ -32,8 +32,8 @@ LOOSE = {"joint_timeout": 0.0, "frozen_timeout": 0.0} | {
 }
 """Parameters by which every finite number with a velocity is a state."""
 FREE = LOOSE | {"missing_velocity": "estimate", "velocity_filter_time": 0.0}
-WIDTH = "another number of columns than the header has ({} instead of {}): {} rows left out"
-NO_TIME = "no time, or one that is no number{}: {} rows left out"
+WIDTH = "another number of columns than the header has ({} instead of {}): {} rows omitted"
+NO_TIME = "no time, or a time that is no number{}: {} rows omitted"
 robot = cache(arm)
 
 
@@ -139,8 +139,8 @@ def test_packed(written, long_text, ending):
     recording = read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), parameters=LOOSE)
     assert 5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
     (said,) = lost(recording)
-    assert said.startswith(f"line {len(recording) + 1}: the packed stream cannot be read to its end: ")
-    with pytest.raises(dd.InputError, match="the packed stream cannot be read to its end"):
+    assert said.startswith(f"line {len(recording) + 1}: the compressed data are damaged or end early: ")
+    with pytest.raises(dd.InputError, match="the compressed data are damaged or end early"):
         read(written(PACKED[ending](b"t,q1\n")[:12], f"table.csv.{ending}"))
 
 
@@ -194,7 +194,7 @@ def test_mutated_texts(tmp_path_factory, changes):
     except dd.InputError:  # the header, or what may be one, has been hit
         return
     counts = [text.rsplit(": ", 1)[1].split() for text in lost(recording)]
-    left_out = sum(int(count[0]) for count in counts if count[1:] == ["rows", "left", "out"])
+    left_out = sum(int(count[0]) for count in counts if count[1:] == ["rows", "omitted"])
     lines = [line for line in body.split("\n") if line.strip() and not line.startswith("#")]
     received = sum(recording.counts.get(what, 0) for what in ("received", "rows of other topics"))
     assert received + left_out == len(lines) or not recording.counts
@@ -252,11 +252,11 @@ def test_files_that_are_cut_or_none(written, monkeypatch):
     for content in (pa.table({"t": [0.0]}), {"t": np.arange(100.0)}):
         path = written(content)
         path.write_bytes(path.read_bytes()[:-30])
-        with pytest.raises(dd.InputError, match=r"cannot be read: .*not copied whole"):
+        with pytest.raises(dd.InputError, match=r"cannot be read: .*not copied completely"):
             read(path)
     with zipfile.ZipFile(path, "w") as file:
         file.writestr("xl/workbook.xml", "<x/>")
-    with pytest.raises(dd.InputError, match="is a zip archive without numpy's arrays"):
+    with pytest.raises(dd.InputError, match="is a zip archive without NumPy arrays"):
         read(path)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(dd.InputError, match="needs the package pyarrow: pip install pyarrow"):
@@ -465,7 +465,7 @@ def test_headers_and_separators(written, text, columns):
 
 def test_decimal_commas_need_a_map(written):
     (said,) = lost(read(written("t;q1;qd1\n0;1,5;1,0\n")))
-    example = "column 'q1': '1,5'; decimal commas need decimal: ',' in a map of columns"
+    example = "column 'q1': '1,5'; decimal commas need decimal: ',' in a column map"
     assert said == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
 
 
@@ -474,28 +474,28 @@ def test_decimal_commas_need_a_map(written):
 HEADERS = {
     "t,q1,q2,q3,pos1,pos2,pos3": r"'q\{joint\}' or 'pos\{joint\}'",
     "t,q1,q2,q3,tau1,tau2,tau3,effort1,effort2,effort3": "may be the effort",
-    "t,time,q1,q2,q3": "several columns may be the times, t, time",
+    "t,time,q1,q2,q3": "several columns may be the time: t, time",
     "t,q1 [deg],q1 [rad],q2,q3": r"'q1 \[deg\]' \(column 1\) and 'q1 \[rad\]' \(column 2\)",
     "t,q1,q2,q3,qd1,qd1,qd2,qd3": r"'qd1' \(column 4\) and 'qd1' \(column 5\)",
     "t,q1,q2,q3,q4": "has 1, 2, 3, 4, but there are 3 joints",
     "t,q1,q2,q4": "has 1, 2, 4, but there are 3 joints: shoulder, elbow, wrist",
     "t,q_hip,q_knee": "has hip, knee, none of which is one of the 3 joints: shoulder, elbow, wrist",
-    "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' is in 'ticks'",
-    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "is in 'A'.* or omit them by `effort: null`",
-    "x,q1,q2,q3": "no column is known as the times, of x, q1, q2, q3",
-    "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' is in 'furlongs'",
+    "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' has the unit 'ticks'",
+    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "has the unit 'A'.* or omit the column by `effort: null`",
+    "x,q1,q2,q3": "no column is recognized as time; columns: x, q1, q2, q3",
+    "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' has the unit 'furlongs'",
 }
 WRONG_MAPS = [
     ({"tiem": "t"}, "columns has 'tiem', expected 'time'"),
     ({"position": "a_{joint}", "time": "tt"}, "time: 'tt' is the name of 0 columns; .*. Is 't' meant"),
     ({"position": [1, 17]}, "position: 17 is the name of 0 columns; expected the name or number of one of t, a_s"),
-    ({"position": "A_{joint}"}, r"position: no column is like 'A_\{joint\}'"),
+    ({"position": "A_{joint}"}, r"position: no column matches 'A_\{joint\}'"),
     ({"position": "a_{joint}", "joints": ["s", "eh"]}, r"'a_\{joint\}' has no column of eh"),
     ({"position": "{joint}_{joint}"}, r"a pattern with \{joint\} once"),
     ({"position": [1, 2, 3], "joints": ["s", "e"]}, "has 3 columns, but there are 2 joints"),
     *(({"position": value}, "position is .*, expected a column") for value in ([1, 1], [1, -2], [1, True], [], None)),
     ({"position": [1, "a_s"]}, "position: 1, a_s has an array or a column twice"),
-    ({"position": {"s": 1}, "effort": {"e": 2}}, "effort is by joint, but not for the same joints"),
+    ({"position": {"s": 1}, "effort": {"e": 2}}, "effort is by joint, but for other joints"),
     ({"position": [1], "time": [1, 2, 3]}, "expected one column, or two"),
     ({"joints": ["s", "s"]}, r"joints is \['s', 's'\], expected .* each once"),
     ({"scale": 2}, "scale is 2"),
@@ -517,17 +517,17 @@ WRONG_MAPS = [
 ONES, THREE = pa.array([1.0]), np.arange(3.0)
 CONTENTS = [
     ("", None, "is empty: it has 0 bytes"),
-    ("\n\n \n", None, "has 4 lines, and none with text"),
-    (b"\xff\xfet\0,\0", None, r"its first line is no text \(UTF-8\)"),
-    ("t,q1\r0,1\r", None, "its first line is no text .* line break"),
+    ("\n\n \n", None, "has 4 lines; expected text"),
+    (b"\xff\xfet\0,\0", None, r"its first line is not UTF-8 text"),
+    ("t,q1\r0,1\r", None, "its first line is not UTF-8 text .* line break"),
     *(
-        (text, columns, "line 1 is no header of names alone. Say `header: true` or `header: false`")
+        (text, columns, "line 1 is not a header of names only. Set `header: true` or `header: false`")
         for text, columns in (("5,1\n1,2\n", None), ("1,x\n", None), ("0,1\n", {"time": 0, "position": [1]}))
     ),
     ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of 2 columns"),
     (b"\x93NUMPY\x01\0", None, "is a single array without names"),
     (pa.table({"t": ["noon"], "q1": ONES}), {"time": "t"}, "time: 't' is of type string such as 'noon', expected"),
-    (pa.table({"t": pa.array([1], pa.date32()), "q1": ONES}), None, "no column is known as the times"),
+    (pa.table({"t": pa.array([1], pa.date32()), "q1": ONES}), None, "no column is recognized as time"),
     (pa.table({"t": [[0.0]], "q1": ONES}), {"time": "t"}, "time: 't' has 1 columns"),
     (
         pa.table({"t": [0.0], "q": [[1.0]], "q2": ONES}),
@@ -646,7 +646,7 @@ def test_times_that_no_stamp_can_be_of(written):
     times[5:7] = 1e15, "1e297"
     recording = read(written("time,q1,qd1\n" + "".join(f"{t},1,0\n" for t in times)))
     assert recording.counts["rejected: malformed stamp"] == 2 and len(recording) == 18
-    (note,) = [text for text in notes(recording) if "no stamp can be of" in text]
+    (note,) = [text for text in notes(recording) if "the range of ROS stamps" in text]
     assert note.startswith("2 rows") and "line 7, of 1e+15 s" in note
 
 
@@ -699,6 +699,6 @@ def test_arrays_with_a_row_for_each_joint_are_turned(written):
     recording = read(written(arrays | {"joint_names": np.array(["b", "a"]), "limits": np.ones(3)}), joints="ab")
     np.testing.assert_array_equal(recording.q, arrays["q"][:, ::-1])
     np.testing.assert_array_equal(recording.qd, arrays["qd"].T[:, ::-1])
-    assert {"qd: turned round, it has a row for each joint.", "not read: limits."} <= set(notes(recording))
+    assert {"qd: transposed, because it has a row for each joint.", "not read: limits."} <= set(notes(recording))
     square = {"t": np.arange(2.0), "q": rng.normal(size=(2, 2)), "qd": rng.normal(size=(2, 2))}
     np.testing.assert_array_equal(read(written(square), joints="ab").qd, square["qd"])

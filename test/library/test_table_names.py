@@ -230,7 +230,7 @@ def test_stamps_of_messages_come_before_other_times(read, kind):
 
 def test_values_without_a_name_are_counted(read):
     recording = read(rostopic(FIXED).replace("elbow", "", 1))
-    assert "line 2: values without the name of a joint (position 0.1): 3 values left out" in texts_of(recording)[0]
+    assert "line 2: values without the name of a joint (position 0.1): 3 values omitted" in texts_of(recording)[0]
     assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
 
 
@@ -332,7 +332,7 @@ CONTRADICTIONS = [
     (f"# joint names: left_j1 left_j2 left_j3\n{PLAIN}", "left_j1, left_j2, left_j3, none of which is among"),
     (f"# joints:\n# - hip\n# - knee\n# - toe\n{PLAIN}", "hip, knee, toe, none of which .* the model: shoulder, elbow"),
     (with_metadata(joint_names=HIP), "'joint_names' names 3 joints: hip, knee, toe, none"),
-    (rostopic(lambda row: HIP), "rows name hip, knee, toe, none of which the robot has. Its joints are shoulder"),
+    (rostopic(lambda row: HIP), "rows name hip, knee, toe; expected joints of the robot: shoulder"),
     (rostopic(lambda row: ("elbow", "elbow", "wrist")), "'elbow' is listed twice"),
     (NUMBERS | {"joint_names": np.array(LIST, object)}, r"'joint_names' cannot be read: .* dtype=str\)"),
     (rostopic(FIXED).replace("position2", "position7"), "has the numbers 0, 1, 7, but 'field.name.' 0, 1, 2"),
@@ -357,7 +357,7 @@ def test_contradictions_are_errors(read, content, message):
 )
 def test_joints_of_a_map_have_priority_with_a_note(read, content, where):
     recording = read(content, {"joints": ["wrist", "elbow", "shoulder"]}, parameters=ESTIMATED)
-    assert f"joints: those of the map of columns, not elbow, shoulder, wrist of {where}." in texts_of(recording)
+    assert f"joints: those of the column map, not elbow, shoulder, wrist of {where}." in texts_of(recording)
     assert any("of wrist, elbow, shoulder" in text for text in texts_of(recording))
     first = [0.3, 0.2, 0.1] if content.startswith("#") else [value("position", joint, 5) for joint in CHANGING(5)][::-1]
     np.testing.assert_allclose(recording.q[-1] % 1, first, atol=1e-9)
@@ -396,6 +396,6 @@ def test_a_map_of_names_applies_to_names_in_rows(read, writer):
             content = content.replace(joint, f"left_{joint}")
     else:
         content["names"] = np.char.add("left_", content["names"])
-    with pytest.raises(dd.InputError, match=r"name left_.*none of which the robot has.*--joint-names 'left_\*=\*'"):
+    with pytest.raises(dd.InputError, match=r"name left_.*expected joints of the robot.*--joint-names 'left_\*=\*'"):
         read(content)
     require_expected(read(content, joint_names={"left_*": "*"}))

@@ -122,7 +122,7 @@ def test_without_ros(run, monkeypatch):
     monkeypatch.setattr(util, "find_spec", lambda name, *rest: None if name == "rclpy" else find(name, *rest))
     for command in ("monitor", "topic list"):
         status, _, error = run(command)
-        assert status == 1 and error.count("\n") == 1 and "needs a ROS 2" in error and "make setup" in error
+        assert status == 1 and error.count("\n") == 1 and "requires ROS 2" in error and "make setup" in error
     status, out, _ = run("robots")
     assert status == 0 and "ur_description/urdf/ur5_robot" in out.split()
 
@@ -154,7 +154,7 @@ REFUSED = [  # command line, message; the exit status is 2
     ("xyz", "diag-dynamics --help lists all"),
     ("robots all", "unrecognized arguments: all"),
     ("compile side:=left", "unrecognized arguments: side:=left"),
-    ("compile --jobs 0", "--jobs: 0 is not at least 1"),
+    ("compile --jobs 0", "--jobs: value is 0; expected at least 1"),
     ("inspect", "ROBOT"),
     ("inspect pandda", "robot 'pandda' is neither"),
     ("inspect nowhere.xml", "no such file"),
@@ -162,13 +162,13 @@ REFUSED = [  # command line, message; the exit status is 2
     ("inspect talos", "could be any of"),
     ("inspect sub", "a folder; expected"),
     (f"inspect {5000 * 'x'}", "x' is neither a file nor"),
-    ("inspect panda --estimate-inertias 1000", "belong together"),
-    ("inspect panda -o {tmp}/new.urdf", "belong together"),
+    ("inspect panda --estimate-inertias 1000", "require each other"),
+    ("inspect panda -o {tmp}/new.urdf", "require each other"),
     ("inspect panda --estimate-inertias -5 -o {tmp}/new.urdf", "estimate_inertias is -5.0"),
     ("inspect panda --estimate-inertias light -o {tmp}/new.urdf", "invalid float value"),
     (f"inspect arm.xml {ESTIMATE}", "is an MJCF, whose inertias MuJoCo estimates"),
-    ("inspect bare.urdf --estimate-inertias 1000 -o arm.xml", "not overwritten"),
-    ("inspect bare.urdf --estimate-inertias 1000 -o bare.urdf", "is read, so nothing is written there"),
+    ("inspect bare.urdf --estimate-inertias 1000 -o arm.xml", "which exists. Choose another name"),
+    ("inspect bare.urdf --estimate-inertias 1000 -o bare.urdf", "is an input. Choose another file"),
     ("inspect arm.xml --floating-base", "floating_base is True; expected False"),
     ("inspect arm.urdf.xacro", "Give side:=VALUE"),
     ("inspect arm.urdf.xacro mass:=2", "Undefined substitution argument side"),
@@ -178,24 +178,24 @@ REFUSED = [  # command line, message; the exit status is 2
     ("layout nobody --tool foxglove", "nobody"),
     ("layout panda --tool plotjuggler --set max_agee=1", "'max_age' meant"),
     ("excite nobody -o {tmp}/x.json", "nobody"),
-    ("excite panda", "no output is named; expected -o OUT.json"),
-    ("excite panda --range elbow=1 -o {tmp}/x.json", "--range has 'elbow=1', expected JOINT=LOWER:UPPER"),
+    ("excite panda", "output is missing; expected -o OUT.json"),
+    ("excite panda --range elbow=1 -o {tmp}/x.json", "--range has 'elbow=1'; expected JOINT=LOWER:UPPER"),
     ("excite panda -o /nowhere/x.json", "there is no folder '/nowhere'"),
-    ("analyse", "no recording is named"),
-    ("analyse side:=left side=left.csv", "a xacro argument, but no robot is named. Give --urdf FILE.xacro."),
+    ("analyse", "recording is missing"),
+    ("analyse side:=left side=left.csv", "a xacro argument, but --urdf is missing. Give --urdf FILE.xacro."),
     ("calibrate monday.csv --urdf ur5_robot -o {tmp}/a.yaml --false-alarms often", "--false-alarms is 'often'"),
     ("calibrate monday.csv --urdf ur5_robot", "-o/--output"),
-    ("calibrate nan.csv --urdf ur5_robot -o {tmp}/a.yaml", "no efforts, or in no state one of every joint"),
+    ("calibrate nan.csv --urdf ur5_robot -o {tmp}/a.yaml", "no state of the recording has efforts of all joints"),
     ("identify monday.csv --urdf ur5_robot --what colour", "'colour'"),
-    ("identify monday.csv --urdf ur5_robot -o monday.csv", "is read, so nothing is written there"),
-    ("identify monday.csv --urdf ur5_robot --reference nan.csv -o nan.csv", "is read, so nothing is written there"),
+    ("identify monday.csv --urdf ur5_robot -o monday.csv", "is an input. Choose another file"),
+    ("identify monday.csv --urdf ur5_robot --reference nan.csv -o nan.csv", "is an input. Choose another file"),
     ("identify monday.csv --urdf ur5_robot --json /nowhere/q.json", "there is no folder '/nowhere'"),
-    ("identify monday.csv --urdf ur5_robot --set floating_base=true", "a floating base is not identified"),
-    ("identify still.csv --urdf arm.xml --write-urdf {tmp}/new.urdf", "--write-urdf writes a URDF"),
-    ("identify nan.csv --urdf ur5_robot", "no efforts, or in no state one of every joint"),
+    ("identify monday.csv --urdf ur5_robot --set floating_base=true", "identify supports fixed bases only"),
+    ("identify still.csv --urdf arm.xml --write-urdf {tmp}/new.urdf", "--write-urdf requires a URDF"),
+    ("identify nan.csv --urdf ur5_robot", "no state of the recording has efforts of all joints"),
     ("identify huge.csv --urdf ur5_robot", "are they in N m?"),
-    *((f"{name} monday.csv {LATE} ur5_robot", "has not a single state") for name in ("analyse", "identify")),
-    (f"calibrate monday.csv -o {{tmp}}/a.yaml {LATE} ur5_robot", "has not a single state"),
+    *((f"{name} monday.csv {LATE} ur5_robot", "contains no ") for name in ("analyse", "identify")),
+    (f"calibrate monday.csv -o {{tmp}}/a.yaml {LATE} ur5_robot", "contains no "),
 ]
 
 
@@ -224,8 +224,8 @@ ROBOTS = [  # command line, status, text on either stream
     ("layout side:=left arm.urdf.xacro --tool plotjuggler", 0, "left_turn"),
     ("excite arm.urdf.xacro side:=left --trials 1 -o {tmp}/x", 0, "left_turn"),
     ("analyse side:=left side=left.csv --urdf arm.urdf.xacro --json -", 0, '"states": 3'),
-    ("identify side=left.csv --urdf arm.urdf.xacro side:=left", 2, "no efforts"),
-    ("calibrate side=left.csv --urdf arm.urdf.xacro side:=left -o {tmp}/a.yaml", 2, "no efforts"),
+    ("identify side=left.csv --urdf arm.urdf.xacro side:=left", 2, "efforts of all joints"),
+    ("calibrate side=left.csv --urdf arm.urdf.xacro side:=left -o {tmp}/a.yaml", 2, "efforts of all joints"),
 ]
 
 
@@ -275,7 +275,7 @@ def test_estimated_inertias(run, tmp_path):
         model = dd.load_urdf("bare.urdf", estimate_inertias=1000.0)
     assert model.bodies.tobytes() == dd.load_urdf(new).bodies.tobytes()
     status, _, error = run(["inspect", new, "--estimate-inertias", 500, "-o", tmp_path / "none.urdf"])
-    assert status == 1 and "nothing to estimate" in error and not (tmp_path / "none.urdf").exists()
+    assert status == 1 and "No file was written" in error and not (tmp_path / "none.urdf").exists()
     mesh = '<link name="base"><visual><geometry><mesh filename="x.stl"/></geometry></visual></link>'
     (tmp_path / "mesh.urdf").write_text(BARE.replace('<link name="base"/>', mesh))
     status, out, _ = run("inspect {tmp}/mesh.urdf --estimate-inertias 1000 -o {tmp}/other.urdf --json")

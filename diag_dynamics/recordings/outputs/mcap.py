@@ -67,7 +67,7 @@ class McapOutput:
     def __init__(self, path, reading, friction=False, topics=WRITTEN):
         for topic in topics:
             if topic not in TOPICS:
-                raise InputError(f"there is no topic '{topic}' to write, expected some of {', '.join(TOPICS)}.")
+                raise InputError(f"topics has '{topic}'; expected any of {', '.join(TOPICS)}.")
         library, definitions = require("mcap.writer", "writing MCAP"), our_definitions()
         self._target, self._count = AtomicFile(path), 0
         with self._target.errors():

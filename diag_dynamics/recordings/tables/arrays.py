@@ -26,7 +26,7 @@ _BROKEN = (
     *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, NotImplementedError, MemoryError),
     *(RuntimeError, SyntaxError, tokenize.TokenError),  # of what is encrypted, and of numpy's header of an array
 )
-_NOT_WHOLE = "Its end, which says where everything is, is missing in a file that was not closed or not copied whole."
+_NOT_WHOLE = "A file that was not closed or not copied completely lacks the index at its end."
 
 
 class ParquetSource:
@@ -112,7 +112,7 @@ class NpzSource:
         self.path = path
         arrays = _read_arrays(path)
         if not arrays:
-            raise InputError(f"'{path}' is a zip archive without numpy's arrays.")
+            raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
         turned = _turn(arrays)
         lengths = {len(one) for one in arrays.values() if _is_numeric(one)}
         texts = _pop_texts(arrays, lengths, joints)
@@ -121,7 +121,7 @@ class NpzSource:
         self.choice = choose(columns, wanted, joints, path, texts)
         self._arrays = {k: arrays[self.headers[k]] for k in self.choice.used}
         used, time = [self.headers[k] for k in self.choice.used], self.headers[self.choice.time[0]]
-        self.notes = [f"{name}: turned round, it has a row for each joint." for name in turned if name in used]
+        self.notes = [f"{name}: transposed, because it has a row for each joint." for name in turned if name in used]
         for name in used:
             if len(arrays[name]) != len(arrays[time]):
                 what = f"expected a row for each of the {len(arrays[time])} times in '{time}'"

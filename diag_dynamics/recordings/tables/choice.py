@@ -18,7 +18,7 @@ from diag_dynamics.recordings.tables.column_map import QUANTITIES, UNSAID
 from diag_dynamics.recordings.tables.headers import JOINT, split_unit
 
 _SI = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "N m or N", "time": "s"}
-_ADVICE = "A map of columns says which: `time`, `position`, `velocity`, `effort`, `joints`, `scale`."
+_ADVICE = "Name the columns in a column map: `time`, `position`, `velocity`, `effort`, `joints`, `scale`."
 
 
 class Quantity(NamedTuple):
@@ -103,7 +103,7 @@ class _Chooser:
             overruled = [(one.first, f"'{one.pattern}' in the first row") for one in self._row_names if one.known]
             overruled += names_in_data.find_orders(self._texts, self._model_joints, len(joints))
             other = [f"{listed(names)} of {where}" for names, where in overruled if names != joints and len(names) > 1]
-            self._notes += [f"joints: those of the map of columns, not {one}." for one in other]
+            self._notes += [f"joints: those of the column map, not {one}." for one in other]
         numbers = [joint for k in columns for joint, column in group.members.items() if column == k]
         chosen = {"position": (group, columns)}
         chosen |= {quantity: self._choose_other(quantity, joints, numbers) for quantity in QUANTITIES[1:]}
@@ -146,8 +146,8 @@ class _Chooser:
             near = {name: found[name] for name in found if shared[name] == max(shared.values())}
             found = near if len(near) == 1 else found
         if len(found) != 1:
-            what = f"several columns may be the times, {listed(found)}" if found else "no column is known as the times"
-            raise InputError(f"{what}, of {listed(self._headers)}.")
+            what = f"several columns may be the time: {listed(found)}" if found else "no column is recognized as time"
+            raise InputError(f"{what}; columns: {listed(self._headers)}.")
         return next(iter(found.values()))
 
     # --- Joints ---
@@ -171,7 +171,7 @@ class _Chooser:
         """Return the group of the positions, and the result of `_joints_of` for it."""
         found, problems = self._choose_group("position", "position", self._joints_of)
         if not found:
-            none = f"no column is known as a position, of {listed(self._headers)}."
+            none = f"no column is recognized as position; columns: {listed(self._headers)}."
             raise InputError(f"position: {' '.join(problems) or none}")
         return found
 
@@ -292,7 +292,7 @@ class _Chooser:
         numeric = [one.numeric and not one.width for one in self._columns]
         members = [(one[1], k) for k, one in enumerate(found) if one and numeric[k]]
         if not members:
-            raise InputError(f"{quantity}: no column is like '{pattern}'. There are {listed(self._headers)}.")
+            raise InputError(f"{quantity}: no column matches '{pattern}'; columns: {listed(self._headers)}.")
         return self._make_group(pattern, members)
 
     def _group_columns(self):
@@ -357,9 +357,9 @@ def _factor(quantity, unit, header):
     """Return the factor of a unit to SI; 1 without a unit."""
     factor = 1.0 if unit is None else headers.factor_of(quantity, unit)
     if factor is None:
-        unknown = f"column '{header}' is in '{unit}', from which the {quantity} in SI units does not follow"
-        omit = f", or omit them by `{quantity}: null`" if quantity in ("velocity", "effort") else ""
-        raise InputError(f"{unknown}: give `scale: {{{quantity}: …}}`, by which its numbers are multiplied{omit}.")
+        unknown = f"column '{header}' has the unit '{unit}', which has no factor to the SI unit of {quantity}"
+        omit = f", or omit the column by `{quantity}: null`" if quantity in ("velocity", "effort") else ""
+        raise InputError(f"{unknown}. Give the factor by `scale: {{{quantity}: …}}`{omit}.")
     return factor
 
 

@@ -57,7 +57,7 @@ def read_column_map(columns):
     source = "columns"
     if isinstance(columns, str | os.PathLike):
         source = f"'{os.fspath(columns)}'"
-        columns = read_yaml(os.fspath(columns), f"The map of columns {source}")
+        columns = read_yaml(os.fspath(columns), f"The column map {source}")
     if not isinstance(columns, Mapping):
         keys = ", ".join(_PARSERS)
         raise InputError(f"{source} is {columns!r:.80}, expected the path of a YAML file or a dict with {keys}.")
@@ -68,7 +68,7 @@ def read_column_map(columns):
     for key, value in by_joint.items():
         given["joints"] = joints = given.get("joints") or tuple(value)
         if odd := sorted(map(str, set(value) ^ set(joints))):
-            differ = f"{key} is by joint, but not for the same joints as the rest: {', '.join(odd)}"
+            differ = f"{key} is by joint, but for other joints than the rest: {', '.join(odd)}"
             raise InputError(f"{source}: {differ}.")
         given[key] = [value[joint] for joint in joints]
     return ColumnMap(**given, source=source)

@@ -49,8 +49,8 @@ class CsvSource:
         _, begin = next(self._read_lines(_BEGINNING), (1, b""))
         lines = [_decode(line) for line in begin.split(b"\n")]
         if len(lines) < 2 or "\0" in lines[0]:
-            why = self._broken or "its first line is no text (UTF-8) with a line break behind it (LF or CR LF)"
-            raise InputError(f"'{path}' is neither CSV nor Parquet or npz that can be read: {why}.")
+            why = self._broken or "its first line is not UTF-8 text with a line break (LF or CR LF)"
+            raise InputError(f"'{path}' is not readable as CSV, Parquet or npz: {why}.")
         columns, self._delimiter, named, self._above = _read_head(lines, wanted, joints, path)
         self.headers = [one.name for one in columns]
         texts = {
@@ -79,7 +79,7 @@ class CsvSource:
             yield self._parse(text, line) or self._parse_lines(text, line, lose)
         if self._broken:
             last = line + text.count(b"\n") - 1
-            lose(f"{self._broken}: all behind this line is lost", f"line {last}")
+            lose(f"{self._broken}: all after this line is lost", f"line {last}")
 
     def _read_lines(self, size):
         """Yield whole lines, about `size` bytes at a time, and the number of the first."""
@@ -106,8 +106,8 @@ class CsvSource:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
             except _BROKEN as error:
-                doubt = "if it is damaged, rows before that may be wrong"
-                self._broken = f"the packed stream cannot be read to its end: {describe_error(error)}; {doubt}"
+                doubt = "rows shortly before may be wrong"
+                self._broken = f"the compressed data are damaged or end early: {describe_error(error)}; {doubt}"
         yield b""
 
     def _parse(self, text, line):
@@ -177,7 +177,7 @@ def _read_head(lines, wanted, known, path):
         at += 1
     rows = [(n, line) for n, line in enumerate(lines[at:], at + 1) if line.strip() and not line.startswith("#")]
     if not rows and comment is None:
-        raise InputError(f"'{path}' has {len(lines)} lines, and none with text behind the {wanted.skip} to be skipped.")
+        raise InputError(f"'{path}' has {len(lines)} lines; expected text after the {wanted.skip} skipped lines.")
     rows, comment = (rows[: SAMPLE + 2], comment) if rows else ([(at, comment)], None)
     delimiter = wanted.delimiter or _guess_delimiter([line for _, line in rows], wanted.decimal)
     fields, named = [(n, fields_of(line, delimiter)) for n, line in rows], None
@@ -220,8 +220,8 @@ def _read_header(fields, comment, wanted, path):
         names = comment if comment and len(comment) == len(first) else numbers if by_numbers else None
         if not names or "t" in kinds or [one.strip() for one in first] == numbers != ["0"]:
             raise InputError(
-                f"'{path}': line {line} is no header of names alone. Say `header: true` or `header: false` in a map of "
-                f"columns (--columns MAP.yaml), and name columns by their numbers, from 0 to {numbers[-1]}, without it."
+                f"'{path}': line {line} is not a header of names only. Set `header: true` or `header: false` in a column "
+                f"map (--columns MAP.yaml); without a header use column numbers from 0 to {numbers[-1]}."
             )
     return [name.strip() for name in names or numbers], 0
 

@@ -16,7 +16,7 @@ from diag_dynamics.recordings.tables.column_map import QUANTITIES
 from diag_dynamics.recordings.tables.names_in_data import read_row_names
 
 ROWS = 20_000  # about as many are in a piece
-LEFT_OUT = "rows left out"
+LEFT_OUT = "rows omitted"
 _DECIMAL_COMMA = re.compile(r"'[-+]?\d+,\d+(?:e[-+]?\d+)?'", re.IGNORECASE)
 
 
@@ -57,9 +57,9 @@ class Table:
         ]
 
     def _lose(self, cause, where, unit="", count=1, example=""):
-        """Count a loss of so many units, such as ``rows left out``; place and example of the first are kept."""
+        """Count a loss of so many units, such as ``rows omitted``; place and example of the first are kept."""
         if self.unit == "line" and _DECIMAL_COMMA.search(example):
-            example += "; decimal commas need decimal: ',' in a map of columns"
+            example += "; decimal commas need decimal: ',' in a column map"
         self._losses.setdefault((cause, unit), [where, f" ({example})" if example else "", 0])[2] += count
 
     def pieces(self):
@@ -105,7 +105,7 @@ class Table:
         if (lost := np.flatnonzero(untimed & ~empty)).size:
             texts = [one[lost[0]][:40] for one in map(read_texts, times) if one is not None]
             example = " and ".join(map(repr, texts))
-            self._lose_rows(rows, "", "no time, or one that is no number", LEFT_OUT, lost, example)
+            self._lose_rows(rows, "", "no time, or a time that is no number", LEFT_OUT, lost, example)
         columns, left_out = Columns(time, stamp, *map(values.get, QUANTITIES), rows, names), untimed | empty
         return columns.select(~left_out) if left_out.any() else columns
 
@@ -146,7 +146,7 @@ class Table:
             if odd.any():
                 example = f"{quantity} {one[odd][0]:g}"
                 cause = "values without the name of a joint"
-                self._lose_rows(rows, "", cause, "values left out", np.nonzero(odd)[0], example)
+                self._lose_rows(rows, "", cause, "values omitted", np.nonzero(odd)[0], example)
         return names
 
 
@@ -155,8 +155,9 @@ def _require_seconds(time, path):
     middle = float(np.nanmedian(np.abs(time)))
     if 1e11 <= middle < np.inf:
         unit = "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns"
-        say = f"say what they are by `scale: {{time: {unit}}}` in the map of columns"
-        raise InputError(f"'{path}': times are about {middle:.6g}, which in seconds is no time: {say}.")
+        raise InputError(
+            f"'{path}': times are about {middle:.6g}; expected seconds. Set `scale: {{time: {unit}}}` in a column map."
+        )
 
 
 def _widen(values, width, fill):
