@@ -312,12 +312,12 @@ def _merge_balances(summaries):
     return dict(zip(names, balance if windows >= MIN_WINDOWS else [None] * 3, strict=True))
 
 
-def describe_collisions(robot, noun="collisions"):
+def describe_collisions(robot):
     """Return how many a robot had, and in how many of its recordings this is unknown."""
     if robot["collisions"] is None:
-        return f"{noun} unknown: no thresholds, or no efforts"
+        return "collisions unknown: no thresholds, or no efforts"
     unknown = f", unknown in {robot['unjudged']} recordings" if robot["unjudged"] else ""
-    return f"{robot['collisions']} {noun}{unknown}"
+    return f"{robot['collisions']} collisions{unknown}"
 
 
 def _write(path, text):
@@ -338,7 +338,7 @@ def _make_page(report, jobs):
         links={path: [file.name for file in files if file.exists()] for path, files in outputs.items()},
         folder=os.path.join(os.path.commonpath(folders), "") if folders else "",
         wrong={row["recording"]: row["wrong"] for row in rows if row["wrong"]},
-        contacts=describe_collisions,
+        collisions=describe_collisions,
     )
 
 

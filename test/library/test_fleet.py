@@ -217,7 +217,7 @@ def test_the_command(tmp_path, archive, scheduler, capsys):
     for wrong, what in (
         (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
         (["analyse", "--fleet", str(archive)], "--fleet requires --out"),
-        ([*arguments, "--csv", "x.csv"], "--csv is of a single recording"),
+        ([*arguments, "--csv", "x.csv"], "--csv cannot be combined with --fleet"),
     ):
         assert main(wrong) == 2
         assert what in capsys.readouterr().err
@@ -247,7 +247,7 @@ def test_the_page(analysed, expected):
     assert sorted(links) == sorted(analysed[1].glob("*-*.json")) and {row[8] for row in rows} == {""}
     shown = [(row[0], int(row[3]), float(row[4])) for row in rows]
     assert shown == [(path, one["states"], one["kinetic_energy"]["max"]) for path, one in expected.items()]
-    assert "contacts unknown" in page and "0 contacts" not in page
+    assert "collisions unknown" in page and "0 collisions" not in page
     notes = dict(re.findall("<li><b>(.*?)</b>: (.*?)</li>", page))
     assert set(notes) == {*BAD, *GOOD} and "rejected messages" in notes[GOOD[3]]
 
