@@ -264,7 +264,7 @@ def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option,
     urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
     (tmp_path / "link").symlink_to(table)
     before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
-    own = "is read, so nothing is written there"
+    own = "is an input. Choose another file"
     for recording, output, what in (
         *((bag, bag, own), (bag, urdf, own), (folder, folder / "bag.mcap", own), (folder, folder / "new", own)),
         *((table, tmp_path / "." / "link", own), (table, tmp_path, "folder"), (table, "/proc/out", "No such")),
@@ -279,13 +279,13 @@ def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option,
 
 WRONG = {
     ("--set", "max_agee=1"): "'max_age' meant",
-    ("--topics", "state"): "--topics are those of a file that --mcap writes",
-    ("--out", "{out}"): "--out belongs to --fleet",
-    ("--threads", "0"): "argument --threads: 0 is not at least 1",
-    ("--csv", "{out}", "--json", "{out}"): "--csv is written into it",
+    ("--topics", "state"): "--topics requires --mcap",
+    ("--out", "{out}"): "--out requires --fleet",
+    ("--threads", "0"): "argument --threads: value is 0; expected at least 1",
+    ("--csv", "{out}", "--json", "{out}"): "--csv writes this file",
     ("--json", "{out}/a.json"): "there is no folder",
-    ("--start", "50"): "no message is within --start and --end",
-    ("--alarms", "{arm}"): "'{arm}' has no thresholds",
+    ("--start", "50"): "contains no message between --start and --end",
+    ("--alarms", "{arm}"): "'{arm}', which has no thresholds",
     ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
     ("--joint-names", "a=b", "a=c"): "--joint-names has 'a=c'; expected NAME=JOINT, each name once",
     ("--joint-names", "a=panda_joint1"): "joint_names has 'a', which is no joint of the recording",
@@ -308,7 +308,7 @@ def test_wrong_options(tmp_path, bag, analyse, options):
 def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
     """What is missing is named, and what to do."""
     status, _, said = analyse(bag, "--parquet", tmp_path / "out.parquet", urdf="ur5")
-    assert status == 2 and "not a single state" in said and "without a joint of this robot, of panda_" in said
+    assert status == 2 and "no valid state" in said and "messages of other joints: panda_" in said
     assert not list(tmp_path.glob("out*"))
     rows = np.loadtxt(table, delimiter=",", dtype=str, comments=None)
 
@@ -323,7 +323,7 @@ def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
     without("finger")
     status, _, said = analyse(table)
     assert status == 2 and f"incomplete ({COUNT} ×)" in said
-    assert "never came: panda_finger_joint1." in said and "held by locked_joints=panda_finger_joint1=0" in said
+    assert "missing: panda_finger_joint1." in said and "--set locked_joints=panda_finger_joint1=0" in said
     _, out, _ = analyse(table, "--set", "locked_joints=panda_finger_joint1=0", "--json", "-")
     assert json.loads(out)["degrees_of_freedom"] == [f"panda_joint{k}" for k in range(1, 8)]
 
@@ -334,15 +334,15 @@ def test_what_makes_the_exit_status_1(table, analyse):
     time, _, rest = text[-1].split(",", 2)
     table.write_text("\n".join([*text[:-1], f"{time},1e9,{rest}"]))
     status, _, said = analyse(table)
-    assert status == 1 and "the exit status is 1: 1 message was rejected" in said
+    assert status == 1 and "Problems (exit status 1): 1 rejected message" in said
     table.write_text("\n".join([*text[:60], "1,2", *text[60:]]))
     status, out, said = analyse(table)
-    assert status == 1 and "part of it could not be read" in said
+    assert status == 1 and "unreadable data" in said
     columns = np.loadtxt(text[1:], delimiter=",")
     columns[:, 0] *= 1e3
     np.savetxt(table, columns, delimiter=",", header=text[0], comments="")
     status, out, said = analyse(table)
-    assert status == 1 and "there are efforts, but no balance of power" in said and "milliseconds" in out
+    assert status == 1 and "no power balance, although there are efforts" in said and "milliseconds" in out
 
 
 def test_several_recordings(tmp_path, table, bag, analyse):
@@ -358,8 +358,11 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert [one["states"] for one in summary["robots"]] == [2 * COUNT] and list(summary["failed"]) == [str(none)]
     assert summary["recordings"][0] == json.loads(analyse(bag, "--json", "-")[1])
     assert analyse(bag, table, "--quiet") == (UNJUDGED, "", "")
-    assert "is of a single recording, and there are 2: --fleet" in analyse(bag, table, "--csv", tmp_path / "x")[2]
-    assert "is read, so nothing is written there" in analyse(bag, table, "--json", table)[2]
+    assert (
+        "writes results of one recording, but there are 2. Use --fleet"
+        in analyse(bag, table, "--csv", tmp_path / "x")[2]
+    )
+    assert "is an input. Choose another file" in analyse(bag, table, "--json", table)[2]
 
 
 def test_parameters_in_files(tmp_path, bag, panda, analyse):

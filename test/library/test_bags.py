@@ -101,7 +101,7 @@ def test_older_sqlite(tmp_path, profiles):
     database.close()
     numbers, findings = read(path)
     assert numbers == [k for k in range(100) if k not in (4, 6)]
-    assert unread(findings)[0].endswith("2 messages have no bytes, or no time that int64 can hold")
+    assert unread(findings)[0].endswith("2 messages have no bytes, or no log time in int64")
 
 
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
@@ -147,12 +147,12 @@ def test_renamed_files_of_a_folder(tmp_path, suffix):
         path = (folder / f"{old}{ending}").rename(folder / f"{new}{suffix}")
         if suffix.endswith(".zstd"):
             path.write_bytes(zstandard.compress(path.read_bytes()))
-        what = f"metadata.yaml lists {old}{ending}, which is not there; {path.name} is read instead."
+        what = f"metadata.yaml lists {old}{ending}, which is missing; {path.name} is read instead."
         expected.append(("note", f"'{folder}': {what}"))
     assert read(folder) == (list(range(90)), expected)
     write_mcap(folder / "x.mcap", numbered(10))
-    lists = r"lists bag_0.*, bag_1.*, bag_2.*; the folder has 9_run.*, 10_run.*, 11_run.*, x\.mcap instead"
-    refused(rf"{lists}, and it is not certain which are meant.* delete metadata\.yaml", folder, arm("a"))
+    lists = r"lists bag_0.*, bag_1.*, bag_2.*, but the folder has 9_run.*, 10_run.*, 11_run.*, x\.mcap\. Give one file"
+    refused(rf"{lists}.* delete metadata\.yaml", folder, arm("a"))
 
 
 def test_folders_without_a_list_of_files(tmp_path):
@@ -163,9 +163,9 @@ def test_folders_without_a_list_of_files(tmp_path):
     numbers, ((cause, text),) = read(folder)
     assert numbers == list(range(50)) and cause == "note" and "metadata.yaml that lists no files" in text
     (folder / "recording").unlink()
-    refused(r"has a metadata\.yaml that lists no files, and has no bags in it", folder, arm("a"))
-    advice = r"Give tables by their files\. Is one of its folders meant: monday\?"
-    refused(rf"has no metadata\.yaml, and has no bags in it; .* {advice}", tmp_path, arm("a"))
+    refused(r"has a metadata\.yaml that lists no files and contains no bag", folder, arm("a"))
+    advice = r"or the file of a table\. Is one of its folders meant: monday\?"
+    refused(rf"has no metadata\.yaml and contains no bag; .* {advice}", tmp_path, arm("a"))
 
 
 def test_kinds_are_known_by_content(tmp_path):
@@ -185,8 +185,12 @@ def test_kinds_are_known_by_content(tmp_path):
     ("name", "content", "what"),
     [
         ("x.mcap", b"", r"byte 0: the file is empty\.$"),
-        ("x.mcap", b"\x89MCAP", "the file has no end"),
-        ("x.mcap", b"\xff\xd8\xff\xe0" + bytes(100_000), "byte 0: the file does not begin as one of MCAP does"),
+        ("x.mcap", b"\x89MCAP", "the file has no footer"),
+        (
+            "x.mcap",
+            b"\xff\xd8\xff\xe0" + bytes(100_000),
+            "byte 0: the file does not start with the magic bytes of MCAP",
+        ),
         ("x.db3", b"", r"database: the file is empty\.$"),
         ("x.db3", b"SQLite format 3\0" + bytes(5000), "has no joint states.* not a database: .*sqlite3 .* .recover"),
         ("x.bag", b"", r"index: the file is empty\.$"),
@@ -273,9 +277,9 @@ def chunks(content):
     ("place", "new", "what"),
     [
         (33, b"1234", "crc validation failed in Chunk.*: {count} messages"),
-        (41, b"zsta", "compression 'zsta' is not known; zstd, lz4 and none are: {count} messages"),
-        (25, b"\xff\xff\xff\x7f", "2147483647 bytes is not the size of its records: {count} messages"),
-        (1, b"\xff" * 8, "no chunk is here: {count} messages"),
+        (41, b"zsta", "compression is 'zsta'; expected zstd, lz4 or none: {count} messages"),
+        (25, b"\xff\xff\xff\x7f", "2147483647 bytes is not the uncompressed size: {count} messages"),
+        (1, b"\xff" * 8, "the bytes are not a chunk: {count} messages"),
     ],
 )
 def test_what_is_lost_of_a_chunk_is_named(tmp_path, place, new, what):
@@ -300,7 +304,7 @@ def test_messages_of_no_channel_and_of_no_time(tmp_path):
     path.write_bytes(content)
     numbers, findings = read(path)
     assert numbers == list(range(2, 30))
-    for text, what in zip(unread(findings), ("declared nowhere", "log times that int64 cannot hold"), strict=True):
+    for text, what in zip(unread(findings), ("undeclared channels", "log times that int64 cannot hold"), strict=True):
         assert "1 messages " in text and what in text
 
 
@@ -392,4 +396,4 @@ def test_damage_within_ros1(tmp_path, compression, sign):
     numbers, findings = read(path)
     (lost,) = unread(findings)
     assert 50 < len(numbers) < 250 and numbers == list(range(len(numbers)))
-    assert "behind log time " in lost and lost.endswith(f": {300 - len(numbers)} messages")
+    assert "after log time " in lost and lost.endswith(f": {300 - len(numbers)} messages")

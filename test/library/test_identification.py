@@ -116,7 +116,7 @@ def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
     assert steps == [([], True), (["friction"], False), (["rotors"], True), (["friction", "rotors"], True)]
     np.testing.assert_allclose(found.model.armature, 3.0, atol=0.02)
     np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.05)
-    assert not any("the model's numbers are kept" in text for text in found.quality["warnings"])
+    assert not any("the model's values are kept" in text for text in found.quality["warnings"])
 
 
 LOAD = 1.2, np.array([0.03, -0.02, 0.12]), np.diag([0.004, 0.005, 0.003])
