@@ -3,10 +3,13 @@
 
 """Filters of the control loop in their order, for robots with and without gravity compensation of their own."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from diag_dynamics.control import limits
 from diag_dynamics.control.by_dof import by_dof, effort_limits
+from diag_dynamics.control.laws import Command
 from diag_dynamics.control.limits import ContactLimiter
 
 MAX_RAMP_TIME = 0.1
@@ -14,6 +17,15 @@ MAX_RAMP_TIME = 0.1
 
 FIRST_PERIOD = 1e-3
 """Assumed length of the first cycle [s]."""
+
+
+class Filtered(NamedTuple):
+    """Command of a law after all filters but the effort rate."""
+
+    effort: np.ndarray  # [N m, N], without gravity if the robot compensates that itself
+    command: Command  # within the limits of power and effort
+    energy_limited: bool  # whether the energy limiter removed power
+    contact_limited: bool  # whether the contact limiter did
 
 
 class Efforts:
@@ -46,7 +58,7 @@ class Efforts:
         self._gravity, self._time, self.scale = np.zeros_like(self.sent), None, 1.0  # time of the last command [ns]
 
     def filtered(self, state, command, external):
-        """Return effort before the rate limit, command, and whether the energy and contact limiters removed power."""
+        """Return the :class:`Filtered` command of a law for a state and ε of external forces."""
         q, qd = state.position, state.velocity
         self._gravity = g = command.gravity_torque
         if self._springs:
@@ -60,11 +72,11 @@ class Efforts:
             command = self.contact_limiter.filter(q, qd, command, period, external)
         saturated = self._saturation.filter(command)
         effort, self.scale = saturated.tau, saturated.scale
-        if self._compensated:  # a weight beyond the limit is left to the robot, and never increased
+        if self._compensated:  # the robot itself carries a weight beyond the limit; efforts only reduce it
             bound = np.maximum(self._saturation.limit, np.abs(g))
             effort = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
         limited = command._replace(scale=self.scale, limited=saturated.limited)
-        return effort, limited, slower is not unlimited, command is not slower
+        return Filtered(effort, limited, slower is not unlimited, command is not slower)
 
     def ramped(self, effort, time):
         """Return the effort to send at a time [ns] and the joints that wait for their rate.
@@ -86,19 +98,19 @@ class Efforts:
         self.sent = sent
         self._ramp.reset(sent)
 
-    def carry_on(self):
-        """Start from the part of the last effort that carries the robot as it is now."""
-        carrying = self.carrying
-        self.reset(np.clip(self.sent, np.minimum(carrying, 0.0), np.maximum(carrying, 0.0)))
+    def limit_to_gravity(self):
+        """Start from the last effort, but between zero and gravity compensation in the last state."""
+        gravity = self.gravity_compensation
+        self.reset(np.clip(self.sent, np.minimum(gravity, 0.0), np.maximum(gravity, 0.0)))
 
-    def carry(self, effort, time):
-        """Return whether one more rate-limited step reaches gravity compensation, or is between that and an effort."""
-        carrying = self.carrying
-        between = np.clip(self.sent, np.minimum(carrying, effort), np.maximum(carrying, effort))
+    def reaches_gravity(self, effort, time):
+        """Return whether one rate-limited step reaches gravity compensation, or a value between that and `effort`."""
+        gravity = self.gravity_compensation
+        between = np.clip(self.sent, np.minimum(gravity, effort), np.maximum(gravity, effort))
         return bool((np.abs(between - self.sent) <= self._ramp.rate * self._elapsed(time) + 1e-9).all())
 
     @property
-    def carrying(self):
+    def gravity_compensation(self):
         """Effort of gravity compensation in the last state [N m, N]; zero for a robot with its own."""
         if self._compensated:
             return np.zeros_like(self._gravity)
@@ -117,4 +129,4 @@ class Efforts:
     @property
     def slow(self):
         """Joints that need more than MAX_RAMP_TIME for gravity compensation in the last state."""
-        return limits.names_where(self._names, np.abs(self.carrying) > MAX_RAMP_TIME * self._ramp.rate)
+        return limits.names_where(self._names, np.abs(self.gravity_compensation) > MAX_RAMP_TIME * self._ramp.rate)

@@ -17,19 +17,19 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
 MAX_BEYOND_LIMITS = 0.05
-"""Maximum distance of a joint outside of its limits where a law begins [rad, m], for the encoder of a joint at its stop."""
+"""Maximum distance of a joint outside of its limits at a start [rad, m]: the encoder error of a joint at its stop."""
 
 SLOW = 0.1
-"""Fraction of its maximum speed below which every joint is slow enough for a law to begin."""
+"""Fraction of its maximum speed below which every joint must be at the end of a start."""
 
 START_TIMEOUT = 1.0
-"""Timeout for the arm to slow down while the efforts carry it [s]; with an unknown load it never may."""
+"""Timeout for the arm to slow down under gravity compensation [s]: with an unknown load it may never do so."""
 
 
 class Sent(NamedTuple):
     """Effort of one cycle, and its reasons."""
 
-    effort: np.ndarray  # after every limit [N m, N], shape (nv,); without gravity if the robot compensates that itself
+    effort: np.ndarray  # after all filters [N m, N], shape (nv,); without gravity if the robot compensates that itself
     saturated: tuple  # joints whose effort or effort rate was limited
     stamp: int  # of the command's state, or of the last valid one [ns]
     age: float  # of that state [s]
@@ -65,11 +65,12 @@ class ControlLoop:
         self.forget()
 
     def forget(self):
-        """Wait for the next valid state, which starts the initial mode; the robot may have been moved meanwhile."""
+        """Wait for the next valid state, which starts the initial mode."""
         self.supervisor.forget()
         self._mode, self.state, self.energy = self._initial_mode, None, 0.0
         self.efforts.begin()
-        self._origin = self._carried_since = None  # stamps [ns] of the first state, and of a start that efforts carry
+        self._origin = None  # stamp of the observer's first state [ns]
+        self._carried_since = None  # stamp at which the efforts of this start reached gravity compensation [ns]
         self._mode.void()
 
     # --- Modes and targets ---
@@ -81,7 +82,7 @@ class ControlLoop:
 
     @property
     def taking_up(self):
-        """Whether the robot is damped until the efforts carry it."""
+        """Whether the robot is damped until the efforts have reached gravity compensation."""
         return self.supervisor.starting
 
     def _mode_of(self, name):
@@ -151,45 +152,81 @@ class ControlLoop:
     def step(self, state, now):
         """Return what to send for a RobotState at the time `now` [ns]; None before the first valid state."""
         supervisor = self.supervisor
-        if problem := self.age_problem(state, now):
+        problem = self.age_problem(state, now)
+        if not problem and supervisor.will_start:
+            problem = self._outside_limits(state.position)
+        if problem:
             return self.without_state(now, problem)
-        if supervisor.latched:
-            supervisor.wait()
-            self.state = state
-            nu = self.dynamics.nu_from_qd(state.position, state.velocity)
-            self.energy = 0.5 * float(nu @ nu)
-            return self._sent(self.at_rest, now, now)
-        if supervisor.anew:
-            if problem := self._outside_limits(state.position):
-                return self.without_state(now, problem)
-            self._carried_since = None
-        starting, lost = supervisor.anew or supervisor.starting, ""
         before, self.state = self.state, state
-        gap = np.inf if before is None else (state.newest - before.newest) * 1e-9
-        if starting or not 0.0 <= gap <= supervisor.max_age + supervisor.hold_time:
+        if supervisor.latched:
+            return self._stay_stopped(now)
+        if supervisor.will_start:
+            self._carried_since = None
+        is_start = supervisor.will_start or supervisor.starting
+        if is_start or self._is_interrupted(before):
             self._mode.void()
         self._mode.begin(state)
-        external = self._observed(state)
         self._scale_contact(now)
-        if starting:
-            command = self.modes[DAMPING].command(state)
-            effort, *reasons = self.efforts.filtered(state, command, external)
-            starting = self._is_starting(effort, state, before)
-        if not starting:
-            command, lost = self._mode.follow(state, supervisor.phase == HOLDING)
-            effort, *reasons = self.efforts.filtered(state, command, external)
-        self.energy = 0.5 * float(command.nu @ command.nu)
-        rate = None if starting else self._mode.measured_rate(command, state.newest)
-        sent = self._sent(effort, state.newest, now, *reasons, rate, lost)
-        supervisor.valid(now, not starting)  # after the command: a law that fails must not prolong the hold
+        external = self._observed(state)
+        sent = self._start(before, external, now) if is_start else None
+        has_started = sent is None
+        if has_started:
+            sent = self._follow(external, now)
+        supervisor.valid(now, has_started)  # after the command: a law that fails must not prolong the hold
         return sent
 
-    def _sent(self, effort, time, now, command=None, *reasons):
-        """Return what to send at a time [ns] for an effort before the rate limit."""
+    def _stay_stopped(self, now):
+        """Return zero effort for a valid state of a stopped loop."""
+        self.supervisor.wait()
+        nu = self.dynamics.nu_from_qd(self.state.position, self.state.velocity)
+        self.energy = 0.5 * float(nu @ nu)
+        return self._sent(self.at_rest, now, now)
+
+    def _is_interrupted(self, before):
+        """Return whether the state does not follow the one before within the longest hold."""
+        if before is None:
+            return True
+        gap = (self.state.newest - before.newest) * 1e-9
+        return not 0.0 <= gap <= self.supervisor.max_age + self.supervisor.hold_time
+
+    def _start(self, before, external, now):
+        """Return damping, or None once the efforts have reached gravity compensation and the robot is slow."""
+        state, efforts = self.state, self.efforts
+        filtered = efforts.filtered(state, self.modes[DAMPING].command(state), external)
+        if before is None:
+            efforts.limit_to_gravity()
+        if self._carried_since is None and efforts.reaches_gravity(filtered.effort, state.newest):
+            self._carried_since = state.newest
+        if self._carried_since is not None:
+            timeout = state.newest - self._carried_since > START_TIMEOUT * 1e9
+            if timeout or (np.abs(state.velocity) <= self._slow).all():
+                return None
+        return self._sent_by(filtered, now)
+
+    def _follow(self, external, now):
+        """Return the command of the mode in force."""
+        state = self.state
+        command, lost = self._mode.follow(state, self.supervisor.phase == HOLDING)
+        sent = self._sent_by(self.efforts.filtered(state, command, external), now)
+        return sent._replace(lyapunov_rate=self._mode.measured_rate(command, state.newest), lost=lost)
+
+    def _sent_by(self, filtered, now):
+        """Return what to send for a law's filtered command."""
+        command = filtered.command
+        self.energy = 0.5 * float(command.nu @ command.nu)
+        sent = self._sent(filtered.effort, self.state.newest, now)
+        saturated = command.limited + tuple(name for name in sent.saturated if name not in command.limited)
+        return sent._replace(
+            saturated=saturated,
+            command=command,
+            energy_limited=filtered.energy_limited,
+            contact_limited=filtered.contact_limited,
+        )
+
+    def _sent(self, effort, time, now):
+        """Return what to send for an effort at a time [ns], within the effort rate."""
         effort, waiting = self.efforts.ramped(effort, time)
-        limited = command.limited if command else ()
-        saturated = limited + tuple(name for name in waiting if name not in limited)
-        return Sent(effort, saturated, self.state.newest, (now - self.state.newest) * 1e-9, command, *reasons)
+        return Sent(effort, waiting, self.state.newest, (now - self.state.newest) * 1e-9)
 
     def _outside_limits(self, q):
         """Return the error of positions outside of their limits, where springs would throw a joint; None if valid."""
@@ -199,17 +236,6 @@ class ControlLoop:
             limits = f"{model.lower[k]:g} … {model.upper[k]:g}"
             return f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}: no law begins there"
         return None
-
-    def _is_starting(self, effort, state, before):
-        """Return whether the efforts do not carry the robot yet, or the robot is fast before the timeout."""
-        if before is None:
-            self.efforts.carry_on()
-        if self._carried_since is None and self.efforts.carry(effort, state.newest):
-            self._carried_since = state.newest
-        if self._carried_since is None:
-            return True
-        timeout = state.newest - self._carried_since > START_TIMEOUT * 1e9
-        return not (timeout or (np.abs(state.velocity) <= self._slow).all())
 
     def age_problem(self, state, now):
         """Return the error of the age of a state's joints at a time [ns]; None if it is valid."""
@@ -233,8 +259,8 @@ class ControlLoop:
     @property
     def at_rest(self):
         """Effort without a law [N m, N]: gravity compensation during the hold, and zero after it."""
-        carrying = self.efforts.carrying
-        return np.zeros_like(carrying) if self.supervisor.phase == RAMPING_DOWN else carrying
+        gravity = self.efforts.gravity_compensation
+        return np.zeros_like(gravity) if self.supervisor.phase == RAMPING_DOWN else gravity
 
     def leave(self):
         """Return the last effort before the loop ends, without rate limit; None if there was none."""

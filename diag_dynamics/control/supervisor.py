@@ -19,7 +19,7 @@ class State(IntEnum):
     """States of the loop; each determines the command."""
 
     WAITING = 0  # none: no valid state yet
-    STARTING = 1  # damping until the efforts carry the robot
+    STARTING = 1  # damping until the efforts reach gravity compensation
     ACTIVE = 2  # the law
     HOLDING_START = 3  # gravity compensation without a valid state, returns to STARTING
     HOLDING = 4  # gravity compensation without a valid state, returns to ACTIVE
@@ -31,8 +31,8 @@ class State(IntEnum):
 class Event(IntEnum):
     """Events of the loop."""
 
-    VALID = 0  # a valid state, while the efforts do not carry the robot yet
-    CARRIED = 1  # a valid state, and the efforts carry the robot
+    VALID = 0  # a valid state, before the efforts have reached gravity compensation
+    CARRIED = 1  # a valid state, and the efforts have reached it
     INVALID = 2  # no valid state
     TIMEOUT = 3  # no valid state for longer than the hold time
     SWITCH = 4  # a mode is chosen
@@ -62,12 +62,12 @@ _PHASES = INACTIVE, ACTIVE, ACTIVE, HOLDING, HOLDING, RAMPING_DOWN, RAMPING_DOWN
 class Supervisor:
     """State of a control loop by validity and age of the robot's states.
 
-    Without a valid state the loop holds the last gravity torque for at most `hold_time`, and then ramps the efforts down to
-    zero. Valid states then do not put the law in force, unless `resumes`: a loose cable would drop and catch an arm again
-    and again, and a person may be at work on it by then.
+    Without a valid state the loop holds the last gravity torque for at most `hold_time` [s], and then ramps the efforts down
+    to zero. Valid states then do not put the law in force, unless `resumes`: a loose cable would drop and catch an arm
+    repeatedly, and a person may already be working on it.
 
     `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions. `machine_time` returns a
-    monotonic time [s], which ends a hold where the clock stands still. `reason` says why the law is not in force.
+    monotonic time [s], which ends a hold if the clock stands still. `reason` is why the law is not in force.
     """
 
     def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
@@ -77,8 +77,8 @@ class Supervisor:
 
     def forget(self):
         """Wait for the first valid state."""
-        self.state, self.reason, self._cause = State.WAITING, "no valid state yet", ""
-        self._outage = 0  # outage time less the time of valid states since [ns]
+        self.state, self.reason, self._cause = State.WAITING, "no valid state yet", ""  # cause of the last ramp
+        self._outage = 0  # time without valid states, less that of the valid states that followed [ns]
         self._last, self._moved = 0, 0.0  # clock at the last event [ns], and machine time when it moved [s]
 
     def _next(self, event):
@@ -90,18 +90,18 @@ class Supervisor:
         return _PHASES[self.state]
 
     @property
-    def anew(self):
-        """Whether a valid state is the first one, or comes after the end of a hold: earlier targets are void."""
-        return self.phase in (INACTIVE, RAMPING_DOWN)
-
-    @property
     def latched(self):
-        """Whether a valid state leaves the loop stopped."""
+        """Whether the loop stays stopped when a valid state arrives."""
         return self._next(Event.VALID) == State.STOPPED
 
     @property
+    def will_start(self):
+        """Whether the next valid state starts the loop. Earlier targets are then void."""
+        return self.phase in (INACTIVE, RAMPING_DOWN) and not self.latched
+
+    @property
     def starting(self):
-        """Whether the efforts do not carry the robot yet."""
+        """Whether the loop has started, and the efforts have not reached gravity compensation."""
         return self.state in (State.STARTING, State.HOLDING_START)
 
     def age_problem(self, stamp, now):
@@ -115,12 +115,12 @@ class Supervisor:
         return f"the state is {where}, expected no more than max_state_age = {self.max_age:g} s"
 
     def valid(self, now, carried=True):
-        """Accept a valid state for which there is a command, at a time [ns].
+        """Accept a valid state and its command at a time [ns]; `carried`: the efforts have reached gravity compensation.
 
-        The outage shrinks no faster than valid states come: else single states of a link that is dead nearly all the time
+        Valid states shorten an outage by no more than the time that they cover: else single states of a failing connection
         would prolong the hold without end.
         """
-        if self.anew:
+        if self.will_start:
             self._outage = 0
         elif self.phase == ACTIVE:
             self._outage = max(self._outage - max(now - self._last, 0), 0)
@@ -128,12 +128,12 @@ class Supervisor:
         self.reason, self._last = "", now
 
     def invalid(self, now, reason):
-        """Accept that there is no valid state at a time [ns], and why."""
+        """Record that there is no valid state at a time [ns], and the reason; end a hold after its timeout."""
         self.reason = reason
         if self.phase == INACTIVE:
             return
         machine, elapsed = self._machine_time(), now - self._last
-        if self.phase == ACTIVE:  # the last state was valid while it was fresh
+        if self.phase == ACTIVE:  # the last state was valid for max_age at most
             self._outage = max(self._outage - min(max(elapsed, 0), round(self.max_age * 1e9)), 0)
         else:  # a clock that goes back does not shorten the outage
             self._outage += max(elapsed, 0)

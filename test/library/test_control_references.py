@@ -245,13 +245,13 @@ def test_phases():
     supervisor = Supervisor(max_age=0.02, hold_time=0.5, resumes=True)
     supervisor.invalid(S, "NaN")
     assert supervisor.phase == phases.INACTIVE and supervisor.reason == "NaN"
-    assert supervisor.anew
+    assert supervisor.will_start
     supervisor.valid(S)
-    assert supervisor.phase == phases.ACTIVE and not supervisor.reason and not supervisor.anew
+    assert supervisor.phase == phases.ACTIVE and not supervisor.reason and not supervisor.will_start
     supervisor.invalid(2 * S, "late")
     assert supervisor.phase == phases.HOLDING and supervisor.reason == "late"
     supervisor.invalid(2 * S + 499 * MS, "late")
-    assert supervisor.phase == phases.HOLDING and not supervisor.anew
+    assert supervisor.phase == phases.HOLDING and not supervisor.will_start
     supervisor.valid(3 * S)
     supervisor.valid(3 * S + 500 * MS)
     for time, phase in (  # a new hold; a clock that goes back does not end the ramp
@@ -262,7 +262,7 @@ def test_phases():
     ):
         supervisor.invalid(time, "late")
         assert supervisor.phase == phase
-    assert supervisor.anew and not supervisor.latched
+    assert supervisor.will_start and not supervisor.latched
     supervisor.valid(S)
     assert supervisor.phase == phases.ACTIVE
 
@@ -281,7 +281,7 @@ def test_release_after_the_ramp():
         supervisor.wait()
         assert supervisor.latched and "choose a mode" in supervisor.reason and "late" in supervisor.reason
         supervisor.release()
-        assert not supervisor.latched and supervisor.anew
+        assert not supervisor.latched and supervisor.will_start
         supervisor.invalid(3 * S, "late")
         assert supervisor.latched
     supervisor.wait()
