@@ -22,15 +22,17 @@ from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.numerics import kernel
+from diag_dynamics.sweeps import configuration
 
 HEAVY = 0.9
-"""Fraction of an effort limit; a joint with a larger gravity torque begins to be left out of the common scale."""
+"""Fraction of the effort limit from which on a joint's gravity torque takes it out of the common scale."""
 
 AIM = 0.99
-"""Fraction of the allowed contact speeds that is commanded; the rest covers the error of a cycle of some milliseconds."""
+"""Commanded fraction of the allowed contact speeds; the rest covers the error of a cycle of some milliseconds."""
 
 PASSES = 8
-"""Maximum number of points that are slowed one after the other, before the whole robot is."""
+"""Maximum number of points that are slowed one by one before all of the robot is."""
 
 IMMOBILE = 1e-9
 """Fraction of the largest mobility of a point below which it is immobile in a direction."""
@@ -221,6 +223,7 @@ class ContactLimiter:
             raise InputError("points have no limit: there is nothing to bound.")
         dynamics.compile("contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon")
         dynamics.compile("link_velocity", "operational_inverse_inertia", "epsilon_from_wrench")
+        kernel.ready(configuration.integrate)
 
     @property
     def scale(self) -> float:

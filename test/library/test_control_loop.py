@@ -4,6 +4,8 @@
 """The controller's loop without a process: settings, safety, targets, a simulated arm."""
 
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -322,6 +324,56 @@ def test_targets_without_a_law_or_a_link_are_refused(strong):
         loop.take_set_point(Q)
     with pytest.raises(InputError, match="'controlled_link' is empty"):
         loop.switch(POSE)
+
+
+CYCLES = """
+import sys
+import numpy as np
+import diag_dynamics as dd
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.control.references import Waypoints
+from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.numerics import kernel
+from diag_dynamics.parameters.controller import PARAMETERS
+
+def compiled():
+    return {entry.__name__ for entry in kernel._entries if entry.signatures}
+
+arm = dd.load_urdf(sys.argv[1])
+points = dd.ContactPoints(arm, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1e-3}}))
+values = {name: spec.default for name, spec in PARAMETERS.items()} | {"controlled_link": "tool0"}
+values |= {"effort_rate": ["*=1e9"], "observer_gain": 20.0, "energy_limit": 1e-3, "contact.rate": 200.0}
+loop, time, limited = ControlLoop(arm, values, False, points), 10**9, set()
+q, qd = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.full(6, 0.2)
+q[2] = arm.upper[2] - 0.01  # in the margin of a limit
+first = compiled()
+still = Waypoints(np.array([1.0]), q[None], 0.0 * q[None], 0.0 * q[None], np.ones(1, bool), np.ones(1, bool))
+for mode in loop.modes:
+    loop.switch(mode)
+    for k in range(9):
+        time += 10**6
+        sent = loop.step(RobotState(q, qd, None, time, time, False), time)
+        limited |= {name for name in ("energy_limited", "contact_limited") if getattr(sent, name)}
+        if mode == "pose" and k == 3:
+            loop.take_pose("forearm_link", (0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0))
+        if mode == "tracking" and k == 3:
+            loop.take_set_point(q - 0.1)
+        if mode == "tracking" and k == 6:
+            loop.take_trajectory(still, 0, time)
+    assert not loop.taking_up
+loop.without_state(time + 10**6, "late")
+loop.leave()
+assert limited == {"energy_limited", "contact_limited"}, limited
+print(*sorted(compiled() - first))
+"""
+
+
+def test_no_cycle_compiles():
+    """A loop that is made has compiled all that its cycles and targets call: no cycle waits for the compiler."""
+    command = [sys.executable, "-c", CYCLES, str(robot(UR5).path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300.0)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []
 
 
 def test_without_velocity_limits_trajectories_are_slow():

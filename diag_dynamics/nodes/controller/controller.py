@@ -187,7 +187,6 @@ class ControllerNode(ManagedNode):
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
         states.forget()  # compiles its rules, or loads them from the cache
-        model.integrate(model.neutral, np.zeros(model.nv))  # so does this, for the contact limiter
         return ControlLoop(model, values, values[COMPENSATES], points), joints, order, states
 
     def _take_robot(self, made, description, _):
