@@ -30,19 +30,9 @@ def contact_force(speed: Any, reflected_mass: Any, stiffness: Any, mass: Any = n
     return np.asarray(speed, float) * np.sqrt(reduced_mass(reflected_mass, mass) * stiffness)
 
 
-def contact_energy(force: Any, stiffness: Any) -> Any:
-    """Return the energy F²/2k [J] of a spring k [N/m] at the force F [N]."""
-    return np.asarray(force, float) ** 2 / (2.0 * np.asarray(stiffness, float))
-
-
 def speed_of_force(force: Any, reflected_mass: Any, stiffness: Any, mass: Any = np.inf) -> Any:
     """Return the speed F/√(μk) [m/s] at which a transient contact reaches the force F [N]."""
     return np.asarray(force, float) / np.sqrt(reduced_mass(reflected_mass, mass) * stiffness)
-
-
-def speed_of_energy(energy: Any, reflected_mass: Any) -> Any:
-    """Return the speed √(2E/m_u) [m/s] at which the transferable energy ½m_u v² is E [J]."""
-    return np.sqrt(2.0 * np.asarray(energy, float) / np.asarray(reflected_mass, float))
 
 
 def simplified_mass(moving_mass: float, payload: float = 0.0) -> float:
