@@ -72,7 +72,7 @@ class Efforts:
             command = self.contact_limiter.filter(q, qd, command, period, external)
         saturated = self._saturation.filter(command)
         effort, self.scale = saturated.tau, saturated.scale
-        if self._compensated:  # the robot itself carries a weight beyond the limit; efforts only reduce it
+        if self._compensated:  # weight beyond the limit is left to the robot
             bound = np.maximum(self._saturation.limit, np.abs(g))
             effort = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
         limited = command._replace(scale=self.scale, limited=saturated.limited)
@@ -99,12 +99,12 @@ class Efforts:
         self._ramp.reset(sent)
 
     def limit_to_gravity(self):
-        """Start from the last effort, but between zero and gravity compensation in the last state."""
+        """Start from the last effort, clipped between zero and gravity compensation."""
         gravity = self.gravity_compensation
         self.reset(np.clip(self.sent, np.minimum(gravity, 0.0), np.maximum(gravity, 0.0)))
 
     def reaches_gravity(self, effort, time):
-        """Return whether one rate-limited step reaches gravity compensation, or a value between that and `effort`."""
+        """Return whether one rate-limited step reaches the range from gravity compensation to `effort`."""
         gravity = self.gravity_compensation
         between = np.clip(self.sent, np.minimum(gravity, effort), np.maximum(gravity, effort))
         return bool((np.abs(between - self.sent) <= self._ramp.rate * self._elapsed(time) + 1e-9).all())
@@ -129,4 +129,5 @@ class Efforts:
     @property
     def slow(self):
         """Joints that need more than MAX_RAMP_TIME for gravity compensation in the last state."""
-        return limits.names_where(self._names, np.abs(self.gravity_compensation) > MAX_RAMP_TIME * self._ramp.rate)
+        gravity = self.gravity_compensation
+        return limits.names_where(self._names, np.abs(gravity) > MAX_RAMP_TIME * self._ramp.rate)

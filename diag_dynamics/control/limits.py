@@ -26,10 +26,10 @@ from diag_dynamics.numerics import kernel
 from diag_dynamics.sweeps import configuration
 
 HEAVY = 0.9
-"""Fraction of the effort limit from which on a joint's gravity torque takes it out of the common scale."""
+"""Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
 
 AIM = 0.99
-"""Commanded fraction of the allowed contact speeds; the rest covers the error of a cycle of some milliseconds."""
+"""Commanded fraction of the allowed contact speeds; the rest covers the error of a cycle."""
 
 PASSES = 8
 """Maximum number of points that are slowed one by one before all of the robot is."""

@@ -17,19 +17,19 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
 MAX_BEYOND_LIMITS = 0.05
-"""Maximum distance of a joint outside of its limits at a start [rad, m]: the encoder error of a joint at its stop."""
+"""Maximum distance of a joint outside of its limits at a start [rad, m], for encoder errors."""
 
 SLOW = 0.1
 """Fraction of its maximum speed below which every joint must be at the end of a start."""
 
 START_TIMEOUT = 1.0
-"""Timeout for the arm to slow down under gravity compensation [s]: with an unknown load it may never do so."""
+"""Timeout for the arm to slow down under gravity compensation [s]; an unknown load may prevent it."""
 
 
 class Sent(NamedTuple):
     """Effort of one cycle, and its reasons."""
 
-    effort: np.ndarray  # after all filters [N m, N], shape (nv,); without gravity if the robot compensates that itself
+    effort: np.ndarray  # after all filters [N m, N], shape (nv,); without compensated gravity
     saturated: tuple  # joints whose effort or effort rate was limited
     stamp: int  # of the command's state, or of the last valid one [ns]
     age: float  # of that state [s]
@@ -70,7 +70,7 @@ class ControlLoop:
         self._mode, self.state, self.energy = self._initial_mode, None, 0.0
         self.efforts.begin()
         self._origin = None  # stamp of the observer's first state [ns]
-        self._carried_since = None  # stamp at which the efforts of this start reached gravity compensation [ns]
+        self._carried_since = None  # stamp at which efforts reached gravity compensation [ns]
         self._mode.void()
 
     # --- Modes and targets ---
@@ -172,7 +172,8 @@ class ControlLoop:
         has_started = sent is None
         if has_started:
             sent = self._follow(external, now)
-        supervisor.valid(now, has_started)  # after the command: a law that fails must not prolong the hold
+        # After the command, because a law that fails must not prolong the hold.
+        supervisor.valid(now, has_started)
         return sent
 
     def _stay_stopped(self, now):
@@ -190,7 +191,7 @@ class ControlLoop:
         return not 0.0 <= gap <= self.supervisor.max_age + self.supervisor.hold_time
 
     def _start(self, before, external, now):
-        """Return damping, or None once the efforts have reached gravity compensation and the robot is slow."""
+        """Return damping; None once efforts have reached gravity compensation and joints are slow."""
         state, efforts = self.state, self.efforts
         filtered = efforts.filtered(state, self.modes[DAMPING].command(state), external)
         if before is None:
@@ -208,16 +209,17 @@ class ControlLoop:
         state = self.state
         command, lost = self._mode.follow(state, self.supervisor.phase == HOLDING)
         sent = self._sent_by(self.efforts.filtered(state, command, external), now)
-        return sent._replace(lyapunov_rate=self._mode.measured_rate(command, state.newest), lost=lost)
+        rate = self._mode.measured_rate(command, state.newest)
+        return sent._replace(lyapunov_rate=rate, lost=lost)
 
     def _sent_by(self, filtered, now):
         """Return what to send for a law's filtered command."""
         command = filtered.command
         self.energy = 0.5 * float(command.nu @ command.nu)
         sent = self._sent(filtered.effort, self.state.newest, now)
-        saturated = command.limited + tuple(name for name in sent.saturated if name not in command.limited)
+        limited = command.limited
         return sent._replace(
-            saturated=saturated,
+            saturated=limited + tuple(name for name in sent.saturated if name not in limited),
             command=command,
             energy_limited=filtered.energy_limited,
             contact_limited=filtered.contact_limited,

@@ -62,12 +62,14 @@ _PHASES = INACTIVE, ACTIVE, ACTIVE, HOLDING, HOLDING, RAMPING_DOWN, RAMPING_DOWN
 class Supervisor:
     """State of a control loop by validity and age of the robot's states.
 
-    Without a valid state the loop holds the last gravity torque for at most `hold_time` [s], and then ramps the efforts down
-    to zero. Valid states then do not put the law in force, unless `resumes`: a loose cable would drop and catch an arm
-    repeatedly, and a person may already be working on it.
+    Without a valid state the loop holds the last gravity torque for at most `hold_time` [s], and
+    then ramps the efforts down to zero. Valid states then do not put the law in force, unless
+    `resumes`: a loose cable would drop and catch an arm repeatedly, and a person may already be
+    working on it.
 
-    `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions. `machine_time` returns a
-    monotonic time [s], which ends a hold if the clock stands still. `reason` is why the law is not in force.
+    `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions.
+    `machine_time` returns a monotonic time [s], which ends a hold if the clock stands still.
+    `reason` is why the law is not in force.
     """
 
     def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
@@ -77,8 +79,9 @@ class Supervisor:
 
     def forget(self):
         """Wait for the first valid state."""
-        self.state, self.reason, self._cause = State.WAITING, "no valid state yet", ""  # cause of the last ramp
-        self._outage = 0  # time without valid states, less that of the valid states that followed [ns]
+        self.state, self.reason = State.WAITING, "no valid state yet"
+        self._cause = ""  # of the last ramp
+        self._outage = 0  # time without valid states, less that of later valid ones [ns]
         self._last, self._moved = 0, 0.0  # clock at the last event [ns], and machine time when it moved [s]
 
     def _next(self, event):
@@ -115,10 +118,10 @@ class Supervisor:
         return f"the state is {where}, expected no more than max_state_age = {self.max_age:g} s"
 
     def valid(self, now, carried=True):
-        """Accept a valid state and its command at a time [ns]; `carried`: the efforts have reached gravity compensation.
+        """Accept a valid state at a time [ns]; `carried`: efforts have reached gravity compensation.
 
-        Valid states shorten an outage by no more than the time that they cover: else single states of a failing connection
-        would prolong the hold without end.
+        Valid states shorten an outage by no more than the time that they cover: else single states
+        of a failing connection would prolong the hold without end.
         """
         if self.will_start:
             self._outage = 0
@@ -128,7 +131,7 @@ class Supervisor:
         self.reason, self._last = "", now
 
     def invalid(self, now, reason):
-        """Record that there is no valid state at a time [ns], and the reason; end a hold after its timeout."""
+        """Record the reason why no state is valid at a time [ns]; end a hold after its timeout."""
         self.reason = reason
         if self.phase == INACTIVE:
             return

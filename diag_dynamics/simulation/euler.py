@@ -36,8 +36,8 @@ def euler_step(address, h, load):
     if status == 0:
         status = _move(address, h, tau)
     if status == 0 and has_modes:
-        status = _book_friction(address, h)
-    book_springs(address)
+        status = _account_for_friction(address, h)
+    account_for_left_springs(address)
     if status == 0 and is_beyond_hard_limit(address):
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status == 0:
@@ -60,7 +60,7 @@ def _free_rates(address, h, tau):
 
 @large_kernel
 def _touches_spring(address, h):
-    """Let joints that pass a compliant limit in the step lean on it; return whether there are any."""
+    """Set the spring of joints that pass a compliant limit in the step; return whether any does."""
     sim = opened(address)
     found = False
     for k in range(len(sim.after)):
@@ -74,7 +74,7 @@ def _touches_spring(address, h):
 
 @large_kernel
 def _move(address, h, tau):
-    """Go to the end of the step with the rates `after`. Book all work but that of friction."""
+    """Move with the rates `after` to the end of the step; add all work but that of friction."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
     for k in range(len(tau)):
@@ -90,7 +90,7 @@ def _move(address, h, tau):
         effort += tau[k] * u
         wrenches += sim.pushed[k] * u
         damping -= sim.damping[k] * qd * u
-        if sim.spring[k] != 0.0:  # its work by the force at the end, and what it stores
+        if sim.spring[k] != 0.0:  # work of its force at the end, and elastic energy
             stiffness, side, end = sim.stiffness[k], sim.spring[k], sim.depth[k] + u
             limits -= (sim.limit_damping[k] * qd + stiffness * end) * u
             limits += _stored(stiffness, side * end) - _stored(stiffness, side * sim.depth[k])
@@ -103,9 +103,10 @@ def _move(address, h, tau):
 
 @large_kernel
 def _turn_floating_velocities(address, h):
-    """Express the linear velocity of floating joints in their axes at the end of the step; u is that of both ends' mean.
+    """Turn the linear velocity of floating joints into their axes at the end of the step.
 
-    v̇ in a body's axes is the acceleration less ω × v. With that term an explicit step would increase a large velocity.
+    Their displacement u takes the mean of both ends. v̇ in a body's axes is the acceleration less
+    ω × v: with that term an explicit step would increase a large velocity.
     """
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
@@ -128,8 +129,8 @@ def _turn_floating_velocities(address, h):
 
 
 @large_kernel
-def _book_friction(address, h):
-    """Book the work of friction: its impulse times the mean rate; of stopped joints all kinetic energy that they lose."""
+def _account_for_friction(address, h):
+    """Add the work of friction: impulse times mean rate; of stopped joints their kinetic energy."""
     sim = opened(address)
     stopping, work, stopped, status = False, 0.0, 0.0, 0
     for k in range(len(sim.qd)):
@@ -154,8 +155,8 @@ def _stored(stiffness, depth):
 
 
 @large_kernel
-def book_springs(address):
-    """Book the energy of compliant limits that a joint has left as lost: they return without the joint."""
+def account_for_left_springs(address):
+    """Add the lost elastic energy of compliant limits from which joints have lifted off."""
     sim = opened(address)
     for k in range(len(sim.spring)):
         if sim.spring[k] == 0.0 and sim.stiffness[k] < math.inf:
@@ -196,10 +197,11 @@ def is_beyond_hard_limit(address):
 
 @large_kernel
 def resolve_impacts(address, h):
-    """Bring joints beyond hard limits back to them, and end their outward motion by impulses. Needs ν; returns a status.
+    """Move joints beyond hard limits back to them, and stop their outward motion by impulses.
 
-    To stop one joint can move another one outward at its own limit: that one is stopped, too. No friction withstands an
-    impulse, so joints at rest can start to move; those that would hardly move, or only for a moment, stay at rest.
+    The impulse of one joint can move another one outward at its own limit: that one is stopped,
+    too. No friction withstands an impulse, so joints at rest can start to move. Those below the
+    thresholds UNMOVED and SHORT stay at rest. Uses ν; returns a status.
     """
     sim = opened(address)
     energy = _energy(address)

@@ -27,7 +27,7 @@ NO_FORCE = 1e-9
 """Force of a compliant limit, relative to its parts, that counts as zero."""
 
 ROUNDS_OF_ALL = 3
-"""Rounds that change the modes of all joints together. Later rounds change one joint each, because they must end."""
+"""Rounds that change the modes of all joints together; later ones change one each, so that they end."""
 
 
 @kernel
@@ -68,8 +68,9 @@ def solve_stiction(address, h, tau):
 
     (M + A) q̇⁺ = M q̇ + h (τ + Jᵀf − c − g − k x) + λ with A = h d + h² k, dampers d and springs k. A held joint has q̇⁺ = 0
     and an impulse |λ| ≤ h f; a sliding one moves in its direction with λ = −h f mode. A hard limit bounds λ on one side only.
-    This linear complementarity problem has a positive definite matrix; joints that violate their condition exchange it.
-    The last rounds only hold joints: friction then adds no energy, whatever rounding does.
+    This linear complementarity problem has a positive definite matrix. In each round joints that
+    violate the condition of their mode change it. The last rounds release no joint: so they end in
+    spite of rounding errors, and friction adds no energy.
     """
     sim = opened(address)
     n, changed = len(tau), True
@@ -86,7 +87,7 @@ def solve_stiction(address, h, tau):
 
 @large_kernel
 def _solve_modes(address, h, tau):
-    """Rates `after` of the present modes and, with joints held, `needed`, M q̇⁺; `momentum` is the right side."""
+    """Solve for `after`, q̇⁺ of the present modes; `momentum` is the right side, `needed` M q̇⁺."""
     sim = opened(address)
     holding = False
     for k in range(len(tau)):
@@ -109,7 +110,7 @@ def _solve_modes(address, h, tau):
 
 @large_kernel
 def _exchange_modes(address, h, all_together, may_release):
-    """Hold joints that slide backwards, release joints beyond their bounds; return whether a mode has changed."""
+    """Hold joints that slide back, release those beyond their bounds; return whether a mode changed."""
     sim = opened(address)
     changed = False
     for k in range(len(sim.mode)):
@@ -146,7 +147,7 @@ def is_stopping(address):
 
 @large_kernel
 def is_mode_left(address):
-    """Whether the step has taken a joint out of its mode: it slides backwards, has passed a limit, or left one."""
+    """Whether a joint has left its mode in the step: it slid back, has passed a limit, or left one."""
     sim = opened(address)
     for k in range(len(sim.qd)):
         x, spring, stiffness = sim.q[sim.coordinate[k]], sim.spring[k], sim.stiffness[k]
@@ -181,8 +182,7 @@ def lock_joints(address):
 
 @large_kernel
 def unlock_joints(address):
-    """Lock no joint."""
+    """Unlock all joints."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
-    for i in range(len(bodies)):
-        bodies[i].armature = sim.armature[i]
+    configuration.lock_joints(bodies, sim.armature, sim.zeros)

@@ -11,7 +11,7 @@ from diag_dynamics.sweeps import classical, configuration, factorization, groups
 from diag_dynamics.sweeps import workspace as ws
 
 UNRESOLVED = 1.5
-"""Ratio of the step to a damper's time constant above which the rates at the stages do not give the damper's work."""
+"""Ratio of step to time constant of a damper above which the stages do not resolve its work."""
 
 
 @large_kernel
@@ -44,7 +44,7 @@ def runge_kutta(address, h, load):
 
 @large_kernel
 def _start_stages(address, h, tau):
-    """Set what all stages share; return whether a joint has a damper or leans on a spring."""
+    """Set efforts and added inertia of all stages; return whether there are dampers or springs."""
     sim = opened(address)
     stiff = False
     for k in range(len(tau)):
@@ -77,7 +77,7 @@ def _predict(address, h, i, stiff):
 
 @large_kernel
 def _stage_rates(address, h, i, stiff, load):
-    """q̇ of a stage, and ν̇ without and with dampers and springs. The bodies are factorized once for all."""
+    """q̇ of a stage, and ν̇ without and with dampers and springs, from one factorization."""
     sim = opened(address)
     bodies, _, work, table = ws.opened(sim.robot)
     rates, nu, pushed = sim.rates[i], sim.stage_nu, sim.stage_pushed[i]
@@ -174,16 +174,16 @@ def _combine_stages(address, h, stiff, load):
         if sim.mode[k] == HELD:
             sim.qd[k] = 0.0
     if stiff:
-        _book_damping(address, h)
+        _account_for_damping(address, h)
     return status
 
 
 @large_kernel
-def _book_damping(address, h):
-    """Book the work of dampers, from ∫q̇², or from the first and last rates and ∫q̇.
+def _account_for_damping(address, h):
+    """Add the work of dampers, d ∫q̇².
 
-    If a damper stops its joint within a fraction of the step, the rates at the stages do not give ∫q̇². The impulse times the
-    mean rate is then the kinetic energy that the damper takes.
+    If a damper stops its joint within a fraction of the step, the stages do not resolve ∫q̇². The
+    mean of the first and last rates times ∫q̇ then gives the energy that the damper removes.
     """
     sim = opened(address)
     bodies, _, work, _ = ws.opened(sim.robot)

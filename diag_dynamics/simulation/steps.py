@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many steps in one call of compiled code. A step of order 4 in which a joint changes its mode is taken at order 1."""
+"""Steps of the simulation: one of order 4 in which a mode changes is repeated at order 1."""
 
 import math
 from collections import namedtuple
@@ -44,7 +44,7 @@ def _smooth_step(address, h, load):
     if locked:
         modes.unlock_joints(address)
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
-    euler.book_springs(address)
+    euler.account_for_left_springs(address)
     return status, changes
 
 

@@ -387,6 +387,17 @@ def test_wrenches_are_efforts_of_their_jacobian(frame, order):
     assert np.abs(sims[0].qd - qd).max() > 1e-5
 
 
+@ORDERS
+def test_a_push_ends(order):
+    """Without a wrench the block keeps its speed, and the last wrench does no more work."""
+    sim = slider(order=order)
+    sim.advance(steps=3, f_ext={"block": [4.0, 0, 0, 0, 0, 0]})
+    rate, work = sim.qd[0], sim.audit.wrenches
+    assert rate == pytest.approx(4.0 / 2.0 * 3e-3) and work > 0.0
+    sim.advance(steps=3)
+    assert sim.qd[0] == pytest.approx(rate, rel=1e-12) and sim.audit.wrenches == work
+
+
 def test_payload_taken_up_in_motion():
     """q and q̇ stay; the payload brings its energy at that speed and height, and the audit has it."""
     model = load(PANDA)
