@@ -21,7 +21,6 @@ from diag_dynamics.contact.results import Contact
 from diag_dynamics.dynamics import calls
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.numerics import kernel
 from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, Factors
 from diag_dynamics.sweeps import classical, derivatives, evaluation, kinematics, mobilities
 from diag_dynamics.sweeps import workspace as ws
@@ -110,7 +109,7 @@ class DiagonalDynamics:
                 raise InputError(f"compile: {name!r} is none of {', '.join(sorted(known))}.")
         for entry, users in calls.ENTRIES.items():
             if not methods or not set(methods).isdisjoint(users.split()):
-                kernel.ready(entry)
+                entry.compile()
 
     # --- All quantities
 
@@ -165,7 +164,7 @@ class DiagonalDynamics:
                 and type(q) is type(qd) is type(effort) is _ARRAY
                 and q.dtype is qd.dtype is effort.dtype is _FLOAT
             ):
-                status = evaluation.evaluate(self._robot, q, qd, effort, state)
+                status = evaluation.evaluate.run(self._robot, q, qd, effort, state)
         except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet
             pass
         if status:
@@ -254,7 +253,7 @@ class DiagonalDynamics:
         factors, D, status = np.empty(self._factors_shape), np.empty(self._nv), _MISFIT
         try:
             if type(q) is _ARRAY and q.dtype is _FLOAT:  # as in evaluate
-                status = fill_factors(self._robot, q, factors, D)
+                status = fill_factors.run(self._robot, q, factors, D)
         except (AttributeError, TypeError, ValueError):  # no vector of float64: no error yet
             pass
         if status:
@@ -285,7 +284,7 @@ class DiagonalDynamics:
                 if (
                     type(q) is type(qd) is type(tau) is _ARRAY  # as in evaluate
                     and q.dtype is qd.dtype is tau.dtype is _FLOAT
-                    and not classical.forward_dynamics(self._robot, q, qd, tau, qdd := _empty(self._nv))
+                    and not classical.forward_dynamics.run(self._robot, q, qd, tau, qdd := _empty(self._nv))
                 ):
                     return qdd
             except (AttributeError, TypeError, ValueError):  # not vectors of float64: no error yet

@@ -8,7 +8,6 @@ is compiled on its first call, for the types that it declares, and kept on disk.
 """
 
 import functools
-import gc
 import importlib
 import logging
 import pkgutil
@@ -16,14 +15,10 @@ import threading
 
 import numba
 from numba import types
+from numba.extending import typeof_impl
 
 from diag_dynamics.numerics.cache import code_folder
 from diag_dynamics.numerics.progress import report_compilation
-
-try:  # All that is private to numba. Without it, kernels are compiled for the types of each call: slower, to the same code.
-    from diag_dynamics.numerics import linking
-except (ImportError, AttributeError):
-    linking = None
 
 logger = logging.getLogger(__name__)
 
@@ -38,18 +33,13 @@ FILLED_VECTOR, FILLED_MATRIX, FILLED_STATES = (types.Array(numba.float64, ndim, 
 
 NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
 
+try:  # all that is private to numba; without it, the same code compiles in three times the time
+    from diag_dynamics.numerics import linking
+except (ImportError, AttributeError, TypeError) as error:
+    linking = None
+    logger.info("Kernels compile slowly under numba %s: %r", numba.__version__, error)
 
-_ENTRY = {"error_model": "numpy"}
-_CALLED, INLINED, _COUNTED = dict(_ENTRY), dict(_ENTRY), {}
-if linking:
-    # Without reference counts: no kernel allocates, and LLVM does not vectorize a loop that counts.
-    _COUNTED = linking.supported("_nrt")
-    _ENTRY |= dict.fromkeys(_COUNTED, False) | linking.supported("no_cfunc_wrapper")
-    _ENTRY["pipeline_class"] = linking.KernelCompiler
-    _CALLED = _ENTRY | linking.supported("no_cpython_wrapper")
-    INLINED = _CALLED | linking.supported("forceinline")
-
-_entries = {}
+_entries = []
 _lock = threading.RLock()
 
 
@@ -58,17 +48,17 @@ def kernel(function):
 
     Division by zero gives inf as in NumPy.
     """
-    return numba.njit(**INLINED)(function)
+    return _decorator("KERNEL")(function)
 
 
 def array_kernel(function):
     """Compile `function` as :func:`kernel` does, where it returns an array: numba requires reference counts for that."""
-    return numba.njit(**INLINED | _COUNTED)(function)
+    return _decorator("ARRAY_KERNEL")(function)
 
 
 def large_kernel(function):
     """Compile `function` as a function of its own, where :func:`kernel` would copy much code that seldom runs."""
-    return numba.njit(**_CALLED)(function)
+    return _decorator("LARGE_KERNEL")(function)
 
 
 def entry_kernel(*signature, nogil=False):
@@ -77,20 +67,7 @@ def entry_kernel(*signature, nogil=False):
     Arguments of other types raise TypeError. `nogil` lets other threads run meanwhile; it costs 0.1 µs a call. Kernels that
     call an entry have it compiled as :func:`large_kernel` does.
     """
-
-    def decorate(function):
-        entry = numba.njit(nogil=nogil, **_ENTRY)(function)
-        compile_entry = _entries[entry] = functools.partial(_compile_once, entry, signature)
-        if linking:
-            linking.hook_entry(entry, large_kernel(function), compile_entry)
-        return entry
-
-    return decorate
-
-
-def ready(entry):
-    """Compile an entry, or load it from the cache, so that its first call does not wait."""
-    _entries[entry]()
+    return lambda function: Entry(function, signature, nogil)
 
 
 def precompile(*modules):
@@ -101,42 +78,73 @@ def precompile(*modules):
             importlib.import_module(found.name)
     for entry in tuple(_entries):
         if any(f"{entry.__module__}.".startswith(f"{module}.") for module in modules):
-            ready(entry)
+            entry.compile()
 
 
-def _compile_once(entry, signature, *_):
-    """Compile an entry, or load it; return it, as numba then calls it."""
-    with _lock:
-        if not entry.signatures:  # else another thread was first
-            collecting = gc.isenabled()
-            gc.disable()  # a tenth of the time: the compiler leaves no garbage before it is done
-            try:
-                with report_compilation(entry.__name__):
-                    _compile(entry, signature)
-            finally:
-                if collecting:
-                    gc.enable()
-            entry.disable_compile()
-    return entry
+def _decorator(kind, **options):
+    """Return numba's decorator for a kind of function."""
+    return numba.njit(error_model="numpy", **options, **getattr(linking, kind, {}))
 
 
-def _compile(entry, signature):
-    folder, before = code_folder(entry.__module__), numba.config.CACHE_DIR
-    try:
-        if folder:
-            numba.config.CACHE_DIR = str(folder)
-            entry.enable_caching()
+class Entry:
+    """A function that Python calls: see :func:`entry_kernel`.
+
+    Attributes
+    ----------
+    run : callable
+        The compiled function; until there is one, a function that compiles it. It saves the 0.1 µs of a call of the entry.
+    """
+
+    def __init__(self, function, signature, nogil):
+        functools.update_wrapper(self, function)
+        self._signature, self._nogil = signature, nogil
+        self.run = self._compile_and_run
+        _entries.append(self)
+
+    def __call__(self, *arguments):  # noqa: D102
+        return self.run(*arguments)
+
+    @functools.cached_property
+    def kernel(self):
+        """The function as kernels call it."""
+        return large_kernel(self.__wrapped__)
+
+    def compile(self):
+        """Compile the function, or load it from the cache, so that its first call does not wait."""
+        with _lock:
+            if self.run == self._compile_and_run:  # else another thread was first
+                with report_compilation(self.__name__):
+                    self.run = self._compile()
+
+    def _compile_and_run(self, *arguments):
+        self.compile()
+        return self.run(*arguments)
+
+    def _compile(self):
+        folder, before = code_folder(self.__module__), numba.config.CACHE_DIR
         try:
-            entry.compile(signature)
-        except OSError as error:  # a full disk
-            logger.warning("Compiled code could not be saved to %s; each process compiles it again: %s", folder, error)
-        except Exception as error:  # a damaged file may unpickle into any
-            files = list(folder.rglob(f"*.{entry.__name__}-*.nb?")) if folder else []
-            if not files:
-                raise
-            logger.warning("Compiled code in %s is unreadable and compiled again: %r", folder, error)
-            for file in files:
-                file.unlink(missing_ok=True)
-            entry.compile(signature)
-    finally:
-        numba.config.CACHE_DIR = before
+            numba.config.CACHE_DIR = str(folder or before)
+            compiled = _decorator("ENTRY", nogil=self._nogil, cache=folder is not None)(self.__wrapped__)
+            try:
+                compiled.compile(self._signature)
+            except OSError as error:  # a full disk
+                logger.warning(
+                    "Compiled code could not be saved to %s; each process compiles it again: %s", folder, error
+                )
+            except Exception as error:  # a damaged file may unpickle into any
+                files = list(folder.rglob(f"*.{self.__name__}-*.nb?")) if folder else []
+                if not files:
+                    raise
+                logger.warning("Compiled code in %s is unreadable and compiled again: %r", folder, error)
+                for file in files:
+                    file.unlink(missing_ok=True)
+                compiled.compile(self._signature)
+        finally:
+            numba.config.CACHE_DIR = before
+        compiled.disable_compile()
+        return compiled
+
+
+@typeof_impl.register(Entry)
+def _type_of_entry(entry, _):
+    return numba.typeof(entry.kernel)

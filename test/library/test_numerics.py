@@ -90,7 +90,7 @@ def test_first_calls():
             entry(wrong)
 
 
-@pytest.mark.parametrize("part", ["add_llvm_module", "_link", "_simplify"])
+@pytest.mark.parametrize("part", ["_optimize_functions", "_optimize_final_module", "_finalize_final_module"])
 def test_other_inside_of_numba(part, monkeypatch, caplog):
     """Where a private part fails, or gives another number, numba links kernels itself, to the same bits."""
 
@@ -168,7 +168,7 @@ def compile_small():
         return 3.0 * x
 
     assert tripled(2.0) == 6.0
-    return sum(tripled.stats.cache_hits.values())
+    return sum(tripled.run.stats.cache_hits.values())
 
 
 def written(folder, pattern):
@@ -298,7 +298,7 @@ def test_messages_while_compiling(monkeypatch, capsys):
 def test_precompile(monkeypatch):
     """All entries of a module or package."""
     compiled = []
-    monkeypatch.setattr(kernels, "_compile_once", lambda entry, *_: compiled.append(entry))
+    monkeypatch.setattr(kernels.Entry, "compile", lambda entry: compiled.append(entry))
 
     @entry_kernel(NUMBER)
     def small(x):
@@ -326,7 +326,7 @@ factorization.joint_inertias(own.robot, np.zeros(1), D, size)
 energies = np.zeros((1, 2))
 work = np.zeros(len(model.bodies), records.WORK)
 evaluation.link_energies(model.bodies, model.links, work, *np.zeros((2, 1, 1)), energies)
-print(D[0], sum(factorization.joint_inertias.stats.cache_hits.values()))
+print(D[0], sum(factorization.joint_inertias.run.stats.cache_hits.values()))
 """
 
 
@@ -379,7 +379,53 @@ def test_processes_share_a_cache(copy, tmp_path):
         assert D == 13.0 and hits >= 1
 
 
-# Pickles results of some robots: a floating base, coupled joints, and plain chains.
+# Loads an entry without the private parts of numba, calls it and a kernel, and prints what happened.
+WITHOUT_LINKING = """
+import sys
+sys.modules["diag_dynamics.numerics.linking"] = None
+import numpy as np
+from diag_dynamics.numerics import kernel, progress
+
+progress.DELAY = 0.0
+progress.set_progress_callback(print)
+
+@kernel.large_kernel
+def doubled(x):
+    return 2.0 * x
+
+@kernel.entry_kernel(kernel.VECTOR, kernel.NUMBER)
+def total(x, y):
+    return doubled(x.sum()) + y
+
+@kernel.entry_kernel(kernel.VECTOR)
+def twice(x):
+    return 2.0 * total(x, 1.0)
+
+for arguments in ((np.ones(3), "a"), (np.ones((1, 3)), 1.0), (np.ones(3, np.int64), 1.0), (np.ones(6)[::2], 1.0)):
+    try:
+        print(total(*arguments))
+    except TypeError:
+        print("TypeError")
+print(kernel.linking, total(np.ones(3), 1), twice(np.ones(3)), total.run.stats.cache_hits, len(total.run.signatures))
+"""
+
+
+def test_another_numba(tmp_path):
+    """Where `linking` cannot be imported, entries accept their types alone, report their compilation, and are cached."""
+    script = tmp_path / "script.py"
+    script.write_text(WITHOUT_LINKING, encoding="utf-8")
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
+    outputs = []
+    for _ in range(2):
+        done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+        outputs.append(done.stdout.splitlines())
+    assert outputs[0][0] == f"compiling total {progress.RULE}"
+    for found, hits in zip(outputs, ("Counter()", "Counter({(Array"), strict=True):
+        assert [line for line in found if "compiling" not in line][:4] == ["TypeError"] * 4
+        assert found[-1].startswith(f"None 7.0 14.0 {hits}") and found[-1].endswith(" 1")
+
+
+# Pickles results of some robots: a floating base, coupled joints, and plain chains; and the texts of errors.
 RESULTS = """
 import pickle, sys
 import numpy as np
@@ -393,6 +439,12 @@ for name, options in (("ur5", {}), ("panda", {}), ("go2", {"floating_base": True
     results = dyn.evaluate(q, qd, tau), dyn.evaluate_batch(*(np.tile(x, (11, 1)) for x in (q, qd, tau))), dyn.factors(q)
     values = {f"{k} {key}": x for k, one in enumerate(results) for key, x in one.to_dict().items() if x is not None}
     found[name] = values | {"M": dyn.mass_matrix(q), "forward": dyn.forward_dynamics(q, qd, tau)}
+    for k, wrong in enumerate(((q[1:], qd, tau), (q, qd, tau[None, 1:]), (q, "qd", tau), (q, np.nan * qd, tau))):
+        for method in (dyn.evaluate, dyn.forward_dynamics):
+            try:
+                method(*wrong)
+            except dd.InputError as error:
+                found[name][f"error {k} of {method.__name__}"] = str(error)
 sys.stdout.buffer.write(pickle.dumps(found))
 """
 
@@ -400,18 +452,22 @@ sys.stdout.buffer.write(pickle.dumps(found))
 BREAKS = {
     "as it is": "",
     "missing": "import sys; sys.modules['diag_dynamics.numerics.linking'] = None\n",
-    "other": "from diag_dynamics.numerics import linking; linking.Library._link = None\n",
+    "other": "from diag_dynamics.numerics import linking; linking.Library._optimize_functions = None\n",
 }
 
 
 @pytest.mark.full
-def test_results_without_private_parts_of_numba():
-    """Where `linking` cannot be imported, or numba's inside is another one, kernels give the same bits."""
+def test_results_without_private_parts_of_numba(tmp_path):
+    """Where `linking` cannot be imported, or numba's inside is another one, kernels give the same bits and errors."""
     found = {}
     for name, prefix in BREAKS.items():
-        done = subprocess.run([sys.executable, "-c", prefix + RESULTS], capture_output=True, check=True)
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / name)}  # the files have the same names
+        command = [sys.executable, "-c", prefix + RESULTS]
+        done = subprocess.run(command, env=environment, capture_output=True, check=True)
         found[name] = pickle.loads(done.stdout)
+    assert sum("error" in quantity for quantity in found["as it is"]["ur5"]) == 8
     for name in set(BREAKS) - {"as it is"}:
         for robot, quantities in found[name].items():
+            assert quantities.keys() == found["as it is"][robot].keys()
             for quantity, expected in quantities.items():
                 assert np.array_equal(found["as it is"][robot][quantity], expected), (name, robot, quantity)
