@@ -22,7 +22,6 @@ from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.numerics import kernel
 from diag_dynamics.sweeps import configuration
 
 HEAVY = 0.9
@@ -223,7 +222,7 @@ class ContactLimiter:
             raise InputError("points have no limit: there is nothing to bound.")
         dynamics.compile("contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon")
         dynamics.compile("link_velocity", "operational_inverse_inertia", "epsilon_from_wrench")
-        kernel.ready(configuration.integrate)
+        configuration.integrate.compile()
 
     @property
     def scale(self) -> float:
