@@ -33,8 +33,8 @@ GROUPS = {
     "monitor": {
         "robot_description": "Robot model",
         "odom_twist_frame": "Input messages",
-        "absurd.position": "Plausibility limits",
-        "frozen_timeout": "Stuck sensors and mimic joints",
+        "plausibility.position": "Plausibility limits",
+        "stuck_timeout": "Stuck sensors and mimic joints",
         "warn_energy": "Energy thresholds",
         "external_torque.gain": "External torque",
         "alarm.joints": "Collision detection",

@@ -154,8 +154,8 @@ class StateAssembler:
             factor=efforts.factors[count:],
             span=ages[count:],
         )
-        timeout = nanoseconds(options.frozen_timeout)
-        if (timeout, options.refuse_frozen) != (self._shared["frozen_timeout"], self._shared["frozen_refused"]):
+        timeout = nanoseconds(options.stuck_timeout)
+        if (timeout, options.refuse_frozen) != (self._shared["stuck_timeout"], self._shared["frozen_refused"]):
             _write(self._shared, frozen_last=-1, frozen_kind=0)
         _write(
             self._shared,
@@ -167,7 +167,7 @@ class StateAssembler:
             slack=options.jump,
             tolerance=options.mimic_tolerance,
             max_effort=options.max_effort or np.inf,
-            frozen_timeout=timeout,
+            stuck_timeout=timeout,
             frozen_step=max(1, -(-timeout // SAMPLES)),
             frozen_refused=options.refuse_frozen,
             base_timeout=nanoseconds(options.odom_timeout),

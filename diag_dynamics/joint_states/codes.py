@@ -93,16 +93,17 @@ TEXTS = {
     MALFORMED_STAMP: "header.stamp is {first:.0f} s and {second:.0f} ns, expected no less than 0 s and less than 1e9 ns",
     NO_TIME: "header.stamp is zero, and so is the clock: use_sim_time without /clock",
     NO_POSITION: "{name}: position is {first}, expected a finite number",
-    POSITION_BOUND: "{name}: position is {first:.9g}, expected within {second:g} … {third:g} (absurd.position, "
-    "absurd.beyond_limits)",
-    VELOCITY_BOUND: "{name}: velocity is {first:.9g}, expected within ±{second:g} (absurd.velocity, absurd.beyond_velocity)",
+    POSITION_BOUND: "{name}: position is {first:.9g}, expected within {second:g} … {third:g} (plausibility.position, "
+    "plausibility.beyond_limits)",
+    VELOCITY_BOUND: "{name}: velocity is {first:.9g}, expected within ±{second:g} (plausibility.velocity, "
+    "plausibility.beyond_velocity)",
     NO_VELOCITY: "{name}: velocity is {first}, expected a finite number (missing_velocity: estimate takes it from positions)",
     LATE: "{name}: stamp {first:.6f} s older than the one before",
     STAMP_FROM_PAST: "{name}: stamp {first:.6f} s older than the one before",
     JUMP: "{step} in {third:g} s, expected a step of no more than {fourth:g} at velocities of {fifth:g} and {sixth:g} "
-    "(absurd.jump)",
+    "(plausibility.jump)",
     INTERLEAVED: "{step}, {third:g} s after another source's message: two sources publish this joint in turns",
-    FAST_STEP: "{name}: its step to position {first:.9g} is faster than {second:g} (absurd.velocity)",
+    FAST_STEP: "{name}: its step to position {first:.9g} is faster than {second:g} (plausibility.velocity)",
     STALE_JOINT: "{name} is older than {first:g} s",
     STALE_ODOMETRY: "odom is {first:.3f} s away from the joints, more than {second:g} s",
 }
@@ -160,4 +161,4 @@ def moved_text(outcome, labels):
 def frozen_text(kind, joint, more, labels):
     """Return the text on stuck sensors."""
     others = f" (and {more} more)" if more else ""
-    return f"frozen values: {labels[joint]}{others} {FROZEN_TEXTS[kind]} (frozen_timeout)"
+    return f"frozen values: {labels[joint]}{others} {FROZEN_TEXTS[kind]} (stuck_timeout)"

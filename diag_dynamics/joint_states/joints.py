@@ -46,7 +46,7 @@ class Options(NamedTuple):
     beyond_velocity: float = 0.0
     beyond_effort: float = 0.0
     jump: float = 0.0
-    frozen_timeout: float = 0.0
+    stuck_timeout: float = 0.0
     refuse_frozen: bool = False
     odom_timeout: float = 0.0
 

@@ -89,7 +89,7 @@ def _lost_in(intervals, ordered):
 def watch_frozen(memory, position, velocity, stamp, one):
     """Compare a state with earlier ones, if it is time to; return False if it is rejected."""
     shared = memory.shared[0]
-    if shared.frozen_timeout == 0 or len(memory.joints) == 0:
+    if shared.stuck_timeout == 0 or len(memory.joints) == 0:
         return True
     last = shared.frozen_last
     if last < 0 or stamp < last or stamp // shared.frozen_step != last // shared.frozen_step:
@@ -106,7 +106,7 @@ def watch_frozen(memory, position, velocity, stamp, one):
 def _compare_states(memory, position, velocity, stamp):
     """Compare a state with earlier ones, and store the first joint that is stuck."""
     shared = memory.shared[0]
-    last, timeout, period = shared.frozen_last, shared.frozen_timeout, SAMPLES * shared.frozen_step
+    last, timeout, period = shared.frozen_last, shared.stuck_timeout, SAMPLES * shared.frozen_step
     restarts = last < 0 or not 0 <= stamp - last <= timeout
     ends = not restarts and stamp // period != last // period
     still, slides = 0, 0

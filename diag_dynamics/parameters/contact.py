@@ -13,14 +13,14 @@ from diag_dynamics.parameters.spec import Spec
 
 PARAMETERS = {
     "contact.limits_file": Spec(
-        "", "Limits of body regions, see config/contact_limits.example.yaml; empty: no limits."
+        "", "YAML file with limits of body regions (config/contact_limits.example.yaml); empty: no limits."
     ),
     "contact.geometry": Spec(
         "primitives",
-        "Contact points on primitive shapes, also on meshes, or at origins.",
+        "Contact points: on primitive shapes, also on meshes, or at link frames.",
         choices=("primitives", "meshes", "frames"),
     ),
-    "contact.links": Spec([""], "Links with contact points; by default all that move."),
+    "contact.links": Spec([""], "Links with contact points; by default all moving links."),
     "contact.points": Spec([""], "Additional contact points, each as name=link x y z in the link's axes [m]."),
     "contact.worst_by": Spec(
         "limit", "Criterion for the reported point of each link.", choices=("limit", "energy", "force")
@@ -82,9 +82,9 @@ def contact_points(model, description, options):
         The robot lacks a link, none of the links moves, or meshes cannot be read without trimesh.
     """
     if unknown := [link for link in options.links if link not in model.link_names]:
-        raise InputError(f"parameter 'contact.links' names '{unknown[0]}', which is no link of robot '{model.name}'.")
+        raise InputError(f"parameter 'contact.links' has '{unknown[0]}', expected a link of robot '{model.name}'.")
     if options.links and all(model.placement_in_body(link)[0] == 0 for link in options.links):
-        raise InputError(f"parameter 'contact.links' names no link that moves: '{options.links[0]}' does not.")
+        raise InputError(f"parameter 'contact.links' is {list(options.links)}, expected a moving link.")
     found = link_geometry(model, description, options.geometry)
     points = [point for point in found.points if not options.links or point.link in options.links]
     points += [*options.points, *(options.limits.contact_points() if options.limits else ())]
@@ -102,6 +102,6 @@ def bounded_points(model, description, values):
     points, _ = contact_points(model, description, options)
     if not points.limited.any():
         raise InputError(
-            "parameter 'contact.limits_file' limits no point of this robot: no region of its links has a limit."
+            "parameter 'contact.limits_file' has no limit for a link of this robot. Assign its links to a region with limits."
         )
     return points

@@ -13,8 +13,8 @@ COMPENSATES = "robot_compensates_gravity"
 """The one parameter that has no default."""
 
 WHY_REQUIRED = (
-    "whether the robot itself adds gravity compensation to commanded efforts, as the torque interfaces of some vendors do. "
-    "Nobody can guess it: gravity that is added twice launches the arm, gravity that nobody adds drops it"
+    "whether the robot adds gravity compensation to commanded efforts, as some vendors' torque interfaces do. "
+    "A wrong value makes the arm jump up or fall"
 )
 
 _WHILE_UNCONFIGURED = {
@@ -32,14 +32,16 @@ _WHILE_UNCONFIGURED = {
     "controlled_link": Spec("", "Link whose pose is regulated; empty: no mode pose."),
     "position_stiffness": Spec(200.0, "Stiffness C2 of the position [N/m].", 1e-6),
     "orientation_stiffness": Spec(20.0, "Stiffness C2 of the orientation [N m/rad].", 1e-6),
-    "position_speed": Spec(0.25, "Speed of the approach to a pose's position [m/s].", 1e-6),
-    "orientation_speed": Spec(0.5, "Speed of the approach to a pose's orientation [rad/s].", 1e-6),
+    "position_speed": Spec(0.25, "Speed of the motion to the position of a pose [m/s].", 1e-6),
+    "orientation_speed": Spec(0.5, "Speed of the motion to the orientation of a pose [rad/s].", 1e-6),
     "pose_damping": Spec(["*=12.0"], "Gains c1 of pose regulation, each as joint=gain; * for all others [1/s]."),
     "tracking_gain": Spec(["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."),
     "tracking_convergence": Spec(
         ["*=10.0"], "Decay rates Lambda of tracking, each as joint=rate; * for all others [1/s]."
     ),
-    "set_point_speed": Spec(0.25, "Speed towards set-points, as a fraction of the URDF's velocity limits.", 1e-3, 1.0),
+    "set_point_speed": Spec(
+        0.25, "Speed of the motion to a set-point, as a fraction of the URDF velocity limits.", 1e-3, 1.0
+    ),
     "following_energy": Spec(
         2.0, "Tracking error energy that aborts a target [J]; a quarter pauses set-points and poses. 0 disables.", 0.0
     ),
@@ -53,7 +55,7 @@ _WHILE_UNCONFIGURED = {
     "contact.energy_limit": Spec(0.0, "Maximum transferable energy of all contact points [J]; 0: no limit.", 0.0),
     "contact.rate": Spec(30.0, "Rate alpha towards contact limits [1/s]; below 1 / period of states.", 1e-6),
     "contact.scale_timeout": Spec(
-        0.0, "Maximum age of contact_scale [s]; without it the allowed speeds are 0. 0: no timeout.", 0.0, 100.0
+        0.0, "Maximum age of contact_scale [s]; after it the allowed speeds are 0. 0: no timeout.", 0.0, 100.0
     ),
     "observer_gain": Spec(0.0, "Gain of the energy limiter's disturbance observer [1/s]; 0: no observer.", 0.0),
     "effort_limit": Spec(
@@ -63,14 +65,18 @@ _WHILE_UNCONFIGURED = {
     # safety
     "joint_timeout": Spec(0.02, "Maximum age of a joint's values relative to the newest joint [s].", 1e-4, 1.0),
     "max_state_age": Spec(
-        0.02, "Maximum difference between stamp and node clock [s]; beyond it, gravity is held.", 1e-4, 1.0
+        0.02, "Maximum difference between stamp and node clock [s]; beyond it the controller holds gravity.", 1e-4, 1.0
     ),
     "hold_time": Spec(0.5, "Time of gravity hold without a valid state [s], at least twice max_state_age.", 0.0, 10.0),
-    "resume_after_ramp": Spec(False, "Whether a valid state after the ramp resumes the law without a choice of mode."),
+    "resume_after_ramp": Spec(
+        False, "Whether the law resumes at the first valid state after the ramp, without a mode service call."
+    ),
     "max_rate.status": Spec(0.0, "Maximum rate of ~/status [Hz]; 0: every command.", 0.0),
 }
 
-AUTOSTART = Spec(False, "Whether the node configures and activates itself with its first description.", read_only=True)
+AUTOSTART = Spec(
+    False, "Whether the node configures and activates itself at its first robot_description.", read_only=True
+)
 
 PARAMETERS = {"autostart": AUTOSTART} | while_unconfigured(_WHILE_UNCONFIGURED)
 """Specs of all parameters but :data:`COMPENSATES`, by name."""

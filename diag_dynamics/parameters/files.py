@@ -12,6 +12,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
 from diag_dynamics.parameters import controller, simulator, view
 from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.parameters.renamed import current
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"
@@ -47,7 +48,7 @@ def parameters_of(files=(), assignments=()):
     for entry in assignments:
         name, equals, value = entry.partition("=")
         if not equals:
-            raise InputError(f"'{entry}' sets nothing, expected parameter=value.")
+            raise InputError(f"'{entry}' has no '=', expected parameter=value.")
         values |= _check(name, value if value.startswith("*") else parsed_yaml(value, f"'{entry}'"), f"'{entry}'")
     return values
 
@@ -56,7 +57,7 @@ def _read_file(path):
     """Return the values in a file that a monitor would receive."""
     content = read_yaml(path, f"'{path}'")
     if not isinstance(content, Mapping):
-        raise InputError(f"'{path}' is no file of parameters, expected /**: {{ros__parameters: {{…}}}}.")
+        raise InputError(f"'{path}' is not a parameter file, expected /**: {{ros__parameters: {{…}}}}.")
     if content and set(content) <= {field.name for field in fields(Parameters)}:
         return {"parameters_file": str(path)}
     found = {}
@@ -83,6 +84,7 @@ def _check(name, value, source):
     """Return the value with the type of the parameter, by its name; nothing for a parameter of rclpy."""
     if name.startswith(OF_RCLPY):
         return {}
+    name, value = current(name, value)
     if name not in PARAMETERS:
         near = get_close_matches(name, PARAMETERS, n=1)
         raise InputError(f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}")

@@ -37,43 +37,57 @@ _INPUTS = {
     "odom_timeout": Spec(0.5, "Maximum difference between odometry and joint state stamps [s]; 0 disables.", 0.0),
     "joint_timeout": Spec(0.5, "Maximum age of a joint's values relative to the newest joint [s]; 0 disables.", 0.0),
     "joint_timeouts": Spec([""], "joint_timeout of single joints, each as joint=seconds."),
-    "max_age": Spec(1.0, "Stamps further from the node clock reject the message [s]; 0 disables.", 0.0),
+    "max_age": Spec(
+        1.0,
+        "Maximum difference between stamp and node clock [s]; later and earlier messages are rejected. 0 disables.",
+        0.0,
+    ),
     "foreign_time": Spec(
-        "warn", "Stamps beyond max_age from the start: accept with a warning, or reject.", choices=("warn", "refuse")
+        "warn",
+        "If stamps differ from the node clock by more than max_age from the start: accept with a warning, or reject.",
+        choices=("warn", "reject"),
     ),
     "missing_velocity": Spec(
-        "refuse", "Messages without velocity: reject, or estimate it from positions.", choices=("refuse", "estimate")
+        "reject", "Messages without velocity: reject, or estimate it from positions.", choices=("reject", "estimate")
     ),
     "velocity_filter_time": Spec(0.01, "Time constant and delay of the velocity estimate [s].", 0.0, 10.0),
     "effort_available": Spec(
-        [""], "Whether the reported effort of a joint is usable, as joint=true or joint=false; * for all others."
+        [""], "Whether the reported effort of a joint is valid, as joint=true or joint=false; * for all others."
     ),
     "effort_scale": Spec([""], "Effort [N m, N] per reported unit (motor current), as joint=factor; * for all others."),
     "effort_includes_gravity": Spec(
         [""], "Whether reported efforts include gravity compensation, as joint=true or joint=false; * for all others."
     ),
-    "absurd.position": Spec(
-        1e8, "Larger positions reject the message, continuous joints excepted [rad, m]; 0 disables.", 0.0, 1e12
+    "plausibility.position": Spec(
+        1e8,
+        "Maximum |position| [rad, m]; larger ones reject the message, except of continuous joints. 0 disables.",
+        0.0,
+        1e12,
     ),
-    "absurd.velocity": Spec(1e4, "Larger velocities reject the message [rad/s, m/s]; 0 disables.", 0.0, 1e12),
-    "absurd.effort": Spec(1e6, "Larger efforts count as unknown [N m, N]; 0 disables.", 0.0, 1e12),
-    "absurd.beyond_limits": Spec(
-        6.3, "Positions further outside the URDF limits reject the message [rad, m]; 0 disables.", 0.0
+    "plausibility.velocity": Spec(
+        1e4, "Maximum |velocity| [rad/s, m/s]; larger ones reject the message. 0 disables.", 0.0, 1e12
     ),
-    "absurd.beyond_velocity": Spec(
-        3.0, "Velocities above this multiple of the URDF limit reject the message; 0 disables.", 0.0, 1e6
+    "plausibility.effort": Spec(1e6, "Maximum |effort| [N m, N]; larger ones count as unknown. 0 disables.", 0.0, 1e12),
+    "plausibility.beyond_limits": Spec(
+        6.3, "Maximum distance outside the URDF limits [rad, m]; larger ones reject the message. 0 disables.", 0.0
     ),
-    "absurd.beyond_effort": Spec(
-        4.0, "Efforts above this multiple of the URDF limit count as unknown; 0 disables.", 0.0, 1e6
+    "plausibility.beyond_velocity": Spec(
+        3.0, "Maximum velocity as a multiple of the URDF limit; larger ones reject the message. 0 disables.", 0.0, 1e6
     ),
-    "absurd.jump": Spec(
-        0.1, "Larger jumps of position reject the message, until three agree [rad, m]; 0 disables.", 0.0, 1e6
+    "plausibility.beyond_effort": Spec(
+        4.0, "Maximum effort as a multiple of the URDF limit; larger ones count as unknown. 0 disables.", 0.0, 1e6
     ),
-    "frozen_timeout": Spec(
-        0.5, "Time of velocity without motion, or the reverse, until a joint is stuck [s]; 0 disables.", 0.0, 100.0
+    "plausibility.jump": Spec(
+        0.1, "Maximum jump of a position [rad, m]; messages are rejected until three agree. 0 disables.", 0.0, 1e6
     ),
-    "frozen_values": Spec(
-        "warn", "States with a stuck joint: published with a warning, or rejected (refuse).", choices=("warn", "refuse")
+    "stuck_timeout": Spec(
+        0.5,
+        "Time with a velocity but no motion, or the reverse, after which a sensor counts as stuck [s]; 0 disables.",
+        0.0,
+        100.0,
+    ),
+    "stuck_values": Spec(
+        "warn", "States with a stuck sensor: publish with a warning, or reject.", choices=("warn", "reject")
     ),
     "mimic_tolerance": Spec(
         0.01, "Deviation of a mimic joint from its source joint at which diagnostics warn [rad, m]; 0 disables.", 0.0
@@ -101,7 +115,7 @@ _COLLISION = {
     ),
     "alarm.release": Spec(RELEASE, "Hysteresis: an alarm ends below this fraction of its threshold.", 0.01, 1.0),
     "alarm.hold_off": Spec(
-        HOLD_OFF, "Hold-off: a rise within this time after an alarm belongs to it [s].", 0.0, 1000.0
+        HOLD_OFF, "Hold-off [s]: a rise within this time after an alarm is part of that alarm.", 0.0, 1000.0
     ),
     "alarm.standing": Spec(
         STANDING, "Time until a constant torque counts as an offset and its alarm ends [s]; 0: never.", 0.0, 1000.0
@@ -127,9 +141,9 @@ PARAMETERS = {
         0.8, "Fraction of the allowed speed above which diagnostics warn; above 1 they report an error.", 0.01, 1.0
     ),
     "contact.release": Spec(0.9, "Hysteresis of contact warnings, as a fraction of their limit.", 0.01, 1.0),
-    "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors has l, the inverse of m."),
+    "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors contains l, the inverse of m."),
     "markers.link": Spec("", "Link of velocity and ellipsoid in ~/markers; empty: the end-effector link."),
-    "publish_friction": Spec(False, "Whether state and coriolis have damping and friction."),
+    "publish_friction": Spec(False, "Whether state and coriolis contain damping and friction."),
     **{
         f"max_rate.{topic}": Spec(rate, f"Maximum rate of ~/{topic} [Hz]; 0: every state.", 0.0)
         for topic, rate in RATES.items()
@@ -154,9 +168,7 @@ class Thresholds(NamedTuple):
             pairs.append((f"warn_energy_share of '{name}'", low, f"error_energy_share of '{name}'", high))
         for low, warn, high, error in pairs:
             if warn and error and error < warn:
-                raise InputError(
-                    f"parameter {low} is {warn:g} J and {high} {error:g} J, expected no less than the former."
-                )
+                raise InputError(f"parameter {high} is {error:g} J, expected at least {warn:g} J ({low}).")
 
 
 class Observation(NamedTuple):
@@ -210,25 +222,25 @@ def _input_options(values):
     effort_scale = assignments("effort_scale", values["effort_scale"])
     if zeros := [name for name, scale in effort_scale.items() if not scale]:
         raise InputError(
-            f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number; effort_available says which efforts "
-            "cannot be used."
+            f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number. Set effort_available to false for "
+            "joints without effort."
         )
-    same = "mimic_tolerance", "max_age", "velocity_filter_time", "frozen_timeout", "odom_timeout"
+    same = "mimic_tolerance", "max_age", "velocity_filter_time", "stuck_timeout", "odom_timeout"
     absurd = "beyond_limits", "beyond_velocity", "beyond_effort", "jump"
     return Options(
         timeout=values["joint_timeout"],
         timeouts=assignments("joint_timeouts", values["joint_timeouts"], minimum=0.0),
-        refuse_foreign=values["foreign_time"] == "refuse",
+        refuse_foreign=values["foreign_time"] == "reject",
         estimate_velocity=values["missing_velocity"] == "estimate",
         effort_available=assignments("effort_available", values["effort_available"], bool),
         effort_scale=effort_scale,
         effort_includes_gravity=assignments("effort_includes_gravity", values["effort_includes_gravity"], bool),
-        max_position=values["absurd.position"],
-        max_velocity=values["absurd.velocity"],
-        max_effort=values["absurd.effort"],
-        refuse_frozen=values["frozen_values"] == "refuse",
+        max_position=values["plausibility.position"],
+        max_velocity=values["plausibility.velocity"],
+        max_effort=values["plausibility.effort"],
+        refuse_frozen=values["stuck_values"] == "reject",
         **{name: values[name] for name in same},
-        **{name: values[f"absurd.{name}"] for name in absurd},
+        **{name: values[f"plausibility.{name}"] for name in absurd},
     )
 
 
@@ -237,17 +249,17 @@ def _observation(values):
     gain, threshold, release = (values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold"))
     if release > (threshold or math.inf):
         raise InputError(
-            f"parameter external_torque.release_threshold is {release:g} J^0.5/s and external_torque.threshold "
-            f"{threshold:g}, expected no more than the latter."
+            f"parameter external_torque.release_threshold is {release:g} J^0.5/s, expected at most {threshold:g} "
+            "(external_torque.threshold)."
         )
     alarms = _alarms(values)
     if alarms and threshold:
         raise InputError(
-            f"parameter external_torque.threshold is {threshold:g} J^0.5/s beside alarm.*, expected one of both: alarm.norm "
-            "is the threshold of |r| there."
+            f"parameter external_torque.threshold is {threshold:g} J^0.5/s, expected 0 because alarm.* are set. "
+            "Set alarm.norm instead."
         )
     if alarms and not gain:
-        raise InputError("parameters alarm.* are given, and external_torque.gain is 0: nothing would be observed.")
+        raise InputError("parameter external_torque.gain is 0, expected a number above 0 because alarm.* are set.")
     if not gain:
         return None
     threshold = threshold or math.inf

@@ -57,22 +57,22 @@ def model_of(description, values):
 
 
 def require_as_made(values):
-    """Refuse parameters that shape a robot, because a RobotModel is given already."""
+    """Reject parameters that would change a RobotModel, which is final."""
     defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {"friction_velocity": FRICTION_VELOCITY}
     for name, default in defaults.items():
         if name != "floating_base" and values[name] != default:
             raise InputError(
-                f"parameter '{name}' shapes a robot, but a RobotModel is given, which is made already: "
-                "give its URDF, or have load_urdf make it so."
+                f"parameter '{name}' is {values[name]!r}, expected its default because a RobotModel is final. "
+                "Pass the URDF, or set the option of load_urdf."
             )
 
 
 def require_single_joints(model):
-    """Refuse a robot with a joint whose state is on no ROS topic."""
+    """Reject a robot with a joint whose state is on no ROS topic."""
     if len(model.joint_names) != len(single_joints(model)) + model.floating_base:
         single = set(single_joints(model))
         several = next(name for name in model.joint_names[model.floating_base :] if name not in single)
         raise UnsupportedError(
-            f"joint '{several}' has several degrees of freedom, and joint_states has no place for its state. "
-            "Only a floating base is supported (floating_base, with odom)."
+            f"joint '{several}' has several degrees of freedom, expected one: joint_states cannot hold its state. "
+            "Only the root may float (floating_base, odom)."
         )

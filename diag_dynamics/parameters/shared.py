@@ -14,7 +14,7 @@ from diag_dynamics.parameters.spec import Spec, fixed
 
 MIMIC = ("embed", "free", "lock")
 
-ROBOT = "URDF, or the path of a URDF, an MJCF or a xacro file with NAME:=VALUE behind it"
+ROBOT = "URDF, or the path of a URDF, an MJCF, or a xacro file followed by NAME:=VALUE arguments"
 """Description of the parameter robot_description."""
 
 _FIXED = {
@@ -29,7 +29,7 @@ _FIXED = {
     "max_coupled": Spec(
         MAX_COUPLED, "Maximum size of a group of coupled (mimic) joints. Computation time grows with its cube."
     ),
-    "floating_base": Spec(False, "Whether the root link moves freely; the topic odom has its state."),
+    "floating_base": Spec(False, "Whether the root link moves freely; its state is read from the topic odom."),
 }
 
 PARAMETERS = fixed(_FIXED) | {
@@ -52,7 +52,7 @@ def payloads_of(entries):
         except ValueError:
             numbers = []
         if len(numbers) not in (1, 4, 10) or not np.isfinite(numbers).all() or numbers[0] < 0.0:
-            expected = "link= and 1, 4 or 10 finite numbers, no mass below 0"
+            expected = "link= and 1, 4 or 10 finite numbers with a mass of at least 0"
             raise InputError(f"parameter 'payloads' has {link}={text}, expected {expected}.")
         if max(map(abs, numbers)) > LARGEST:
             raise InputError(f"parameter 'payloads' has {link}={text}, expected numbers within ±{LARGEST:g}.")

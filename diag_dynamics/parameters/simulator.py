@@ -22,7 +22,9 @@ _FIXED = {
     "step": Spec(0.001, "Maximum integration step [s].", 1e-6, 0.1),
     "order": Spec(4, "Order of integration: 4, or 1 at a tenth of the cost, for fixed bases only.", choices=(4, 1)),
     "motion": Spec(
-        "free", "By commands and wrenches (free), or along sine waves about mid-range (wave).", choices=("free", "wave")
+        "free",
+        "Motion: by commands and wrenches (free), or sine waves about mid-range (wave).",
+        choices=("free", "wave"),
     ),
     "limits": Spec(
         "hard",
@@ -32,7 +34,7 @@ _FIXED = {
     "limit_stiffness": Spec(1e4, "Stiffness of compliant limits [N m/rad, N/m].", 1e-6, 1e12),
     "limit_damping": Spec(100.0, "Damping of compliant limits [N m s/rad, N s/m].", 0.0),
     "command_joints": Spec([""], "Joints in the order of a command's entries; by default all, in the robot's order."),
-    "command_timeout": Spec(0.0, "Time for which a command holds, simulated [s]; 0: until the next one.", 0.0),
+    "command_timeout": Spec(0.0, "Simulated time after which a command expires [s]; 0: never.", 0.0),
     "without_command": Spec(
         "zero",
         "Without a command: zero effort (zero), or brakes of twice the effort limit (brake).",
@@ -42,11 +44,11 @@ _FIXED = {
     "wrench_axes": Spec(
         "link", "Axes of external wrenches: of their link, or of the world.", choices=("link", "world")
     ),
-    "wrench_timeout": Spec(0.1, "Time for which a wrench holds, simulated [s]; 0: until the next one.", 0.0),
+    "wrench_timeout": Spec(0.1, "Simulated time after which a wrench expires [s]; 0: never.", 0.0),
     "sensor_noise": Spec([0.0, 0.0, 0.0], f"Standard deviation of white noise on {SENSORS}."),
-    "sensor_resolution": Spec([0.0, 0.0, 0.0], f"Steps of {SENSORS}; 0: none."),
+    "sensor_resolution": Spec([0.0, 0.0, 0.0], f"Resolution of {SENSORS}; 0: exact."),
     "sensor_delay": Spec(0.0, "Delay from a state to its publication, simulated [s].", 0.0, 10.0),
-    "sensor_dropped": Spec(0.0, "Probability that a message of joint_states is lost.", 0.0, 1.0),
+    "sensor_dropped": Spec(0.0, "Probability that a joint_states message is lost.", 0.0, 1.0),
     "seed": Spec(0, "Seed of noise and losses, at least 0."),
     "real_time_factor": Spec(
         1.0, "Real-time factor; 0: as fast as possible. Values other than 1 require publish_clock.", 0.0, 1000.0

@@ -24,7 +24,7 @@ TEXTS = {
     "positions jumped": None,
     CAUSES[INTERLEAVED]: None,
     "mimic disagreement": None,
-    "absurd effort": "efforts beyond the plausibility limits count as unknown (absurd.effort, absurd.beyond_effort)",
+    "absurd effort": "efforts beyond the plausibility limits count as unknown (plausibility.effort, plausibility.beyond_effort)",
     "before odometry": "joint states before the first odometry",
     "time jumped back": "stamps jumped back, and all joints were reset",
     "awaiting velocity": "states before a velocity could be estimated",
@@ -48,8 +48,8 @@ def explain_missing_efforts(counts):
     absurd = counts.get("absurd effort", 0)
     if absurd:
         return (
-            f"the recording has no plausible efforts: those of {absurd} states exceed absurd.effort or "
-            "absurd.beyond_effort (are they in N m?)"
+            f"the recording has no plausible efforts: those of {absurd} states exceed plausibility.effort or "
+            "plausibility.beyond_effort (are they in N m?)"
         )
     return "no state of the recording has efforts of all joints"
 

@@ -19,6 +19,7 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.parameters.renamed import current_parameters
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.findings import WITHOUT_VALUES, Finding, collect_findings
 from diag_dynamics.recordings.intake import Intake
@@ -256,7 +257,7 @@ class Reading:
 
 def make_settings(parameters):
     """Return the monitor's Settings with these parameters, or None, other than by default."""
-    parameters = dict(parameters or {})
+    parameters = current_parameters(parameters or {})
     if unknown := set(parameters) - set(PARAMETERS):
         raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
     return Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | parameters)

@@ -118,7 +118,7 @@ def describe_faults(summary):
     efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]
     rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
     few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
-    absurd = "no power balance, because efforts exceed the plausibility limits (absurd.effort); expected N m or N"
+    absurd = "no power balance, because efforts exceed the plausibility limits (plausibility.effort); expected N m or N"
     none, with_efforts = explained is None, _has_efforts(summary)
     wrongs = {
         "unreadable data": "unread" in causes,

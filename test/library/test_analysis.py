@@ -17,8 +17,8 @@ from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
 
-LOOSE = [f"absurd.{name}=0" for name in ("jump", "beyond_limits", "beyond_velocity", "velocity", "position")]
-LOOSE += ["frozen_timeout=0"]
+LOOSE = [f"plausibility.{name}=0" for name in ("jump", "beyond_limits", "beyond_velocity", "velocity", "position")]
+LOOSE += ["stuck_timeout=0"]
 """Parameters that accept velocities and positions in wrong units."""
 
 

@@ -186,7 +186,7 @@ def test_restart(analysed, archive, scheduler, tmp_path):
     os.utime(touched, ns=(touched.stat().st_atime_ns, touched.stat().st_mtime_ns + S))
     assert again() == {"tuesday-arm"}
     patterns, options = [str(archive / GOOD[0]), *patterns[-1:]], {}
-    for more in ({"parameters": {"absurd.jump": 0.5}}, {"gain": 30.0}, {"model": dd.load_robot("panda")}):
+    for more in ({"parameters": {"plausibility.jump": 0.5}}, {"gain": 30.0}, {"model": dd.load_robot("panda")}):
         options |= more
         assert [again(**options) for _ in range(2)] == [{"monday-arm"}, set()]
 

@@ -232,7 +232,9 @@ def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
     assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
-    assert status == 1 and "no power balance, because efforts exceed the plausibility limits (absurd.effort)" in said
+    assert (
+        status == 1 and "no power balance, because efforts exceed the plausibility limits (plausibility.effort)" in said
+    )
 
 
 def nothing_seen(tau, qd):

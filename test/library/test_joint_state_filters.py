@@ -113,7 +113,7 @@ def test_many_positions_of_each_stamp(count, dt, time):
 def texts(period, count, position, velocity, timeout=0.5):
     """Return the text after each state of two joints, by functions of time."""
     names, found = ("shoulder", "elbow"), []
-    assembler = StateAssembler(Joints(names), Options(frozen_timeout=timeout))
+    assembler = StateAssembler(Joints(names), Options(stuck_timeout=timeout))
     for k in range(count):
         accept(assembler, names, S + k * period, position(1e-9 * k * period), velocity(1e-9 * k * period))
         found.append(assembler.frozen_text)
@@ -135,7 +135,7 @@ def test_stuck(period, position, velocity, text):
     first = next(k for k, one in enumerate(found) if one)
     latest = 1.0 if "moves" in text else 0.61
     assert 0.4 <= 1e-9 * first * period <= max(latest, 1.21 * (period == 400 * MS))
-    assert all(text in one and "frozen_timeout" in one for one in found[first:])
+    assert all(text in one and "stuck_timeout" in one for one in found[first:])
 
 
 @pytest.mark.parametrize(

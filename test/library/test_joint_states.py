@@ -146,12 +146,12 @@ def test_parameters_that_change(kind):
         return found
 
     assert [outcome(0), outcome(1)] == ["awaiting velocity", "published"]
-    assert outcome(2, [0.0], names=("shoulder",), missing_velocity="refuse") == "rejected: no velocity"
+    assert outcome(2, [0.0], names=("shoulder",), missing_velocity="reject") == "rejected: no velocity"
     assert outcome(3, [0.6] * 3) == outcome(4, [0.6] * 3) == "published"
-    assert outcome(5, [0.6] * 3, absurd__velocity=0.5) == "rejected: absurd value"
-    assert outcome(6, [0.6] * 3, absurd__velocity=0.0) == "published"
-    assert outcome(7, [0.6] * 3, [0, 0, 3], absurd__jump=0.1) == "rejected: jump"
-    assert outcome(8, [0.6] * 3, [0, 0, 3], absurd__jump=0.0) == "published"
+    assert outcome(5, [0.6] * 3, plausibility__velocity=0.5) == "rejected: absurd value"
+    assert outcome(6, [0.6] * 3, plausibility__velocity=0.0) == "published"
+    assert outcome(7, [0.6] * 3, [0, 0, 3], plausibility__jump=0.1) == "rejected: jump"
+    assert outcome(8, [0.6] * 3, [0, 0, 3], plausibility__jump=0.0) == "published"
     assert outcome(400, [0.6], names=("shoulder",), joint_timeout=0.3) == "rejected: stale joint"
     assert outcome(401, missing_velocity="estimate", velocity_filter_time=0.0) == "awaiting velocity"
     assert outcome(402) == "published"
@@ -160,7 +160,7 @@ def test_parameters_that_change(kind):
 @pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
 def test_start_anew(kind):
     """After a pause all joints have to arrive, and nothing of before is a jump, a step or a late stamp."""
-    reader = kind(model("arm"), {"absurd.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0})
+    reader = kind(model("arm"), {"plausibility.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0})
 
     def read(stamp, names=NAMES, position=0.0, velocity=(0.0, 0.0, 0.0)):
         values = [position] * len(names), velocity[: len(names)], [1.0] * len(names)

@@ -120,7 +120,7 @@ def test_errors_of_reading(tmp_path, panda):
     refused(r"no topic '/joint_state'.*'/joint_states'", topic="/joint_state")
     refused("column map", columns={"time": "t"})
     refused("no parameter 'max_agge'", parameters={"max_agge": 1.0})
-    refused("'locked_joints' shapes a robot", parameters={"locked_joints": ["a=0"]})
+    refused("parameter 'locked_joints' is", parameters={"locked_joints": ["a=0"]})
     assert len(dd.read_recording(path, panda, parameters={"gravity": [0.0, 0.0, -9.81]})) == 5
     write_mcap(path, states, encoding="json")
     refused("encoded as 'json'")

@@ -3,6 +3,8 @@
 
 """Values of the monitor's parameters: entries by name, payloads, bounds, thresholds, and their meaning for a robot."""
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,8 +15,11 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.model import Payload
+from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
+from diag_dynamics.parameters.renamed import RENAMED, RENAMED_VALUES
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
+from diag_dynamics.recordings.recording import make_settings
 from examples import examples
 from joint_state_messages import INF, NAMES, NAN
 from joint_state_readers import DEFAULTS, model, settings
@@ -53,6 +58,21 @@ def test_payloads_round_trip(numbers, name):
     arrays = Payload(np.float64(mass), np.array(com), np.array(payload.inertia))
     assert payloads_of([payload_entry(name, payload)]) == payloads_of([payload_entry(name, arrays)]) == {name: payload}
     assert payloads_of(["tip=2", "", "hand=1.5 0.1 -0.2 0.3"])["hand"] == Payload(1.5, (0.1, -0.2, 0.3))
+
+
+def test_old_names_and_values_of_recordings(tmp_path):
+    """Files, assignments and `parameters` of recordings are read as the node reads them, with a warning."""
+    file = tmp_path / "old.yaml"
+    file.write_text("diag_dynamics: {ros__parameters: {absurd: {jump: 0.3}, frozen_values: refuse}}")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        values = parameters_of([file], ["frozen_timeout=2.0", "foreign_time=refuse"])
+    assert len(caught) == 5 and "'absurd.jump' is renamed to 'plausibility.jump'" in str(caught[0].message)
+    expected = {"plausibility.jump": 0.3, "stuck_values": "reject", "stuck_timeout": 2.0, "foreign_time": "reject"}
+    assert values == expected
+    with pytest.warns(FutureWarning, match="'stuck_values' is 'refuse'; expected 'reject'"):
+        assert make_settings({"frozen_values": "refuse"}).inputs.refuse_frozen
+    assert {*RENAMED.values(), *RENAMED_VALUES} <= {*PARAMETERS} and not {*RENAMED} & {*PARAMETERS}
 
 
 # --- Values that are refused
@@ -114,7 +134,7 @@ THRESHOLDS = [
     # total, shares: warning and error each; text of the error, None: accepted
     (2.0, 2.0, "", "", None),
     (2.0, 0.0, "", "", None),
-    (2.0, 1.0, "", "", "warn_energy is 2 J"),
+    (2.0, 1.0, "", "", "error_energy is 1 J, expected at least 2 J (warn_energy)"),
     (0.0, 0.0, "elbow=2", "wrist=1", None),
     (0.0, 0.0, "elbow=2", "elbow=1", "'elbow'"),
     (0.0, 0.0, "*=2", "*=1", "'*'"),
@@ -145,7 +165,7 @@ def test_threshold_of_the_end_of_a_collision():
     own, alarms = ({"external_torque.threshold": 4.0}, {"alarm.norm": 4.0, "alarm.release": 0.75})
     observations = [Settings.of(DEFAULTS | gain | values).observation for values in (own, alarms)]
     assert [(one.threshold, one.release) for one in observations] == [(4.0, 2.0), (4.0, 3.0)]
-    for values, text in ((own | alarms, "expected one of both"), (alarms | {"external_torque.gain": 0.0}, "is 0")):
+    for values, text in ((own | alarms, "because alarm.* are set"), (alarms | {"external_torque.gain": 0.0}, "is 0")):
         with pytest.raises(InputError, match=text):
             Settings.of(DEFAULTS | gain | values)
 

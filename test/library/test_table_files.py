@@ -27,8 +27,8 @@ from bags import arm
 from examples import examples
 
 ARM = ("shoulder", "elbow", "wrist")
-LOOSE = {"joint_timeout": 0.0, "frozen_timeout": 0.0} | {
-    f"absurd.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
+LOOSE = {"joint_timeout": 0.0, "stuck_timeout": 0.0} | {
+    f"plausibility.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
 }
 """Parameters by which every finite number with a velocity is a state."""
 FREE = LOOSE | {"missing_velocity": "estimate", "velocity_filter_time": 0.0}

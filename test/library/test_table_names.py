@@ -19,7 +19,7 @@ JOINTS = ("shoulder", "elbow", "wrist")
 LIST = sorted(JOINTS)
 ROWS = 6
 FIELDS = ("position", "velocity", "effort")
-LOOSE = {"joint_timeout": 0.0, "frozen_timeout": 0.0, "absurd.jump": 0.0, "absurd.position": 0.0}
+LOOSE = {"joint_timeout": 0.0, "stuck_timeout": 0.0, "plausibility.jump": 0.0, "plausibility.position": 0.0}
 ESTIMATED = LOOSE | {"missing_velocity": "estimate"}
 robot = cache(arm)
 

@@ -288,7 +288,7 @@ TOPICS = tuple(topic for topic in ORDER if topic not in MATRICES)
 
 def monitored(description=URDF, **parameters):
     """Return the robot of a monitor."""
-    values = DEFAULTS | {"max_age": 0.0, "absurd.jump": 0.0} | parameters
+    values = DEFAULTS | {"max_age": 0.0, "plausibility.jump": 0.0} | parameters
     return MonitoredRobot(description, model_of(description, values), Settings.of(values), 1)
 
 
@@ -323,7 +323,12 @@ def test_observer_goes_on():
     observed = {"external_torque.gain": 10.0}
     robot = monitored(**observed)
     for k, (change, valid) in enumerate(
-        [({}, False), ({}, True), ({"frozen_timeout": 2.0, "odom_timeout": 0.1}, True), ({"absurd.effort": 9.0}, False)]
+        [
+            ({}, False),
+            ({}, True),
+            ({"stuck_timeout": 2.0, "odom_timeout": 0.1}, True),
+            ({"plausibility.effort": 9.0}, False),
+        ]
     ):
         robot.use(robot.model, Settings.of(robot.settings.values | change), 1)
         zeros = np.zeros(2)
@@ -337,7 +342,7 @@ def test_observer_goes_on():
 def test_state_that_cannot_be_evaluated(velocity, effort):
     """Velocities and efforts whose energy or power no number can hold are refused, and the next state is right."""
     rules = "velocity", "effort", "beyond_velocity", "beyond_effort"
-    robot = monitored(**{f"absurd.{rule}": 0.0 for rule in rules})
+    robot = monitored(**{f"plausibility.{rule}": 0.0 for rule in rules})
     for k, (v, tau) in enumerate([(1.0, 1.0), (velocity, effort), (1.0, 1.0)]):
         raw = joint_state(ARM, [0.1, 0.2], [v, v], [tau, tau], NOW + k * MS)
         state = robot.assembler.accept(raw, NOW).state

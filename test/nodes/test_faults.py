@@ -92,7 +92,7 @@ def test_result_that_overflows(monitor, panda):
     monitor.serves(panda)
     message = panda.message(monitor.now + S, panda.samples[0])
     message.velocity[message.name.index(JOINT)] = 1e200
-    with monitor.having(**{"absurd.velocity": 0.0}):
+    with monitor.having(**{"plausibility.velocity": 0.0}):
         check_rejected(monitor, message, "InputError", ("a result overflows",))
     monitor.serves(panda, 1)
     entry = monitor.next_report().entries["joint states"]
@@ -102,7 +102,7 @@ def test_result_that_overflows(monitor, panda):
 def test_frozen_values(monitor, panda):
     """Old values under fresh stamps are published with a warning."""
     q, qd, tau, _ = panda.samples[0]
-    with monitor.having(frozen_timeout=0.5):
+    with monitor.having(stuck_timeout=0.5):
         for _ in range(8):
             monitor.publish(joint_state(panda.names, q, qd, tau, monitor.tick(100 * MS)))
         assert monitor.topics["state"].at(monitor.now)
@@ -246,12 +246,12 @@ def test_one_source_of_the_robot(by_topic, monitor):
 # --- parameters
 
 PARAMETERS = [
-    ({"absurd.position": -1.0}, "absurd.position"),
+    ({"plausibility.position": -1.0}, "plausibility.position"),
     ({"alarm.joints": ["elbow=1"]}, "gain is 0"),
     ({"armature": ["panda_joint1=0.5"]}, "read-only"),
     ({"contact.limits_file": "/nowhere/limits.yaml"}, "parameter 'contact.limits_file'"),
-    ({"contact.links": ["nowhere"]}, "'nowhere', which is no link of robot 'panda'"),
-    ({"contact.links": ["panda_link0"]}, "names no link that moves: 'panda_link0'"),
+    ({"contact.links": ["nowhere"]}, "'nowhere', expected a link of robot 'panda'"),
+    ({"contact.links": ["panda_link0"]}, "is ['panda_link0'], expected a moving link"),
     ({"contact.points": ["tip=nowhere 0 0 0"]}, "'nowhere' is not a link"),
     ({"effort_includes_gravity": [f"{MIMIC_FINGER}=false"]}, MIMIC_FINGER),
     ({"gravity": [0.0, 9810.0, 0.0]}, "within ±1000"),

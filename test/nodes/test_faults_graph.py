@@ -136,7 +136,7 @@ def test_two_publishers_of_the_same_joints(monitor, intruder, panda):
     """In turns: one robot is served, the other is rejected as a jump and then as an interleaved source, both are named."""
     q, qd, tau, _ = panda.samples[0]
     still, publisher = 0.0 * qd, intruder.create_publisher(JointState, "/default/joint_states", BEST_EFFORT)
-    with monitor.having(**{"absurd.jump": 0.1}):
+    with monitor.having(**{"plausibility.jump": 0.1}):
         before = monitor.next_report()
         for _ in range(4):
             stamp = monitor.tick(8 * MS)

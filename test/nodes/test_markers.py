@@ -195,7 +195,7 @@ def test_topic(peer):
         assert "\npanda_hand: " in text
         refused = monitor.set_parameters({"markers.link": "nose"})
         assert not refused.successful
-        assert "'nose', which is no link of robot 'panda'" in refused.reason
+        assert "'nose', expected a link of robot 'panda'" in refused.reason
         monitor.set_parameter("markers.link", "panda_link7")
         monitor.serves(panda)
         assert "\npanda_link7: " in by_space(topic.messages[-1])["text"][0].text

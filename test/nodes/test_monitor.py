@@ -287,7 +287,7 @@ def test_every_parameter_is_described(monitor):
     for name, choices in (
         ("mimic", ("embed", "free", "lock")),
         ("odom_twist_frame", ("child", "header")),
-        ("foreign_time", ("warn", "refuse")),
+        ("foreign_time", ("warn", "reject")),
     ):
         assert all(choice in by_name[name].additional_constraints for choice in choices)
 

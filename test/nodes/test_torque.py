@@ -132,7 +132,7 @@ def test_a_jump_of_positions(monitor, standing, panda):
     """Nothing is integrated over it: the state that is believed is the first one."""
     q, qd, tau = standing(0)
     elsewhere = q + 0.5 * (np.array(panda.names) == "panda_joint4"), qd, tau
-    with monitor.having(absurd__jump=0.1, external_torque__max_gap=100.0):
+    with monitor.having(plausibility__jump=0.1, external_torque__max_gap=100.0):
         feed(monitor, [standing(0)] * 5)
         restart(monitor)
         assert feed(monitor, [standing(0)])[0].valid

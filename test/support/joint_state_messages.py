@@ -24,14 +24,14 @@ BASE_PARAMETERS = MappingProxyType(
     {
         "max_age": 0.0,
         "mimic_tolerance": 0.01,
-        "frozen_timeout": 0.0,
-        "absurd.position": 0.0,
-        "absurd.velocity": 0.0,
-        "absurd.effort": 0.0,
-        "absurd.beyond_limits": 0.0,
-        "absurd.beyond_velocity": 0.0,
-        "absurd.beyond_effort": 0.0,
-        "absurd.jump": 0.0,
+        "stuck_timeout": 0.0,
+        "plausibility.position": 0.0,
+        "plausibility.velocity": 0.0,
+        "plausibility.effort": 0.0,
+        "plausibility.beyond_limits": 0.0,
+        "plausibility.beyond_velocity": 0.0,
+        "plausibility.beyond_effort": 0.0,
+        "plausibility.jump": 0.0,
     }
 )
 """Parameters of every case: each rule is off unless the case turns it on. joint_timeout is 0.5 s."""

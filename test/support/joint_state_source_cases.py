@@ -137,26 +137,26 @@ COARSE_CASES = [
     case(
         f"one robot, {motion.__name__[1:]}, with {velocities} velocities, {missing}",
         *_one_robot(motion, 400, velocities),
-        absurd__jump=0.1,
+        plausibility__jump=0.1,
         missing_velocity=missing,
         velocity_filter_time=0.0,
     )
     for motion in (_pick_and_place, _sine, _held)
-    for velocities, missing in (("all", "refuse"), ("all", "estimate"), ("some", "estimate"), ("no", "estimate"))
+    for velocities, missing in (("all", "reject"), ("all", "estimate"), ("some", "estimate"), ("no", "estimate"))
 ]
 
 SOURCE_CASES = [
-    *(case(name, *_in_turns(*steps), absurd__jump=0.1) for name, steps in SOURCES.items()),
+    *(case(name, *_in_turns(*steps), plausibility__jump=0.1) for name, steps in SOURCES.items()),
     case(
         "sources are not told apart without a bound of jumps",
         *_in_turns(_at(EACH[:20], _driver, then=GOOD), _at(EACH[:20], _bare, then=BARE)),
-        absurd__jump=0.0,
+        plausibility__jump=0.0,
     ),
     case(
         "garbage at home is not another source",
         *(_pose(10 * k * MS) for k in range(5)),
         _pose(50 * MS, "jump", pose=(1.5, 1.5, 1.5), velocity=(0.3, 0.3, 0.3)),
         *(_pose(10 * k * MS) for k in range(6, 10)),
-        absurd__jump=0.1,
+        plausibility__jump=0.1,
     ),
 ]

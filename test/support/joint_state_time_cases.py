@@ -250,8 +250,8 @@ FOREIGN_REFUSED = {
 
 CLOCK_CASES = [
     *(case(f"clock: {name}", *steps, max_age=1.0) for name, steps in CLOCKS.items()),
-    *(case(f"foreign: {name}", *steps, max_age=1.0, foreign_time="refuse") for name, steps in FOREIGN_REFUSED.items()),
-    case("clock: no max_age", _at(0, 0), _at(0, -500 * S), _at(S, -500 * S), foreign_time="refuse"),
+    *(case(f"foreign: {name}", *steps, max_age=1.0, foreign_time="reject") for name, steps in FOREIGN_REFUSED.items()),
+    case("clock: no max_age", _at(0, 0), _at(0, -500 * S), _at(S, -500 * S), foreign_time="reject"),
     *(
         case(
             f"clock: exactly max_age = {age} ms",
@@ -414,8 +414,8 @@ ODOMETRY_CASES = [
         base(NOW + 1, ABSURD, "position", "±100", position=(0, -100.1, 0)),
         base(NOW + 1, ABSURD, "twist", "±10", twist=(0, 0, 10.1, 0, 0, 0)),
         base(NOW + 1, ABSURD, "twist", twist=(0, 0, 0, 0, 0, -10.1)),
-        absurd__position=100.0,
-        absurd__velocity=10.0,
+        plausibility__position=100.0,
+        plausibility__velocity=10.0,
         robot="floating",
     ),
     case(
@@ -458,7 +458,7 @@ ODOMETRY_CASES = [
         base(NOW),
         base(5 * S, PAST),
         max_age=1.0,
-        foreign_time="refuse",
+        foreign_time="reject",
         robot="floating",
     ),
     case(

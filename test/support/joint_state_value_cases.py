@@ -44,9 +44,9 @@ NAME_CASES = [
             velocity=[10, 20, 30],
             effort=[100, 200, 300],
         ),
-        absurd__position=10.0,
-        absurd__velocity=100.0,
-        absurd__effort=1000.0,
+        plausibility__position=10.0,
+        plausibility__velocity=100.0,
+        plausibility__effort=1000.0,
     ),
     *(
         case(f"foreign: {names}", whole(), step(joint_state(names, [NAN] * 5, stamp=(-1, 0)), "foreign"))
@@ -139,37 +139,99 @@ LIMIT_CASES = [
     *(
         case(f"{rule}: {value}", REST, _values(outcome, *words, **value), **parameters)
         for rule, parameters, value, outcome, *words in (
-            ("position", {"absurd__position": 2.5}, {"position": [0, -2.5, 2.5]}, "published"),
-            ("position", {"absurd__position": 2.5}, {"position": [0, 0, 2.51]}, ABSURD, "'wrist'", "absurd.position"),
-            ("position", {"absurd__position": 2.5}, {"position": [0, -2.51, 0]}, ABSURD, "'elbow'", "-2.5 … 2.5"),
-            ("position of a continuous joint", {"absurd__position": 2.5}, {"position": [1e7, 0, 0]}, "published"),
-            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [1e7, 4.5, -6.5]}, "published"),
-            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [0, -5.5, 60.5]}, "published"),
-            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [0, 4.51, 0]}, ABSURD, "'elbow'", "-5.5 … 4.5"),
-            ("limits", {"absurd__beyond_limits": 0.5}, {"position": [0, -5.51, 0]}, ABSURD, "absurd.beyond_limits"),
-            ("narrower", {"absurd__beyond_limits": 3, "absurd__position": 6}, {"position": [0, -6, 0]}, "published"),
-            ("narrower", {"absurd__beyond_limits": 3, "absurd__position": 6}, {"position": [0, 0, -6.1]}, ABSURD),
-            ("narrower", {"absurd__beyond_limits": 1, "absurd__position": 6}, {"position": [0, 5.1, 0]}, ABSURD),
-            ("velocity", {"absurd__velocity": 29}, {"velocity": [-29, 29, 0]}, "published"),
-            ("velocity", {"absurd__velocity": 29}, {"velocity": [0, 0, 29.1]}, ABSURD, "'wrist'", "absurd.velocity"),
-            ("velocity", {"absurd__velocity": 29}, {"velocity": [-29.1, 0, 0]}, ABSURD, "'shoulder'", "±29"),
-            ("infinite velocity", {"absurd__velocity": 29}, {"velocity": [0, INF, 0]}, "no velocity", "elbow"),
-            ("velocity limit", {"absurd__beyond_velocity": 3}, {"velocity": [-18, 9, 1e6]}, "published"),
-            ("velocity limit", {"absurd__beyond_velocity": 3}, {"velocity": [18.1, 0, 0]}, ABSURD, "±18", "beyond_vel"),
-            ("velocity limit", {"absurd__beyond_velocity": 3}, {"velocity": [0, -9.1, 0]}, ABSURD, "'elbow'", "±9"),
+            ("position", {"plausibility__position": 2.5}, {"position": [0, -2.5, 2.5]}, "published"),
+            (
+                "position",
+                {"plausibility__position": 2.5},
+                {"position": [0, 0, 2.51]},
+                ABSURD,
+                "'wrist'",
+                "plausibility.position",
+            ),
+            ("position", {"plausibility__position": 2.5}, {"position": [0, -2.51, 0]}, ABSURD, "'elbow'", "-2.5 … 2.5"),
+            ("position of a continuous joint", {"plausibility__position": 2.5}, {"position": [1e7, 0, 0]}, "published"),
+            ("limits", {"plausibility__beyond_limits": 0.5}, {"position": [1e7, 4.5, -6.5]}, "published"),
+            ("limits", {"plausibility__beyond_limits": 0.5}, {"position": [0, -5.5, 60.5]}, "published"),
+            (
+                "limits",
+                {"plausibility__beyond_limits": 0.5},
+                {"position": [0, 4.51, 0]},
+                ABSURD,
+                "'elbow'",
+                "-5.5 … 4.5",
+            ),
+            (
+                "limits",
+                {"plausibility__beyond_limits": 0.5},
+                {"position": [0, -5.51, 0]},
+                ABSURD,
+                "plausibility.beyond_limits",
+            ),
+            (
+                "narrower",
+                {"plausibility__beyond_limits": 3, "plausibility__position": 6},
+                {"position": [0, -6, 0]},
+                "published",
+            ),
+            (
+                "narrower",
+                {"plausibility__beyond_limits": 3, "plausibility__position": 6},
+                {"position": [0, 0, -6.1]},
+                ABSURD,
+            ),
+            (
+                "narrower",
+                {"plausibility__beyond_limits": 1, "plausibility__position": 6},
+                {"position": [0, 5.1, 0]},
+                ABSURD,
+            ),
+            ("velocity", {"plausibility__velocity": 29}, {"velocity": [-29, 29, 0]}, "published"),
+            (
+                "velocity",
+                {"plausibility__velocity": 29},
+                {"velocity": [0, 0, 29.1]},
+                ABSURD,
+                "'wrist'",
+                "plausibility.velocity",
+            ),
+            ("velocity", {"plausibility__velocity": 29}, {"velocity": [-29.1, 0, 0]}, ABSURD, "'shoulder'", "±29"),
+            ("infinite velocity", {"plausibility__velocity": 29}, {"velocity": [0, INF, 0]}, "no velocity", "elbow"),
+            ("velocity limit", {"plausibility__beyond_velocity": 3}, {"velocity": [-18, 9, 1e6]}, "published"),
+            (
+                "velocity limit",
+                {"plausibility__beyond_velocity": 3},
+                {"velocity": [18.1, 0, 0]},
+                ABSURD,
+                "±18",
+                "beyond_vel",
+            ),
+            (
+                "velocity limit",
+                {"plausibility__beyond_velocity": 3},
+                {"velocity": [0, -9.1, 0]},
+                ABSURD,
+                "'elbow'",
+                "±9",
+            ),
             (
                 "least",
-                {"absurd__beyond_velocity": 3, "absurd__velocity": 10},
+                {"plausibility__beyond_velocity": 3, "plausibility__velocity": 10},
                 {"velocity": [10.1, 0, 0]},
                 ABSURD,
                 "±10",
             ),
-            ("least", {"absurd__beyond_velocity": 3, "absurd__velocity": 10}, {"velocity": [0, 9.1, 0]}, ABSURD, "±9"),
+            (
+                "least",
+                {"plausibility__beyond_velocity": 3, "plausibility__velocity": 10},
+                {"velocity": [0, 9.1, 0]},
+                ABSURD,
+                "±9",
+            ),
             ("no bound", {}, {"position": [1e300, -1e300, 0], "velocity": [1e300, -1e300, 0]}, "published"),
         )
     ),
-    case("absurd message in pieces", REST, whole(NOW, ABSURD, "'wrist'", names=GRIPPER), absurd__position=2.5),
-    case("mimic joints have no bounds", REST, hand(thumb=1e9, also="mimic disagreement"), absurd__position=2.5),
+    case("absurd message in pieces", REST, whole(NOW, ABSURD, "'wrist'", names=GRIPPER), plausibility__position=2.5),
+    case("mimic joints have no bounds", REST, hand(thumb=1e9, also="mimic disagreement"), plausibility__position=2.5),
 ]
 
 # --- efforts
@@ -183,21 +245,26 @@ EFFORT_CASES = [
     *(
         case(f"effort: {sent}, {parameters}", REST, _efforts(sent, state, *also), **parameters)
         for parameters, sent, state, *also in (
-            ({"absurd__effort": 1000.0}, [1000, 0, -1000], [1000, 0, -1000]),
-            ({"absurd__effort": 1000.0}, [1000, 1001, -1000], None, "absurd effort"),
-            ({"absurd__effort": 1000.0}, [-1001, 1001, INF], None, "absurd effort"),
+            ({"plausibility__effort": 1000.0}, [1000, 0, -1000], [1000, 0, -1000]),
+            ({"plausibility__effort": 1000.0}, [1000, 1001, -1000], None, "absurd effort"),
+            ({"plausibility__effort": 1000.0}, [-1001, 1001, INF], None, "absurd effort"),
             ({}, [1e300, -1e300, 0], [1e300, -1e300, 0]),
-            ({"absurd__beyond_effort": 4.0}, [200, 1e9, -400], [200, 1e9, -400]),
-            ({"absurd__beyond_effort": 4.0}, [200.1, 0, 0], None, "absurd effort"),
-            ({"absurd__beyond_effort": 4.0}, [0, 0, -400.1], None, "absurd effort"),
-            ({"absurd__beyond_effort": 4.0, "absurd__effort": 100.0}, [100.1, 0, 0], None, "absurd effort"),
+            ({"plausibility__beyond_effort": 4.0}, [200, 1e9, -400], [200, 1e9, -400]),
+            ({"plausibility__beyond_effort": 4.0}, [200.1, 0, 0], None, "absurd effort"),
+            ({"plausibility__beyond_effort": 4.0}, [0, 0, -400.1], None, "absurd effort"),
+            ({"plausibility__beyond_effort": 4.0, "plausibility__effort": 100.0}, [100.1, 0, 0], None, "absurd effort"),
             ({"effort_scale": ["elbow=-0.5", "*=10"]}, [1, 2, 3], [10, -1, 30]),
             ({"effort_scale": ["elbow=-0.5"]}, [1, 2, 3], [1, -1, 3]),
-            ({"effort_scale": ["*=10"], "absurd__effort": 30.0}, [3, -3, 3], [30, -30, 30]),
-            ({"effort_scale": ["*=10"], "absurd__effort": 30.0}, [3, -3.1, 3], None, "absurd effort"),
-            ({"effort_scale": ["shoulder=10"], "absurd__beyond_effort": 4.0}, [20, 0, 0], [200, 0, 0]),
-            ({"effort_scale": ["shoulder=10"], "absurd__beyond_effort": 4.0}, [-20.1, 0, 0], None, "absurd effort"),
-            ({"effort_available": ["elbow=false"], "absurd__effort": 10.0}, [1, INF, 1], None),
+            ({"effort_scale": ["*=10"], "plausibility__effort": 30.0}, [3, -3, 3], [30, -30, 30]),
+            ({"effort_scale": ["*=10"], "plausibility__effort": 30.0}, [3, -3.1, 3], None, "absurd effort"),
+            ({"effort_scale": ["shoulder=10"], "plausibility__beyond_effort": 4.0}, [20, 0, 0], [200, 0, 0]),
+            (
+                {"effort_scale": ["shoulder=10"], "plausibility__beyond_effort": 4.0},
+                [-20.1, 0, 0],
+                None,
+                "absurd effort",
+            ),
+            ({"effort_available": ["elbow=false"], "plausibility__effort": 10.0}, [1, INF, 1], None),
             ({"effort_available": ["*=false", "elbow=true"]}, [1, 2, 3], None),
             ({"effort_available": ["*=false", "shoulder=true", "elbow=true", "wrist=true"]}, [1, 2, 3], [1, 2, 3]),
         )
@@ -239,7 +306,7 @@ MIMIC_CASES = [
         whole(),
         all_of(own=(2000, 0, 10), effort=[100, 200, 330], also="absurd effort"),
         all_of(own=(2000, 2000, INF), joints=(1e4, 0, -1e4), effort=None, also="absurd effort"),
-        absurd__effort=1000.0,
+        plausibility__effort=1000.0,
     ),
     case(
         "scaled and unavailable efforts of mimic joints",
@@ -356,12 +423,17 @@ def _step_case(position, velocities, periods, explained):
     if explained:
         return *start, _rest(1 + periods, position, velocity=after)
     name = NAMES[max(range(3), key=lambda k: abs(position[k]))]
-    refused = _rest(1 + periods, position, "jump", f"'{name}': position went from 0 to", "absurd.jump", velocity=after)
+    refused = _rest(
+        1 + periods, position, "jump", f"'{name}': position went from 0 to", "plausibility.jump", velocity=after
+    )
     return *start, refused, _rest(2 + periods)
 
 
 STEP_CASES = [
-    *(case(f"step {row[0]} in {row[2]} periods at {row[1]}", *_step_case(*row), absurd__jump=0.1) for row in STEPS),
+    *(
+        case(f"step {row[0]} in {row[2]} periods at {row[1]}", *_step_case(*row), plausibility__jump=0.1)
+        for row in STEPS
+    ),
     case(
         "garbage is never believed",
         _rest(0),
@@ -375,7 +447,7 @@ STEP_CASES = [
             )
         ),
         *(_rest(k, (2 * (-1) ** k, 0, 0), "jump") for k in range(31, 40)),
-        absurd__jump=0.1,
+        plausibility__jump=0.1,
     ),
     case(
         "a jump is believed with the third message that agrees",
@@ -384,7 +456,7 @@ STEP_CASES = [
         _rest(2, (2.05, 0, 0), "jump"),
         _rest(3, (2.1, 0, 0), also="positions jumped"),
         _rest(4, (0, 1, 0), "jump"),
-        absurd__jump=0.1,
+        plausibility__jump=0.1,
     ),
     case(
         "a jump of one joint leaves others alone",
@@ -400,21 +472,21 @@ STEP_CASES = [
         _rest(5, (1, 2, 3), "jump"),
         _rest(6, (1, 2, 3), "jump"),
         _rest(7, (1, 2, 3), also="positions jumped"),
-        absurd__jump=0.1,
+        plausibility__jump=0.1,
     ),
     case(
         "by another clock nothing is a jump",
         _rest(0),
         step(joint_state(NAMES, [2, 2, 2], [0, 0, 0], stamp=0), now=NOW + MS, position=[2, 2, 2]),
         step(joint_state(NAMES, [0, 0, 0], [0, 0, 0], stamp=0), "jump", now=NOW + 2 * MS),
-        absurd__jump=0.1,
+        plausibility__jump=0.1,
     ),
     case(
         "after time jumped back nothing is a jump",
         _rest(0),
         _rest(-1000, (2, 2, 2), PAST),
         _rest(-1000, (2, 2, 2), also=JUMPED),
-        absurd__jump=0.1,
+        plausibility__jump=0.1,
     ),
     case(
         "jump where velocities are estimated",
@@ -423,8 +495,8 @@ STEP_CASES = [
         *(positions(NOW + k * PERIOD, 0.08, 0.5, 0, outcome="jump", words=("'elbow'", "0 and nan")) for k in (2, 3)),
         positions(NOW + 4 * PERIOD, 0.08, 0.5, 0, also="positions jumped"),
         positions(NOW + 5 * PERIOD, 0.08, 0.5, 0, rates=[0, 0, 0]),
-        absurd__jump=0.1,
-        absurd__beyond_velocity=3.0,
+        plausibility__jump=0.1,
+        plausibility__beyond_velocity=3.0,
         missing_velocity="estimate",
         velocity_filter_time=0.0,
     ),
@@ -489,7 +561,7 @@ ESTIMATE_CASES = [
             *_ramp(12, (100, 100, 100), 15),
             missing_velocity="estimate",
             velocity_filter_time=0.1,
-            absurd__velocity=120.0,
+            plausibility__velocity=120.0,
         )
         for moved in (5.0, -5.0)
     ),
@@ -500,7 +572,7 @@ ESTIMATE_CASES = [
             for k, x in enumerate((0, 50, 0))
         ),
         missing_velocity="estimate",
-        absurd__velocity=120.0,
+        plausibility__velocity=120.0,
     ),
     case(
         "no filter: the last two positions",
@@ -546,21 +618,21 @@ HELD = lambda t: [0.3, t, t]  # noqa: E731
 STUCK_CASES = [
     case(
         f"{name} ({action})",
-        *_stuck(12, 100 * MS, position, velocity, _from(time) if action == "refuse" else lambda _: "published"),
+        *_stuck(12, 100 * MS, position, velocity, _from(time) if action == "reject" else lambda _: "published"),
         *([whole(NOW + 1300 * MS, position=[9, 9, 9], velocity=[1, 1, 1])] if time < 2 else []),
-        frozen_timeout=0.5,
-        frozen_values=action,
+        stuck_timeout=0.5,
+        stuck_values=action,
     )
     for name, position, velocity, time in (
         ("a velocity without motion", HELD, lambda t: [0.05, 1, 1], 0.45),
         ("motion without velocity", lambda t: [0.11 * t, t, t], lambda t: [0, 1, 1], 0.45),
     )
-    for action in ("warn", "refuse")
+    for action in ("warn", "reject")
 ]
 STUCK_CASES += [
     case(
         "states too far apart say nothing",
         *_stuck(6, 501 * MS, HELD, lambda t: [1, 1, 1], _from(INF)),
-        frozen_timeout=0.5,
+        stuck_timeout=0.5,
     ),
 ]

@@ -50,9 +50,11 @@ CASES = {
             *("incomplete", "foreign", "absurd effort", "lost by gaps in stamps"),
         ),
     ),
-    "frozen values refused": Case(PANDA, {"frozen_values": "refuse", "frozen_timeout": 0.05}, ("rejected: frozen",)),
-    "foreign stamps refused": Case(PANDA, {"foreign_time": "refuse", "max_age": 0.02}),
-    "few rules": Case(PANDA, dict.fromkeys(("max_age", "absurd.jump", "absurd.beyond_limits", "joint_timeout"), 0.0)),
+    "frozen values refused": Case(PANDA, {"stuck_values": "reject", "stuck_timeout": 0.05}, ("rejected: frozen",)),
+    "foreign stamps refused": Case(PANDA, {"foreign_time": "reject", "max_age": 0.02}),
+    "few rules": Case(
+        PANDA, dict.fromkeys(("max_age", "plausibility.jump", "plausibility.beyond_limits", "joint_timeout"), 0.0)
+    ),
     "estimated velocities": Case(PANDA, {"missing_velocity": "estimate"}),
     "scaled efforts": Case(PANDA, {"effort_scale": ["*=0.5"], "effort_available": ["panda_joint3=false"]}),
     "mimic joint": Case("parallel gripper", {}, ("mimic disagreement", "followers only")),

@@ -17,7 +17,7 @@ def pose(message, model):
     link, p, o = message.header.frame_id, message.pose.position, message.pose.orientation
     if link not in model.link_names:
         raise InputError(
-            f"target.header.frame_id is '{link}', which is no link of robot '{model.name}'; its root is '{model.root_link}'."
+            f"target.header.frame_id is '{link}', expected a link of robot '{model.name}', whose root is '{model.root_link}'."
         )
     position = np.array([p.x, p.y, p.z])
     if not np.isfinite(position).all():

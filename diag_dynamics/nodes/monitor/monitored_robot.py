@@ -118,7 +118,7 @@ class MonitoredRobot:
         self.assembler.check_options(settings.inputs)
         link = settings.values["markers.link"]
         if link and link not in model.link_names:
-            raise InputError(f"parameter 'markers.link' is '{link}', which is no link of robot '{model.name}'.")
+            raise InputError(f"parameter 'markers.link' is '{link}', expected a link of robot '{model.name}'.")
         if settings.observation and settings.observation.alarms:
             settings.observation.alarms.limits(model.dof_names)
         others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
@@ -230,7 +230,7 @@ class MonitoredRobot:
 
 def _values_by(options):
     """Return the options of joint states without those that reject states, but change no values."""
-    return options._replace(frozen_timeout=0.0, refuse_frozen=False, odom_timeout=0.0)
+    return options._replace(stuck_timeout=0.0, refuse_frozen=False, odom_timeout=0.0)
 
 
 def _without_rotors(dynamics):

@@ -16,6 +16,7 @@ from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.names import NODES, nearest
 from diag_dynamics.numerics.progress import set_progress_callback
+from diag_dynamics.parameters.renamed import RENAMED, current, current_parameters
 from diag_dynamics.parameters.spec import wrong
 from diag_dynamics.text import plain
 
@@ -38,10 +39,12 @@ class TableNode:
             if parameter.name not in NOT_OVERRIDES:
                 self.overrides[parameter.name] = parameter.value
                 self.undeclare_parameter(parameter.name)  # until it is declared with its type
+        if set(RENAMED.values()) <= specs.keys():
+            self.overrides = current_parameters(self.overrides, self.get_logger().warning)
         self.values = {name: _declare(self, name, spec, specs) for name, spec in specs.items()}
         defaults = {name: spec.default for name, spec in specs.items()}
         if hasattr(self, "add_pre_set_parameters_callback"):  # not in Humble
-            self.add_pre_set_parameters_callback(lambda given: [_converted(one, defaults) for one in given])
+            self.add_pre_set_parameters_callback(lambda new: [self._converted(one, defaults) for one in new])
 
     def declare_parameters(self, namespace, parameters, ignore_override=False):
         """Declare parameters as rclpy does, also overrides that are empty lists: these have no type."""
@@ -49,6 +52,14 @@ class TableNode:
             if value_and_descriptor[:1] == [None]:
                 value_and_descriptor[1].dynamic_typing = True
         return super().declare_parameters(namespace, parameters, ignore_override)
+
+    def _converted(self, parameter, defaults):
+        """Return a parameter with the type of its default; rclpy rejects wrong ones."""
+        if parameter.name not in defaults or parameter.type_ == Parameter.Type.NOT_SET:
+            return parameter
+        name, value = current(parameter.name, parameter.value, self.get_logger().warning)
+        value, fault = attempt(convert, name, value, defaults[name])
+        return parameter if fault else Parameter(name, value=value)
 
     def destroy_node(self):
         """See rclpy; the compiler reports to stderr from now on."""
@@ -95,14 +106,6 @@ def convert(name, value, default):
             raise InputError(f"parameter '{name}' is []; expected {len(default)} numbers.")
         return [""]
     return [float(entry) if of_numbers and type(entry) is int else entry for entry in value]
-
-
-def _converted(parameter, defaults):
-    """Return a new value of a parameter with the type of its default; rclpy rejects wrong ones."""
-    if parameter.name not in defaults or parameter.type_ == Parameter.Type.NOT_SET:
-        return parameter
-    value, fault = attempt(convert, parameter.name, parameter.value, defaults[parameter.name])
-    return parameter if fault else Parameter(parameter.name, value=value)
 
 
 def judge(node, specs, take):
