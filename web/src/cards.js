@@ -39,9 +39,9 @@ export class Cards {
   #fill() {
     const cards = [...this.node.children];
     const last = cards.pop();
+    for (const card of this.node.children) card.style.gridColumn = ""; // else a wide one would add columns
     const columns = getComputedStyle(this.node).gridTemplateColumns.split(" ").length;
     const cells = cards.length + (columns > 1 && this.contact ? 1 : 0); // the contact card has two
-    for (const card of cards) card.style.gridColumn = "";
     if (last) last.style.gridColumn = `span ${columns - (cells % columns)}`;
   }
 
