@@ -24,7 +24,7 @@ TEXTS = {
     "positions jumped": None,
     CAUSES[INTERLEAVED]: None,
     "mimic disagreement": None,
-    "absurd effort": "efforts beyond the plausibility limits count as unknown (plausibility.effort, plausibility.beyond_effort)",
+    "absurd effort": "implausible efforts count as unknown (plausibility.effort, plausibility.beyond_effort)",
     "before odometry": "joint states before the first odometry",
     "time jumped back": "stamps jumped back, and all joints were reset",
     "awaiting velocity": "states before a velocity could be estimated",
