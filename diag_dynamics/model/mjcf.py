@@ -21,11 +21,10 @@ from diag_dynamics.model.remarks import warn
 from diag_dynamics.model.rewriting import numbers_text, set_inertia
 from diag_dynamics.model.robot import RobotModel, load_urdf
 
-OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")
-"""Options of load_urdf that an MJCF has itself."""
+OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")  # of load_urdf, which an MJCF has itself
 
+# MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on the version
 FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(("equality", "frictionloss", "limit"), "CONSTRAINT")
-"""MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on the version."""
 
 
 class Described(NamedTuple):
@@ -101,7 +100,7 @@ def read_mjcf(source: str | os.PathLike[str]) -> Described:
     c = _Compiled(source)
     _reject_unsupported(c)
     top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
-    floating = sum(map(c.is_free, c.joints)) == 1 and len(top) == 1
+    floating = len(c.free) == 1 and len(top) == 1
     writer = _Writer(c, floating)
     gravity = np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy()
     options = {"floating_base": floating, "gravity": gravity, "armature": writer.armature}
@@ -112,54 +111,46 @@ class _Compiled:
     """MuJoCo's model of a file or text, and questions to it; what older versions of MuJoCo lack is zero."""
 
     def __init__(self, source):
-        try:
-            self.mujoco = import_module("mujoco")
-        except ImportError as error:
-            raise InputError("An MJCF needs MuJoCo's parser: pip install mujoco.") from error
-        if not isinstance(source, (str, os.PathLike)):
-            raise InputError(f"source is {source!r}, expected the path of an MJCF, or its text.")
-        text, build = os.fspath(source), self.mujoco.MjModel
-        try:
-            if isinstance(source, str) and text.lstrip().startswith("<"):
-                self.m = build.from_xml_string(text)
-            else:
-                self.m = build.from_xml_path(os.path.expanduser(text))
-        except (ValueError, self.mujoco.FatalError) as error:
-            raise UrdfError(f"MuJoCo rejects the MJCF: {' '.join(str(error).split())}") from error
+        self.mujoco, self.m = _compile(source)
         m = self.m
         self.bodies, self.joints, self.tendons = range(1, m.nbody), range(m.njnt), range(m.ntendon)
+        self.joint_kinds = self.kinds("mjtJoint", "jnt_type")
+        self.free = [j for j in self.joints if self.joint_kinds[j] == "free"]
+        self.single = [j for j in self.joints if self.joint_kinds[j] in ("hinge", "slide")]
         # nu counts controls since these may be several of one actuator.
         self.actuators = range(getattr(m, "nactuator", m.nu))
+        at_joint = [kind in ("joint", "jointinparent") for kind in self.kinds("mjtTrn", "actuator_trntype")]
+        ends = {a: int(m.actuator_trnid[a, 0]) for a in self.actuators if at_joint[a]}
+        self.actuated = {a: j for a, j in ends.items() if j in self.single}  # the hinge or slide of an actuator
+        self.equality_kinds = self.kinds("mjtEq", "eq_type")
         self.equalities = [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
+
+    def kinds(self, enum, attribute):
+        """Return the kind of each object, named as by an enumeration of MuJoCo: "hinge" of mjtJoint's mjJNT_HINGE."""
+        kind = getattr(self.mujoco, enum)
+        return [kind(int(value)).name.partition("_")[2].lower() for value in getattr(self.m, attribute)]
 
     def is_disabled(self, thing):
         flags = (thing.upper(), FLAGS.get(thing, ""))
         bits = (getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
         return any(self.m.opt.disableflags & int(bit) for bit in bits)
 
-    def is_a(self, attribute, k, enum, *names):
-        """Return whether the type of an object is one of an enumeration's names."""
-        kinds = getattr(self.mujoco, f"mjt{enum}")
-        return int(getattr(self.m, attribute)[k]) in [int(getattr(kinds, f"mj{name}")) for name in names]
-
     def name(self, kind, k):
         """Return the name of an object, made of its number if the file gives none."""
         return self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), k) or f"{kind}{k}"
 
-    def is_free(self, j):
-        return self.is_a("jnt_type", j, "Joint", "JNT_FREE")
+    def nonzero(self, which, *attributes):
+        """Return those of some objects that have one of these attributes other than zero."""
+        known = [attribute for attribute in attributes if hasattr(self.m, attribute)]
+        return [k for k in which if any(np.any(self._values(attribute, k)) for attribute in known)]
 
-    def slides(self, j):
-        return self.is_a("jnt_type", j, "Joint", "JNT_SLIDE")
-
-    def any(self, attribute, index):
-        """Return whether an attribute is nonzero there."""
-        return hasattr(self.m, attribute) and bool(np.any(getattr(self.m, attribute)[index]))
-
-    def any_dof(self, attribute, j):
-        """Return whether an attribute is nonzero at a degree of freedom of a hinge, a slide or a free joint."""
-        begin = int(self.m.jnt_dofadr[j])
-        return self.any(attribute, slice(begin, begin + (6 if self.is_free(j) else 1)))
+    def _values(self, attribute, k):
+        """Return an attribute of an object; for the degrees of freedom, that of a hinge, slide or free joint."""
+        values = getattr(self.m, attribute)
+        if not attribute.startswith("dof_"):
+            return values[k]
+        begin = self.m.jnt_dofadr[k]
+        return values[begin : begin + (6 if k in self.free else 1)]
 
     def moves(self, b):
         return self.m.body_dofnum[self.m.body_weldid[b]] > 0
@@ -169,13 +160,6 @@ class _Compiled:
         root = self.m.body_rootid[b]
         return self.m.body_mocapid[root] >= 0 and not np.any(self.m.body_dofnum[self.m.body_rootid == root])
 
-    def joint_of(self, a):
-        """Return the hinge or slide at which an actuator acts, None if it acts elsewhere."""
-        if not self.is_a("actuator_trntype", a, "Trn", "TRN_JOINT", "TRN_JOINTINPARENT"):
-            return None
-        j = int(self.m.actuator_trnid[a, 0])
-        return j if self.is_a("jnt_type", j, "Joint", "JNT_SLIDE", "JNT_HINGE") else None
-
     def gear(self, a):
         row = self.m.actuator_outadr[a] if hasattr(self.m, "actuator_outadr") else a
         return float(self.m.actuator_gear[row, 0])
@@ -183,35 +167,45 @@ class _Compiled:
     def _holds(self, e):
         """Return whether an equality is active, and not between bodies that cannot move against each other."""
         m = self.m
-        if not m.eq_active0[e] or not self.is_a("eq_type", e, "Eq", "EQ_CONNECT", "EQ_WELD"):
+        if not m.eq_active0[e] or self.equality_kinds[e] not in ("connect", "weld"):
             return bool(m.eq_active0[e])
-        ends = [int(m.eq_obj1id[e]), int(m.eq_obj2id[e])]
-        if hasattr(m, "eq_objtype") and self.is_a("eq_objtype", e, "Obj", "OBJ_SITE"):
-            ends = [int(m.site_bodyid[site]) for site in ends]
+        ends = [m.eq_obj1id[e], m.eq_obj2id[e]]
+        if hasattr(m, "eq_objtype") and m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
+            ends = m.site_bodyid[ends]
         return m.body_weldid[ends[0]] != m.body_weldid[ends[1]] and any(map(self.moves, ends))
+
+
+def _compile(source):
+    """Return the module mujoco, and its model of an MJCF given by path or text."""
+    try:
+        mujoco = import_module("mujoco")
+    except ImportError as error:
+        raise InputError("An MJCF needs MuJoCo's parser: pip install mujoco.") from error
+    if not isinstance(source, (str, os.PathLike)):
+        raise InputError(f"source is {source!r}, expected the path of an MJCF, or its text.")
+    try:
+        if isinstance(source, str) and source.lstrip().startswith("<"):
+            return mujoco, mujoco.MjModel.from_xml_string(source)
+        return mujoco, mujoco.MjModel.from_xml_path(os.path.expanduser(os.fspath(source)))
+    except (ValueError, mujoco.FatalError) as error:
+        raise UrdfError(f"MuJoCo rejects the MJCF: {' '.join(str(error).split())}") from error
 
 
 def _reject_unsupported(c):
     """Reject what changes M, C, ν or K and cannot be modelled."""
-    balls = [j for j in c.joints if c.is_a("jnt_type", j, "Joint", "JNT_BALL")]
+    elsewhere = [a for a in c.actuators if a not in c.actuated]
     for kind, which, reason in (
-        ("joint", balls, "is a ball joint"),
-        ("joint", [j for j in c.joints if c.is_free(j) and c.any_dof("dof_armature", j)], "is free and has armature"),
-        (
-            "actuator",
-            [a for a in c.actuators if c.joint_of(a) is None and c.any("actuator_armature", a)],
-            "has armature, but is not at a hinge or slide",
-        ),
-        ("tendon", [t for t in c.tendons if c.any("tendon_armature", t)], "has armature"),
+        ("joint", [j for j in c.joints if c.joint_kinds[j] == "ball"], "is a ball joint"),
+        ("joint", c.nonzero(c.free, "dof_armature"), "is free and has armature"),
+        ("actuator", c.nonzero(elsewhere, "actuator_armature"), "has armature, but is not at a hinge or slide"),
+        ("tendon", c.nonzero(c.tendons, "tendon_armature"), "has armature"),
     ):
         if which:
             raise UnsupportedError(f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported.")
     coupled = set()
     for e in c.equalities:
-        is_of_joints = c.is_a("eq_type", e, "Eq", "EQ_JOINT") and c.m.eq_obj2id[e] >= 0
-        joint = int(c.m.eq_obj1id[e])
-        if not is_of_joints or np.any(c.m.eq_data[e, 2:5]) or joint in coupled:
-            kind = c.mujoco.mjtEq(int(c.m.eq_type[e])).name.removeprefix("mjEQ_").lower()
+        kind, joint = c.equality_kinds[e], int(c.m.eq_obj1id[e])
+        if kind != "joint" or c.m.eq_obj2id[e] < 0 or np.any(c.m.eq_data[e, 2:5]) or joint in coupled:
             raise UnsupportedError(
                 f"equality '{c.name('equality', e)}' ({kind}) is not the one linear coupling of a joint to "
                 'another one, and is not supported. Remove it, or set active="false".'
@@ -221,8 +215,9 @@ def _reject_unsupported(c):
 
 def _omitted(c) -> Iterator[str]:
     """Yield the texts of `RobotModel.omitted`, one for each kind of object."""
-    for what, kind, which in _omitted_objects(c):
+    for what, which in _omitted_objects(c):
         if which:
+            kind = "flex" if what == "flexible body" else what.split()[-1]
             yield f"{what} {', '.join(repr(c.name(kind, k)) for k in which)}"
     opt = c.m.opt
     if (opt.density or opt.viscosity) and not (c.is_disabled("spring") and c.is_disabled("damper")):
@@ -230,38 +225,35 @@ def _omitted(c) -> Iterator[str]:
 
 
 def _omitted_objects(c):
-    """Yield a text, the kind and the numbers of objects of which forces are omitted."""
-    m, free = c.m, list(filter(c.is_free, c.joints))
+    """Yield texts that end with a kind of object, and which of these exert forces that are omitted."""
+    m = c.m
     spring, damper = not c.is_disabled("spring"), not c.is_disabled("damper")
     if spring:
-        springs = [j for j in c.joints if c.any("jnt_stiffness", j) or c.any("jnt_stiffnesspoly", j)]
-        yield "spring of joint", "joint", springs
+        yield "spring of joint", c.nonzero(c.joints, "jnt_stiffness", "jnt_stiffnesspoly")
     if damper:
-        yield "damping of free joint", "joint", [j for j in free if c.any_dof("dof_damping", j)]
-        yield "nonlinear damping of joint", "joint", [j for j in c.joints if c.any_dof("dof_dampingpoly", j)]
-        elsewhere = [a for a in c.actuators if c.joint_of(a) is None and c.any("actuator_damping", a)]
-        yield "damping of actuator", "actuator", elsewhere
-        nonlinear = [a for a in c.actuators if c.any("actuator_dampingpoly", a)]
-        yield "nonlinear damping of actuator", "actuator", nonlinear
+        elsewhere = [a for a in c.actuators if a not in c.actuated]
+        yield "damping of free joint", c.nonzero(c.free, "dof_damping")
+        yield "nonlinear damping of joint", c.nonzero(c.joints, "dof_dampingpoly")
+        yield "damping of actuator", c.nonzero(elsewhere, "actuator_damping")
+        yield "nonlinear damping of actuator", c.nonzero(c.actuators, "actuator_dampingpoly")
     if not c.is_disabled("frictionloss"):
-        yield "friction loss of free joint", "joint", [j for j in free if c.any_dof("dof_frictionloss", j)]
+        yield "friction loss of free joint", c.nonzero(c.free, "dof_frictionloss")
     if spring or damper:
         if np.any(m.opt.gravity) and not c.is_disabled("gravity"):
-            carried = [b for b in c.bodies if m.body_gravcomp[b] and m.body_mass[b] and c.moves(b)]
-            yield "gravity compensation of body", "body", carried
-        yield "plugin of body", "body", [b for b in c.bodies if m.body_plugin[b] >= 0]
-        yield "flexible body", "flex", list(range(getattr(m, "nflex", 0)))
-    yield "mocap body", "body", [b for b in c.bodies if m.body_mocapid[b] >= 0]
-    yield "tendon", "tendon", list(c.tendons)
+            carried = c.nonzero(c.nonzero(c.bodies, "body_gravcomp"), "body_mass")
+            yield "gravity compensation of body", [b for b in carried if c.moves(b)]
+        yield "plugin of body", [b for b in c.bodies if m.body_plugin[b] >= 0]
+        yield "flexible body", range(getattr(m, "nflex", 0))
+    yield "mocap body", [b for b in c.bodies if m.body_mocapid[b] >= 0]
+    yield "tendon", c.tendons
 
 
 def _effort_limits(c):
     """Return the effort limit of each joint [N m, N], infinite where there is none."""
     sums = {}
-    for a in c.actuators:
-        j, group = c.joint_of(a), int(c.m.actuator_group[a])
-        disabled = c.is_disabled("actuation") or (0 <= group <= 30 and c.m.opt.disableactuator >> group & 1)
-        if j is not None and not disabled:
+    for a, j in c.actuated.items():
+        group = int(c.m.actuator_group[a])
+        if not (c.is_disabled("actuation") or (0 <= group <= 30 and c.m.opt.disableactuator >> group & 1)):
             gear = abs(c.gear(a))
             sums[j] = sums.get(j, 0.0) + (gear * _largest_force(c, a) if gear else 0.0)
     limits = np.array([sums.get(j, np.inf) for j in c.joints])
@@ -273,99 +265,97 @@ def _largest_force(c, a):
     m = c.m
     force = float(np.abs(m.actuator_forcerange[a]).max()) if m.actuator_forcelimited[a] else np.inf
     control = m.actuator_ctrladr[a] if hasattr(m, "actuator_ctrladr") else a
-    is_motor = (
-        c.is_a("actuator_gaintype", a, "Gain", "GAIN_FIXED")
-        and c.is_a("actuator_biastype", a, "Bias", "BIAS_NONE")
-        and c.is_a("actuator_dyntype", a, "Dyn", "DYN_NONE")
-        and m.actuator_plugin[a] < 0
-    )
+    enums = {"mjtGain": "actuator_gaintype", "mjtBias": "actuator_biastype", "mjtDyn": "actuator_dyntype"}
+    is_motor = [c.kinds(*item)[a] for item in enums.items()] == ["fixed", "none", "none"] and m.actuator_plugin[a] < 0
     if is_motor and m.actuator_ctrllimited[control] and not c.is_disabled("clampctrl"):
         force = min(force, float(np.abs(m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]).max()))
     return force
+
+
+def _add(parent, tag, **attributes):
+    """Add an element; numbers keep their bits."""
+    texts = {name: x if isinstance(x, str) else numbers_text(np.atleast_1d(x)) for name, x in attributes.items()}
+    return etree.SubElement(parent, tag, texts)
 
 
 class _Writer:
     """Writer of a compiled model as the <robot> element of a URDF; `armature` [kg m², kg] is by joint name."""
 
     def __init__(self, c, floating):
-        self._c, self._m, self._floating, self.armature = c, c.m, floating, {}
+        self._c, self._m, self._floating = c, c.m, floating
         m = c.m
         self._limited = np.zeros(m.njnt, bool) if c.is_disabled("limit") else m.jnt_limited.astype(bool)
         self._effort = _effort_limits(c)
         self._equality = {int(m.eq_obj1id[e]): e for e in c.equalities}
         self._friction = np.zeros(m.nv) if c.is_disabled("frictionloss") else m.dof_frictionloss
-        self._armature, self._damping = m.dof_armature.copy(), m.dof_damping.copy()
-        for values, attribute in ((self._armature, "actuator_armature"), (self._damping, "actuator_damping")):
-            for a in c.actuators:  # MuJoCo adds these at run time
-                joint = c.joint_of(a)
-                if joint is not None and hasattr(m, attribute):
-                    values[m.jnt_dofadr[joint]] += getattr(m, attribute)[a] * c.gear(a) ** 2
+        armature, self._damping = m.dof_armature.copy(), m.dof_damping.copy()
+        for values, attribute in ((armature, "actuator_armature"), (self._damping, "actuator_damping")):
+            for a in c.nonzero(c.actuated, attribute):  # MuJoCo adds these at run time
+                values[m.jnt_dofadr[c.actuated[a]]] += getattr(m, attribute)[a] * c.gear(a) ** 2
         if c.is_disabled("damper"):
             self._damping[:] = 0.0
+        self.armature = {c.name("joint", j): float(armature[m.jnt_dofadr[j]]) for j in c.single}
         self.robot = etree.Element("robot", name=m.names[: m.names.index(b"\0")].decode() or "mjcf")
         if not floating:
-            self._add("link", name="world")
+            _add(self.robot, "link", name="world")
         for b in c.bodies:
             if not c.is_marker(b):
                 self._add_body(b)
 
-    def _add(self, tag, parent=None, **attributes):
-        return etree.SubElement(self.robot if parent is None else parent, tag, attributes)
-
     def _add_body(self, b):
         m, c = self._m, self._c
         name, parent = c.name("body", b), c.name("body", int(m.body_parentid[b]))
-        link = self._add("link", name=name)
+        link = _add(self.robot, "link", name=name)
         if m.body_mass[b] > 0.0:
             turn = self._rotation(m.body_iquat[b])
             inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
-            set_inertia(self._add("inertial", link), m.body_mass[b], m.body_ipos[b], inertia)
+            set_inertia(_add(link, "inertial"), m.body_mass[b], m.body_ipos[b], inertia)
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
-        if any(map(c.is_free, joints)):
+        if any(j in c.free for j in joints):
             if not self._floating:
                 self._add_joint(c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3))
             return
         # Each joint turns or shifts all that follows about its anchor; links between joints of one body have no inertia.
         place, turn, anchor = m.body_pos[b], self._rotation(m.body_quat[b]), np.zeros(3)
         for j in joints:
-            joint, axis, ref = c.name("joint", j), m.jnt_axis[j], float(m.qpos0[m.jnt_qposadr[j]])
-            child = f"{name}/{joint}"
-            self._add("link", name=child)
+            joint, axis, ref = c.name("joint", j), m.jnt_axis[j], self._reference(j)
+            child, slides = f"{name}/{joint}", c.joint_kinds[j] == "slide"
+            _add(self.robot, "link", name=child)
             place = place + turn @ (m.jnt_pos[j] - anchor)
-            if c.slides(j):  # at `ref` the body is where the file has it
+            if slides:  # at `ref` the body is where the file has it
                 place = place - ref * (turn @ axis)
             else:
                 turn = turn @ rotations.about_axis(axis, -ref)
-            kind = "prismatic" if c.slides(j) else "revolute" if self._limited[j] else "continuous"
+            kind = "prismatic" if slides else "revolute" if self._limited[j] else "continuous"
             self._describe(self._add_joint(joint, kind, parent, child, place, turn), j)
             parent, place, turn, anchor = child, np.zeros(3), np.eye(3), m.jnt_pos[j]
-            self.armature[joint] = float(self._armature[m.jnt_dofadr[j]])
         self._add_joint(f"{name}/fixed", "fixed", parent, name, place - turn @ anchor, turn)
 
     def _add_joint(self, name, kind, parent, child, place, turn):
-        joint = self._add("joint", name=name, type=kind)
-        self._add("parent", joint, link=parent)
-        self._add("child", joint, link=child)
-        self._add("origin", joint, xyz=numbers_text(place), rpy=numbers_text(rotations.to_rpy(turn)))
+        joint = _add(self.robot, "joint", name=name, type=kind)
+        _add(joint, "parent", link=parent)
+        _add(joint, "child", link=child)
+        _add(joint, "origin", xyz=place, rpy=rotations.to_rpy(turn))
         return joint
 
     def _describe(self, joint, j):
         """Add axis, friction, limits and coupling of a hinge or slide."""
         m, dof = self._m, self._m.jnt_dofadr[j]
-        self._add("axis", joint, xyz=numbers_text(m.jnt_axis[j]))
-        friction = {"damping": self._damping[dof], "friction": self._friction[dof]}
+        _add(joint, "axis", xyz=m.jnt_axis[j])
+        _add(joint, "dynamics", damping=self._damping[dof], friction=self._friction[dof])
         limits = {"effort": self._effort[j], "velocity": np.inf}
         if joint.get("type") != "continuous":
             limits["lower"], limits["upper"] = m.jnt_range[j] if self._limited[j] else (-np.inf, np.inf)
-        for tag, values in (("dynamics", friction), ("limit", limits)):
-            self._add(tag, joint, **{name: repr(float(value)) for name, value in values.items()})
+        _add(joint, "limit", **limits)
         if j in self._equality:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2)
             e = self._equality[j]
             source, multiplier = int(m.eq_obj2id[e]), float(m.eq_data[e, 1])
-            ref, ref_of_source = (float(m.qpos0[m.jnt_qposadr[k]]) for k in (j, source))
-            offset = float(m.eq_data[e, 0]) + ref - multiplier * ref_of_source
-            name = self._c.name("joint", source)
-            self._add("mimic", joint, joint=name, multiplier=repr(multiplier), offset=repr(offset))
+            offset = float(m.eq_data[e, 0]) + self._reference(j) - multiplier * self._reference(source)
+            _add(joint, "mimic", joint=self._c.name("joint", source), multiplier=multiplier, offset=offset)
+
+    def _reference(self, j):
+        """Return the position of a hinge or slide at which the body is where the file has it [rad, m]."""
+        return float(self._m.qpos0[self._m.jnt_qposadr[j]])
 
     def _rotation(self, quaternion):
         """Return the rotation matrix of a quaternion (w, x, y, z)."""
