@@ -9,6 +9,7 @@ import os
 import shlex
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,8 @@ from diag_dynamics.model.mjcf import Described, is_mjcf, read_mjcf
 from diag_dynamics.model.robot import RobotModel, load_urdf
 from diag_dynamics.model.sources import expanded, urdf_text
 
-DESCRIPTIONS = "robot_descriptions"
-"""A package whose modules, one for each robot, clone a repository from the net when they are imported."""
-
+DESCRIPTIONS = "robot_descriptions"  # its modules, one for each robot, clone a repository when they are imported
 _FOLDER = "example-robot-data/robots/"
-
 _OWN = Path(__file__).parents[1] / "robots"  # robots of this package, each in a folder of its name
 
 
@@ -67,16 +65,12 @@ def _cloned(name: str) -> Path:
 
 def example_urdfs() -> dict[str, Path]:
     """Return the paths of the URDFs of this package and of example-robot-data, if installed, by their short names."""
-    own = {path.stem: path for path in _OWN.glob("*/*.urdf")}
-    try:
-        files = metadata.files("example-robot-data") or ()
-    except metadata.PackageNotFoundError:
-        return own
-    found = {}
-    for file in files:
-        text = file.as_posix()
-        if text.endswith(".urdf") and _FOLDER in text:
-            found[text.split(_FOLDER)[1].removesuffix(".urdf")] = Path(str(file.locate())).resolve()
+    own, found = {path.stem: path for path in _OWN.glob("*/*.urdf")}, {}
+    with suppress(metadata.PackageNotFoundError):
+        for file in metadata.files("example-robot-data") or ():
+            name = file.as_posix().partition(_FOLDER)[2]
+            if name.endswith(".urdf"):
+                found[name.removesuffix(".urdf")] = Path(str(file.locate())).resolve()
     return own | dict(sorted(found.items()))
 
 
@@ -88,10 +82,9 @@ def find_urdf(robot: str) -> Path:
     is_path = robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro"))
     if name in urdfs:
         return urdfs[name]
-    exact = [key for key in urdfs if Path(key).name == name]
-    exact = exact or [key for key in urdfs if Path(key).name == f"{name}_robot"]  # ur5 is in ur5_robot.urdf
     partial = [] if is_path else [key for key in urdfs if name.lower() in key.lower()]
-    for keys in (exact, partial):
+    exact, in_file = ([key for key in urdfs if Path(key).name == one] for one in (name, f"{name}_robot"))
+    for keys in (exact or in_file, partial):  # ur5 is in ur5_robot.urdf
         if len(keys) == 1:
             return urdfs[keys[0]]
     if is_path:

@@ -37,7 +37,12 @@ def test_example_robots():
 
 @pytest.mark.parametrize(
     ("name", "key"),
-    [("pnada", "pnada"), ("ur", "any of"), ("pand", "panda.*panda_collision"), ("", "expected"), (3, "expected")],
+    [
+        *(("pnada", "pnada"), ("ur", "any of"), ("pand", "panda.*panda_collision"), ("", "expected"), (3, "expected")),
+        *(
+            (f"r5_robot{suffix}", "no such file") for suffix in (".urdf", ".xml", ".xacro")
+        ),  # a path is no part of a name
+    ],
 )
 def test_unknown_names(name, key):
     with pytest.raises(dd.InputError, match=key):
