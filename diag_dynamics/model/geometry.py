@@ -22,14 +22,13 @@ from diag_dynamics.model.rewriting import insert_inertia
 from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.rigid_body import RigidBody
 
-KINDS = {
+KINDS = {  # shapes that are known, and how many numbers each attribute has
     "box": {"size": 3},
     "cylinder": {"radius": 1, "length": 1},
     "sphere": {"radius": 1},
     "capsule": {"radius": 1, "length": 1},
     "mesh": {"scale": 3},
 }
-"""Shapes that are known, and how many numbers each attribute has."""
 
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
@@ -91,33 +90,32 @@ def shape_of(element: Any, where: str) -> Shape | None:
 
 def solid_of(shape: Shape, meshes: Meshes) -> Solid:
     """Return the content of a shape, in the link's axes; a mesh that is not watertight counts by its convex hull."""
-    solid = _mesh(shape, meshes) if shape.kind == "mesh" else _primitive(shape)
+    solid = _mesh(shape, meshes) if shape.kind == "mesh" else _primitive(shape.kind, *shape.numbers)
     if not solid.volume > 0.0:
         raise UrdfError(f"{solid.of[0]} encloses no volume.")
     return moved(solid, shape.placement)
 
 
-def _primitive(shape: Shape) -> Solid:
+def _primitive(kind: str, *numbers: float) -> Solid:
     """Return the content of a shape in its own axes, from its second moments ∫x², ∫y², ∫z²."""
-    numbers = shape.numbers
-    if shape.kind == "box":
+    if kind == "box":
         half = 0.5 * np.array(numbers)
         volume = math.prod(numbers)
         squares = volume / 12.0 * np.array(numbers) ** 2
-    elif shape.kind == "cylinder":
+    elif kind == "cylinder":
         r, length = numbers
         half = np.array([r, r, 0.5 * length])
         volume = math.pi * r**2 * length
         squares = volume * np.array([r**2 / 4.0, r**2 / 4.0, length**2 / 12.0])
     else:  # a sphere is a capsule without a cylinder between its halves
-        r, length = numbers if shape.kind == "capsule" else (numbers[0], 0.0)
+        r, length = (*numbers, 0.0)[:2]
         half = np.array([r, r, 0.5 * length + r])
         cylinder, ball = math.pi * r**2 * length, 4.0 / 3.0 * math.pi * r**3
         volume = cylinder + ball
         across = cylinder * r**2 / 4.0 + ball * r**2 / 5.0
         along = cylinder * length**2 / 12.0 + ball * (r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0)
         squares = np.array([across, across, along])
-    return Solid(volume, np.zeros(3), np.diag(squares.sum() - squares), _CORNERS * half, (shape.kind,))
+    return Solid(volume, np.zeros(3), np.diag(squares.sum() - squares), _CORNERS * half, (kind,))
 
 
 def _mesh(shape: Shape, meshes: Meshes) -> Solid:
@@ -173,20 +171,19 @@ class Estimated(NamedTuple):
     """Text of a URDF with estimated inertias at a density [kg/m³], and by link why an inertia could not be estimated."""
 
     text: str
-    estimates: tuple[Estimate, ...]
+    estimates: list[Estimate]
     density: float
     failed: dict[str, str]
 
-    def warning(self, robot: str) -> str:
-        """Return the text of a warning of both; empty if no link lacked an inertia."""
+    @property
+    def warning(self) -> str:
+        """The text of a warning of both; empty if no link lacked an inertia."""
         if not self.estimates and not self.failed:
             return ""
         names = ", ".join(f"'{estimate.link}'" for estimate in self.estimates) or "none"
         reasons = "; ".join(f"'{link}' ({reason.rstrip('.')})" for link, reason in self.failed.items()) or "none"
-        return (
-            f"robot '{robot}': links with an inertia estimated from geometry at {self.density:g} kg/m³: {names}; "
-            f"links without one: {reasons}."
-        )
+        at = f"at {self.density:g} kg/m³"
+        return f"links with an inertia estimated from geometry {at}: {names}; links without one: {reasons}."
 
 
 def estimated(text: str, density: object, folder: Path | None) -> Estimated:
@@ -209,13 +206,10 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
         except UrdfError as error:
             failed[name] = str(error)
             continue
-        source = f"{role} {' + '.join(solid.of)}"
-        estimate = Estimate(name, rho * solid.volume, solid.centre, rho * solid.inertia, source)
-        said = f"estimated by diag_dynamics from {source} at {rho:g} kg/m3"
-        insert_inertia(link, said, estimate.mass, estimate.centre, estimate.inertia)
-        estimates.append(estimate)
-    whole = etree.tostring(robot.getroottree(), encoding="unicode")
-    return Estimated(whole, tuple(estimates), rho, failed)
+        source, body = f"{role} {' + '.join(solid.of)}", (rho * solid.volume, solid.centre, rho * solid.inertia)
+        insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", *body)
+        estimates.append(Estimate(name, *body, source))
+    return Estimated(etree.tostring(robot.getroottree(), encoding="unicode"), estimates, rho, failed)
 
 
 def _measured_link(link: Any, meshes: Meshes) -> tuple[str, Solid]:

@@ -18,6 +18,7 @@ from lxml import etree
 from diag_dynamics.exceptions import ModelWarning
 from diag_dynamics.model.origins import floats, short
 
+# Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with a prefix are free
 ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "robot": ("name", "version"),
     "link": ("name", "type"),
@@ -36,9 +37,8 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "dynamics": ("damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"),
     "mimic": ("joint", "multiplier", "offset"),
 }
-"""Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with a prefix are free."""
 
-CHILDREN: dict[str, tuple[str, ...]] = {
+CHILDREN: dict[str, tuple[str, ...]] = {  # elements in each element that dynamics and contacts read
     "link": ("inertial", "visual", "collision"),
     "inertial": ("origin", "mass", "inertia"),
     "visual": ("origin",),
@@ -46,11 +46,8 @@ CHILDREN: dict[str, tuple[str, ...]] = {
     "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
     "origin": (),
 }
-"""Elements in each element that dynamics and contacts read."""
 
-MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")
-"""Elements of other formats, or of another place."""
-
+MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")  # elements of formats or places beside
 MAX_ANGLE = 2.0 * math.pi + 1e-3  # largest angle of an origin or a mimic offset [rad]: a full turn, rounded
 MAX_MISTAKES = 10  # mistakes that a warning lists
 

@@ -12,7 +12,7 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.model.parameters import Parameters, apply_parameters
+from diag_dynamics.model.parameters import JointParameters, Parameters, apply_parameters
 from diag_dynamics.model.urdf import parse_urdf, read_urdf
 
 ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
@@ -55,7 +55,8 @@ def urdf_with(text: str, parameters: Parameters) -> str:
     element = parse_urdf(text, comments=True)
     robot, _ = read_urdf(text)
     inertials = {link.name: link.inertial for link in apply_parameters(robot, parameters).links}
-    source = _source(parameters)
+    origin = [str(parameters.origin[key]) for key in ("method", "date") if parameters.origin.get(key)]
+    source = ", ".join(["written by diag_dynamics", *origin])
     for link in element.findall("link"):
         name = link.get("name")
         payload = parameters.payloads.get(name)
@@ -64,25 +65,18 @@ def urdf_with(text: str, parameters: Parameters) -> str:
             own = inertials[name]
             insert_inertia(link, source, own.mass, own.origin[:3, 3], np.asarray(own.inertia))
     for joint in element.findall("joint"):
-        if given := parameters.joints.get(joint.get("name")):
-            numbers = {name: x for name, x in given.known.items() if name in ("damping", "friction")}
+        given = parameters.joints.get(joint.get("name"), JointParameters()).known
+        if numbers := {name: repr(x) for name, x in given.items() if name in ("damping", "friction")}:
             _set_dynamics(joint, numbers, source)
     return etree.tostring(element.getroottree(), encoding="unicode")
 
 
-def _source(parameters: Parameters) -> str:
-    origin = parameters.origin
-    return ", ".join(["written by diag_dynamics", *(str(origin[key]) for key in ("method", "date") if origin.get(key))])
-
-
-def _set_dynamics(joint: Any, numbers: dict[str, float], source: str) -> None:
-    if not numbers:
-        return
+def _set_dynamics(joint: Any, numbers: dict[str, str], source: str) -> None:
     dynamics = joint.find("dynamics")
     if dynamics is None:
         dynamics = etree.Element("dynamics")
         _insert_first(joint, dynamics)
-    dynamics.attrib.update({name: repr(value) for name, value in numbers.items()})
+    dynamics.attrib.update(numbers)
     comment, before = _comment(source), dynamics.getprevious()
     comment.tail = joint.text if before is None else before.tail  # on a line of its own, as the element is
     joint.insert(joint.index(dynamics), comment)

@@ -40,13 +40,9 @@ from diag_dynamics.sweeps.workspace import Workspace
 
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
 
-FRICTION_VELOCITY = 5e-3
-"""Default v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]: estimated velocities at rest are milliradians per second."""
-
+FRICTION_VELOCITY = 5e-3  # default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second
 LARGEST_GRAVITY = 1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
-
-REACH = 1.0
-"""Random position coordinates without limits are within this distance of zero [m]; angles within a turn."""
+REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
 
 
 class Options(NamedTuple):
@@ -172,10 +168,10 @@ class RobotModel:
             raise AttributeError(f"A RobotModel is immutable: {name} cannot be set.")
         super().__setattr__(name, value)
 
-    def _with(self, options: Options, **changes: Any) -> RobotModel:
-        """Return this model with other attributes; the rest is shared."""
+    def _with(self, **changes: Any) -> RobotModel:
+        """Return this model with another value of some options; the rest is shared."""
         model = object.__new__(RobotModel)
-        vars(model).update(vars(self) | changes, _options=options)
+        vars(model).update(vars(self) | changes, _options=self._options._replace(**changes))
         vars(model).pop("workspace", None)
         model._freeze()
         return model
@@ -224,10 +220,9 @@ class RobotModel:
                 raise InputError(f"rng is {rng!r}, expected a numpy.random.Generator or a seed.") from error
         free = np.where(is_angle(self), math.pi, REACH)
         has_lower, has_upper = np.isfinite(self.lower), np.isfinite(self.upper)
-        lower, upper = np.where(has_lower, self.lower, -free), np.where(has_upper, self.upper, free)
         # With one limit alone, the range begins or ends there.
-        lower = np.where(~has_lower & has_upper, upper - 2.0 * free, lower)
-        upper = np.where(~has_upper & has_lower, lower + 2.0 * free, upper)
+        lower = np.where(has_lower, self.lower, np.where(has_upper, self.upper - 2.0 * free, -free))
+        upper = np.where(has_upper, self.upper, np.where(has_lower, self.lower + 2.0 * free, free))
         q = rng.uniform(lower, upper)
         for k, component in enumerate(self.orientations):
             if component == 3:
@@ -276,31 +271,23 @@ class RobotModel:
 
     def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
         """Return this model with these texts as `omitted`."""
-        return self._with(self._options._replace(omitted=tuple(omitted)), omitted=tuple(omitted))
+        return self._with(omitted=tuple(omitted))
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""
-        g = _gravity(gravity)
-        return self._with(self._options._replace(gravity=g), gravity=g)
+        return self._with(gravity=_gravity(gravity))
 
     def with_payload(
         self, link: str, mass: float, com: VectorLike = (0.0, 0.0, 0.0), inertia: MatrixLike | None = None
     ) -> RobotModel:
-        """Return this model with a payload on a link, in place of one that is there already; the rest is shared.
+        """Return this model with a payload on a link, in place of one that is there already.
 
         `mass`, `com` and `inertia` are those of :class:`Payload`; mass 0 takes the payload off. Joints that
         ``massless="lock"`` holds stay held.
         """
         added = checked_payloads({link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot)
         payloads = {name: payload for name, payload in self.payloads.items() if name != link} | added
-        bodies, links = self._tree.records(self._options.armature, payloads)
-        model = self._with(
-            self._options._replace(payloads=payloads),
-            payloads=MappingProxyType(payloads),
-            bodies=bodies,
-            links=links,
-            total_mass=float(links["mass"].sum()),
-        )
+        model = RobotModel(self._tree, self._options._replace(payloads=payloads))
         reject_massless(model, self._tree, massless_freedoms(model))
         return model
 
@@ -447,16 +434,14 @@ def load_urdf(
     rotors, ignored = reflected_inertias(element)
     if mistakes := warning_of(robot.name, [*remarks_of(element), *ignored]):
         warn(mistakes)
-    if found and (text := found.warning(robot.name)):
-        warn(text, InertiaWarning)
+    if found and found.warning:
+        warn(f"robot '{robot.name}': {found.warning}", InertiaWarning)
     for link in robot.links:
         reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
         if reason and link.name not in given.lighter_links:
             text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
             warn(text, InertiaWarning)
-    if friction_velocity is None:
-        friction_velocity = given.friction_velocity
-    v_0 = FRICTION_VELOCITY if friction_velocity is None else friction_velocity
+    v_0 = next((v for v in (friction_velocity, given.friction_velocity) if v is not None), FRICTION_VELOCITY)
     options = Options(
         floating_base=bool(floating_base),
         gravity=g,

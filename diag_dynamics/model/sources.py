@@ -18,35 +18,26 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.origins import short
 from diag_dynamics.model.remarks import warn
 
-MAX_BYTES = 32 * 1024 * 1024
-"""Largest URDF accepted [bytes]; the largest public robot descriptions have some 200 kB."""
+MAX_BYTES = 32 * 1024 * 1024  # largest URDF accepted; the largest public robot descriptions have some 200 kB
 
-MARKS = (
-    (b"\xff\xfe", "utf-16"),
-    (b"\xfe\xff", "utf-16"),
-)
-"""Byte order marks, and their encodings."""
-
+# Encodings that editors write where they declare a part of them
 WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "shift_jis": "cp932", "euc_kr": "cp949", "big5": "cp950"}
-"""Encodings that editors write where they declare a part of them."""
 
+# Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it
 UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
-"""Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it."""
 
 GIT_LFS = b"version https://git-lfs"  # first bytes of a pointer of Git LFS
 
-FORMATS = {
+FORMATS = {  # first bytes of files that are no XML: their kind, and what to do
     GIT_LFS: "a pointer of Git LFS. Run git lfs pull",
     b"\x1f\x8b": "compressed by gzip. Unpack it",
     b"PK\x03\x04": "a zip archive. Unpack it, and load the URDF in it",
 }
-"""First bytes of files that are no XML: their kind, and what to do."""
 
-ROOTS = {
+ROOTS = {  # root elements of XML files that are no URDF, likewise
     "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
     "sdf": "an SDF of Gazebo. Load the URDF that it was made from",
 }
-"""Root elements of XML files that are no URDF: their kind, and what to do."""
 
 _OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
 _AMPERSAND = re.compile(r"&(?!#?\w[\w.:-]*;)")
@@ -90,12 +81,12 @@ def _read(source: Any) -> str | bytes | bytearray:
         raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
     path = Path(os.path.expanduser(source))
     try:
-        if not path.exists() or path.is_file():
-            with path.open("rb") as file:
-                return file.read(MAX_BYTES + 1)
+        if path.exists() and not path.is_file():  # a pipe would never end
+            raise OSError(None, "it is no file")
+        with path.open("rb") as file:
+            return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
-    raise UrdfError(f"Cannot read the URDF file '{path}': it is no file.")
 
 
 def _is_path(text: str) -> bool:
@@ -127,9 +118,8 @@ def reject_other_kinds(start: bytes) -> None:
 
 def _decoded(data: bytes) -> str:
     """Return the text of XML bytes, in the encoding of their first bytes, UTF-8, or the declared one."""
-    for mark, encoding in MARKS:
-        if data.startswith(mark):
-            return data.decode(encoding, "replace")
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace")
     reject_other_kinds(data)
     if b"\0" in data.rstrip(b"\0"):
         raise UrdfError("The file is no URDF: it is binary.")
@@ -213,26 +203,20 @@ def expanded(source: Any, arguments: Any) -> Any:
     try:
         xacro = import_module("xacro")
     except ImportError as error:
-        raise UrdfError(
-            f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
-        ) from error
-    texts = {  # as xacro's command line has them
-        str(name): str(value).lower() if isinstance(value, bool) else str(value) for name, value in arguments.items()
-    }
+        text = f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
+        raise UrdfError(text) from error
+    # As xacro's command line has them
+    texts = {str(name): str(x).lower() if isinstance(x, bool) else str(x) for name, x in arguments.items()}
     mappings = _Arguments(texts)
     try:
         text = xacro.process_file(path, mappings=mappings).toxml()
     except Exception as error:  # it has exceptions of a dozen modules
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        missing = sorted(mappings.used.difference(mappings))
-        give = (
-            f". Give {missing[0]}:=VALUE behind the path, or xacro_args={{'{missing[0]}': VALUE}}." if missing else ""
-        )
-        raise UrdfError(f"xacro cannot expand '{path}': {reason}{give}") from error
+        if missing := sorted(mappings.used.difference(mappings)):
+            reason += f". Give {missing[0]}:=VALUE behind the path, or xacro_args={{'{missing[0]}': VALUE}}."
+        raise UrdfError(f"xacro cannot expand '{path}': {reason}") from error
     if unused := [name for name in texts if name not in mappings.used]:
         used = ", ".join(sorted(mappings.used)) or "none"
-        warn(
-            f"The xacro argument {', '.join(map(repr, unused))} has no effect on '{path}'; it uses {used}.",
-            stacklevel=4,
-        )
+        listed = ", ".join(map(repr, unused))
+        warn(f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.", stacklevel=4)
     return text

@@ -26,10 +26,9 @@ JOINTS = ("joint", "flexJoint", "rollJoint")
 def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     """Return N²J [kg m², prismatic: kg] by joint, the sum over its actuators, and remarks on what is ignored."""
     types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
-    rotors: dict[str, dict[str, float]] = {}
+    rotors: dict[str, dict[str, float]] = {}  # N²J by actuator, by joint
     remarks = []
-    elements = [*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]
-    for number, element in enumerate(elements):
+    for number, element in enumerate([*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]):
         where = f"transmission {short(element.get('name'))}"
         actuators, joints = (
             [child for child in element.iterchildren() if local_name(child) in tags] for tags in (ACTUATORS, JOINTS)
@@ -50,13 +49,11 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         known = rotors.setdefault(names[0], {})
         for actuator in actuators or [element]:
             J = _number([actuator, *shared], INERTIA, where)
-            N = _number([actuator, *shared], REDUCTION, where)
+            N = _number([actuator, *shared], REDUCTION, where) or 1.0
             name = actuator.get("name") if actuators else None
-            inertia = 0.0 if J is None else J if N is None else N * N * J
-            if J is not None and known.setdefault(name or str(number), inertia) != inertia:
-                raise UrdfError(
-                    f"{where}: actuator {short(name)} has another rotor inertia in an earlier transmission."
-                )
+            if J is not None and known.setdefault(name or str(number), N * N * J) != N * N * J:
+                text = f"{where}: actuator {short(name)} has another rotor inertia in an earlier transmission."
+                raise UrdfError(text)
     armature = {joint: sum(own.values()) for joint, own in rotors.items()}
     for joint, value in armature.items():
         if not value <= LARGEST:
@@ -66,8 +63,7 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
 
 def _number(elements: Iterable[Any], names: tuple[str, ...], where: str) -> float | None:
     """Return the one size of a number that elements give under some names; a reduction of 1 gives way to another."""
-    is_inertia = names is INERTIA
-    given = {}
+    is_inertia, given = names is INERTIA, {}
     for tag, text in _entries(elements, names):
         value = (floats(text, 1) or [math.nan])[0]
         if not (value >= 0.0 if is_inertia else abs(value) > 0.0):
@@ -85,7 +81,7 @@ def _number(elements: Iterable[Any], names: tuple[str, ...], where: str) -> floa
 def _entries(elements: Iterable[Any], names: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     """Yield name and text of numbers: attributes of elements, and children with text or a value, <param> included."""
     for element in elements:
-        entries = [(name, text) for name, text in element.items()]
+        entries = list(element.items())
         for child in element:
             tag = child.get("name", "") if local_name(child) == "param" else local_name(child)
             entries.append((tag, child.get("value") or child.text or ""))

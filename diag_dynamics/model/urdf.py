@@ -12,6 +12,7 @@ import math
 
 from lxml import etree
 
+from diag_dynamics.checks import listed
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES
 from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
@@ -22,21 +23,18 @@ DEFINITIONS = ("property", "macro", "arg")  # elements of xacro that define some
 
 UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
 
+# Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case
 LOOPS = ("loop", "constraint", "coupling", "gear_joint", "gearjoint")
-"""Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case."""
-
 CONTAINERS = ("robot", "link", "joint", "gazebo")  # elements whose children may close loops
 
+# Elements that dynamics needs, each with the attributes that hold numbers. Limits may be infinite.
 INERTIAL = {"mass": {"value": 1}, "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1)}
-"""Elements of an inertial that dynamics needs, each with the attributes that hold numbers."""
-
 JOINT = {
     "axis": {"xyz": 3},
     "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
     "dynamics": dict.fromkeys(("damping", "friction"), 1),
     "mimic": dict.fromkeys(("multiplier", "offset"), 1),
 }
-"""Likewise, of a joint. Limits may be infinite."""
 
 
 def read_urdf(source, max_joints=MAX_JOINTS):
@@ -54,8 +52,8 @@ def read_element(robot, max_joints=MAX_JOINTS):
         )
     _reject_loops(robot)
     reduced = etree.Element("robot", name=_expanded(robot.get("name"), "The robot's name") or "robot")
-    inertials, origins = _add_links(robot, reduced), _add_joints(robot, reduced)
-    root = _root_link(reduced)
+    inertials = _add_links(robot, reduced)
+    origins, root = _add_joints(robot, reduced)
     read = _read(reduced)
     for link in read.links:
         if link.name in inertials:
@@ -175,8 +173,8 @@ def _add_links(robot, reduced):
 
 
 def _add_joints(robot, reduced):
-    """Copy the joints; return the placements of those that have an origin, by name."""
-    links = {link.get("name") for link in reduced}
+    """Copy the joints; return the placements of those that have an origin, by name, and the root link."""
+    links = dict.fromkeys(link.get("name") for link in reduced)
     names, parents, placements = set(), {}, {}
     for joint in robot.findall("joint"):
         name = _name(joint, names)
@@ -195,10 +193,10 @@ def _add_joints(robot, reduced):
             etree.SubElement(copy, end, link=link)
         if link in parents:
             raise UrdfError(
-                f"link '{link}' is the child of two joints, '{parents[link]}' and '{name}': the URDF has a loop, "
-                "and only trees can be modelled. Cut it at one of the two."
+                f"link '{link}' is the child of two joints, '{parents[link].get('name')}' and '{name}': the URDF has a "
+                "loop, and only trees can be modelled. Cut it at one of the two."
             )
-        parents[link] = name
+        parents[link] = copy
         _copy_numbers(joint, copy, JOINT, where)
         if joint.find("origin") is not None:
             placements[name] = placement_of(joint.find("origin"), where)
@@ -208,7 +206,7 @@ def _add_joints(robot, reduced):
         if kind == "planar" and copy.find("axis") is None:
             etree.SubElement(copy, "axis", xyz="0 0 1")  # as everybody takes it, whatever the default of other joints
         _check_numbers(copy, kind, where)
-    return placements
+    return placements, _root_link(links, {link: copy.find("parent").get("link") for link, copy in parents.items()})
 
 
 def _check_numbers(joint, kind, where):
@@ -259,21 +257,20 @@ def _copy_numbers(element, copy, tags, where):
                 target.set(attribute, " ".join(map(repr, numbers)))
 
 
-def _root_link(reduced):
-    """Return the one link without a parent, from which all others must be reached."""
-    links, children = [link.get("name") for link in reduced.findall("link")], {}
-    for joint in reduced.findall("joint"):
-        children.setdefault(joint.find("parent").get("link"), []).append(joint.find("child").get("link"))
-    has_parent = {child for group in children.values() for child in group}
-    roots = [link for link in links if link not in has_parent]
+def _root_link(links, parents):
+    """Return the one link without a parent, from which all others must be reached; `parents` has that of each child."""
+    roots, children = [link for link in links if link not in parents], {}
     if len(roots) > 1:
-        listed = ", ".join(f"'{root}'" for root in roots[:6]) + (", …" if len(roots) > 6 else "")
-        raise UrdfError(f"The URDF has {len(roots)} root links ({listed}), expected one: join them with fixed joints.")
-    front = list(roots)
-    for link in front:
-        front += children.get(link, ())
-    reached = set(front)
-    for link in links:
-        if link not in reached:
-            raise UrdfError(f"link '{link}' is part of a loop of joints; expected a tree.")
+        shown = listed([f"'{root}'" for root in roots], 6)
+        raise UrdfError(f"The URDF has {len(roots)} root links ({shown}), expected one: join them with fixed joints.")
+    for child, parent in parents.items():
+        children.setdefault(parent, []).append(child)
+    reached = dict.fromkeys(roots)
+    stack = list(roots)
+    while stack:
+        outboard = children.get(stack.pop(), ())
+        reached.update(dict.fromkeys(outboard))
+        stack += outboard
+    if lost := next((link for link in links if link not in reached), None):
+        raise UrdfError(f"link '{lost}' is part of a loop of joints; expected a tree.")
     return roots[0]
