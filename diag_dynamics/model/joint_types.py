@@ -21,7 +21,6 @@ class JointType(NamedTuple):
 
 _LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))
 _ANGULAR = (("w_x", ANGULAR_X), ("w_y", ANGULAR_Y), ("w_z", ANGULAR_Z))
-
 QUATERNION = ("qx", "qy", "qz", "qw")  # suffixes of coordinates that are together an orientation
 
 JOINT_TYPES = {
@@ -33,8 +32,7 @@ JOINT_TYPES = {
     "planar": JointType(PLANAR, (*_LINEAR[:2], _ANGULAR[2]), ("x", "y", "theta")),
 }
 
-SINGLE = tuple(name for name, kind in JOINT_TYPES.items() if len(kind.freedoms) == 1)
-"""Those of one degree of freedom."""
+SINGLE = tuple(name for name, kind in JOINT_TYPES.items() if len(kind.freedoms) == 1)  # of one degree of freedom
 
 
 def single_joints(model):

@@ -16,13 +16,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.robot import RobotModel
 from diag_dynamics.sweeps.records import WRENCH
 
-_NUMBERS = "six finite numbers, force [N] then moment [N m]"
-
 FINGER_LENGTH = 0.25  # maximum length of a finger, as a fraction of the length of the chain that carries it
-
-MIN_MASS = 0.1
-"""Minimum mass of the end-effector link, as a fraction of the mass of all links that are fixed to it."""
-
+MIN_MASS = 0.1  # minimum mass of the end-effector link, as a fraction of the mass of all links that are fixed to it
 SAME_PLACE = 1e-6  # distance below which two links have the same origin [m]
 
 
@@ -84,18 +79,19 @@ def _deepest_link(model: RobotModel, body: int) -> str:
 
 def wrenches_on_links(model: RobotModel, f_ext: Any, frame: str) -> npt.NDArray[np.void]:
     """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world"."""
-    return _records(model, f_ext, frame, (), _NUMBERS)
+    return _records(model, f_ext, frame, ())
 
 
 def wrenches_on_links_of_many(model: RobotModel, f_ext: Any, frame: str, count: int) -> npt.NDArray[np.void]:
     """Return the records of many states, state by state; six numbers for all of them, or an array of shape (count, 6)."""
-    expected = f"{_NUMBERS}, or ({count}, 6) of them: a row for each state"
-    return _records(model, f_ext, frame, (count,), expected)
+    return _records(model, f_ext, frame, (count,))
 
 
-def _records(model: RobotModel, f_ext: Any, frame: str, states: tuple[int, ...], expected: str) -> npt.NDArray[np.void]:
+def _records(model: RobotModel, f_ext: Any, frame: str, states: tuple[int, ...]) -> npt.NDArray[np.void]:
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)
+    expected = "six finite numbers, force [N] then moment [N m]"
+    expected += "".join(f", or ({count}, 6) of them: a row for each state" for count in states)
     records = np.zeros((*(states or (1,)), len(f_ext)), WRENCH)
     for k, (name, given) in enumerate(f_ext.items()):
         if name not in model.link_names:

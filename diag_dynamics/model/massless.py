@@ -50,7 +50,7 @@ def reject_massless(model, tree, found):
     lines = []
     for k in massless[:MAX_LISTED]:
         link = joints[k].joint.child if joints[k].joint else model.root_link
-        is_heavy = tree.body_of(joints[k].name) in heavy
+        is_heavy = tree.last_body[joints[k].name] in heavy
         why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
         lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}")
     if len(massless) > MAX_LISTED:

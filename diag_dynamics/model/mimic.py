@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from diag_dynamics.model.origins import LARGEST
 from diag_dynamics.rotations import wrap_angle
 
 _CURE = "mimic='free' takes every joint as independent."
-
-_Source: TypeAlias = tuple[Any, float, float]
-"""A joint of yourdfpy's at the end of a chain, with multiplier and offset."""
 
 
 class Mimic(NamedTuple):
@@ -43,16 +40,16 @@ def resolve_mimics(robot: Any, mode: str, locked: Mapping[str, float]) -> tuple[
     if mode == "free":
         return mimics, held
     joints = {joint.name: joint for joint in robot.joints}
-    sources: dict[str, _Source] = {}
+    known: dict[str, Mimic] = {}
     for joint in robot.joints:
         if _follows(joint, locked):
-            source, multiplier, offset = _source(joint, joints, locked, sources)
-            if source.name in locked or source.type == "fixed":
-                held[joint.name] = offset + multiplier * locked.get(source.name, 0.0)
-            elif mode == "lock" or multiplier == 0.0:
-                held[joint.name] = offset
+            mimic = _end_of_chain(joint, joints, locked, known)
+            if mimic.leader in locked or joints[mimic.leader].type == "fixed":
+                held[joint.name] = mimic.offset + mimic.multiplier * locked.get(mimic.leader, 0.0)
+            elif mode == "lock" or mimic.multiplier == 0.0:
+                held[joint.name] = mimic.offset
             else:
-                mimics[joint.name] = Mimic(source.name, multiplier, offset)
+                mimics[joint.name] = mimic
     return mimics, held
 
 
@@ -60,8 +57,8 @@ def _follows(joint: Any, locked: Mapping[str, float]) -> bool:
     return joint.mimic is not None and joint.name not in locked and joint.type != "fixed"
 
 
-def _source(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], known: dict[str, _Source]) -> _Source:
-    """Return the joint at the end of a chain of mimics; `known` holds the ends that were found before."""
+def _end_of_chain(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], known: dict[str, Mimic]) -> Mimic:
+    """Return the coupling of a joint to the end of its chain of mimics; `known` has those that were found before."""
     chain = {joint.name: joint}
     while joint.name not in known and _follows(joint, locked):
         _require_single(joint, list(chain))
@@ -75,10 +72,10 @@ def _source(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], 
             raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", list(chain))
         joint = chain[leader] = joints[leader]
     _require_single(joint, list(chain))
-    source: _Source = known.get(joint.name, (joint, 1.0, 0.0))
+    mimic = known.get(joint.name, Mimic(joint.name, 1.0, 0.0))
     for name in list(chain)[-2::-1]:
-        source = known[name] = _compose(chain[name], *source)
-    return source
+        mimic = known[name] = _composed(chain[name], mimic)
+    return mimic
 
 
 def _require_single(joint: Any, chain: list[str]) -> None:
@@ -90,19 +87,17 @@ def _require_single(joint: Any, chain: list[str]) -> None:
         )
 
 
-def _compose(joint: Any, source: Any, multiplier: float, offset: float) -> _Source:
-    """Return the source of a mimic joint, given that of the joint that it names."""
+def _composed(joint: Any, leaders: Mimic) -> Mimic:
+    """Return the coupling of a mimic joint, given that of the joint that it names."""
     own = joint.mimic
-    factor = 1.0 if own.multiplier is None else own.multiplier
-    product = factor * multiplier
-    offset = (own.offset or 0.0) + factor * offset
-    vanished = product == 0.0 and multiplier != 0.0 and factor != 0.0
+    product = own.multiplier * leaders.multiplier
+    offset = own.offset + own.multiplier * leaders.offset
+    vanished = product == 0.0 and leaders.multiplier != 0.0 and own.multiplier != 0.0
     if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
-        text = f"joint '{joint.name}' follows '{source.name}' with multiplier {product:g} and offset {offset:g}"
-        raise MimicJointError(
-            f"{text}; expected numbers within {LARGEST:g} that do not vanish. {_CURE}", [joint.name, source.name]
-        )
-    return source, product, offset
+        text = f"joint '{joint.name}' follows '{leaders.leader}' with multiplier {product:g} and offset {offset:g}"
+        text += f"; expected numbers within {LARGEST:g} that do not vanish. {_CURE}"
+        raise MimicJointError(text, [joint.name, leaders.leader])
+    return Mimic(leaders.leader, product, offset)
 
 
 def coupled_groups(mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None]) -> dict[str, set[str]]:

@@ -90,13 +90,6 @@ class Parameters:
         """Links with a payload of negative mass."""
         return [name for name, payload in self.payloads.items() if payload.mass < 0.0]
 
-    @property
-    def locked_text(self) -> str:
-        """The joints that were locked when the parameters were identified, with their positions; empty without any."""
-        locked = self.origin.get("locked_joints")
-        items = locked.items() if isinstance(locked, Mapping) else ()
-        return ", ".join(f"{name}={value}" for name, value in items)
-
     def by_joint(self, name: str) -> dict[str, float]:
         """Return one number of :class:`JointParameters` by joint, of those that have it."""
         return {joint: entry.known[name] for joint, entry in self.joints.items() if name in entry.known}
@@ -216,8 +209,7 @@ def apply_parameters(robot: Any, parameters: Parameters) -> Any:
     _reject_unknown("link", (*parameters.links, *parameters.payloads), robot.links, robot.name)
     robot = copy.copy(robot)
     robot.joints = [_with_resistance(joint, parameters.joints.get(joint.name)) for joint in robot.joints]
-    links = [_with_inertia(link, parameters.links.get(link.name)) for link in robot.links]
-    robot.links = [_with_payload(link, parameters.payloads.get(link.name)) for link in links]
+    robot.links = [_with_bodies(link, parameters) for link in robot.links]
     return robot
 
 
@@ -241,20 +233,21 @@ def _with_resistance(joint: Any, given: JointParameters | None) -> Any:
     return joint
 
 
-def _with_inertia(link: Any, given: Payload | None) -> Any:
-    if given is None:
+def _with_bodies(link: Any, parameters: Parameters) -> Any:
+    """Return the link with its inertia of the parameters, and with a payload as part of its inertia."""
+    if link.name in parameters.links:
+        link = _with_inertia(link, parameters.links[link.name])
+    payload = parameters.payloads.get(link.name)
+    if payload is None or payload.mass == 0.0:
         return link
+    return _with_inertia(link, payload if link.inertial is None else _union(_body_of(link), payload, link.name))
+
+
+def _with_inertia(link: Any, given: Payload) -> Any:
     link, place = copy.copy(link), np.eye(4)
     place[:3, 3] = np.asarray(given.com, float)
     link.inertial = SimpleNamespace(mass=given.mass, inertia=np.array(given.inertia, float), origin=place)
     return link
-
-
-def _with_payload(link: Any, payload: Payload | None) -> Any:
-    """Return the link with a payload as part of its own inertia."""
-    if payload is None or payload.mass == 0.0:
-        return link
-    return _with_inertia(link, payload if link.inertial is None else _union(_body_of(link), payload, link.name))
 
 
 def _plain(body: Payload) -> dict[str, Any]:
@@ -294,12 +287,15 @@ def reject_too_light(tree: Tree, parameters: Parameters) -> None:
             whole = RigidBody.about_origin(mass, body["first_moment"], symmetric(body["inertia"]))
             reason = not_physical(whole.inertia, mass)
         if mass <= 0.0 or reason:
-            locked = parameters.locked_text  # links behind these joints moved with theirs
-            raise InputError(
+            text = (
                 f"parameters: a payload of negative mass is on link '{name}', which leaves {mass:.3g} kg {reason or ''}: "
                 "more is taken off than moves with that link."
-                + (f" It was identified with locked_joints {locked}." if locked else "")
             )
+            locked = parameters.origin.get("locked_joints")
+            if isinstance(locked, Mapping) and locked:  # links behind these joints moved with theirs
+                listed_joints = ", ".join(f"{joint}={position}" for joint, position in locked.items())
+                text += f" It was identified with locked_joints {listed_joints}."
+            raise InputError(text)
 
 
 def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[str, Payload]:

@@ -58,7 +58,7 @@ class Tree:
         self.joints, self.groups, self.group_sizes = [], [], []
         self._coordinates = self._dofs = 0
         self._records = [np.zeros((), BODY)]
-        self._body = {None: 0}  # last body of each moving joint, by name
+        self.last_body = {None: 0}  # of each moving joint, by name
         self._moving = {}
         places = self._merge_links()
         self._order = {link: k for k, link in enumerate(places)}
@@ -69,16 +69,15 @@ class Tree:
                 self.groups.append(tuple(block))
                 self.group_sizes.append(sum(len(self._moving[name].type.freedoms) for name in block))
         links = {link.name: link for link in robot.links}
-        self.links = [(links[link], self._body[carrier], place) for link, (carrier, place) in places.items()]
+        self.links = [(links[link], self.last_body[carrier], place) for link, (carrier, place) in places.items()]
         self.dof_names = tuple(n for j in self.joints for n in j.names(suffix for suffix, _ in j.type.freedoms))
         self.coordinate_names = tuple(n for j in self.joints for n in j.names(j.type.coordinates))
-        self.orientations = tuple(
-            QUATERNION.index(suffix) if suffix in QUATERNION else -1
-            for j in self.joints
-            for suffix in j.type.coordinates
-        )
+        suffixes = [suffix for j in self.joints for suffix in j.type.coordinates]
+        self.orientations = tuple(QUATERNION.index(suffix) if suffix in QUATERNION else -1 for suffix in suffixes)
         for what, names in (("degrees of freedom", self.dof_names), ("positions", self.coordinate_names)):
-            _reject_same_names(what, names)
+            [(name, count)] = Counter(names).most_common(1) or [("", 0)]
+            if count > 1:
+                raise UrdfError(f"Two {what} would have the name '{name}': rename one of the joints.")
 
     def _merge_links(self):
         """Find the moving joints; return the joint that moves each link, and the link's placement in its frame."""
@@ -134,13 +133,13 @@ class Tree:
         for name in block:
             if name in self.mimics:
                 leader, multiplier, offset = self.mimics[name]
-                record, led = self._records[self._body[name]], self._records[self._body[leader]]
-                record["q"], record["dof"], record["leader"] = led["q"], led["dof"], self._body[leader]
+                record, led = self._records[self.last_body[name]], self._records[self.last_body[leader]]
+                record["q"], record["dof"], record["leader"] = led["q"], led["dof"], self.last_body[leader]
                 record["multiplier"], record["offset"] = multiplier, offset
 
     def _add_joint(self, joint):
         """Add the bodies of a joint, one for each degree of freedom."""
-        parent, placement = self._body[joint.carrier], joint.placement
+        parent, placement = self.last_body[joint.carrier], joint.placement
         for rank, (_, direction) in enumerate(joint.type.freedoms):
             body, own = np.zeros((), BODY), len(self._records)
             body["parent"], body["direction"] = parent, direction
@@ -151,15 +150,11 @@ class Tree:
             body["rotation"], body["translation"] = placement[:3, :3].ravel(), placement[:3, 3]
             parent, placement = own, np.eye(4)
             self._records.append(body)
-        self._body[joint.name] = parent
+        self.last_body[joint.name] = parent
         if joint.name not in self.mimics:
             self._coordinates += len(joint.type.coordinates)
             self._dofs += len(joint.type.freedoms)
             self.joints.append(joint)
-
-    def body_of(self, joint):
-        """Return the last body of a moving joint."""
-        return self._body[joint]
 
     def per_dof(self, element, attribute, default):
         """Return a number of the URDF for each degree of freedom; those of one joint share it."""
@@ -181,15 +176,15 @@ class Tree:
         values = self.per_dof("dynamics", attribute, 0.0)
         for name, mimic in self.mimics.items():
             own = self._moving[name].number("dynamics", attribute, 0.0)
-            values[self._records[self._body[name]]["dof"]] += own * abs(mimic.multiplier) ** exponent
+            values[self._records[self.last_body[name]]["dof"]] += own * abs(mimic.multiplier) ** exponent
         return values
 
     def reflected(self, efforts):
         """Return the effort at each degree of freedom, with those of mimic joints times their multipliers."""
         values = np.zeros(self._dofs)
         for name, effort in efforts.items():
-            if name in self._body:
-                record = self._records[self._body[name]]
+            if name in self.last_body:
+                record = self._records[self.last_body[name]]
                 values[record["dof"]] += effort * record["multiplier"]
         return values
 
@@ -198,7 +193,7 @@ class Tree:
         links = self._link_records(payloads)
         bodies = np.array(self._records, BODY)
         for name in self._moving:
-            bodies["armature"][self._body[name]] = armature.get(name, 0.0)
+            bodies["armature"][self.last_body[name]] = armature.get(name, 0.0)
         for part in ("mass", "first_moment", "inertia"):
             np.add.at(bodies[part], links["body"], links[part])
         return bodies, links
@@ -219,12 +214,6 @@ class Tree:
                 if mass or np.any(inertia):
                     records.append((body, index, mass, first_moment, inertia[_UPPER]))
         return np.array(records, LINK)
-
-
-def _reject_same_names(what, names):
-    if len(set(names)) < len(names):
-        [(twice, _)] = Counter(names).most_common(1)
-        raise UrdfError(f"Two {what} would have the name '{twice}': rename one of the joints.")
 
 
 def _about_origin(centre, mass, inertia):
