@@ -139,7 +139,7 @@ def united(solids: Iterable[Solid]) -> Solid:
     parts = list(solids)
     body = RigidBody.union(*map(_body, parts))
     corners = np.concatenate([part.corners for part in parts])
-    return Solid(body.mass, body.centre, body.inertia, corners, tuple(of for part in parts for of in part.of))
+    return Solid(body.mass, body.centre, body.inertia, corners, sum((part.of for part in parts), ()))
 
 
 def moved(solid: Solid, placement: Array) -> Solid:

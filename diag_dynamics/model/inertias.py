@@ -31,8 +31,7 @@ class Payload(NamedTuple):
 
 def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
     """Return each :class:`Payload` with mass, of read-only arrays."""
-    links = [link.name for link in robot.links]
-    checked = {}
+    links, checked = [link.name for link in robot.links], {}
     for name, given in mapping("payloads", value).items():
         if name not in links:
             raise InputError(f"payloads: {name!r} is not a link of robot '{robot.name}'.")
@@ -40,10 +39,8 @@ def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
             payload = Payload(*given)
         except TypeError as error:
             raise InputError(f"payloads: '{name}' has {given!r}, expected (mass, com, inertia).") from error
-        payload = checked_body(payload, "payloads: ", f" on link '{name}'")
-        if payload.mass > 0.0:
-            checked[name] = payload
-    return checked
+        checked[name] = checked_body(payload, "payloads: ", f" on link '{name}'")
+    return {name: payload for name, payload in checked.items() if payload.mass > 0.0}
 
 
 def checked_body(body: Payload, before: str, after: str = "", may_be_negative: bool = False) -> Payload:

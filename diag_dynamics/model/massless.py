@@ -29,15 +29,15 @@ def massless_freedoms(model):
     return np.flatnonzero(massless), smallest
 
 
-def positions_to_hold(model, tree, found):
+def positions_to_hold(model, found):
     """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
-    joints, at = _joints_of_dofs(tree), {name: k for k, name in enumerate(model.coordinate_names)}
-    names = [joints[k].name for k in found[0] if joints[k].is_single]
+    at = {name: k for k, name in enumerate(model.coordinate_names)}
+    names = [name for name in _names_of(model, found[0]) if name in at]  # of one degree of freedom
     return {name: float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]])) for name in names}
 
 
-def _joints_of_dofs(tree):
-    return [joint for joint in tree.joints for _ in joint.type.freedoms]
+def _names_of(model, dofs):
+    return [model.dof_names[k] for k in dofs]
 
 
 def reject_massless(model, tree, found):
@@ -45,7 +45,7 @@ def reject_massless(model, tree, found):
     massless, smallest = found
     if not len(massless):
         return
-    joints = _joints_of_dofs(tree)
+    joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
     heavy = {body for link, body, _ in tree.links if _has_inertia(link)}
     lines = []
     for k in massless[:MAX_LISTED]:
@@ -56,8 +56,7 @@ def reject_massless(model, tree, found):
     if len(massless) > MAX_LISTED:
         lines.append(f"… and {len(massless) - MAX_LISTED} more")
     advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
-    single = next((joints[k].name for k in massless if joints[k].is_single), None)
-    if single:
+    if single := next((name for name in _names_of(model, massless) if name in model.coordinate_names), None):
         advice += (
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."
@@ -65,7 +64,7 @@ def reject_massless(model, tree, found):
     raise MasslessLinkError(
         f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix singular: "
         f"{'; '.join(lines)}. {advice}",
-        [model.dof_names[k] for k in massless],
+        _names_of(model, massless),
         smallest[massless],
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MimicJointError
-from diag_dynamics.model.joint_types import SINGLE
+from diag_dynamics.model.joint_types import SINGLE, places
 from diag_dynamics.model.origins import LARGEST
 from diag_dynamics.rotations import wrap_angle
 
@@ -64,9 +64,8 @@ def _end_of_chain(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, fl
         _require_single(joint, list(chain))
         leader = joint.mimic.joint
         if leader not in joints:
-            raise MimicJointError(
-                f"joint '{joint.name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}", [joint.name]
-            )
+            text = f"joint '{joint.name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}"
+            raise MimicJointError(text, [joint.name])
         if leader in chain:
             way = " → ".join(map(repr, [*chain, leader]))
             raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", list(chain))
@@ -80,11 +79,8 @@ def _end_of_chain(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, fl
 
 def _require_single(joint: Any, chain: list[str]) -> None:
     if joint.type not in (*SINGLE, "fixed"):
-        raise MimicJointError(
-            f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, where each mimics the next; "
-            f"expected one degree of freedom. {_CURE}",
-            chain,
-        )
+        text = f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, where each mimics the next"
+        raise MimicJointError(f"{text}; expected one degree of freedom. {_CURE}", chain)
 
 
 def _composed(joint: Any, leaders: Mimic) -> Mimic:
@@ -156,11 +152,9 @@ class Followers:
         tolerance: float = 0.0,
         continuous: Container[str] = (),
     ) -> None:
-        self.names = tuple(mimics)
-        self.tolerance = tolerance
+        self.names, self.tolerance = tuple(mimics), tolerance
         self._leader_names = tuple(mimic.leader for mimic in mimics.values())
-        place = {name: k for k, name in enumerate(joints)}
-        self.leaders = np.array([place[leader] for leader in self._leader_names], dtype=int)
+        self.leaders = np.array(places(self._leader_names, joints), dtype=int)
         self.turns = np.array([name in continuous for name in self.names], dtype=bool)
         self.multipliers = np.array([mimic.multiplier for mimic in mimics.values()], float)
         self.offsets = np.array([mimic.offset for mimic in mimics.values()], float)

@@ -217,9 +217,8 @@ def _reject_unknown(what: str, given: Iterable[str], elements: Iterable[Any], ro
     known = [element.name for element in elements]
     for name in given:
         if name not in known:
-            raise InputError(
-                f"parameters: '{name}' is not a {what} of robot '{robot}'. Its {what}s are {listed(known)}."
-            )
+            text = f"parameters: '{name}' is not a {what} of robot '{robot}'. Its {what}s are {listed(known)}."
+            raise InputError(text)
 
 
 def _with_resistance(joint: Any, given: JointParameters | None) -> Any:

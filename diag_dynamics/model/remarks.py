@@ -93,9 +93,8 @@ def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
 
 
 def _unknown_attributes(element: Any, kind: str, name: str) -> Iterator[Remark]:
-    known = ATTRIBUTES.get(element.tag)
-    for attribute in () if known is None else element.keys():
-        if attribute not in known and ":" not in attribute and "}" not in attribute:
+    for attribute in element.keys() if element.tag in ATTRIBUTES else ():
+        if attribute not in ATTRIBUTES[element.tag] and ":" not in attribute and "}" not in attribute:
             what = f"<{element.tag}> has the unknown attribute {short(attribute)}, ignored"
             yield Remark(kind, name, what, "Is it misspelt?")
 

@@ -46,7 +46,7 @@ REACH = 1.0  # distance from zero of random positions without limits [m]; angles
 
 
 class Options(NamedTuple):
-    """Arguments of :func:`load_urdf`, checked; `held` are the joints that massless="lock" locks, None before it is known."""
+    """Checked arguments of :func:`load_urdf`; `held` are the joints that massless="lock" locks, None before it is known."""
 
     floating_base: bool
     gravity: Array
@@ -213,11 +213,10 @@ class RobotModel:
 
     def random(self, rng: np.random.Generator | int | None = None) -> Array:
         """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m; `rng` may be a seed."""
-        if not isinstance(rng, np.random.Generator):
-            try:
-                rng = np.random.default_rng(rng)
-            except (TypeError, ValueError) as error:
-                raise InputError(f"rng is {rng!r}, expected a numpy.random.Generator or a seed.") from error
+        try:
+            rng = np.random.default_rng(rng)  # a generator is itself
+        except (TypeError, ValueError) as error:
+            raise InputError(f"rng is {rng!r}, expected a numpy.random.Generator or a seed.") from error
         free = np.where(is_angle(self), math.pi, REACH)
         has_lower, has_upper = np.isfinite(self.lower), np.isfinite(self.upper)
         # With one limit alone, the range begins or ends there.
@@ -490,7 +489,8 @@ def _by_joint(name: str, value: object, robot: Any, expected: str, valid: Callab
 
 def _model(robot: Any, root: str, options: Options, applied: Parameters | None = None) -> RobotModel:
     """Build the model of a robot with all options; the mass that applied parameters take off must be there."""
-    is_known, held = options.held is not None, options.held or {}
+    search = options.massless == "lock" and options.held is None
+    held = options.held or {}
     while True:
         options = options._replace(held=held)
         tree = _tree(robot, root, options)
@@ -498,7 +498,7 @@ def _model(robot: Any, root: str, options: Options, applied: Parameters | None =
             reject_too_light(tree, applied)
         model = RobotModel(tree, options)
         found = massless_freedoms(model)
-        more = positions_to_hold(model, tree, found) if options.massless == "lock" and not is_known else {}
+        more = positions_to_hold(model, found) if search else {}
         if not more:
             reject_massless(model, tree, found)
             return model
@@ -510,12 +510,10 @@ def _tree(robot: Any, root: str, options: Options) -> Tree:
     tree = Tree(robot, root, options.floating_base, locked, mimics)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):
         if size > options.max_coupled:
-            raise MimicJointError(
-                f"robot '{robot.name}' has a group of {len(group)} coupled joints, '{group[0]}' to '{group[-1]}', of {size} "
-                f"bodies, and no more than {options.max_coupled} are accepted. Raise max_coupled, or "
-                "take every joint as independent by mimic='free'.",
-                group,
-            )
+            text = f"robot '{robot.name}' has a group of {len(group)} coupled joints, '{group[0]}' to '{group[-1]}', of"
+            most = f"and no more than {options.max_coupled} are accepted"
+            cure = "Raise max_coupled, or take every joint as independent by mimic='free'."
+            raise MimicJointError(f"{text} {size} bodies, {most}. {cure}", group)
     return tree
 
 

@@ -23,11 +23,10 @@ class MovingJoint:
     def __init__(self, name, kind, carrier, placement, joint=None):
         self.name, self.kind, self.type = name, kind, JOINT_TYPES[kind]
         self.carrier, self.placement, self.joint = carrier, placement, joint
-        self.is_single = len(self.type.freedoms) == 1
-
-    def names(self, suffixes):
-        """Return the names of degrees of freedom or coordinates with these suffixes."""
-        return [f"{self.name}/{suffix}" if suffix else self.name for suffix in suffixes]
+        self.dof_names, self.coordinate_names = (
+            [f"{name}/{suffix}" if suffix else name for suffix in suffixes]
+            for suffixes in ([suffix for suffix, _ in self.type.freedoms], self.type.coordinates)
+        )
 
     def number(self, element, attribute, default):
         """Return a number of a child element in the URDF."""
@@ -70,8 +69,8 @@ class Tree:
                 self.group_sizes.append(sum(len(self._moving[name].type.freedoms) for name in block))
         links = {link.name: link for link in robot.links}
         self.links = [(links[link], self.last_body[carrier], place) for link, (carrier, place) in places.items()]
-        self.dof_names = tuple(n for j in self.joints for n in j.names(suffix for suffix, _ in j.type.freedoms))
-        self.coordinate_names = tuple(n for j in self.joints for n in j.names(j.type.coordinates))
+        self.dof_names = tuple(name for joint in self.joints for name in joint.dof_names)
+        self.coordinate_names = tuple(name for joint in self.joints for name in joint.coordinate_names)
         suffixes = [suffix for j in self.joints for suffix in j.type.coordinates]
         self.orientations = tuple(QUATERNION.index(suffix) if suffix in QUATERNION else -1 for suffix in suffixes)
         for what, names in (("degrees of freedom", self.dof_names), ("positions", self.coordinate_names)):

@@ -166,7 +166,9 @@ def _add_links(robot, reduced):
             missing = [a for a in attributes if element is None or element.get(a) is None]
             if missing:
                 raise UrdfError(f"{where}: <inertial> lacks <{part} {missing[0]}=…>.")
-        _reject_negative(inertial, "mass", "value", f"{where}: mass", " kg")
+        mass = inertial.find("mass").get("value")
+        if float(mass) < 0.0:
+            raise UrdfError(f"{where}: mass {mass} kg is negative.")
     if not names:
         _reject_no_links(robot)
     return placements
@@ -200,9 +202,9 @@ def _add_joints(robot, reduced):
         _copy_numbers(joint, copy, JOINT, where)
         if joint.find("origin") is not None:
             placements[name] = placement_of(joint.find("origin"), where)
-        if copy.find("mimic") is not None:
-            source = _expanded(joint.find("mimic").get("joint"), f"{where}: the joint it mimics")
-            copy.find("mimic").set("joint", source or "")
+        if (mimic := copy.find("mimic")) is not None:
+            source = joint.find("mimic").get("joint", "")
+            mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
         if kind == "planar" and copy.find("axis") is None:
             etree.SubElement(copy, "axis", xyz="0 0 1")  # as everybody takes it, whatever the default of other joints
         _check_numbers(copy, kind, where)
@@ -211,24 +213,16 @@ def _add_joints(robot, reduced):
 
 def _check_numbers(joint, kind, where):
     """Reject numbers that no joint can have."""
-    for attribute in ("damping", "friction"):
-        _reject_negative(joint, "dynamics", attribute, f"{where}: {attribute}")
-    limit, axis = joint.find("limit"), joint.find("axis")
-    if kind in ("revolute", "prismatic") and limit is not None:
-        lower, upper = limit.get("lower", "-inf"), limit.get("upper", "inf")
-        if float(lower) > float(upper):
-            raise UrdfError(f"{where}: lower limit {lower} is above the upper one, {upper}.")
-    if kind not in ("fixed", "floating") and axis is not None:
-        xyz = axis.get("xyz", "1 0 0")
-        if math.hypot(*map(float, xyz.split())) < 1e-9:
-            raise UrdfError(f"{where}: axis '{xyz}' has no direction.")
-
-
-def _reject_negative(element, tag, attribute, named, unit=""):
-    child = element.find(tag)
-    value = "0" if child is None else child.get(attribute, "0")
-    if float(value) < 0.0:
-        raise UrdfError(f"{named} {value}{unit} is negative.")
+    axis, limit, dynamics, _ = ({} if joint.find(tag) is None else joint.find(tag).attrib for tag in JOINT)
+    for attribute, value in dynamics.items():
+        if float(value) < 0.0:
+            raise UrdfError(f"{where}: {attribute} {value} is negative.")
+    lower, upper = limit.get("lower", "-inf"), limit.get("upper", "inf")
+    if kind in ("revolute", "prismatic") and float(lower) > float(upper):
+        raise UrdfError(f"{where}: lower limit {lower} is above the upper one, {upper}.")
+    xyz = axis.get("xyz", "1 0 0")
+    if kind not in ("fixed", "floating") and math.hypot(*map(float, xyz.split())) < 1e-9:
+        raise UrdfError(f"{where}: axis '{xyz}' has no direction.")
 
 
 def _name(element, taken):
