@@ -171,7 +171,7 @@ class Estimated(NamedTuple):
     """Text of a URDF with estimated inertias at a density [kg/m³], and by link why an inertia could not be estimated."""
 
     text: str
-    estimates: list[Estimate]
+    estimates: tuple[Estimate, ...]
     density: float
     failed: dict[str, str]
 
@@ -209,7 +209,7 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
         source, body = f"{role} {' + '.join(solid.of)}", (rho * solid.volume, solid.centre, rho * solid.inertia)
         insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", *body)
         estimates.append(Estimate(name, *body, source))
-    return Estimated(etree.tostring(robot.getroottree(), encoding="unicode"), estimates, rho, failed)
+    return Estimated(etree.tostring(robot.getroottree(), encoding="unicode"), tuple(estimates), rho, failed)
 
 
 def _measured_link(link: Any, meshes: Meshes) -> tuple[str, Solid]:

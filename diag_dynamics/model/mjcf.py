@@ -101,10 +101,11 @@ def read_mjcf(source: str | os.PathLike[str]) -> Described:
     _reject_unsupported(c)
     top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
     floating = len(c.free) == 1 and len(top) == 1
-    writer = _Writer(c, floating)
     gravity = np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy()
-    options = {"floating_base": floating, "gravity": gravity, "armature": writer.armature}
-    return Described(etree.tostring(writer.robot, encoding="unicode"), options, tuple(_omitted(c)))
+    armature = {c.name("joint", j): float(c.armature[c.m.jnt_dofadr[j]]) for j in c.single}
+    options = {"floating_base": floating, "gravity": gravity, "armature": armature}
+    text = etree.tostring(_Writer(c, floating).robot, encoding="unicode")
+    return Described(text, options, tuple(_omitted(c)))
 
 
 class _Compiled:
@@ -124,6 +125,17 @@ class _Compiled:
         self.actuated = {a: j for a, j in ends.items() if j in self.single}  # the hinge or slide of an actuator
         self.equality_kinds = self.kinds("mjtEq", "eq_type")
         self.equalities = [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
+        self.limited = np.zeros(m.njnt, bool) if self.is_disabled("limit") else m.jnt_limited.astype(bool)
+        self.friction = np.zeros(m.nv) if self.is_disabled("frictionloss") else m.dof_frictionloss
+        self.damping = np.zeros(m.nv) if self.is_disabled("damper") else self._with_actuators("damping")
+        self.armature = self._with_actuators("armature")
+
+    def _with_actuators(self, name):
+        """Return damping or armature by degree of freedom, with that of actuators, which MuJoCo adds at run time."""
+        m, values = self.m, getattr(self.m, f"dof_{name}").copy()
+        for a in self.nonzero(self.actuated, f"actuator_{name}"):
+            values[m.jnt_dofadr[self.actuated[a]]] += getattr(m, f"actuator_{name}")[a] * self.gear(a) ** 2
+        return values
 
     def kinds(self, enum, attribute):
         """Return the kind of each object, named as by an enumeration of MuJoCo: "hinge" of mjtJoint's mjJNT_HINGE."""
@@ -159,6 +171,16 @@ class _Compiled:
         """Return whether a body is a mocap body, or on one, that carries no joint."""
         root = self.m.body_rootid[b]
         return self.m.body_mocapid[root] >= 0 and not np.any(self.m.body_dofnum[self.m.body_rootid == root])
+
+    def reference(self, j):
+        """Return the position of a hinge or slide at which its body is where the file has it [rad, m]."""
+        return float(self.m.qpos0[self.m.jnt_qposadr[j]])
+
+    def rotation(self, quaternion):
+        """Return the rotation matrix of a quaternion (w, x, y, z)."""
+        matrix = np.zeros(9)
+        self.mujoco.mju_quat2Mat(matrix, quaternion)
+        return matrix.reshape(3, 3)
 
     def gear(self, a):
         row = self.m.actuator_outadr[a] if hasattr(self.m, "actuator_outadr") else a
@@ -279,23 +301,13 @@ def _add(parent, tag, **attributes):
 
 
 class _Writer:
-    """Writer of a compiled model as the <robot> element of a URDF; `armature` [kg m², kg] is by joint name."""
+    """Writer of a compiled model as the <robot> element of a URDF."""
 
     def __init__(self, c, floating):
         self._c, self._m, self._floating = c, c.m, floating
-        m = c.m
-        self._limited = np.zeros(m.njnt, bool) if c.is_disabled("limit") else m.jnt_limited.astype(bool)
         self._effort = _effort_limits(c)
-        self._equality = {int(m.eq_obj1id[e]): e for e in c.equalities}
-        self._friction = np.zeros(m.nv) if c.is_disabled("frictionloss") else m.dof_frictionloss
-        armature, self._damping = m.dof_armature.copy(), m.dof_damping.copy()
-        for values, attribute in ((armature, "actuator_armature"), (self._damping, "actuator_damping")):
-            for a in c.nonzero(c.actuated, attribute):  # MuJoCo adds these at run time
-                values[m.jnt_dofadr[c.actuated[a]]] += getattr(m, attribute)[a] * c.gear(a) ** 2
-        if c.is_disabled("damper"):
-            self._damping[:] = 0.0
-        self.armature = {c.name("joint", j): float(armature[m.jnt_dofadr[j]]) for j in c.single}
-        self.robot = etree.Element("robot", name=m.names[: m.names.index(b"\0")].decode() or "mjcf")
+        self._equality = {int(c.m.eq_obj1id[e]): e for e in c.equalities}
+        self.robot = etree.Element("robot", name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf")
         if not floating:
             _add(self.robot, "link", name="world")
         for b in c.bodies:
@@ -307,7 +319,7 @@ class _Writer:
         name, parent = c.name("body", b), c.name("body", int(m.body_parentid[b]))
         link = _add(self.robot, "link", name=name)
         if m.body_mass[b] > 0.0:
-            turn = self._rotation(m.body_iquat[b])
+            turn = c.rotation(m.body_iquat[b])
             inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
             set_inertia(_add(link, "inertial"), m.body_mass[b], m.body_ipos[b], inertia)
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
@@ -316,9 +328,9 @@ class _Writer:
                 self._add_joint(c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3))
             return
         # Each joint turns or shifts all that follows about its anchor; links between joints of one body have no inertia.
-        place, turn, anchor = m.body_pos[b], self._rotation(m.body_quat[b]), np.zeros(3)
+        place, turn, anchor = m.body_pos[b], c.rotation(m.body_quat[b]), np.zeros(3)
         for j in joints:
-            joint, axis, ref = c.name("joint", j), m.jnt_axis[j], self._reference(j)
+            joint, axis, ref = c.name("joint", j), m.jnt_axis[j], c.reference(j)
             child, slides = f"{name}/{joint}", c.joint_kinds[j] == "slide"
             _add(self.robot, "link", name=child)
             place = place + turn @ (m.jnt_pos[j] - anchor)
@@ -326,7 +338,7 @@ class _Writer:
                 place = place - ref * (turn @ axis)
             else:
                 turn = turn @ rotations.about_axis(axis, -ref)
-            kind = "prismatic" if slides else "revolute" if self._limited[j] else "continuous"
+            kind = "prismatic" if slides else "revolute" if c.limited[j] else "continuous"
             self._describe(self._add_joint(joint, kind, parent, child, place, turn), j)
             parent, place, turn, anchor = child, np.zeros(3), np.eye(3), m.jnt_pos[j]
         self._add_joint(f"{name}/fixed", "fixed", parent, name, place - turn @ anchor, turn)
@@ -340,25 +352,15 @@ class _Writer:
 
     def _describe(self, joint, j):
         """Add axis, friction, limits and coupling of a hinge or slide."""
-        m, dof = self._m, self._m.jnt_dofadr[j]
+        m, c, dof = self._m, self._c, self._m.jnt_dofadr[j]
         _add(joint, "axis", xyz=m.jnt_axis[j])
-        _add(joint, "dynamics", damping=self._damping[dof], friction=self._friction[dof])
+        _add(joint, "dynamics", damping=c.damping[dof], friction=c.friction[dof])
         limits = {"effort": self._effort[j], "velocity": np.inf}
         if joint.get("type") != "continuous":
-            limits["lower"], limits["upper"] = m.jnt_range[j] if self._limited[j] else (-np.inf, np.inf)
+            limits["lower"], limits["upper"] = m.jnt_range[j] if c.limited[j] else (-np.inf, np.inf)
         _add(joint, "limit", **limits)
         if j in self._equality:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2)
             e = self._equality[j]
             source, multiplier = int(m.eq_obj2id[e]), float(m.eq_data[e, 1])
-            offset = float(m.eq_data[e, 0]) + self._reference(j) - multiplier * self._reference(source)
-            _add(joint, "mimic", joint=self._c.name("joint", source), multiplier=multiplier, offset=offset)
-
-    def _reference(self, j):
-        """Return the position of a hinge or slide at which the body is where the file has it [rad, m]."""
-        return float(self._m.qpos0[self._m.jnt_qposadr[j]])
-
-    def _rotation(self, quaternion):
-        """Return the rotation matrix of a quaternion (w, x, y, z)."""
-        matrix = np.zeros(9)
-        self._c.mujoco.mju_quat2Mat(matrix, quaternion)
-        return matrix.reshape(3, 3)
+            offset = float(m.eq_data[e, 0]) + c.reference(j) - multiplier * c.reference(source)
+            _add(joint, "mimic", joint=c.name("joint", source), multiplier=multiplier, offset=offset)
