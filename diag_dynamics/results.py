@@ -358,7 +358,7 @@ def reusable(result: Evaluation, memory: Any) -> Any:
     return result
 
 
-def memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel, maker: str) -> Any:
+def memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel) -> Any:
     """Return the memory of a result that may be overwritten."""
     memory = getattr(out, "_memory", None)
     if memory is not None and type(out) is kind and out._model is model:
@@ -370,7 +370,8 @@ def memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel, maker:
         found = f"of another model, robot '{out.model.name}' ({out.model.nv} dof)"
     else:
         found = f"an earlier call's {name}, which stays as it is"
-    raise InputError(f"out is {found}, expected what {maker} of the dynamics of '{model.name}' has made.")
+    maker = "new_batch(T)" if kind is BatchEvaluation else "new_evaluation()"
+    raise InputError(f"out is {found}, expected a result of {maker} of '{model.name}'.")
 
 
 def rates(rows: Any, external: Term, friction: Term) -> tuple[Array, Array]:

@@ -14,6 +14,8 @@ import numpy as np
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
 from diag_dynamics.checks import in_order, number, numbers, per_name, vector
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.dynamics.arguments import States
+from diag_dynamics.dynamics.calls import raise_failure
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import places, single_joints
@@ -341,7 +343,8 @@ class Simulation:
         status = compiled.advance(memory.address, self._order, self.step_size, steps, tau, wrenches, frame == "world")
         self._effort, self._wanted = effort, wanted
         if status:
-            self.dynamics.refuse(status, memory.workspace, memory["q"], nu=memory["nu"])
+            state = States(memory["q"], {"nu": memory["nu"]})
+            raise_failure(self.model, status, memory.workspace.work, state)
 
     def evaluate(
         self, tau: VectorLike | None = None, f_ext: Wrenches | None = None, *, frame: Frame = "link"

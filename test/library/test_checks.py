@@ -86,6 +86,7 @@ WRONG = [
     (lambda d: d.evaluate(Z, [1e150, 0], LARGE), "too large"),  # the power
     (lambda d: d.evaluate_batch([Z] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9), "state 0: q, qd, tau are too large"),
     (lambda d: d.evaluate(Z, [1e150, 0], f_ext={"upper": [0, 1e200, 0, 0, 0, 1e200]}), "power overflows"),
+    (lambda d: d.evaluate(Z, Z, f_ext={"lower": [1.7e308] * 6}), "f_ext is too large"),
     (lambda d: d.evaluate(Z, Z, f_ext={"hand": [0] * 6}), "f_ext: 'hand'"),
     (lambda d: d.evaluate(Z, Z, f_ext={"upper": [0] * 5}), "f_ext on link 'upper'"),
     (lambda d: d.evaluate(Z, Z, f_ext=np.zeros(6)), "expected a dict by name"),

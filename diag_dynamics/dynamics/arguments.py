@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Arguments of DiagonalDynamics: checked vectors of one state or rows of many, and loads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics import checks, threads
+from diag_dynamics.arrays import Array, Frame, ManyWrenches
+from diag_dynamics.model import RobotModel
+from diag_dynamics.results import BatchMemory
+
+_ARRAY, _FLOAT = np.ndarray, np.dtype(np.float64)
+
+
+def are_vectors(q: Any, x: Any, y: Any) -> bool:
+    """Return whether q is one state, and kernels may get these arguments without conversion.
+
+    Kernels would ignore the mask of a subclass, and may read another byte order as this machine's.
+    For other shapes and strides they raise TypeError.
+    """
+    if not type(q) is type(x) is type(y) is _ARRAY:
+        return False
+    return q.dtype is x.dtype is y.dtype is _FLOAT and q.ndim == 1
+
+
+class States(NamedTuple):
+    """Checked arguments: vectors (nq,) and (nv,) of one state, or rows of many states.
+
+    Rates or efforts that are zero in many states have a single row. `threads` is 0 for one state.
+    """
+
+    q: Array
+    vectors: Mapping[str, Array] = {}
+    threads: int = 0
+
+    def at(self, t: int) -> States:
+        """Return the arguments at one of many states."""
+        return States(self.q[t], {name: x[min(t, len(x) - 1)] for name, x in self.vectors.items()})
+
+    def apart_from(self, memory: BatchMemory) -> States:
+        """Return the arguments, with copies of those that lie in memory that a sweep writes."""
+
+        def apart(x: Array) -> Array:
+            return x.copy() if np.may_share_memory(x, memory.results.base) else x
+
+        vectors = {name: apart(x) for name, x in self.vectors.items()}
+        return States(apart(self.q), vectors, self.threads)
+
+
+class Arguments:
+    """Checks of the arguments of one robot.
+
+    The vector `zero` passes for rates and efforts of one state or of many.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        self._model, self.zero = model, np.zeros(model.nv)
+
+    def one(self, q: Any, **vectors: Any) -> States:
+        """Return the arguments of one state, copied; kernels check whether they are finite."""
+        names = self._model.dof_names
+        q = checks.vector("q", q, self._model.coordinate_names, finite=False)
+        for name, x in vectors.items():
+            if x is not self.zero:
+                vectors[name] = checks.vector(name, x, names, finite=False)
+        return States(q, vectors)
+
+    def many(self, Q: Any, number: int | None, **vectors: Any) -> States:
+        """Return the arguments of many states, for a number of threads or all processors."""
+        Q, names = checks.rows("Q", Q, self._model.coordinate_names), self._model.dof_names
+        for name, x in vectors.items():
+            is_zero = x is self.zero
+            vectors[name] = x[None] if is_zero else checks.rows(name.upper(), x, names, len(Q))
+        number = threads.cores() if number is None else checks.whole("threads", number)
+        return States(Q, vectors, number)
+
+    def states(self, q: Any, number: int | None, **vectors: Any) -> States:
+        """Return the arguments of one state, or of many if q has rows."""
+        return self.many(q, number, **vectors) if checks.is_rows(q) else self.one(q, **vectors)
+
+
+class Loads:
+    """Wrenches and friction, as arguments of methods."""
+
+    def __init__(self, f_ext: ManyWrenches | None, frame: Frame, friction: bool) -> None:
+        checks.choice("frame", frame, ("link", "world"))
+        self.frame, self.friction = frame, friction
+        # All but None and an empty dict counts, to be checked.
+        self.wrenches: Any = None if isinstance(f_ext, dict) and not f_ext else f_ext
