@@ -62,11 +62,17 @@ def arm(*names):
     return dd.load_urdf(urdf_of(*names))
 
 
-def serialized(stamp, names, position, velocity=(), effort=(), frame=""):
+def header(stamp, frame):
+    """Return a Header; `stamp` in nanoseconds, or seconds and nanoseconds."""
+    time = stamp if isinstance(stamp, tuple) else divmod(stamp, S)
+    return JAZZY.types["std_msgs/msg/Header"](JAZZY.types["builtin_interfaces/msg/Time"](*time), frame)
+
+
+def serialized(stamp, names, position, velocity=(), effort=(), frame="", order="<"):
     """Return the bytes of a joint state of ROS 2, by rosbags."""
-    types, arrays = JAZZY.types, [np.asarray(values, float) for values in (position, velocity, effort)]
-    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(stamp, S)), frame)
-    return bytes(JAZZY.serialize_cdr(types[JOINT_STATE](header, list(names), *arrays), JOINT_STATE))
+    arrays = [np.array(list(values), float) for values in (position, velocity, effort)]
+    message = JAZZY.types[JOINT_STATE](header(stamp, frame), list(names), *arrays)
+    return bytes(JAZZY.serialize_cdr(message, JOINT_STATE, little_endian=order == "<"))
 
 
 def numbered(count, topics=("/joint_states",), disorder=0, longest=40, seed=0):
@@ -188,9 +194,7 @@ def odometry(stamp, link, pose, twist):
     linear, angular = (geometry("Vector3", *map(float, part)) for part in (twist[:3], twist[3:]))
     place = geometry("PoseWithCovariance", geometry("Pose", point, orientation), np.zeros(36))
     motion = geometry("TwistWithCovariance", geometry("Twist", linear, angular), np.zeros(36))
-    time = JAZZY.types["builtin_interfaces/msg/Time"](*divmod(stamp, S))
-    header = JAZZY.types["std_msgs/msg/Header"](time, "odom")
-    return bytes(JAZZY.serialize_cdr(JAZZY.types[ODOMETRY](header, link, place, motion), ODOMETRY))
+    return bytes(JAZZY.serialize_cdr(JAZZY.types[ODOMETRY](header(stamp, "odom"), link, place, motion), ODOMETRY))
 
 
 def write_floating(path, joints, bases):

@@ -4,7 +4,7 @@
 """Decision table of the rules of joint states: parameters and messages in, states, causes and counters out.
 
 A case lists messages in order, each with its expected outcome. The table holds no code of the library: messages are bytes
-written here, parameters have the monitor's names, expected states are numbers. `joint_state_readers.py` runs it.
+by rosbags, parameters have the monitor's names, expected states are numbers. `joint_state_readers.py` runs it.
 """
 
 from joint_state_source_cases import COARSE_CASES, SOURCE_CASES

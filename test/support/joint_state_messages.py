@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots and messages of the decision table: URDFs, and bytes of joint states and odometry. No library code."""
+"""Robots and messages of the decision table: URDFs, and bytes of joint states and odometry."""
 
 import math
-import struct
 from types import MappingProxyType
+
+import bags
 
 MS, S = 10**6, 10**9
 NOW = 100 * S
@@ -81,60 +82,14 @@ ROBOTS = {
 FLOATING = ("floating", "brick")
 
 
-# --- messages as bytes (CDR, DDS-XTypes 1.3, 7.4.1)
-
-
-class Writer:
-    """Writes primitives, each aligned to its size."""
-
-    def __init__(self, order="<"):
-        self.order, self.body = order, bytearray()
-
-    def put(self, kind, *values):
-        """Append numbers of one kind of :mod:`struct`."""
-        self.body += bytes(-len(self.body) % struct.calcsize(kind))
-        self.body += struct.pack(f"{self.order}{len(values)}{kind}", *values)
-
-    def text(self, text):
-        """Append a string."""
-        encoded = text.encode() + b"\0"
-        self.put("I", len(encoded))
-        self.body += encoded
-
-    def numbers(self, values):
-        """Append a sequence of doubles."""
-        self.put("I", len(values))
-        if len(values):
-            self.put("d", *values)
-
-    def header(self, stamp, frame=""):
-        """Append a std_msgs/Header; `stamp` in nanoseconds, or seconds and nanoseconds."""
-        sec, nanosec = stamp if isinstance(stamp, tuple) else divmod(stamp, S)
-        self.put("i", sec)
-        self.put("I", nanosec)
-        self.text(frame)
-
-    def encoded(self):
-        """Return the message."""
-        return (b"\0\1\0\0" if self.order == "<" else b"\0\0\0\0") + bytes(self.body)
+# --- messages as bytes, by rosbags
 
 
 def joint_state(names, position=(), velocity=(), effort=(), stamp=NOW, frame="", order="<"):
-    """Return the bytes of a sensor_msgs/JointState."""
-    writer = Writer(order)
-    writer.header(stamp, frame)
-    writer.put("I", len(names))
-    for name in names:
-        writer.text(name)
-    for values in (position, velocity, effort):
-        writer.numbers(list(values))
-    return writer.encoded()
+    """Return the bytes of a sensor_msgs/JointState; `stamp` in nanoseconds, or seconds and nanoseconds."""
+    return bags.serialized(stamp, names, position, velocity, effort, frame, order)
 
 
 def odometry(stamp=NOW, position=(1, 2, 3), orientation=(0, 0, 0, 1), twist=(0,) * 6, child="trunk"):
     """Return the bytes of a nav_msgs/Odometry."""
-    writer = Writer()
-    writer.header(stamp, "odom")
-    writer.text(child)
-    writer.put("d", *position, *orientation, *[0.0] * 36, *twist, *[0.0] * 36)
-    return writer.encoded()
+    return bags.odometry(stamp, child, (*position, *orientation), twist)
