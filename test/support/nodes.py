@@ -27,6 +27,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import described
+from accuracy import assert_close as assert_close
+from accuracy import tolerance as tolerance
 from described import MS as MS
 from described import PANDA as PANDA
 from described import TALOS as TALOS
@@ -35,9 +37,7 @@ from described import S
 from diag_dynamics.nodes.support.runner import node_class
 from node_harness import Graph
 from truth import Truth as Truth
-from truth import assert_close as assert_close
 from truth import nanoseconds
-from truth import tolerance as tolerance
 
 START = 240.0
 """Longest time for a process to start [s]; on a slow disk the imports alone take long."""

@@ -6,6 +6,7 @@
 import numpy as np
 from sensor_msgs.msg import JointState
 
+from accuracy import assert_close, tolerance
 from described import S
 from oracles import EARTH
 
@@ -13,20 +14,6 @@ from oracles import EARTH
 def nanoseconds(stamp):
     """Return a builtin_interfaces/Time as an integer."""
     return stamp.sec * S + stamp.nanosec
-
-
-def tolerance(truth):
-    """Return the relative tolerance against an oracle that is exact but for rounding."""
-    return max(1e-10, 100 * np.finfo(float).eps * truth.condition)
-
-
-def assert_close(actual, expected, tolerance, scale=None):
-    """Vectors or numbers agree to `tolerance` relative to `scale`, by default the norm of the expected."""
-    actual, expected = np.asarray(actual), np.asarray(expected)
-    assert actual.shape == expected.shape
-    scale = np.linalg.norm(expected) if scale is None else scale
-    error = np.linalg.norm(actual - expected)
-    assert error <= tolerance * scale, f"error {error:.1e} relative to {scale:.1e} > {tolerance:.1e}"
 
 
 class Truth:
