@@ -282,8 +282,6 @@ def test_where_rclpy_serializes_otherwise(otherwise):
 # --- from bytes to bytes
 
 URDF = TwoLinkArm(I1=0.02).urdf.replace("</joint>", '<dynamics damping="0.3" friction="0.2"/></joint>')
-ARM = ("shoulder", "elbow")
-TOPICS = tuple(topic for topic in ORDER if topic not in MATRICES)
 
 
 def monitored(description=URDF, **parameters):
@@ -316,44 +314,6 @@ def test_friction_power(tmp_path):
         sign = np.tanh(qd / model.friction_velocity) if model.friction_velocity else np.sign(qd)
         friction = qd @ (0.3 * qd + 0.2 * sign + [0.0, 0.7])
         assert robot.friction_power(s) == pytest.approx(friction, rel=1e-12)
-
-
-def test_observer_goes_on():
-    """External torque is observed anew where options change the values of states, but not where they reject some."""
-    observed = {"external_torque.gain": 10.0}
-    robot = monitored(**observed)
-    for k, (change, valid) in enumerate(
-        [
-            ({}, False),
-            ({}, True),
-            ({"stuck_timeout": 2.0, "odom_timeout": 0.1}, True),
-            ({"plausibility.effort": 9.0}, False),
-        ]
-    ):
-        robot.use(robot.model, Settings.of(robot.settings.values | change), 1)
-        zeros = np.zeros(2)
-        robot.torque.accept_state(RobotState(zeros, zeros, zeros, NOW + k * MS, NOW + k * MS, False))
-        assert robot.torque.seen.valid == valid, change
-
-
-@pytest.mark.parametrize(
-    ("velocity", "effort"), [(1e200, 0.0), (1e150, 1e200), (1e150, -1e200)], ids=["energy", "power", "power taken out"]
-)
-def test_state_that_cannot_be_evaluated(velocity, effort):
-    """Velocities and efforts whose energy or power no number can hold are refused, and the next state is right."""
-    rules = "velocity", "effort", "beyond_velocity", "beyond_effort"
-    robot = monitored(**{f"plausibility.{rule}": 0.0 for rule in rules})
-    for k, (v, tau) in enumerate([(1.0, 1.0), (velocity, effort), (1.0, 1.0)]):
-        raw = joint_state(ARM, [0.1, 0.2], [v, v], [tau, tau], NOW + k * MS)
-        state = robot.assembler.accept(raw, NOW).state
-        if v == velocity:
-            with pytest.raises(dd.DiagDynamicsError, match="overflows"):
-                robot.evaluate(state)
-            assert robot.state is None
-            continue
-        s, evaluated = robot.evaluate(state)
-        for topic, raw in zip(TOPICS, robot.messages(TOPICS, s), strict=True):
-            same(raw, robot.maker.evaluated(topic, s, evaluated))
 
 
 # --- bytes that are read without rclpy

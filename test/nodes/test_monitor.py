@@ -68,19 +68,6 @@ def test_every_topic(monitor, panda, sample):
     assert not published["state"].stamp_is_receive_time
 
 
-def test_at_rest(monitor, panda):
-    """Rates of exactly zero give energies and a Coriolis term of exactly zero."""
-    q, _, tau, _ = panda.samples[1]
-    published = monitor.feed(panda.message(monitor.tick(), (q, np.zeros(len(q)), tau)))
-    state, energy, coriolis = (published[topic] for topic in ("state", "kinetic_energy", "coriolis"))
-    Truth(panda, q, 0 * q, tau).check_gravity(state.gravity)
-    assert energy.total == energy.power == state.kinetic_energy == state.power == 0.0
-    assert not any(energy.energy_share)
-    assert not any(energy.link_energy)
-    assert not any(coriolis.coriolis)
-    assert not any(coriolis.coriolis_unnormalized)
-
-
 @pytest.mark.parametrize("missing", ["empty", "one NaN", "effort_available"])
 def test_without_effort(monitor, panda, missing):
     """What needs efforts is flagged and empty; all else is there."""
@@ -318,16 +305,6 @@ def test_inverse_factor(monitor, panda):
     with monitor.having(publish_inverse_factor=True):
         message = monitor.feed(panda.message(monitor.tick(), panda.samples[1]))["mass_matrix_factors"]
         Truth(panda, *panda.samples[1][:3]).check_mass_matrix_factors(message, with_inverse=True)
-
-
-def test_no_gravity(monitor, panda):
-    """Without gravity its terms are exactly zero in every topic."""
-    with monitor.having(gravity=[0.0, 0.0, 0.0]):
-        published = monitor.feed(panda.message(monitor.tick(), panda.samples[2]))
-        for topic in ("state", "coriolis", "joint_space_dynamics"):
-            assert not any(published[topic].gravity)
-        truth = Truth(panda, *panda.samples[2][:3], gravity=(0.0, 0.0, 0.0))
-        truth.check_power(published["kinetic_energy"].power)
 
 
 def test_payload_and_gravity_together(monitor, panda):

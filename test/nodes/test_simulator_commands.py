@@ -14,8 +14,7 @@ from std_srvs.srv import SetBool, Trigger
 
 import diag_dynamics as dd
 from diag_dynamics.simulation import EnergyAudit, rest_position
-from nodes import MS, PANDA, UR5, Monitor, S, joint_state, nanoseconds, robot
-from oracles import Oracle
+from nodes import MS, PANDA, UR5, S, joint_state, nanoseconds, robot
 from simulators import Simulator
 
 PERIOD = 2 * MS
@@ -380,33 +379,3 @@ def test_sensors(peer):
             truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
             np.testing.assert_allclose(state.position, grid * np.round(np.array(truth.position[7:]) / grid), atol=1e-12)
             np.testing.assert_allclose(state.velocity, truth.velocity[6:], atol=1e-12)
-
-
-def test_floating_base_with_a_monitor(peer):
-    """The base goes out as odometry of the same stamps; a monitor of it says what is true, and what Pinocchio says."""
-    # Without gravity it turns freely where it is, and its centre of mass rests.
-    parameters = {"floating_base": True, "rate": 100.0, "gravity": [0.0, 0.0, 0.0]}
-    with Simulator(peer, "/free", UR5, **parameters) as simulator:
-        with Monitor(peer, "/free", live=True, floating_base=True, gravity=[0.0, 0.0, 0.0]) as monitor:
-            topic = monitor.topics["state"]
-
-            def states():
-                way = np.cos(0.1 * len(simulator.states.messages))  # to and fro, away from the limits
-                simulator.command(*(way * np.array([5.0, -4.0, 3.0, 0.5, 0.3, 0.1])))
-                found = [m for m in topic.messages if simulator.truth.at(nanoseconds(m.header.stamp))]
-                return len(found) >= 50 and found
-
-            found = peer.wait_until(states, "states")
-        oracle = Oracle(robot(UR5).urdf, floating_base=True)
-        for message in found:
-            truth = simulator.truth.at(nanoseconds(message.header.stamp))
-            assert message.oldest_stamp == message.header.stamp
-            assert list(message.position_names) == list(truth.position_names)
-            own, true = np.array(message.position), np.array(truth.position)
-            own[3:7] *= np.sign(own[3:7] @ true[3:7])  # both signs are the same orientation
-            np.testing.assert_allclose(own, true, atol=1e-12)
-            np.testing.assert_allclose(message.velocity, truth.velocity, atol=1e-12)
-            q, qd = np.array(truth.position), np.array(truth.velocity)
-            assert message.kinetic_energy == pytest.approx(0.5 * qd @ oracle.mass_matrix(q) @ qd, rel=1e-9)
-        assert np.abs(np.array(found[-1].velocity)[:6]).max() > 1e-3
-        assert simulator.odometry.messages[-1].child_frame_id == simulator.model.root_link
