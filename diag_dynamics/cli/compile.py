@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 
 from diag_dynamics.cli import common
-from diag_dynamics.numerics.cache import PACKAGE, cache_folder, code_folder, source_hash
+from diag_dynamics.numerics.cache import PACKAGE, STAMP_PREFIX, cache_folder, code_folder, source_hash, source_path
 from diag_dynamics.text import Progress
 from diag_dynamics.threads import cores
 
@@ -55,6 +55,7 @@ def run(chosen):
         return 1
     with suppress(OSError):
         if chosen.if_needed and _stamp_file().read_text(encoding="utf-8") == _stamp():
+            _stamp_file().touch()  # or it is removed after a month
             return common.DONE
     start = time.perf_counter()
     with Progress(chosen.quiet, lines=True) as progress:
@@ -116,12 +117,16 @@ COPY = f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}.py{sys.version
 
 
 def _stamp_file():
-    return cache_folder() / f"ahead-{COPY}"
+    return cache_folder() / f"{STAMP_PREFIX}{COPY}"
 
 
 def _stamp():
-    """Return a text that stays as long as sources, machine, units and files of code do."""
+    """Return a text that changes with the sources, their times, the machine, the units and the files of compiled code.
+
+    numba ignores compiled code if the time of its source is another one, as after a checkout of another version and back.
+    """
     modules = [f"diag_dynamics.{unit}" for unit in UNITS]
+    times = [str(path.stat().st_mtime_ns) for path in map(source_path, modules) if path.is_file()]
     folders = {code_folder(module) for module in modules} - {None}
     files = sorted(path.name for folder in folders for path in folder.rglob("*.nb?"))
-    return "\n".join([platform.node(), *UNITS, *map(source_hash, modules), *files])
+    return "\n".join([platform.node(), *UNITS, *map(source_hash, modules), *times, *files])

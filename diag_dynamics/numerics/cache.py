@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where compiled code is kept, and when it is stale."""
+"""The folders of compiled code: one for each state of the sources."""
 
 import functools
 import hashlib
@@ -25,25 +25,32 @@ PACKAGE = Path(__file__).resolve().parents[1]
 PREFIX = "code-"
 """Beginning of the names of folders with compiled code."""
 
+STAMP_PREFIX = "ahead-"
+"""Beginning of the names of the files in which ``diag-dynamics compile`` states what it has compiled."""
+
 IMPORT = re.compile(r"^ *from (diag_dynamics[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
-"""An import: kernels are compiled with the kernels and constants of the modules that it names."""
+"""An import. Compiled code contains kernels and constants of the imported modules."""
+
+UNUSED = 30 * 86400.0
+"""Time [s] after which unused compiled code is removed."""
 
 
 def sources(module):
-    """Sources of a module and of all modules of this package that it imports: a dictionary of bytes by name."""
+    """Return the sources of a module and of all modules of this package that it imports, as bytes by name."""
     found, waiting = {}, [module]
     while waiting:
         name = waiting.pop()
-        path = _path(name)
+        path = source_path(name)
         if name not in found and path.is_file():
             found[name] = path.read_bytes()
             for package, names in IMPORT.findall(found[name].decode()):
                 modules = [f"{package}.{one}" for one in re.findall(r"\w+", names)]
-                waiting += [one if _path(one).is_file() else package for one in modules]
+                waiting += [one if source_path(one).is_file() else package for one in modules]
     return found
 
 
-def _path(name):
+def source_path(name):
+    """Return the file of a module."""
     if name.partition(".")[0] != PACKAGE.name:  # an entry of another package
         return Path(getattr(sys.modules.get(name), "__file__", None) or os.devnull)
     path = PACKAGE.parent.joinpath(*name.split("."))
@@ -52,22 +59,18 @@ def _path(name):
 
 @functools.cache
 def source_hash(module):
-    """Hash of these sources, and of numba's version."""
+    """Return the hash of :func:`sources` and of numba's version."""
     digest = hashlib.sha256(numba.__version__.encode())
     for name, text in sorted(sources(module).items()):
         digest.update(name.encode() + b"\0" + text + b"\0")
     return digest.hexdigest()
 
 
-UNUSED = 30 * 86400.0
-"""Time [s] after which the code of other sources is removed."""
-
-
 @functools.cache
 def code_folder(module):
-    """Folder for compiled code of a module, or None; those that no process has used for a month are removed.
+    """Return the folder for compiled code of a module, or None where none is writable.
 
-    numba compares the file of a function alone with its cache, not those that are compiled into it.
+    Its name contains the hash of all sources, because numba compares the file of an entry alone with its cache.
     """
     if cache_folder() is None:
         return None
@@ -75,22 +78,27 @@ def code_folder(module):
     try:
         folder.mkdir(exist_ok=True)
         folder.touch()
-        for other in folder.parent.glob(f"{PREFIX}*"):
-            with suppress(FileNotFoundError):  # another process removes it at the same time
-                if time.time() - other.stat().st_mtime > UNUSED:
-                    shutil.rmtree(other, ignore_errors=True)
+        remove_unused(folder.parent)
     except OSError as error:
         logger.warning("No folder for compiled code; each process compiles it again: %s", error)
         return None
     return folder
 
 
+def remove_unused(folder):
+    """Remove compiled code and stamps that no process has used for :data:`UNUSED`."""
+    for path in (*folder.glob(f"{PREFIX}*"), *folder.glob(f"{STAMP_PREFIX}*")):
+        with suppress(FileNotFoundError):  # another process removes it at the same time
+            if time.time() - path.stat().st_mtime > UNUSED:
+                shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()
+
+
 @functools.cache
 def cache_folder():
-    """Folder for compiled code: the first writable one of a short list, or None.
+    """Return the folder of all compiled code, or None where none is writable.
 
-    ``NUMBA_CACHE_DIR`` if set, else ``$XDG_CACHE_HOME/diag_dynamics`` (``~/.cache/diag_dynamics``), else a
-    folder of this user's below the system's temporary one.
+    ``$NUMBA_CACHE_DIR/diag_dynamics`` if set, else ``$XDG_CACHE_HOME/diag_dynamics`` (``~/.cache/diag_dynamics``), else
+    ``diag_dynamics-<user>`` in the system's folder of temporary files.
     """
     configured = os.environ.get("NUMBA_CACHE_DIR")
     if configured:
@@ -103,7 +111,7 @@ def cache_folder():
         if _is_ours(candidate):
             return candidate
     logger.warning(
-        "No writable folder for compiled code (tried %s): it is compiled anew in every process. "
+        "No writable folder for compiled code (tried %s); each process compiles it again. "
         "Set NUMBA_CACHE_DIR to a writable folder.",
         ", ".join(map(str, candidates)),
     )

@@ -30,7 +30,7 @@ def print_message(text):
 
 
 class Progress:
-    """When a row of compilations began and ended, when the last message was sent, and who receives messages."""
+    """Times of a row of compilations and of the last message, and the receiver of messages."""
 
     def __init__(self):
         self.callback = print_message
@@ -45,7 +45,7 @@ class Progress:
         return due if self._sent is None else max(due, self._sent + PERIOD)
 
     def end(self, now):
-        """Take the end of a compilation."""
+        """Store the end of a compilation."""
         self._ended = now
 
     def send(self, name, begun, now):

@@ -45,8 +45,9 @@ ROBOT = Table(
 )
 """The robot, and memory to work in, by the address of this table."""
 
-BATCH = ROBOT.extended(
+BATCH = Table(
     "BatchRobot",
+    **ROBOT.fields,
     records=array(float, 2),  # the memory of `work` as numbers
     lanes=array(records.LANES),  # see batch
     rows=array(float, 2),  # the memory of `lanes` as numbers

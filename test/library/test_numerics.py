@@ -21,7 +21,7 @@ import pytest
 from numba.core.caching import IndexDataCacheFile
 
 import diag_dynamics as dd
-from diag_dynamics.numerics import cache, linking, progress
+from diag_dynamics.numerics import cache, linking, progress, tables
 from diag_dynamics.numerics import kernel as kernels
 from diag_dynamics.numerics.kernel import (
     FILLED_VECTOR,
@@ -149,6 +149,31 @@ def test_sine_and_cosine():
     assert np.isnan(tabulated(np.array([np.nan, np.inf, -np.inf]))).all()
 
 
+# --- Tables
+
+
+def test_tables():
+    """Kernels read the numbers and arrays that Python has written; other types are errors."""
+    table = tables.Table("Mixed", count=int, cells=tables.array(float, 2), factor=float, ids=tables.array(np.int64))
+    opened = table.opened
+
+    @entry_kernel(NUMBER)
+    def total(address):
+        at = opened(int(address))
+        return at.count + at.factor * at.cells[1, 2] + at.ids[0] + 10.0 * at.cells.shape[0]
+
+    given = {"count": 3, "cells": np.arange(6.0).reshape(2, 3), "factor": 0.5, "ids": np.array([7])}
+    own = tables.Addresses(table, **given)
+    assert total(own.at) == 3 + 2.5 + 7 + 20
+    fortran, single = np.zeros((2, 3)).T, np.zeros((2, 3), np.float32)
+    for name, wrong in (("count", 1.5), ("cells", np.zeros(6)), ("cells", fortran), ("cells", single), ("other", 1)):
+        with pytest.raises(TypeError, match=r"cells|fields|int"):
+            tables.Addresses(table, **given | {name: wrong})
+    del given["ids"]
+    with pytest.raises(TypeError, match="expected count, cells, factor, ids"):
+        tables.Addresses(table, **given)
+
+
 # --- Compiled code on disk
 
 
@@ -204,14 +229,17 @@ def test_full_disk(folder, caplog, monkeypatch):
 
 
 def test_code_of_other_sources_is_removed_after_a_month(tmp_path, monkeypatch):
-    """Each state of the sources has a folder of its own."""
+    """Each state of the sources has a folder of its own, and each copy of the package a stamp."""
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
     used = tmp_path / f"code-{cache.source_hash(__name__)[:16]}"
     for path, age in ((used, 99), (tmp_path / "code-old", 40), (tmp_path / "code-new", 20), (tmp_path / "other", 40)):
         path.mkdir()
         os.utime(path, times=(time.time() - age * 86400,) * 2)
+    for path, age in ((tmp_path / "ahead-old", 40), (tmp_path / "ahead-new", 20)):
+        path.touch()
+        os.utime(path, times=(time.time() - age * 86400,) * 2)
     assert cache.code_folder.__wrapped__(__name__) == used
-    assert {path.name for path in tmp_path.iterdir()} == {used.name, "code-new", "other"}
+    assert {path.name for path in tmp_path.iterdir()} == {used.name, "code-new", "ahead-new", "other"}
 
 
 def test_folder_of_compiled_code(tmp_path, monkeypatch, caplog):
