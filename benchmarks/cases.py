@@ -14,8 +14,6 @@ import diag_dynamics as dd
 from diag_dynamics.model.catalog import find_urdf
 
 CLASSES = {
-    "6–9 dof": range(6, 10),
-    "29–50 dof": range(29, 51),
     "6–50 dof": range(6, 51),
     "all robots": range(1, 1000),
 }
@@ -50,7 +48,18 @@ ROBOTS = (
     Robot("talos_full_v2"),
 )
 
-FEW = (Robot("kinova"), Robot("go2", floating_base=True), Robot("talos_reduced"))
+FEW = (Robot("ur5_robot"), Robot("kinova"), Robot("go2", floating_base=True), Robot("talos_reduced"))
+
+
+WITH_TARGETS = ("ur5_robot", "panda", "talos_reduced")
+"""Robots of 6, 9 and 32 degrees of freedom, for each of which there are targets."""
+
+COMPARED = ", ".join(WITH_TARGETS)
+
+
+def targets(*ratios):
+    """Return targets by robot."""
+    return dict(zip(WITH_TARGETS, ratios, strict=True))
 
 
 class Case:

@@ -26,10 +26,12 @@ def summary(rows):
     """The first table of the page: a line for each target, the worst of it deciding."""
     lines = ["| measured | against | on | target | median | worst | |", "|---|---|---|---|---|---|---|"]
     for row in rows:
-        target, verdict = ("", "") if row.target is None else (f"≤ {row.target:g}", "met" if row.met else "missed")
+        targets = row.target.values() if isinstance(row.target, dict) else [row.target]
+        limits = "" if row.target is None else "≤ " + ", ".join(f"{target:g}" for target in targets)
+        verdict = "" if row.target is None else "met" if row.met else "missed"
         median = np.median([r.median for r in row.ratios.values()])
         worst = f"{_text(row.ratios[row.worst].median)} ({row.worst})"
-        cells = row.subject, row.peer, row.over, target, _text(median), worst, verdict
+        cells = row.subject, row.peer, row.over, limits, _text(median), worst, verdict
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
@@ -42,9 +44,9 @@ def page(measured):
 
 {BEGIN}{summary(measured.rows)}{END}
 Ratios of times, smaller is better: in every round all that is compared takes its turn, and the ratio is the median over
-rounds. *Median* and *worst* are over the robots, or whatever the line is about; the worst decides whether a target is met.
-Lines without a target stand beside the line above. Fields of an evaluation that are made when they are read are left
-out of the bare call and counted in the line after it.
+rounds. *Median* and *worst* are over the robots, or whatever the line is about; the worst, relative to its target, decides
+whether the targets are met. Lines without a target are for comparison. Fields of an evaluation that are made when they
+are read are left out of the bare call and counted in the line after it.
 
 Before anything was timed, outputs were compared: they agree to {error:.0e} relative to their norms ({where}).
 

@@ -10,23 +10,27 @@ from timing import Ratio
 
 
 class Row(NamedTuple):
-    """One line: ratios by what they were measured on. Without a target it stands beside the line above, to compare."""
+    """One line: ratios by what they were measured on, and a target for all of them or for each, or none."""
 
     subject: str
     peer: str
     over: str
-    target: float | None
+    target: float | dict[str, float] | None
     ratios: dict[str, Ratio]
+
+    def limit(self, name):
+        """Return the target of one of the ratios, or None."""
+        return self.target[name] if isinstance(self.target, dict) else self.target
 
     @property
     def worst(self):
-        """What has the largest ratio."""
-        return max(self.ratios, key=lambda name: self.ratios[name].median)
+        """What has the largest ratio to its target."""
+        return max(self.ratios, key=lambda name: self.ratios[name].median / (self.limit(name) or 1.0))
 
     @property
     def met(self):
-        """Whether all of them are within the target."""
-        return self.ratios[self.worst].median <= self.target
+        """Whether all of them are within their targets."""
+        return self.ratios[self.worst].median <= self.limit(self.worst)
 
 
 class Measured(NamedTuple):

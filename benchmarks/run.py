@@ -253,7 +253,7 @@ def measure(plan):
     _say("measures batches")
     others = OtherWork()
     batches = throughput.rows(arms, plan.batch, plan.rounds)
-    curves = throughput.curves(*arms[-1], plan.batch_sizes, max(3, plan.rounds // 5))
+    curves = throughput.curves(*arms[0], plan.batch_sizes, max(3, plan.rounds // 5))
     other_work = others.processors()
     _say(f"other work kept {other_work:.2f} processors busy meanwhile, which batches on all of them suffer from")
     _say("measures the simulator")
@@ -275,7 +275,7 @@ def measure(plan):
         slopes=slopes,
         throughput=curves,
         batch_sizes=plan.batch_sizes,
-        batch_robot=arms[-1][0].label,
+        batch_robot=arms[0][0].label,
         other_work=other_work,
         rows=[*single.rows(single_times, dof), *batches, *steps, grows, *memories, starts],
         others=[*batches, *steps, *memories, starts],

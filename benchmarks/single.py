@@ -6,13 +6,14 @@
 from functools import partial
 from operator import attrgetter
 
-from cases import CLASSES
+from cases import CLASSES, COMPARED, targets
 from peers import QUANTITIES
 from rows import Row
 from timing import interleaved, ratio
 
 FIELDS = f"`evaluate`, then its {len(QUANTITIES)} fields read"
 REUSED = f"`evaluate` with `out=`, then its {len(QUANTITIES)} fields read"
+FACTORS = "`crba`, `cholesky.decompose`, U√D, inverse"
 
 fields = attrgetter(*QUANTITIES)
 
@@ -34,24 +35,22 @@ def measure(case, pinocchio, mujoco, rounds):
 
 
 def rows(times, dof):
-    """Lines of the table, from times and degrees of freedom by robot."""
+    """Lines of the table, from times and degrees of freedom by robot; targets are by robot."""
 
-    def row(subject, ours, peer, theirs, over, target):
-        found = {name: ratio(t[ours], t[theirs]) for name, t in times.items() if dof[name] in CLASSES[over]}
-        return Row(subject, peer, over, target, found)
+    def row(subject, ours, peer, theirs, over, limits=None):
+        names = [name for name in times if (name in limits if limits else dof[name] in CLASSES[over])]
+        found = {name: ratio(times[name][ours], times[name][theirs]) for name in names}
+        return Row(subject, peer, over, limits, found)
 
     bare, aba, dense = "`evaluate`", "`pin.aba`", "NumPy and Pinocchio route"
     return [
-        row(bare, "evaluate", aba, "aba", "6–9 dof", 0.9),
-        row(FIELDS, "fields", aba, "aba", "6–9 dof", 1.5),
-        row(REUSED, "reused", aba, "aba", "6–9 dof", 1.1),
-        row(bare, "evaluate", aba, "aba", "29–50 dof", 0.6),
-        row(FIELDS, "fields", aba, "aba", "29–50 dof", None),
-        row(REUSED, "reused", aba, "aba", "29–50 dof", None),
-        row(bare, "evaluate", dense, "dense_evaluate", "all robots", 0.1),
-        row(FIELDS, "fields", dense, "dense_evaluate", "all robots", None),
-        row("`forward_dynamics`", "forward_dynamics", aba, "aba", "6–50 dof", 0.7),
-        row("`factors`", "factors", "`crba`, `cholesky.decompose`, U√D, inverse", "dense_factors", "6–50 dof", 0.5),
+        row(bare, "evaluate", aba, "aba", COMPARED, targets(1.15, 1.1, 0.78)),
+        row(FIELDS, "fields", aba, "aba", COMPARED, targets(1.75, 1.6, 1.0)),
+        row(REUSED, "reused", aba, "aba", "6–50 dof"),
+        row(bare, "evaluate", dense, "dense_evaluate", "all robots"),
+        row(FIELDS, "fields", dense, "dense_evaluate", "all robots"),
+        row("`forward_dynamics`", "forward_dynamics", aba, "aba", COMPARED, targets(0.75, 0.66, 0.5)),
+        row("`factors`", "factors", FACTORS, "dense_factors", COMPARED, targets(1.1, 0.95, 0.65)),
     ]
 
 

@@ -38,7 +38,7 @@ def row(robots, rounds):
         "import to first result, compiled code cached",
         "`import numba` + `import yourdfpy`",
         ", ".join(robots),
-        1.3,
+        None,
         found,
     )
 

@@ -97,7 +97,7 @@ def rows(pairs, steps, rounds):
             "`Simulation.advance` per step, order 1",
             "Python loop of semi-implicit Euler, one `pin.aba` a step",
             over,
-            0.15,
+            None,
             by_order[1],
         ),
         Row(
