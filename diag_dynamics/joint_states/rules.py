@@ -30,6 +30,7 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.joint_states.steps import DISPLACED, NOTHING, accept_step, is_contradicted, judge_step
 from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_frozen
 from diag_dynamics.numerics.kernel import entry_kernel, kernel, large_kernel
+from diag_dynamics.rotations import wrap_angle
 
 PATIENCE = 10 * SECOND
 """Time [ns] for which all stamps must differ from this node's clock by the same amount before they are accepted again."""
@@ -42,6 +43,8 @@ LONGEST = 10.0 * SECOND
 
 PERIODS = 3.0
 """Periods without a position after which an estimate restarts."""
+
+_wrap_angle = kernel(wrap_angle)
 
 
 @entry_kernel(*MEMORY_TYPES, *BATCH_TYPES, nogil=True)
@@ -323,7 +326,7 @@ def _continues(joint, elapsed, unstamped, moved):
 def _estimate_step(joint, position):
     """Return the step of a position, of an angle that wraps the shorter way."""
     step = position - joint.estimate_position
-    return (step + np.pi) % (2.0 * np.pi) - np.pi if joint.turns else step
+    return _wrap_angle(step) if joint.turns else step
 
 
 @kernel
@@ -380,7 +383,7 @@ def _distance(memory, f, position, stamp):
     if not source.known or abs(source.stamp - stamp) > source.span or not np.isfinite(position):
         return 0.0
     distance = abs(position - _expected(memory, follower))
-    return abs((distance + np.pi) % (2.0 * np.pi) - np.pi) if follower.turns else distance
+    return abs(_wrap_angle(distance)) if follower.turns else distance
 
 
 @kernel
