@@ -17,8 +17,8 @@ _NAMES = {
     "model": "JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
     "results": "BatchEvaluation Evaluation Factors",
-    "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError ModelError ModelWarning "
-    "SingularMassMatrixError UnsupportedError UrdfError",
+    "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError "
+    "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
     "contact.geometry": "link_geometry",
     "contact.impact": "Impact",
     "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Types of arguments and results: results are arrays of float64, arguments anything that converts to numbers."""
+"""Types of arguments and results: results are float64, arguments anything that converts to it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Wrenches: TypeAlias = Mapping[str, VectorLike]
 """Six numbers, force [N] then moment [N m], by link name."""
 
 ManyWrenches: TypeAlias = Mapping[str, VectorLike | MatrixLike]
-"""The same at all states, or one row per state."""
+"""Six numbers for all states, or one row per state, by link name."""
 
 Frame: TypeAlias = Literal["link", "world"]
 """Axes of a wrench, a twist or a Jacobian."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of arguments. Each raises an InputError that names the argument, its value and what was expected."""
+"""Checks of arguments. Each raises an InputError that names argument, value and expectation."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _Kind = TypeVar("_Kind")
 
 
 def array_of(value: object) -> Array | None:
-    """Return a value as a new float64 array; None of texts, truth values and ragged lists.
+    """Return a value as a new float64 array; None for texts, truth values and ragged lists.
 
-    None of a Series with names, too: by position, a reordered one would be other joints' numbers. See :func:`in_order`.
+    None for a Series with names, too, because its order may be another one: see :func:`in_order`.
     """
     if has_names(value):
         return None
@@ -67,7 +67,7 @@ def whole(name: str, value: object) -> int:
 def number(
     name: str, value: object, expected: str, valid: Callable[[float], bool] = math.isfinite, unit: str = ""
 ) -> float:
-    """Return a finite number for which `valid` is true; `expected` and `unit` are for the error."""
+    """Return a finite number for which `valid` is true; errors say `expected` and `unit`."""
     x = value if type(value) is float else _single(value)
     if not (math.isfinite(x) and valid(x)):
         raise InputError(f"{name} is {value!r}{unit}, expected {expected}.")
@@ -90,7 +90,7 @@ def not_negative(name: str, value: object, unit: str) -> float:
 
 
 def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, most: float = np.inf) -> Array:
-    """Return finite numbers of a shape within ±`most` as a new array; `expected` is for the error."""
+    """Return finite numbers of a shape within ±`most` as a new array; errors say `expected`."""
     array = array_of(value)
     if array is None or array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"{name} is {value!r}, expected {expected}.")
@@ -110,18 +110,20 @@ def unit(name: str, value: object) -> Array:
 
 
 def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
-    """Return the numbers of a dict, Series or DataFrame in the order of the names; anything else as it is."""
+    """Return the numbers of a dict, Series or DataFrame in the order of the names.
+
+    Values of other types are returned unchanged.
+    """
     if isinstance(value, Mapping):
         given = dict(value)
     elif has_names(value):
         labels = value.columns if is_pandas(value, "DataFrame") else value.index
         if labels.has_duplicates:
-            raise InputError(f"{name} has a name twice: {', '.join(map(str, labels[labels.duplicated()]))}.")
+            twice = ", ".join(map(str, labels[labels.duplicated()]))
+            raise InputError(f"{name} has a name twice: {twice}.")
         given = dict(value.items())
     elif isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        raise InputError(
-            f"{name} has {int(np.ma.count_masked(value))} masked entries: there is nothing to compute with."
-        )
+        raise InputError(f"{name} has {np.ma.count_masked(value)} masked entries, expected none.")
     else:
         return value
     for one in given:
@@ -148,12 +150,12 @@ def has_names(value: Any) -> bool:
 def is_pandas(value: Any, kind: str) -> bool:
     """Return whether a value is of a class of pandas, which need not be installed."""
     pandas = sys.modules.get("pandas")
-    # While another thread imports pandas, it is there without its classes, and nobody has one of them.
+    # While another thread imports pandas, the module has no classes yet.
     return isinstance(value, getattr(pandas, kind, ()))
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:
-    """Return names in a row, the first of them if there are many."""
+    """Return names separated by commas, the first `most` of many."""
     return ", ".join(names[:most]) + (", …" if len(names) > most else "")
 
 
@@ -176,9 +178,9 @@ def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) 
 
 
 def rows(name: str, value: Any, names: Sequence[str], count: int | None = None) -> Array:
-    """Return a contiguous array with one row per state, `count` of them if given, and a column for each name."""
+    """Return a contiguous array with a row for each state, of which there are `count` if given."""
     value = in_order(name, value, names)
-    if isinstance(value, (list, tuple)) and any(has_names(row) or isinstance(row, Mapping) for row in value):
+    if isinstance(value, (list, tuple)):
         value = [in_order(f"{name}[{t}]", row, names) for t, row in enumerate(value)]
     array = _numeric(name, value, "an array")
     if array.ndim != 2 or array.shape[1] != len(names) or count not in (None, len(array)):
@@ -188,7 +190,7 @@ def rows(name: str, value: Any, names: Sequence[str], count: int | None = None) 
 
 
 def is_rows(value: Any) -> bool:
-    """Whether a value is rows of many states, or columns by name."""
+    """Return whether a value is rows of many states, or columns by name."""
     if isinstance(value, (list, tuple)):
         return all(map(_is_row, value)) and len({len(row) for row in value}) == 1
     if isinstance(value, Mapping):
@@ -211,11 +213,12 @@ def _numeric(name: str, value: Any, kind: str) -> Any:
 
 
 def check_finite(name: str, values: Array, names: Sequence[str]) -> None:
-    """Name the first entry of a vector, or of rows, that is not finite."""
+    """Reject a vector, or rows, with an entry that is not finite."""
     if not np.isfinite(values).all():
         *state, k = np.argwhere(~np.isfinite(values))[0]
-        where = f"state {state[0]}: " if state else ""
-        raise InputError(f"{where}{name} of joint '{names[k]}' is {values[(*state, k)]}, expected a finite number.")
+        what = f"{name} of joint '{names[k]}'"
+        what = f"state {state[0]}: {what}" if state else what
+        raise InputError(f"{what} is {values[(*state, k)]}, expected a finite number.")
 
 
 def per_name(
@@ -225,13 +228,14 @@ def per_name(
     expected: str = "a finite number > 0",
     valid: Callable[[float], bool] = lambda x: 0.0 < x < np.inf,
 ) -> Array:
-    """Return one number for all names, or one for each, as a read-only vector; they may be a dict or a Series by name.
+    """Return a number for each name as a read-only vector; the value may be one number for all.
 
-    `expected` and `valid` are for each number.
+    It may be a dict or a Series by name. Each number must be `valid`; errors say `expected`.
     """
     array, n = array_of(in_order(name, value, names)), len(names)
     if array is None or array.shape not in ((), (n,)):
-        raise InputError(f"{name} is {value!r}, expected {expected}, or {n} such: one for each of {', '.join(names)}.")
+        each = f"{n} such: one for each of {', '.join(names)}"
+        raise InputError(f"{name} is {value!r}, expected {expected}, or {each}.")
     array = np.array(np.broadcast_to(array, (n,)))
     for one, x in zip(names, array, strict=True):
         if not valid(x):

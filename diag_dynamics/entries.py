@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values by name, as they are written in lists of parameters: ``joint=0.5``, ``*`` for all others; xacro arguments."""
+"""Values by name in lists of parameters: ``joint=0.5``, ``*`` for all others; xacro arguments."""
 
 import math
 import os
@@ -11,7 +11,7 @@ import shlex
 from diag_dynamics.exceptions import InputError
 
 ALL = "*"
-"""Stands for every joint that has no entry of its own."""
+"""Name for every joint without an entry of its own."""
 
 
 ARGUMENT = re.compile(r"([A-Za-z_][\w.-]*):=(.*)", re.S)
@@ -20,31 +20,30 @@ ARGUMENT = re.compile(r"([A-Za-z_][\w.-]*):=(.*)", re.S)
 _WITH_ARGUMENTS = re.compile(r"(?P<path>.*?)\s+(?P<arguments>[A-Za-z_][\w.-]*:=.*)", re.S)
 
 LARGEST = 1e9
-"""Largest number that a parameter takes, but for those that say otherwise."""
+"""Largest number of a parameter without other bounds."""
 
 
 def assignments(parameter, entries, kind=float, minimum=None):
     """Return values by name from strings such as ``joint=0.5``; empty strings do not count.
 
-    `kind` is float, bool or str, the type behind the last ``=``. A number is at least `minimum`, and within ±:data:`LARGEST`.
+    `kind` is float, bool or str, the type behind the last ``=``. A number is at least `minimum` and
+    within ±:data:`LARGEST`.
     """
     values = {}
     for entry in entries:
         if not entry:
             continue
         name, equals, text = entry.rpartition("=")
-        name, text = name.strip(), text.strip()
-        if not equals or not name:
-            raise InputError(f"parameter '{parameter}' has {entry!r}, expected name={_EXPECTED[kind]}.")
+        name, value = name.strip(), _parsed(text.strip(), kind)
+        found = f"parameter '{parameter}' has {entry!r}"
+        if not equals or not name or value is None:
+            raise InputError(f"{found}, expected name={_EXPECTED[kind]}.")
         if name in values:
             raise InputError(f"parameter '{parameter}' has two entries for '{name}'.")
-        value = _parsed(text, kind)
-        if value is None:
-            raise InputError(f"parameter '{parameter}' has {entry!r}, expected name={_EXPECTED[kind]}.")
         if minimum is not None and value < minimum:
-            raise InputError(f"parameter '{parameter}' has {entry!r}, expected no less than {minimum:g}.")
+            raise InputError(f"{found}, expected no less than {minimum:g}.")
         if kind is float and abs(value) > LARGEST:
-            raise InputError(f"parameter '{parameter}' has {entry!r}, expected a number within ±{LARGEST:g}.")
+            raise InputError(f"{found}, expected a number within ±{LARGEST:g}.")
         values[name] = value
     return values
 
@@ -53,7 +52,7 @@ _EXPECTED = {float: "number", bool: "true or name=false", str: "text"}
 
 
 def _parsed(text, kind):
-    """The value of a text, or None."""
+    """Return the value of a text, or None."""
     if kind is bool:
         return {"true": True, "false": False}.get(text.lower())
     if kind is str:
@@ -70,18 +69,20 @@ def split_arguments(source):
 
     All of `source` is the path if no argument follows it, or if there is a file of that name.
     """
-    match = None if source.lstrip("\ufeff \t\r\n").startswith("<") else _WITH_ARGUMENTS.fullmatch(source)
+    is_text = source.lstrip("\ufeff \t\r\n").startswith("<")
+    match = None if is_text else _WITH_ARGUMENTS.fullmatch(source)
     if match is None or os.path.isfile(os.path.expanduser(source)):
         return source, {}
     try:
         words = shlex.split(match["arguments"])
     except ValueError as error:
-        raise InputError(f"The xacro arguments are {match['arguments']!r}; expected NAME:=VALUE …: {error}.") from error
+        found = f"The xacro arguments are {match['arguments']!r}"
+        raise InputError(f"{found}; expected NAME:=VALUE …: {error}.") from error
     return match["path"], arguments_of(words)
 
 
 def arguments_of(words):
-    """Values by name of xacro arguments such as ``prefix:=left_``."""
+    """Return values by name of xacro arguments such as ``prefix:=left_``."""
     values = {}
     for word in words:
         match = ARGUMENT.fullmatch(word)
@@ -89,16 +90,18 @@ def arguments_of(words):
             raise InputError(f"The xacro argument is {word!r}; expected NAME:=VALUE.")
         name, value = match.groups()
         if values.get(name, value) != value:
-            raise InputError(f"The xacro argument '{name}' is {values[name]!r} and {value!r}; expected one value.")
+            found = f"{values[name]!r} and {value!r}"
+            raise InputError(f"The xacro argument '{name}' is {found}; expected one value.")
         values[name] = value
     return values
 
 
 def by_name(parameter, entries, names):
-    """Entries with :data:`ALL` written out for these names."""
+    """Return entries with :data:`ALL` replaced by all other names."""
     for name in entries:
         if name != ALL and name not in names:
-            raise InputError(f"parameter '{parameter}' names '{name}'; expected one of {', '.join(names)}.")
+            known = ", ".join(names)
+            raise InputError(f"parameter '{parameter}' names '{name}'; expected one of {known}.")
     if ALL in entries:
         return {name: entries.get(name, entries[ALL]) for name in names}
     return dict(entries)

@@ -10,19 +10,21 @@ from collections.abc import Iterable
 from diag_dynamics.text import plain
 
 _LONGEST = 10_000
-"""Characters of an exception's text: a name may be of any length, what is said of it is not."""
+"""Maximum length of an exception's text, because a name may be of any length."""
 
 
 def shown(error: BaseException) -> str:
-    """The text of an exception as it is shown: names come from files and messages, and may hold anything."""
+    """Return the text of an exception without control characters, which names may contain."""
     text = str(error.args[0]) if error.args else ""
-    return plain(text) if len(text) <= _LONGEST else f"{plain(text[:_LONGEST])}… ({len(text)} characters)"
+    if len(text) <= _LONGEST:
+        return plain(text)
+    return f"{plain(text[:_LONGEST])}… ({len(text)} characters)"
 
 
 class DiagDynamicsError(Exception):
     """Base of all exceptions of this package.
 
-    Their text is of one line and safe to show, see `diag_dynamics.text.plain`; in `args` names are as they are.
+    ``str`` escapes control characters, see `diag_dynamics.text.plain`; `args` keep them.
     """
 
     def __str__(self) -> str:
@@ -46,18 +48,18 @@ class UnsupportedError(ModelError, NotImplementedError):
 
 
 class ModelWarning(UserWarning):
-    """A robot is loaded, but its file has a probable mistake, or something that no quantity of the model includes."""
+    """The file of a robot has a probable mistake, or a feature that the model ignores."""
 
     def __str__(self) -> str:
         return shown(self)
 
 
 class InertiaWarning(ModelWarning):
-    """A link's inertia is not that of any rigid body, or was estimated; it is used as it is."""
+    """A link's inertia is not that of a rigid body, or estimated; the model uses it as it is."""
 
 
 class MimicJointError(UrdfError):
-    """Joints mimic others in a way that no coupling can hold.
+    """Mimic joints are coupled in a way that the model does not support.
 
     Attributes
     ----------
@@ -105,7 +107,7 @@ class SingularMassMatrixError(DiagDynamicsError, ArithmeticError):
 
 
 class RejectedError(Exception):
-    """A message cannot be used, or completes a state that cannot; `cause` is a short key to count by."""
+    """A message, or the state that it completes, is invalid; `cause` is a short key for counts."""
 
     def __init__(self, cause: str, message: str) -> None:
         super().__init__(message)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results of DiagonalDynamics: all quantities at one state or at many, and the factors of the mass matrix."""
+"""Results of DiagonalDynamics: quantities at one state or many, factors of the mass matrix."""
 
 from __future__ import annotations
 
@@ -54,14 +54,13 @@ def _number_with_tau(row: int, doc: str) -> _Quantity[float | None]:
 class Evaluation:
     """All quantities at one state; arrays have shape (nv,) unless stated otherwise.
 
-    The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on the right and
-    ``+ friction`` on the left if these were requested (Jain and Rodriguez 1995, eq. 3.1, with gravity, wrenches
-    and friction as separate terms).
+    The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on
+    the right and ``+ friction`` on the left if these were requested (Jain and Rodriguez 1995, eq.
+    3.1, with gravity, wrenches and friction as separate terms).
 
-    Results are read-only and permanent, except those of :meth:`DiagonalDynamics.new_evaluation`: these hold the
-    last evaluation. A wrong argument leaves them; they are NaN where numbers are not finite or have no dynamics.
-    ``copy.copy`` makes a permanent copy. Every attribute is read from memory, but `link_energy`, which is computed
-    on each access.
+    Results are read-only and permanent, except those of :meth:`DiagonalDynamics.new_evaluation`,
+    which hold the last evaluation, or NaN after an error in it. ``copy.copy`` makes a permanent
+    copy. `link_energy` is computed on each access; all other attributes are read from memory.
     """
 
     __slots__ = ("_external", "_friction", "_memory", "_model", "_rows", "_state", "_with_tau")
@@ -69,9 +68,15 @@ class Evaluation:
     _memory: Any  # that evaluate may write; not set in permanent results
 
     def __init__(
-        self, model: RobotModel, state: Array, rows: Any, with_tau: bool, external: Term = None, friction: Term = None
+        self,
+        model: RobotModel,
+        state: Array,
+        rows: Any,
+        with_tau: bool,
+        external: Term = None,
+        friction: Term = None,
     ) -> None:
-        # `state` has the rows of sweeps.workspace, of length max(nq, 1), `rows` their first nv entries.
+        # `state` has the rows of sweeps.workspace, of length max(nq, 1); `rows` are their first nv.
         self._model, self._state, self._rows = model, state, rows
         self._with_tau, self._external, self._friction = with_tau, external, friction
 
@@ -79,42 +84,68 @@ class Evaluation:
     xi = _row(ws.XI, "Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7).")
     epsilon = _row_with_tau(
         ws.EPSILON,
-        "Working moments ε = ℓτ [J^½/s] (Table 2), including the efforts that balance gravity; None without tau.",
-    )
-    kappa = _row_with_tau(ws.KAPPA, "Un-normalized working moments κ = D^½ε [N m, N] (Table 2); None without tau.")
-    coriolis = _row(ws.CORIOLIS, "Coriolis term C(q, ν) [J^½/s] (Algorithm 7.1), without gravity; νᵀC = 0 (Lemma 7.1).")
-    coriolis_unnormalized = _row(
-        ws.CORIOLIS_UNNORMALIZED, "C_ξ(q, ξ) of D ξ̇ + C_ξ = κ [N m, N] (Lemma 7.3), without gravity."
-    )
-    gravity = _row(ws.GRAVITY, "ε_g = ℓ g(q) [J^½/s]; its un-normalized form is κ_g = D^½ε_g [N m, N].")
-    articulated_inertia = _row(
-        ws.ARTICULATED_INERTIA,
-        """D [kg m², kg] (Algorithm 4.1).
+        """Working moments ε = ℓτ [J^½/s] (Table 2); None without tau.
 
-        For a joint of several degrees of freedom, a floating base and a coupled group it is the diagonal of the
-        factor U D Uᵀ of the joint's block, in the order of the degrees of freedom.
+        They include the efforts that balance gravity.
         """,
     )
-    articulated_inertia_rate = _row(ws.ARTICULATED_INERTIA_RATE, "Ḋ along the motion [kg m²/s, kg/s] (7.2).")
-    external: _Quantity[Term] = _quantity(attrgetter("_external"), "ℓ Jᵀf_ext [J^½/s]; None without wrenches.")
+    kappa = _row_with_tau(
+        ws.KAPPA,
+        "Un-normalized working moments κ = D^½ε [N m, N] (Table 2); None without tau.",
+    )
+    coriolis = _row(
+        ws.CORIOLIS,
+        "Coriolis term C(q, ν) [J^½/s] (Algorithm 7.1) without gravity; νᵀC = 0 (Lemma 7.1).",
+    )
+    coriolis_unnormalized = _row(
+        ws.CORIOLIS_UNNORMALIZED,
+        "C_ξ(q, ξ) of D ξ̇ + C_ξ = κ [N m, N] (Lemma 7.3), without gravity.",
+    )
+    gravity = _row(
+        ws.GRAVITY,
+        "Gravity term ε_g = ℓ g(q) [J^½/s]; un-normalized it is κ_g = D^½ε_g [N m, N].",
+    )
+    articulated_inertia = _row(
+        ws.ARTICULATED_INERTIA,
+        """Articulated joint inertias D [kg m², kg] (Algorithm 4.1).
+
+        For a joint of several degrees of freedom, a floating base and a coupled group they are the
+        diagonal of the factor U D Uᵀ of the joint's block, in the order of the degrees of freedom.
+        """,
+    )
+    articulated_inertia_rate = _row(
+        ws.ARTICULATED_INERTIA_RATE,
+        "Rate Ḋ of the articulated inertias along the motion [kg m²/s, kg/s] (eq. 7.2).",
+    )
+    external: _Quantity[Term] = _quantity(
+        attrgetter("_external"),
+        "Term of wrenches ℓ Jᵀf_ext [J^½/s]; None without wrenches.",
+    )
     friction: _Quantity[Term] = _quantity(
-        attrgetter("_friction"), "ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested."
+        attrgetter("_friction"),
+        "Friction term ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested.",
     )
     nu_dot = _row_with_tau(
         ws.NU_DOT,
-        "dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1), of the requested terms; None without tau.",
+        """Rate dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1); None without tau.
+
+        Wrenches and friction count if they were requested.
+        """,
     )
     xi_dot = _row_with_tau(
         ws.XI_DOT,
-        "dξ/dt = D⁻¹(κ − κ_g − C_ξ + …) [rad/s², m/s²] (eq. 7.9), of the terms of nu_dot; None without tau.",
+        """Rate dξ/dt = D⁻¹(κ − κ_g − C_ξ + …) [rad/s², m/s²] (eq. 7.9); None without tau.
+
+        The other terms are D^½ times those of `nu_dot`.
+        """,
     )
     kinetic_energy = _number(ws.KINETIC_ENERGY, "K = ½νᵀν [J].")
     energy_share = _row(
         ws.ENERGY_SHARE,
-        """½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
+        """Kinetic energy ½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
 
-        The six shares of a floating base depend on the order of its twist's components; their sum `base_energy`
-        does not.
+        The six shares of a floating base depend on the order of its twist's components; their sum
+        `base_energy` does not.
         """,
     )
 
@@ -122,16 +153,17 @@ class Evaluation:
     def base_energy(self) -> float:
         """Sum of the six energy shares of a floating base [J]; 0 with a fixed base.
 
-        It is ½V*ᵀPV* of the total rates' common part V*, with the articulated inertia P of the whole robot.
+        It is ½V*ᵀPV*, V* being the total rates' common part and P the articulated inertia of the
+        whole robot.
         """
         return self._state.item(ws.BASE_ENERGY, 0) if self._model.floating_base else 0.0
 
     @property
     def link_energy(self) -> Array:
-        """Kinetic energy of each link [J], shape (len(model.link_names),): ½VᵀIV plus its joint's rotor; sums to K.
+        """Kinetic energy of each link [J], shape (links,): ½VᵀIV plus its joint's rotor; sums to K.
 
-        It raises InputError if a link's energy overflows. With an inertia of no rigid body it may, although K does
-        not.
+        It raises InputError if a link's energy overflows, as it may although K does not if an
+        inertia is not that of a rigid body.
         """
         model, (Q, QD) = self._model, self._motion()
         energy = np.empty((len(Q), len(model.link_names)))
@@ -143,20 +175,27 @@ class Evaluation:
 
     power = _number_with_tau(
         ws.POWER,
-        "dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2), of the requested terms; None without tau.",
+        """Power dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2); None without tau.
+
+        Wrenches and friction count if they were requested.
+        """,
     )
     effort_power = _number_with_tau(
-        ws.EFFORT_POWER, "νᵀ(ε − ε_g) [W]: :attr:`power` of efforts and gravity alone; None without tau."
+        ws.EFFORT_POWER,
+        "Power νᵀ(ε − ε_g) [W] of efforts and gravity alone; None without tau.",
     )
 
-    model: _Quantity[RobotModel] = _quantity(attrgetter("_model"), "Robot of these results.")
+    model: _Quantity[RobotModel] = _quantity(attrgetter("_model"), "Model of the robot.")
     rows: _Quantity[Array] = _quantity(
         attrgetter("_state"),
-        "Rows of `diag_dynamics.sweeps.workspace`, shape (N_ROWS, max(nq, 1)); of a batch (N_RESULTS, T, nv).",
+        """Memory with the rows of `diag_dynamics.sweeps.workspace`.
+
+        Its shape is (N_ROWS, max(nq, 1)); that of a batch (N_RESULTS, T, nv).
+        """,
     )
 
     def set_terms(self, with_tau: bool, external: Term = None, friction: Term = None) -> None:
-        """Set the terms of an evaluation into the memory of this result."""
+        """Set the terms that evaluate does not write into memory."""
         self._with_tau, self._external, self._friction = with_tau, external, friction
 
     def _motion(self) -> tuple[Array, Array]:
@@ -168,7 +207,7 @@ class Evaluation:
         return {name: getattr(self, name) for name in NAMES}
 
     def to_frame(self) -> Any:
-        """Return the quantities per degree of freedom as a pandas DataFrame: one row per degree of freedom."""
+        """Return the arrays of shape (nv,) as a pandas DataFrame, one row per degree of freedom."""
         values = {name: getattr(self, name) for name in NAMES if name != "link_energy"}
         columns = {name: value for name, value in values.items() if np.ndim(value)}
         return require("pandas", "to_frame").DataFrame(columns, index=list(self._model.dof_names))
@@ -183,10 +222,13 @@ class Evaluation:
             value = getattr(self, name)
         except InputError as error:
             return f"<{error}>"
-        return np.array2string(value, separator=", ") if isinstance(value, np.ndarray) else str(value)
+        if isinstance(value, np.ndarray):
+            return np.array2string(value, separator=", ")
+        return str(value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return evaluation_of, (self._model, self._state.copy(), self._with_tau, self._external, self._friction)
+        terms = self._with_tau, self._external, self._friction
+        return evaluation_of, (self._model, self._state.copy(), *terms)
 
 
 NAMES = tuple(
@@ -196,24 +238,24 @@ NAMES = tuple(
 
 
 class _BatchRows(dict[int, Array]):
-    """Results of many states by row; those that no sweep writes are computed when they are first read."""
+    """Results of many states by row; energy shares and rates are computed on first access."""
 
     terms: tuple[Term, Term] = None, None
 
     def __missing__(self, row: int) -> Array:
         if row == ws.ENERGY_SHARE:
-            self[row] = read_only(0.5 * self[ws.NU] * self[ws.NU])
+            self[row] = read_only(energy_shares(self[ws.NU]))
         else:
             self[ws.NU_DOT], self[ws.XI_DOT] = map(read_only, rates(self, *self.terms))
         return self[row]
 
 
 class BatchEvaluation(Evaluation):
-    """All quantities of :class:`Evaluation` at T states: every attribute has a leading axis of length T.
+    """All quantities of :class:`Evaluation` at T states, with a leading axis of length T.
 
-    Numbers such as kinetic_energy are arrays of shape (T,). A batch is a sequence: an index returns the Evaluation
-    of one state, a slice a batch. A batch of :meth:`DiagonalDynamics.new_batch` holds the last batch evaluated into
-    it.
+    Numbers such as `kinetic_energy` are arrays of shape (T,). A batch is a sequence: an index
+    returns the Evaluation of one state, a slice a batch. A result of
+    :meth:`DiagonalDynamics.new_batch` holds the last batch that evaluate wrote into it.
     """
 
     __slots__ = ("_parts",)
@@ -221,7 +263,12 @@ class BatchEvaluation(Evaluation):
     _parts: BatchMemory  # read-only
 
     def __init__(
-        self, model: RobotModel, memory: BatchMemory, with_tau: bool, external: Term = None, friction: Term = None
+        self,
+        model: RobotModel,
+        memory: BatchMemory,
+        with_tau: bool,
+        external: Term = None,
+        friction: Term = None,
     ) -> None:
         self._parts = BatchMemory(*(read_only(part.view()) for part in memory))
         self._model, self._state = model, self._parts.results
@@ -232,7 +279,7 @@ class BatchEvaluation(Evaluation):
         self.set_terms(with_tau, external, friction)
 
     def set_terms(self, with_tau: bool, external: Term = None, friction: Term = None) -> None:
-        """Set the terms of an evaluation into the memory of this result."""
+        """Set the terms that evaluate does not write into memory."""
         for term in (external, friction):
             if term is not None:
                 read_only(term)
@@ -243,11 +290,14 @@ class BatchEvaluation(Evaluation):
 
     kinetic_energy = _row(ws.KINETIC_ENERGY, "K [J], shape (T,).")  # type: ignore[assignment]
     base_energy = _row(  # type: ignore[assignment]
-        ws.BASE_ENERGY, "Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base."
+        ws.BASE_ENERGY,
+        "Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base.",
     )
-    power = _row_with_tau(ws.POWER, "dK/dt [W], shape (T,); None without TAU.")  # type: ignore[assignment]
+    power = _row_with_tau(  # type: ignore[assignment]
+        ws.POWER, "Power dK/dt [W], shape (T,); None without TAU."
+    )
     effort_power = _row_with_tau(  # type: ignore[assignment]
-        ws.EFFORT_POWER, "νᵀ(ε − ε_g) [W], shape (T,); None without TAU."
+        ws.EFFORT_POWER, "Power νᵀ(ε − ε_g) [W], shape (T,); None without TAU."
     )
 
     def _motion(self) -> tuple[Array, Array]:
@@ -277,7 +327,7 @@ class BatchEvaluation(Evaluation):
         nv, nq = self._model.nv, self._model.nq
         state = np.empty((ws.N_ROWS, max(nq, 1)))
         state[: ws.N_RESULTS, :nv] = results[:, t]
-        state[ws.ENERGY_SHARE, :nv] = 0.5 * self.nu[t] * self.nu[t]
+        state[ws.ENERGY_SHARE, :nv] = energy_shares(self.nu[t])
         state[ws.KINETIC_ENERGY : ws.KINETIC_ENERGY + ws.N_NUMBERS, 0] = numbers[:, t]
         state[ws.POSITIONS, :nq], state[ws.RATES, :nv] = positions[t], speeds[t]
         external, friction = (None if x is None else x[t] for x in (self._external, self._friction))
@@ -286,7 +336,10 @@ class BatchEvaluation(Evaluation):
         return evaluation_of(self._model, state, self._with_tau, external, friction)
 
     def to_frame(self) -> Any:
-        """Return all quantities as a pandas DataFrame: rows are states, columns are quantity and dof or link."""
+        """Return all quantities as a pandas DataFrame with a row for each state.
+
+        Columns have two levels: quantity, and degree of freedom or link.
+        """
         columns = {}
         for name, value in self.to_dict().items():
             if np.ndim(value) == 1:
@@ -322,11 +375,12 @@ class BatchMemory(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Factors of the mass matrix at one configuration, M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1); read-only.
+    """Factors of the mass matrix: M = m mᵀ = unit diag(D) unitᵀ and M⁻¹ = ℓᵀℓ (Identity 4.1).
 
-    m and unit are upper triangular in the order of ``model.dof_names``, base to tip: they are the factors of the dense
-    M = U D Uᵀ. Entry [i, j] is exactly zero unless i = j, joint i carries joint j, or both belong to one joint or to one
-    coupled group. A group carries the joints that any of its joints carries.
+    They are read-only. m and unit are upper triangular in the order of ``model.dof_names``, base to
+    tip: the factors of the dense M = U D Uᵀ. Entry [i, j] is exactly zero unless i = j, joint i
+    carries joint j, or both belong to one joint or to one coupled group. A group carries the joints
+    that any of its joints carries.
 
     Attributes
     ----------
@@ -372,6 +426,11 @@ def memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel) -> Any
         found = f"an earlier call's {name}, which stays as it is"
     maker = "new_batch(T)" if kind is BatchEvaluation else "new_evaluation()"
     raise InputError(f"out is {found}, expected a result of {maker} of '{model.name}'.")
+
+
+def energy_shares(nu: Array) -> Array:
+    """Return ½ν_k² [J] of total rates ν [J^½]."""
+    return 0.5 * nu * nu
 
 
 def rates(rows: Any, external: Term, friction: Term) -> tuple[Array, Array]:

@@ -37,7 +37,7 @@ class RigidBody:
 
     @classmethod
     def about_origin(cls, mass: float, first_moment: Array, inertia: Array) -> RigidBody:
-        """Return the body with this mass, first moment [kg m] and inertia about the frame's origin; mass is not zero."""
+        """Return the body of a mass, not zero, a first moment [kg m] and an inertia there."""
         centre = first_moment / mass
         return cls(mass, centre, inertia - parallel_axes(mass, centre))
 
@@ -48,7 +48,7 @@ class RigidBody:
 
     @classmethod
     def union(cls, *bodies: RigidBody) -> RigidBody:
-        """Return several bodies as one; their masses may be negative, and have a sum other than zero."""
+        """Return several bodies as one; masses may be negative, but their sum is not zero."""
         masses = [body.mass for body in bodies]
         mass = sum(masses)
         centre = np.dot(masses, [body.centre for body in bodies]) / mass
@@ -59,6 +59,6 @@ class RigidBody:
 
 
 def symmetric(upper: Array) -> Array:
-    """Return the matrix (3, 3) of xx, xy, xz, yy, yz, zz, as the records of bodies and links hold an inertia."""
+    """Return the matrix (3, 3) of xx, xy, xz, yy, yz, zz, the order of records.BODY and LINK."""
     xx, xy, xz, yy, yz, zz = upper
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

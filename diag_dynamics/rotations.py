@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rotation matrices (3, 3) and what else describes a rotation; quaternions are x y z w. Kernels have sweeps.spatial."""
+"""Rotation matrices (3, 3), quaternions x y z w, and angles. Kernels have sweeps.spatial."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ def to_quaternion(R: Array) -> tuple[float, float, float, float]:
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Return the rotation matrix Rz(yaw) Ry(pitch) Rx(roll)."""
-    (sr, sp, sy), (cr, cp, cy) = (tuple(map(function, (roll, pitch, yaw))) for function in (math.sin, math.cos))
+    sr, sp, sy = math.sin(roll), math.sin(pitch), math.sin(yaw)
+    cr, cp, cy = math.cos(roll), math.cos(pitch), math.cos(yaw)
     # Products in this order have the bits of yourdfpy's.
     cc, cs, sc, ss = cr * cy, cr * sy, sr * cy, sr * sy
     return np.array(
@@ -55,7 +56,7 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def to_rpy(R: Array) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw; at a pitch of ±90°, where roll and yaw are one, with a roll of 0."""
+    """Return roll, pitch and yaw; the roll is 0 at a pitch of ±90°, where it acts as a yaw."""
     across = np.hypot(R[0, 0], R[1, 0])
     pitch = np.arctan2(-R[2, 0], across)
     if across < 1e-9:
@@ -102,5 +103,5 @@ def to_vector(R: Array) -> Array:
 
 
 def wrap_angle(angle: Array) -> Array:
-    """Return angles [rad] within ±π."""
+    """Return angles [rad] within ±π; kernels compile it, too."""
     return (angle + np.pi) % (2.0 * np.pi) - np.pi

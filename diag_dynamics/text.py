@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Text for people: names of joints without control characters, numbers, lengths of time, and a line of progress."""
+"""Text for people: names without control characters, numbers, durations, a line of progress."""
 
 import math
 import sys
@@ -12,12 +12,12 @@ UNKNOWN = "-"
 """Text of an unknown number."""
 
 _HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
-"""Categories of characters that act instead of being seen: controls, formats (those that turn the direction of writing among
-them), surrogates, separators of lines and of paragraphs."""
+"""Categories of control characters: controls, formats such as the direction of writing, surrogates,
+separators of lines and of paragraphs."""
 
 
 class _Escapes(dict):
-    """What str.translate puts in the place of a character, by its number."""
+    """Escapes of control characters by code point, for str.translate."""
 
     def __missing__(self, code):
         if unicodedata.category(chr(code)) not in _HIDDEN:
@@ -29,15 +29,15 @@ _ESCAPES = _Escapes()
 
 
 def plain(text: str) -> str:
-    r"""Return the text with every character that acts on a terminal or a log escaped, as ``\x1b`` or ``\u202e``.
+    r"""Return the text with control characters escaped, as ``\x1b`` or ``\u202e``.
 
-    Letters of all languages stay, and so do escapes: doing it twice changes nothing.
+    Letters of all languages stay, and so do escapes: a second call changes nothing.
     """
     return text if text.isprintable() else text.translate(_ESCAPES)
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits, as the page shows it (web/src/format.js), in ASCII.
+    """Return a number with so many significant digits in ASCII, as web/src/format.js does.
 
     :data:`UNKNOWN` for NaN and infinity; with an exponent from 10⁵ on and below 10⁻³.
     """
@@ -55,23 +55,24 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Return a length of time [s] with its unit: ms, s, min or h, as the page shows it."""
+    """Return a duration [s] with its unit ms, s, min or h, as the page shows it."""
     if not math.isfinite(seconds):
         return UNKNOWN
     if seconds < -1e-6:
         return f"-{duration(-seconds)}"
     if seconds < 1e-6:
         return "0 ms"
-    for below, factor, unit, digits in ((1.0, 1e3, "ms", 2), (120.0, 1.0, "s", 3), (7200.0, 1.0 / 60.0, "min", 3)):
+    units = (1.0, 1e3, "ms", 2), (120.0, 1.0, "s", 3), (7200.0, 1.0 / 60.0, "min", 3)
+    for below, factor, unit, digits in units:
         if seconds < below:
             return f"{number(factor * seconds, digits)} {unit}"
     return f"{number(seconds / 3600.0)} h"
 
 
 class Progress:
-    """Context with a line on stderr that the next one replaces.
+    """Context that shows its latest line on stderr, at most five times a second on a terminal.
 
-    It is shown on a terminal, at most five times a second; with `lines`, elsewhere too, line by line.
+    Elsewhere it shows nothing, or every line with `lines`.
     """
 
     PERIOD = 0.2

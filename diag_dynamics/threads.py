@@ -48,15 +48,17 @@ class Workspaces:
 def run_chunks(workspaces, count, sweep, threads, width=1):
     """Sweep over chunks of `count` states in threads, of which the calling one is one.
 
-    `sweep` is called with a robot, the first state of a chunk and its end, and returns the end of the states that it has
-    completed, `width` of them at a time. Return those one of which fails, of the first failing chunk.
+    `sweep` takes a robot, the first state of a chunk and its end, and returns the end of the states
+    that it has completed, `width` of them at a time. Return the range of states in which the first
+    failing chunk has stopped; it is empty without a failure.
     """
     number = min(CHUNKS_PER_THREAD * threads, count // MIN_CHUNK) if threads > 1 else 1
     chunks = itertools.pairwise(np.linspace(0, count, max(1, number) + 1, dtype=int).tolist())
     failures, others = [], []
 
     def work():
-        while not failures and (chunk := next(chunks, None)):  # chunks before a failing one are all in work
+        # Chunks before a failing one are all in work.
+        while not failures and (chunk := next(chunks, None)):
             first, last = chunk
             workspace = workspaces.acquire()
             end = sweep(workspace.robot, first, last)
@@ -79,7 +81,7 @@ def run_chunks(workspaces, count, sweep, threads, width=1):
 
 
 def _wait_for(others):
-    """Wait for the helpers, which write to memory of the caller, even if Ctrl-C interrupts the wait again."""
+    """Wait for helpers, which write to the caller's memory, even if Ctrl-C interrupts it again."""
     try:
         if others:
             wait(others)
@@ -90,7 +92,7 @@ def _wait_for(others):
 
 @functools.cache
 def _executor():
-    """Return the helper threads of this process: starting a thread takes as long as some hundred states."""
+    """Return the helper threads of this process, because starting one takes long."""
     return ThreadPoolExecutor(MAX_THREADS, thread_name_prefix="diag_dynamics")
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""YAML read with errors that name the file. PyYAML is imported when it is needed: who reads no file need not wait for it."""
+"""Reading and writing of YAML, with errors that name the file. PyYAML is imported on first use."""
 
 from __future__ import annotations
 
@@ -13,25 +13,28 @@ from diag_dynamics.optional import require
 
 
 def read_yaml(path: object, what: str) -> Any:
-    """Return the contents of a YAML file, {} of an empty one; `what` names it in errors."""
+    """Return the contents of a YAML file, {} if it is empty; `what` names it in errors."""
     try:
         text = Path(str(path)).expanduser().read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError, ValueError) as error:  # ValueError: of a name that holds a null character
-        raise InputError(f"{what} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+    except (OSError, UnicodeDecodeError, ValueError) as error:  # ValueError: a null in the name
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{what} cannot be read: {reason}.") from error
     content = parsed_yaml(text, what)
     return {} if content is None else content
 
 
 def parsed_yaml(text: str, what: str) -> Any:
-    """Contents of YAML text."""
+    """Return the contents of YAML text."""
     yaml = require("yaml", what)
     try:
         return yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: of a date that is none
-        hint = ". Put a text that begins with * in quotes." if "scanning an alias" in str(error) else ""
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: an invalid date
+        is_alias = "scanning an alias" in str(error)
+        hint = ". Put a text that begins with * in quotes." if is_alias else ""
         raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}{hint}") from error
 
 
 def yaml_text(content: Any) -> str:
-    """YAML of plain dicts, lists, texts and numbers, in their order; every number is read back with the same bits."""
-    return require("yaml", "writing YAML").safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
+    """Return dicts, lists, texts and numbers as YAML; numbers are read back with the same bits."""
+    yaml = require("yaml", "writing YAML")
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)

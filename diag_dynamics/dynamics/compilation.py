@@ -23,7 +23,8 @@ METHODS = {
     batch.mass_matrix_each: "mass_matrix_batch",
     batch.effort_of_wrenches_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch",
     batch.sweep_each: "forward_dynamics_batch inverse_dynamics_batch bias_batch "
-    "gravity_torque_batch nu_from_qd_batch qd_from_nu_batch epsilon_from_tau_batch tau_from_epsilon_batch",
+    "gravity_torque_batch nu_from_qd_batch qd_from_nu_batch epsilon_from_tau_batch "
+    "tau_from_epsilon_batch",
     factors.factors: "factors",
     classical.forward_dynamics: "forward_dynamics",
     classical.inverse_dynamics: "inverse_dynamics bias gravity_torque",

@@ -72,7 +72,7 @@ class DiagonalDynamics:
 
     def __init__(self, model: RobotModel) -> None:
         if not isinstance(model, RobotModel):
-            raise InputError(f"model is {model!r:.100}, expected a RobotModel, as load_urdf returns.")
+            raise InputError(f"model is {model!r:.100}, expected a RobotModel of load_urdf.")
         self.model = model
         self._arguments, self._caller = Arguments(model), calls.SweepCaller(model)
         self._zero, self._robot = self._arguments.zero, self._caller.robot

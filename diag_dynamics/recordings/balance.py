@@ -9,6 +9,7 @@ import numpy as np
 
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
+from diag_dynamics.results import energy_shares
 
 WINDOW, MAX_GAP = 0.1, 0.1
 """Length of a window, as noise of velocities spoils shorter ones, and longest interval that is integrated over [s]."""
@@ -58,7 +59,7 @@ class WindowSums:
         for k, force in enumerate((epsilon, gravity, friction)):
             np.einsum("tk,tk->t", nu, force, out=powers[1:, k])
         powers[1:, 3:] = nu * (epsilon - (s.coriolis[rows] + gravity + friction))
-        shares = np.vstack([share, 0.5 * nu * nu])
+        shares = np.vstack([share, energy_shares(nu)])
         steps = np.empty_like(powers)
         np.multiply(0.5 * samples.interval[:, None], powers[:-1] + powers[1:], out=steps[1:])
         stamps = np.append(stamp, states.stamp[rows])
