@@ -14,13 +14,11 @@ from diag_dynamics.entries import ARGUMENT, split_arguments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import plain
 
-DONE, DOUBTFUL, FAILED = range(3)
-"""Exit statuses: success; a result with reservations; no result."""
+DONE, DOUBTFUL, FAILED = range(3)  # exit statuses: success; a result with reservations; no result
 
 INTERRUPTED = 130
 
-GAIN = 25.0
-"""Default gain of the disturbance observer [1/s]."""
+GAIN = 25.0  # default gain of the disturbance observer [1/s]
 
 ROBOT = (
     "robot: a URDF, xacro or MJCF file, or a name listed by `diag-dynamics robots`. Add xacro arguments as NAME:=VALUE"
@@ -37,11 +35,7 @@ class Terminated(KeyboardInterrupt):
 
 
 def run_command(name, about, module, arguments):
-    """Parse the arguments of a command of the library and run it; return its exit status.
-
-    Its module has the functions ``add_arguments(parser)`` and ``run(chosen)``, and may have an EPILOG of the help and
-    OUTPUTS: the attributes of `chosen` with paths of outputs, by option.
-    """
+    """Parse the arguments of a command of the library and run its module; return the exit status."""
     epilog = getattr(module, "EPILOG", None)
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=about, epilog=epilog)
     module.add_arguments(parser)

@@ -14,11 +14,8 @@ from diag_dynamics.text import Progress
 ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads", "start", "end"
 """Options of a single recording."""
 
-TOGETHER = "out", "scheduler", "workers", "no_parquet", "reports"
-"""Options of many."""
-
-MAX_LISTED = 5
-"""Causes and failed recordings that the text lists."""
+TOGETHER = "out", "scheduler", "workers", "no_parquet", "reports"  # options of many
+MAX_LISTED = 5  # causes and failed recordings that the text lists
 
 
 def add_arguments(parser):

@@ -14,11 +14,8 @@ from diag_dynamics.text import plain
 
 WIDTH = 80
 
-MAX_NAMES = 6
-"""Names that a finding shows; --json has all."""
-
-JOINED = "\u00a0"
-"""Space at which no line is broken."""
+MAX_NAMES = 6  # names that a finding shows; --json has all
+JOINED = "\u00a0"  # space at which no line is broken
 
 EPILOG = """exit status: 0 notes at most, 1 warnings, 2 errors. A note is information. A warning is very likely a mistake in
 the URDF. An error prevents results from being computed."""
@@ -138,7 +135,9 @@ def _count(number, noun):
 def _facts(report):
     facts = report.facts
     yield from _wrapped("", facts["name"])
-    rows = [("file", _shortened(report.source)), ("links", _links(facts))]
+    path, space = report.source, WIDTH - 11
+    path = path if len(path) <= space else f"…{path[1 - space :]}"
+    rows = [("file", path), ("links", _links(facts))]
     if facts["degrees_of_freedom"] is not None:
         base = "floating" if facts["floating_base"] else "fixed"
         rows.append(("freedom", f"{facts['degrees_of_freedom']} degrees, {base} base '{facts['root_link']}'"))
@@ -169,12 +168,6 @@ def _ranges(facts):
         push = f"effective mass {_range(mass, 'kg')}" if mass["least"] is not None else "its origin does not move"
         rows.append(("" if number else "ends", f"{tip}: {push}"))
     return [*rows, ("", f"Ranges are over {facts['poses']} random poses.")]
-
-
-def _shortened(path):
-    """Return the end of a path that fits into a line."""
-    space = WIDTH - 11
-    return path if len(path) <= space else f"…{path[1 - space :]}"
 
 
 def _links(facts):

@@ -31,14 +31,7 @@ PANELS = {
 
 
 def foxglove(model, monitor):
-    """Return the text of a layout of Foxglove: the markers, a plot for each panel, and diagnostics.
-
-    Parameters
-    ----------
-    model : RobotModel
-    monitor : str
-        Name of the monitor on the graph, with its namespace.
-    """
+    """Return a Foxglove layout of a model and its monitor: markers, a plot for each panel, diagnostics."""
     title, grid = "foxglovePanelTitle", {"layerId": "foxglove.Grid", "instanceId": "grid", "visible": True}
     space = {title: model.name, "followMode": "follow-pose", "followTf": model.root_link, "layers": {"grid": grid}}
     space["scene"] = {"ignoreColladaUpAxis": True, "meshUpAxis": "z_up"}  # as RViz, and as URDFs mean it
@@ -61,13 +54,7 @@ def foxglove(model, monitor):
 
 
 def plotjuggler(model, monitor):
-    """Return the text of a layout of PlotJuggler: a plot for each panel, in which functions rename entries of arrays.
-
-    Parameters
-    ----------
-    model, monitor
-        As of :func:`foxglove`.
-    """
+    """Return a PlotJuggler layout, in which functions rename entries of arrays."""
     root = ET.Element("root")
     tab = ET.SubElement(ET.SubElement(root, "tabbed_widget", parent="main_window", name="Main Window"), "Tab")
     tab.set("tab_name", model.name)

@@ -139,10 +139,7 @@ def calibrate_residuals(
     friction: bool = False,
     warnings: Sequence[str] = (),
 ) -> Calibration:
-    """Return the Calibration of residuals, with release, hold-off and `standing` of a template.
-
-    See :func:`diag_dynamics.calibrate`.
-    """
+    """Return the Calibration of residuals, with release, hold-off and `standing` of a template."""
     rate, rows = positive("false_alarms", false_alarms, "[1/s]"), residuals.rows()
     time = rows.time
     duration = float(time[-1]) if len(time) else 0.0

@@ -17,8 +17,7 @@ from diag_dynamics.checks import instance, mapping, not_negative, number, positi
 from diag_dynamics.entries import ALL, by_name
 
 SECOND = 1_000_000_000  # [ns]
-RELEASE, HOLD_OFF, STANDING = 0.7, 0.5, 2.0
-"""Defaults of :class:`AlarmThresholds`."""
+RELEASE, HOLD_OFF, STANDING = 0.7, 0.5, 2.0  # defaults of :class:`AlarmThresholds`
 
 TORQUE, NORM = "external_torque", "norm"
 """Names of the detectors of ‖m r‖ and of |r|; the others have the names of joints."""
@@ -258,10 +257,7 @@ class AlarmDetector:
 
 
 def detector_values(x: Array) -> Array:
-    """Return |m r| of each joint, ‖m r‖ and |r| of rows [m r, r].
-
-    The cumulative sum adds column by column, so one row has the same bits as many.
-    """
+    """Return |m r| of each joint, ‖m r‖ and |r| of rows [m r, r]; cumsum gives one row the bits of many."""
     n = x.shape[1] // 2
     if not n:  # a robot without joints
         return np.zeros((len(x), 2))

@@ -18,10 +18,7 @@ NAMED_SHARE = 0.5  # fraction of the largest |m r|: a push at a link loads sever
 
 
 def most_pushed(names: Sequence[str], torque: Array) -> tuple[str, ...]:
-    """Return the joints with half of the largest |m r| or more, the largest first.
-
-    r names no joint: it follows ℓτ_ext, whose components mix the torques of several joints.
-    """
+    """Return the joints with half of the largest |m r| or more, the largest first; r mixes joints."""
     size = np.abs(torque)
     order = np.argsort(-size, kind="stable")
     return tuple(names[k] for k in order[size[order] >= NAMED_SHARE * size.max()])

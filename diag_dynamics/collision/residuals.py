@@ -135,10 +135,9 @@ def block_maxima(segments: Segments) -> Array:
 
 
 def find_level(segments: Segments, duration: float, rate: float, release: float, hold_off: float) -> Level | None:
-    """Return the level that a score exceeds at a rate [1/s]; None of too few peaks.
+    """Return the level that a score exceeds at a rate [1/s]; None for too few peaks.
 
-    Long data hold enough alarms to be counted. Else the level is extrapolated from the peaks of
-    alarms, or from the maxima of single seconds where alarms run into one another.
+    It is counted in long data, otherwise extrapolated from peaks of alarms or from one-second maxima.
     """
     scores = np.concatenate([score for _, score in segments])
     grid = np.unique(np.quantile(scores, 1.0 - np.geomspace(0.5, 1.0 / len(scores), 80)))[::-1]

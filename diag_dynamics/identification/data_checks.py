@@ -20,13 +20,7 @@ PRISMATIC = 0.1  # factor of these for a prismatic joint [m]
 
 
 def find_delay(model, segments):
-    """Return the delay of velocities against positions [s].
-
-    Raises
-    ------
-    InputError
-        Positions of a joint do not change as its velocity says.
-    """
+    """Return the delay of velocities against positions [s]; InputError if their units differ."""
     tracks = [_track(model, segment) for segment in segments]
     changes = np.concatenate([_increments(q, t, at) for t, q, _, at in tracks])
     found = []
@@ -74,11 +68,7 @@ def _increments(columns, t, at):
 
 
 def check_efforts(model, dataset, tolerant):
-    """Compare efforts with the torques that the model needs; return their Relation and add findings.
-
-    A `tolerant` comparison allows for a payload. Raises InputError if efforts lack gravity, have
-    another sign or unit, or are of joints in another order.
-    """
+    """Return the Relation of efforts to model torques and add findings; InputError for a clear fault."""
     compared = EffortRelation(model)
     for part in dataset.portions():
         compared.add_run(*part.columns)

@@ -240,10 +240,7 @@ def _search(series, rng, trials, progress):
 
 
 class _Series:
-    """Fourier series within limits of velocity and position by genes, and the unknowns that they excite.
-
-    Genes of a joint are its coefficients, its place in its range, and its fraction of the range.
-    """
+    """Fourier series by genes (coefficients, place and fraction of the range of each joint), and what they excite."""
 
     def __init__(self, model, moving, limits, period, time):
         self._model, self._dynamics, self._time, self._moving = model, DiagonalDynamics(model), time, moving

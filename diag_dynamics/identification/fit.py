@@ -45,10 +45,7 @@ class Carrier(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """All unknowns, their covariance, and the fraction of each that the rows determine: diag (A + γH)⁻¹A.
-
-    Covariance and fraction of a known value are 0.
-    """
+    """Unknowns, their covariance, and the fraction of each that the rows determine: diag (A + γH)⁻¹A."""
 
     x: np.ndarray
     covariance: np.ndarray
@@ -119,10 +116,7 @@ class Layout:
 
 
 def fit_rows(layout, rows, free, weight):
-    """Return the :class:`Fit` of the `free` unknowns (bool) to rows; `weight` is γ of the prior on inertias.
-
-    A payload is physical by itself; if its mass is negative, together with its body.
-    """
+    """Return the :class:`Fit` of `free` unknowns to rows; `weight` is γ. Negative payloads are physical with their body."""
     if layout.payload:
         _, body, placement = layout.payload
         base = inertias.moved(inertias.parameters_of_record(layout.model.bodies[body]), np.linalg.inv(placement))

@@ -133,11 +133,7 @@ def _warnings(quality, without_reference, nothing):
 
 
 def residual_curves(models, pieces, gain):
-    """Return times [s], shape (P,), and observed external torques of each model [N m, N], (P, nv).
-
-    `pieces` returns the pieces of a recording, `gain` is the observer's [1/s]. Of more than MAX_STEPS
-    states a curve has the smallest and the largest value of each step; rows of NaN are gaps.
-    """
+    """Return times [s] (P,) and external torques of each model (P, nv), thinned to extremes; NaN at gaps."""
     dataset, times, curves = Dataset("recording", pieces, models[0]), [], []
     observers = [Observer(DiagonalDynamics(model), gain, friction=True) for model in models]
     each = -(-sum(len(one.t) for one in dataset.segments) // MAX_STEPS)

@@ -89,11 +89,7 @@ def _joints(layout, x, free):
 
 
 def _split_body(model, body, whole, written=None):
-    """Return inertias of a body's links, given the body's, which has the model's payloads in it.
-
-    All links change alike, so that each stays physical. Payloads in `written`, by link, become part of
-    the links; those of the model do not.
-    """
+    """Return inertias of a body's links, given the body's; payloads in `written` become part of the links."""
     found, names, parts, places = {}, [], [], []
     for record in model.links[model.links["body"] == body]:
         link = model.link_names[record["index"]]
@@ -120,10 +116,9 @@ def _carried(payload, placement):
 
 
 def without_impossible_links(model, parameters):
-    """Return parameters for a URDF, in which each link is a physical body, and the names of links that were changed.
+    """Return parameters for a URDF whose links are all physical, and the names of changed links.
 
-    A payload may take off more than its link has, such as a hand that is not mounted. The links that
-    move with it then share the rest. A link that was not physical before stays as it is.
+    Where a payload subtracts more than its link has, the links that move with it share the rest.
     """
     records = {model.link_names[record["index"]]: record for record in model.links}
     links, payloads, shared = dict(parameters.links), dict(parameters.payloads), []

@@ -47,10 +47,7 @@ ROWS = {  # severity, unit, what, remedy; True where the smallest number is the 
 
 
 class Motion:
-    """A model in random poses within its limits, the same each time.
-
-    `condition` is that of M in SI units; `energy_at_limits` [J] is that of all velocity limits.
-    """
+    """A model in reproducible random poses within its limits."""
 
     def __init__(self, model: RobotModel) -> None:
         rng = np.random.default_rng(0)
@@ -73,10 +70,7 @@ class Motion:
 
 
 def too_quick(model: RobotModel, D: Array) -> dict[str, float]:
-    """Return the time D q̇_max/τ_max [s] of joints in which it is below :data:`CURRENT_RISE`.
-
-    D has shape (poses, nv) [kg m², kg]; the largest of each joint counts.
-    """
+    """Return joints whose time D q̇_max/τ_max [s] is below :data:`CURRENT_RISE`; D is (poses, nv)."""
     times = zip(model.dof_names, D.max(axis=0), model.velocity_limit, model.effort_limit, strict=True)
     known = [(name, d * speed / effort) for name, d, speed, effort in times if 0.0 < effort < np.inf]
     return {name: float(time) for name, time in known if 0.0 < time < CURRENT_RISE}

@@ -40,8 +40,7 @@ OF_XML = (
 )
 OF_MOTION = (motion.rotor_inertia, motion.gravity, motion.conditioning, motion.kinetic_energy)
 
-CHECKS = ("loading", *(check.__name__ for check in (*OF_XML, *OF_MOTION)))
-"""Names of all checks."""
+CHECKS = ("loading", *(check.__name__ for check in (*OF_XML, *OF_MOTION)))  # names of all checks
 
 ROWS = {key: ("links", *row) for key, row in links.ROWS.items()}
 ROWS |= {key: ("joints", *row) for key, row in (joints.ROWS | motion.ROWS).items()}

@@ -48,60 +48,26 @@ class Assembled(NamedTuple):
     """Cause and text of rejected messages, by place."""
 
 
-MAX_LAYOUTS = 256
-"""Lists of names that are kept, of MAX_BYTES together."""
+MAX_LAYOUTS = 256  # lists of names that are kept, of MAX_BYTES together
 
 MAX_NAMES, MAX_NAME_LENGTH = 1000, 256
 """Names of joints in messages that are kept, and the length of each."""
 
-NAME_BYTES = 64
-"""Memory of a name, apart from its letters."""
+NAME_BYTES = 64  # memory of a name, apart from its letters
 
 NATIVE = "<" if sys.byteorder == "little" else ">"
 
-MESSAGE = struct.Struct("=4q")
-"""A memory.MESSAGE."""
+MESSAGE = struct.Struct("=4q")  # A memory.MESSAGE
 
 IN_STEP = {-1: None, 0: False, 1: True}
 
 
 class StateAssembler:
-    """Keeps the newest values of every joint, and completes states from joint states that may bring only some of them.
+    """Complete states of a robot from joint states, each of which may have only some of its joints.
 
-    Parameters
-    ----------
-    joints : Joints
-    options : Options
-    base : OdometryBase, optional
-        Of a floating base, which completes states.
-    map_name : callable, optional
-        Returns the robot's name of a joint by its name in messages.
-    labels : sequence of str, optional
-        What joints, then followers are called in texts.
-    limit : str
-        Name of the parameter of ``options.max_age``.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Joints, then followers.
-    followers : Followers
-    efforts : EffortMeaning
-    counts : Counter
-        Messages that complete no state and are not rejected, by cause, and events, by name.
-    last_texts : dict
-        Text on the last time of each event, by its name.
-    frozen : Counter
-        States with stuck sensors that were compared, by text.
-    arrived : dict
-        Names of joints in messages as keys, in their order, at most :data:`MAX_NAMES` of :data:`MAX_NAME_LENGTH`.
-    last_foreign : tuple of str
-        Names in the last message without a joint of this robot.
-
-    Raises
-    ------
-    InputError
-        The options name a joint that is not there.
+    `base` is the OdometryBase of a floating base, `map_name` returns the robot's name of a joint, `labels` name joints, then
+    mimic joints, in texts. `counts` and `last_texts` are by event, `frozen` counts stuck sensors by text, `arrived` has
+    names in messages. InputError names joints of the options that the robot lacks.
     """
 
     def __init__(self, joints, options, base=None, map_name=None, labels=None, limit="max_age"):
@@ -134,13 +100,7 @@ class StateAssembler:
         return EffortMeaning(self.joint_names, self.followers.names, options), age_limits(self.names, options)
 
     def configure(self, options):
-        """Use other options from now on; nothing changes if they are refused.
-
-        Raises
-        ------
-        InputError
-            They name a joint that is not there.
-        """
+        """Use other options from now on; InputError if they name a joint that is not there."""
         efforts, ages = self.check_options(options)
         count, own, followers = len(self._own), self._own, self.followers
         limits = joint_limits(self._joints, options)
@@ -259,18 +219,9 @@ class StateAssembler:
     # --- Messages ---
 
     def accept(self, message, now):
-        """Judge a joint state.
+        """Judge a JointState, or its bytes, received at `now` [ns]; return Accepted or Rejected.
 
-        Parameters
-        ----------
-        message : sensor_msgs.msg.JointState or bytes
-        now : int
-            Time of reception [ns], which stands for a stamp of zero.
-
-        Returns
-        -------
-        Accepted or Rejected
-            A rejected message leaves no trace but what a later restart of time, setting of a clock or jump depends on.
+        A rejected message leaves no trace but what a later restart of time, setting of a clock or jump depends on.
         """
         if not isinstance(message, bytes):
             stamp, fields = message.header.stamp, (message.position, message.velocity, message.effort)
@@ -337,25 +288,20 @@ class StateAssembler:
     def _judge_one(self, batch, layout, now, sec=0, nanosec=0):
         """Judge the message of a batch of one; return the SUMMARY of its outcome."""
         MESSAGE.pack_into(self._message, 0, sec, nanosec, now, layout)
-        if self._base:
-            self._give_base()
-        judge_messages(*self._memory, *batch)
-        if self._base:
-            self._take_base()
+        self._judge_batch(batch)
         return self._summary.tolist()
 
     # --- Base ---
 
-    def _give_base(self):
-        if self._base:
-            known = self._base.stamp is not None
-            stamp = self._base.stamp if known else -1
-            _write(self._shared, base_stamp=stamp, base_unstamped=self._base.unstamped)
-
-    def _take_base(self):
-        """Forget the base where time restarted without it."""
-        if self._base and self._base.stamp is not None and self._shared["base_stamp"] < 0:
-            self._base.forget()
+    def _judge_batch(self, batch):
+        """Judge messages with the base of the newest odometry; reset the base where time restarted without it."""
+        base = self._base
+        if base:
+            stamp = -1 if base.stamp is None else base.stamp
+            _write(self._shared, base_stamp=stamp, base_unstamped=base.unstamped)
+        judge_messages(*self._memory, *batch)
+        if base and base.stamp is not None and self._shared["base_stamp"] < 0:
+            base.forget()
 
     def _with_base(self, state):
         """Return a state of joints with that of the base."""
@@ -367,19 +313,7 @@ class StateAssembler:
     # --- Many messages ---
 
     def assemble(self, parts, now):
-        """Judge messages one after the other.
-
-        Parameters
-        ----------
-        parts : sequence of JointStates
-            A message that is in none of them is malformed.
-        now : ndarray of int64, shape (k,)
-            Time of reception of each [ns], which stands for a stamp of zero.
-
-        Returns
-        -------
-        Assembled
-        """
+        """Judge JointStates in `parts`, received at `now` [ns] (k,); a message in no part is malformed."""
         layouts = [self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS)) for part in parts]
         widths = [sum(layout.lengths) for layout in layouts]
         entries = [layout.entries for layout in layouts]
@@ -390,10 +324,8 @@ class StateAssembler:
             messages["sec"][part.rows], messages["nanosec"][part.rows] = part.sec, part.nanosec
             messages["layout"][part.rows] = k
             batch.numbers[part.rows, :width] = np.hstack([part.position, part.velocity, part.effort])
-        self._give_base()
-        judge_messages(*self._memory, *batch)
         base = self._base and (self._base.position, self._base.velocity)
-        self._take_base()
+        self._judge_batch(batch)
         self._count(batch.outcome, messages["layout"], [part.names for part in parts])
         states = batch.states if base is None else _with_bases(base, batch)
         return Assembled(batch.outcome, *states, self._texts(batch.outcome, messages["layout"], layouts))
@@ -466,7 +398,8 @@ class StateAssembler:
 
     def _event_text(self, event, outcome):
         if event == codes.MOVED:
-            return codes.moved_text(outcome, self._labels)
+            name, (first, second) = self._labels[outcome["moved"]], outcome[["moved_from", "moved_to"]]
+            return codes.STEP.format(name=name, first=first, second=second)
         if event == codes.CONTRADICTS:
             return codes.contradiction_text(outcome, self._labels)
         if event == codes.DISAGREES:

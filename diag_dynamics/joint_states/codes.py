@@ -3,8 +3,7 @@
 
 """Codes of what comes of a message, and their causes and texts."""
 
-STATE = 0
-"""The message completes a state."""
+STATE = 0  # the message completes a state
 
 FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(-1, -6, -1)
 """The message is accepted and completes no state."""
@@ -36,14 +35,12 @@ FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(
 LAYOUT_ERRORS = (DUPLICATE_NAME, WRONG_LENGTH)
 """Codes whose texts depend on names and lengths alone."""
 
-ABSURD = (POSITION_BOUND, VELOCITY_BOUND, FAST_STEP)
-"""Codes with the cause "absurd value"."""
+ABSURD = (POSITION_BOUND, VELOCITY_BOUND, FAST_STEP)  # codes with the cause "absurd value"
 
 TIME_JUMPED, MOVED, CONTRADICTS, ABSURD_EFFORT, DISAGREES = 1, 2, 4, 8, 16
 """Events of a message, whatever comes of it."""
 
-FROZEN_STILL, FROZEN_SLIDES = 1, 2
-"""Kinds of stuck sensors."""
+FROZEN_STILL, FROZEN_SLIDES = 1, 2  # kinds of stuck sensors
 
 COUNTS = {
     FOREIGN: "foreign",
@@ -122,17 +119,7 @@ FROZEN_TEXTS = {
 
 
 def rejection_text(outcome, labels, limit="max_age"):
-    """Return the text of a rejection.
-
-    Parameters
-    ----------
-    outcome : numpy.void
-        Of OUTCOME, its code one of :data:`CAUSES`.
-    labels : sequence of str
-        What joints and followers are called.
-    limit : str
-        Name of the parameter of the largest age.
-    """
+    """Return the text of an OUTCOME with one of CAUSES; `limit` names the parameter of the maximum age."""
     code = int(outcome["code"])
     if code == FROZEN:
         return frozen_text(int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), labels)
@@ -151,11 +138,6 @@ def contradiction_text(outcome, labels):
     """Return the text of the event CONTRADICTS."""
     joint = outcome["contradicting"]
     return SAME_STAMP if joint < 0 else OTHER_SOURCE.format(name=labels[joint])
-
-
-def moved_text(outcome, labels):
-    """Return the text of the event MOVED."""
-    return STEP.format(name=labels[outcome["moved"]], first=outcome["moved_from"], second=outcome["moved_to"])
 
 
 def frozen_text(kind, joint, more, labels):

@@ -92,21 +92,9 @@ class Decoder:
         self._places, self._count, self._bytes = {}, 0, 0
 
     def decode(self, data, at, size, chosen):
-        """Read messages.
+        """Return JointStates, and errors by place, of the `chosen` messages.
 
-        Parameters
-        ----------
-        data : ndarray of uint8
-        at, size : ndarray of int64, shape (n,)
-            First byte of each message, and number of bytes.
-        chosen : ndarray of int
-            Places of the messages that are read.
-
-        Returns
-        -------
-        parts : list of JointStates
-        errors : dict of str
-            What is wrong with bytes that are no joint state, by the place of the message.
+        Message k is ``data[at[k] : at[k] + size[k]]``.
         """
         parts, errors = [], {}
         for length in np.unique(size[chosen]).tolist():
@@ -116,13 +104,7 @@ class Decoder:
         return sorted(parts, key=lambda part: part.rows[0]), errors
 
     def find_places(self, raw):
-        """Return the Places of one message.
-
-        Raises
-        ------
-        ValueError
-            The bytes are no joint state.
-        """
+        """Return the Places of one message; ValueError if it is no joint state."""
         for places in self._places.get(len(raw), ()):
             if places.holds(raw):
                 return places
@@ -145,36 +127,23 @@ class Decoder:
 
     def _decode_rows(self, raw, rows, parts, errors):
         """Read messages of one length, (n, length)."""
-        for places in self._places.get(raw.shape[-1], ()):
-            if not len(rows):
-                return
-            alike = (raw[:, places.fixed] == places.text).all(axis=1)
-            if alike.all():
-                parts.append(places.read(raw, rows))
-                return
-            if alike.any():
-                parts.append(places.read(raw[alike], rows[alike]))
-                raw, rows = raw[~alike], rows[~alike]
         while len(rows):
             try:
-                places = self._learn(raw[0].tobytes() if raw.size else b"")
+                places = self.find_places(raw[0].tobytes() if raw.size else b"")
             except ValueError as error:
                 errors[int(rows[0])] = f"joint_states: {error}"
                 raw, rows = raw[1:], rows[1:]
                 continue
             alike = (raw[:, places.fixed] == places.text).all(axis=1)
+            if alike.all():
+                parts.append(places.read(raw, rows))
+                return
             parts.append(places.read(raw[alike], rows[alike]))
             raw, rows = raw[~alike], rows[~alike]
 
 
 def find_places(raw):
-    """Return the Places of a message.
-
-    Raises
-    ------
-    ValueError
-        The bytes are no joint state.
-    """
+    """Return the Places of a message; ValueError if it is no joint state."""
     if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
         raise ValueError("the encapsulation is not that of plain CDR")
     order, at, names, fixed = "little" if raw[1] % 2 else "big", 12, [], [range(2)]

@@ -12,10 +12,9 @@ from diag_dynamics.joint_states.steps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOU
 
 
 def joint_limits(joints, options):
-    """Return the fields of memory.JOINT that are rules, by name.
+    """Return the bounds in memory.JOINT by name.
 
-    Beyond the limits lie degrees sent for radians, overrun counters and broken encoders. The position of a continuous joint
-    has none, however often it has turned. A velocity or effort limit of 0 in a URDF means that it is unknown.
+    Continuous joints have no position limits. A URDF limit of 0 for velocity or effort is unknown.
     """
     count = len(joints.names)
     turns = np.array([name in joints.continuous for name in joints.names], dtype=bool)
@@ -52,28 +51,10 @@ def age_limits(names, options):
 
 
 class EffortMeaning:
-    """Meaning of a driver's efforts: their unit, whether gravity is in them, whether they can be used at all.
+    """Unit of a driver's efforts, whether they include gravity, and whether they are available.
 
-    What is undeclared is taken as available where it is sent, in N m, gravity included.
-
-    Parameters
-    ----------
-    joints, followers : sequence of str
-    options : Options
-
-    Attributes
-    ----------
-    factors : ndarray
-        Of efforts of joints, then of followers; NaN for efforts that cannot be used.
-    without_gravity : ndarray or None
-        1 for each joint whose effort has gravity taken out, 0 for the others; None if there is none.
-    undeclared : tuple of str
-        Joints of which scale or gravity is not declared, although their efforts count.
-
-    Raises
-    ------
-    InputError
-        A joint that is not the robot's, or gravity of a follower, which is declared for the joint that it follows.
+    `factors` of joints, then mimic joints, are NaN without usable efforts; `without_gravity` is 1 for joints whose efforts
+    lack gravity, None without any; `undeclared` joints lack a scale or gravity. Undeclared efforts are N m with gravity.
     """
 
     def __init__(self, joints, followers, options):

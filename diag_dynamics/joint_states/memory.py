@@ -70,8 +70,7 @@ followers, and pairs for each number that is used: its place in `Batch.numbers`,
 MESSAGE = _record(("i8", "sec nanosec now layout"))
 """An element for each message; `now` is the time of reception, `layout` a place, UNREADABLE or FORGET."""
 
-UNREADABLE, FORGET = -1, -2
-"""Bytes that are no joint state; no message, but to forget all joints."""
+UNREADABLE, FORGET = -1, -2  # bytes that are no joint state; no message, but to forget all joints
 
 OUTCOME = _record(
     ("i8", "code events frozen_kind"),  # codes.py
@@ -85,11 +84,8 @@ OUTCOME = _record(
 )
 """An element for each message."""
 
-SUMMARY = OUTCOME.names[: OUTCOME.names.index("joint")]
-"""Fields that every message is asked for."""
-
-WINDOW = 32
-"""Intervals between stamps that are judged together."""
+SUMMARY = OUTCOME.names[: OUTCOME.names.index("joint")]  # fields that every message is asked for
+WINDOW = 32  # intervals between stamps that are judged together
 
 FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, VALUES, ROWS = range(9)
 """Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is

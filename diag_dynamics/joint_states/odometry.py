@@ -13,24 +13,9 @@ from diag_dynamics.joint_states.joints import Joints, Options
 
 
 class OdometryBase:
-    """Keeps the newest state of the base. Its stamps have the rules of those of a joint.
+    """Store the newest state of a floating base; `position`, `velocity` and `stamp` [ns] are None before.
 
-    Parameters
-    ----------
-    model : RobotModel
-        With a floating base.
-    twist_in_header : bool
-        Whether the twist of messages is in the axes of ``header.frame_id`` rather than of ``child_frame_id``.
-
-    Attributes
-    ----------
-    position, velocity : ndarray or None
-        None before the first message.
-    stamp : int or None
-        [ns]
-    unstamped : bool
-        Whether a time of reception stands for the stamp.
-    stamps : StateAssembler
+    Stamps follow the rules of those of a joint. `twist_in_header`: twists are in the axes of header.frame_id.
     """
 
     def __init__(self, model, twist_in_header):
@@ -58,14 +43,7 @@ class OdometryBase:
         self.stamps.forget()
 
     def update(self, message, now):
-        """Store what a nav_msgs/Odometry says; `now` [ns] stands for a stamp of zero.
-
-        Raises
-        ------
-        RejectedError
-            The child frame is not the root link nor attached to it, a number is not finite or absurd, or the message is out
-            of time.
-        """
+        """Store a nav_msgs/Odometry received at `now` [ns]; raise RejectedError for an invalid one."""
         link = message.child_frame_id.lstrip("/")
         if not link:
             raise RejectedError(
@@ -93,20 +71,10 @@ class OdometryBase:
 
 
 def base_state(model, link, position, quaternion, twist, twist_in_world=False):
-    """Return positions x y z qx qy qz qw, and the twist in its own axes, linear first, of the root link.
+    """Return x y z qx qy qz qw and the body twist of the root link, linear first.
 
-    Parameters
-    ----------
-    model : RobotModel
-        With a floating base.
-    link : str
-        Measured link: the root link, or one that is rigidly attached to it.
-    position, quaternion : array_like, shape (3,) and (4,)
-        Pose of the link in the world [m], x y z w.
-    twist : array_like, shape (6,)
-        Velocity of the link's origin [m/s] and angular velocity [rad/s].
-    twist_in_world : bool
-        Whether the twist is in the axes of the world instead of the link's.
+    `position` [m] and `quaternion` (x y z w) are the pose of a link attached to the root, `twist` [m/s, rad/s] that of its
+    origin, in its own axes or in those of the world.
     """
     values = {"position": (position, 3), "orientation": (quaternion, 4), "twist": (twist, 6)}
     for name, (value, length) in values.items():

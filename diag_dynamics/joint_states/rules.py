@@ -41,8 +41,7 @@ LATE_COUNT, LATE_TIME = 5, SECOND // 2
 LONGEST = 10.0 * SECOND
 """Longest time [ns] between the first two positions from which a velocity is estimated."""
 
-PERIODS = 3.0
-"""Periods without a position after which an estimate restarts."""
+PERIODS = 3.0  # periods without a position after which an estimate restarts
 
 _wrap_angle = kernel(wrap_angle)
 
@@ -277,10 +276,7 @@ def _forget(memory):
 
 @kernel
 def _estimate(memory, here, position, velocity, stamp, unstamped, moved, one):
-    """Replace missing velocities by estimates, or return the code of a step that is too fast for one.
-
-    The estimate is the exponentially weighted mean of difference quotients, with the filter time as time constant.
-    """
+    """Replace missing velocities by filtered difference quotients; return the code of a step that is too fast."""
     shared = memory.shared[0]
     for j in here:
         joint = memory.joints[j]

@@ -35,8 +35,7 @@ SOURCE_TIMEOUT = 0.5
 CANDIDATE_TIMEOUT = 5.0
 """Time [s] after which a pose that comes again is no longer that of the source that sent it before."""
 
-MARGIN = 1e-3
-"""Largest distance [rad, m] between positions of one stamp that says nothing."""
+MARGIN = 1e-3  # largest distance [rad, m] between positions of one stamp that says nothing
 
 STOP_FRACTION = 0.15
 """Fraction of the slack by which a robot may stop elsewhere than its velocities lead: some counts of a coarse encoder."""
@@ -98,10 +97,9 @@ def accept_step(memory, here, position, stamp, action, one):
 
 @kernel
 def is_contradicted(memory, here, position, stamp, unstamped):
-    """Return the joint in which a message without velocity is of another source than the state in force, or −1.
+    """Return the joint in which a message without velocity is of another source, or −1.
 
-    It is where its stamp is that of the state in force, or where it comes again with the same positions to the bit after that
-    source's next message. Nothing else depends on what is stored of it.
+    Its stamp is that of the state in force, or its positions repeat to the bit after that source's next message.
     """
     first, newest = here[0], -1
     for j in here:

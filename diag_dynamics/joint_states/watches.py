@@ -30,8 +30,7 @@ SAMPLES = 5
 MOVING = 0.05
 """Speed [rad/s, m/s] at which a joint's position must change. Velocity noise of a joint at rest stays below it."""
 
-MOVED = 0.05
-"""Distance [rad, m] within the timeout that a joint with velocity zero does not go."""
+MOVED = 0.05  # distance [rad, m] within the timeout that a joint with velocity zero does not go
 
 
 @large_kernel

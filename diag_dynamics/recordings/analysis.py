@@ -88,11 +88,7 @@ class Analysis:
         self.findings = None  # after run()
 
     def run(self, outputs=(), progress=None):
-        """Analyse all states, and call `write(piece)` of the outputs with each :class:`Piece` in order.
-
-        `progress` is called with the number of states and the last log time [ns] after each piece. The next piece is
-        read and analysed while outputs write.
-        """
+        """Analyse all states; call `write(piece)` of the outputs, and `progress(states, log time [ns])`."""
         batches = self.reading.pieces(SIZE)
         with ThreadPoolExecutor(1, thread_name_prefix="diag_dynamics") as pool:
             pending = pool.submit(self._next_piece, batches)

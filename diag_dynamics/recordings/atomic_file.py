@@ -13,10 +13,7 @@ from diag_dynamics.exceptions import InputError
 
 
 class AtomicFile:
-    """An empty file `name` beside `path`, whose name it gets by :meth:`commit`.
-
-    The target of a symbolic link is replaced, not the link. A device or a pipe is written directly (`name` is `path`).
-    """
+    """A file `name` beside `path` until :meth:`commit`; devices and pipes are written directly."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(os.path.expanduser(os.fspath(path)))

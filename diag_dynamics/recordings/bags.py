@@ -22,26 +22,21 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.messages import REASON, Messages, Notes, describe_error, merge_parts
 
-METADATA = "metadata.yaml"
-"""File that rosbag2 writes into a folder when it closes a recording."""
+METADATA = "metadata.yaml"  # file that rosbag2 writes into a folder when it closes a recording
 ZSTD = b"\x28\xb5\x2f\xfd"
 MAGIC = {b"\x89MCAP": "mcap", b"SQLite format 3": "sqlite", b"#ROSBAG": "ros1"}
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite", ".bag": "ros1"}
 UNFINISHED, PACKED = ".active", ".zstd"
 """Suffixes that rosbag of ROS 1 adds while it records, and rosbag2 to compressed files."""
 KNOWN = "a rosbag2 folder, .mcap or .db3, also compressed by zstd, or a ROS 1 .bag"
-ROS1 = "ros1", "ros1msg"
-"""Names of the encoding of ROS 1."""
-MAX_MESSAGE = 1 << 26
-"""Maximum size of a message that is compressed by itself [bytes]."""
+ROS1 = "ros1", "ros1msg"  # names of the encoding of ROS 1
+MAX_MESSAGE = 1 << 26  # maximum size of a message that is compressed by itself [bytes]
 
 
 class Bag:
-    """Messages of a file, or of the files of a folder. Damage of a file raises no exception.
+    """Messages of a file, or of the files of a folder, those of ROS 1 converted to CDR.
 
-    Messages of ROS 1 are converted to CDR. `unread` (damage) and `oddities` (without loss)
-    are complete after the last piece. No message precedes the log time `start` [ns], which is None
-    without messages.
+    `unread` (damage) and `oddities` (without loss) are complete after the last piece; `start` is the first log time [ns].
     """
 
     def __init__(self, path):
@@ -103,10 +98,7 @@ class Bag:
         return content
 
     def _map_connections(self, file):
-        """Return the places of a file's connections in `connections`, and conversions by connection.
-
-        A topic of several files is one connection; several writers in one file are several.
-        """
+        """Return the places of a file's connections in `connections`, and conversions by connection."""
         places, conversions = [], {}
         for k, one in enumerate(file.connections):
             one = one._replace(type=_normalize_type(one.type))

@@ -72,11 +72,7 @@ class WindowSums:
 
 
 class Balance:
-    """Judge windows of a robot with these degrees of freedom.
-
-    `moved` tells whether any joint moves. Count, means and sums of squared deviations are those of POWERS and of the residual
-    of each joint (Chan, Golub and LeVeque 1983).
-    """
+    """Pool windows: count, means and squared deviations of POWERS and joints (Chan, Golub and LeVeque 1983)."""
 
     def __init__(self, names):
         self._names, self.moved = tuple(names), True

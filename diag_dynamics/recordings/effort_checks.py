@@ -132,10 +132,7 @@ class Fault(NamedTuple):
 
 
 def find_fault(relation: Relation, tolerant: bool = False) -> Fault | None:
-    """Return the fault of efforts, tolerant of a payload; None if nothing is wrong.
-
-    It is that of all joints, if one explains their efforts; else that of gravity, of heavy joints, or of light ones.
-    """
+    """Return the fault of efforts, tolerant of a payload; None if nothing is wrong."""
     torque, factor, wrong = relation.torque, relation.factor, relation.wrong(tolerant)
     right = relation.judged() & ~wrong
     heavy_right = np.any(torque[right] >= LIGHT * torque.max(initial=0.0))  # then not all have another scale
@@ -203,10 +200,7 @@ def _explain_all(relation, scaled):
 
 
 class _Explanations:
-    """Faults of all efforts together: the fraction of their squares that each leaves, and a text; None without one.
-
-    Squares are without what friction, offset and a rotor explain. Joints are weighted by the model's torque.
-    """
+    """Faults of all efforts together: the fraction of their squares that each leaves, and a text; or None."""
 
     def __init__(self, relation):
         self.needed, self._model, products = np.append(relation.model.gravity, 1.0), relation.model, relation.products

@@ -35,10 +35,7 @@ SINGULAR = 1e-9  # fraction of a column's square below which it depends on other
 
 
 def smoothed(t, q, qd, tau):
-    """Return positions, rates, efforts and accelerations at even times, through a zero-phase low-pass.
-
-    Its gain is that of a Butterworth filter, forward and backward: 1 / (1 + (f/f_c)^2n). Ends are reflected.
-    """
+    """Return q, q̇, τ and q̈ at even times, through a zero-phase low-pass with the gain 1 / (1 + (f/f_c)^2n)."""
     next_fast_len = require("scipy.fft", "the judgement of efforts").next_fast_len
     count, nq, nv = len(t), q.shape[1], qd.shape[1]
     even = np.linspace(t[0], t[-1], count)
@@ -67,10 +64,7 @@ def remaining(products, kept, rest):
 
 
 def _regress(products, column, rest):
-    """Return the square of a column without what the rest explains, and the slope of each joint's effort over it.
-
-    A column that depends on the rest has the square 0 and the slope NaN.
-    """
+    """Return squares of a column without what the rest explains (0 if dependent), and the efforts' slopes over it."""
     left = remaining(products, np.vstack([column, np.eye(len(column))[COLUMNS:]]), rest)
     square = np.where(left[..., 0, 0] > SINGULAR * (products @ column @ column), left[..., 0, 0], 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -57,7 +57,6 @@ COLUMNS = {
     "unread": ("int64", lambda one: sum(finding["cause"] == "unread" for finding in one["findings"])),
     "warnings": ("int64", lambda one: len(one["warnings"])),
     "wrong": ("string", lambda one: "; ".join(describe_faults(one))),
-    "pieces": ("int64", lambda one: 1),  # recordings were cut before 0.2
 }
 """Types of the columns of fleet.parquet, and their values from a summary."""
 
@@ -241,7 +240,7 @@ def _analyse(job, options):
         summary = summarize(analysis) | {"recording": job.path}
         for output in outputs:
             output.close(summary)
-        summary |= {"pieces": 1, "fingerprint": job.fingerprint}
+        summary["fingerprint"] = job.fingerprint
         _write(job.output("json"), json.dumps(summary, indent=1, allow_nan=False))
         return summary
     except (DiagDynamicsError, OSError) as error:

@@ -21,12 +21,9 @@ from diag_dynamics.wire.definitions import read_message
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
-ABSURD = "absurd value"
-"""Cause of messages that are rejected for a value of a joint."""
-LOST = "lost by gaps in stamps"
-"""Name of the count of states that never came."""
-MAX_TEXTS = 20
-"""Rejections whose text is kept, of each cause."""
+ABSURD = "absurd value"  # cause of messages that are rejected for a value of a joint
+LOST = "lost by gaps in stamps"  # name of the count of states that never came
+MAX_TEXTS = 20  # rejections whose text is kept, of each cause
 
 
 class Batch(NamedTuple):
@@ -61,10 +58,9 @@ class Rejection(NamedTuple):
 
 
 class Intake:
-    """Makes states of messages, batch by batch, with the monitor's Settings; log time is the time of reception.
+    """Make states of messages with the rules of the monitor, batch by batch; `rejections` are the first of each cause.
 
-    States and counts are those of the monitor, bit for bit. Only states that cannot be evaluated are found later.
-    `rejections` are the first :data:`MAX_TEXTS` of each cause, `units` a RejectedUnits.
+    States and counts are those of the monitor, bit for bit.
     """
 
     def __init__(self, model, settings, names=None):

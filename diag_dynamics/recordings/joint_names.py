@@ -16,11 +16,9 @@ MAX_NAMES = 100  # names of each side that a proposal is sought for
 
 
 class JointNames:
-    """A map from the names of joints in a recording to those of the robot.
+    """A map from names in a recording to joints of a robot, with at most one ``*`` in each name.
 
-    A name is mapped by the entry that equals it, otherwise by the longest one with ``*`` that fits. Without such an entry it
-    stays as it is. Both names of an entry have one ``*``, or neither has. Raises InputError, which names the source `where`
-    of the map, if an entry is not possible or two are of one joint.
+    The entry that equals a name counts, otherwise the longest one with ``*`` that fits; other names stay.
     """
 
     def __init__(self, entries, where="joint_names"):
@@ -50,11 +48,7 @@ class JointNames:
         return next((name for name in names if name and self.map_name(name) == joint), joint)
 
     def check_recording(self, pieces, model):
-        """Compare the map with the joints of a recording, of which no more is read than necessary.
-
-        `pieces` are iterables of names in the recording; the names are returned, as far as they were read. Raises InputError
-        if an entry names no joint of the recording or of the robot, or two names are mapped to one joint.
-        """
+        """Compare the map with the joints of a recording; return the names that were read from `pieces`."""
         names = {}
         for some in pieces:
             names |= dict.fromkeys(some)
@@ -103,13 +97,12 @@ def listed(names):
 
 
 def propose_maps(names, joints):
-    """Return entries with ``*``, pairs of str, that each map names of a recording to joints of a robot.
+    """Return entries with ``*`` that map names of a recording to joints; several if ambiguous, as for two arms.
 
-    Prefixes are compared first, then suffixes. An entry leads to every joint, or from every name; without such an entry, to
-    two joints or more and half of them. There are several where it is not certain which is meant, as for two arms.
+    Prefixes are compared first, then suffixes. An entry maps every name or joint, otherwise at least two and half of them.
     """
     names, joints = list(names)[:MAX_NAMES], list(joints)[:MAX_NAMES]
-    for turn in (str, _reversed):
+    for turn in (str, lambda text: text[::-1]):
         turned, wanted = [turn(name) for name in names], {turn(joint) for joint in joints}
         whole, part = {}, {}
         for old, new in {_heads(name, joint) for name, joint in product(turned, wanted)} - {None}:
@@ -132,10 +125,6 @@ def describe_maps(found, names, joints):
     count = sum(_replace(*found[0], name) in joints for name in names)
     which = "them" if count == len(names) else f"{count} of them"
     return f"{options} (joint_names) maps {which} to the robot's joints"
-
-
-def _reversed(text):
-    return text[::-1]
 
 
 def _heads(name, joint):

@@ -24,12 +24,9 @@ MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, LAST, PRIVATE = 2, 3, 4, 5, 6, 15, 128
 """Kinds of records; those from `PRIVATE` on are not of the format."""
 COMPRESSIONS = {"": "zlib", "zstd": "zstandard", "lz4": "lz4.frame"}
-MAX_SIZE = 1 << 30
-"""Maximum size of a chunk, a message, a declaration and a summary [bytes]."""
-RUN = 1 << 20
-"""Records outside of chunks are read in parts of this size [bytes]."""
-LAST_TIME = (1 << 63) - 1
-"""Latest log time that int64 holds [ns]."""
+MAX_SIZE = 1 << 30  # maximum size of a chunk, a message, a declaration and a summary [bytes]
+RUN = 1 << 20  # records outside of chunks are read in parts of this size [bytes]
+LAST_TIME = (1 << 63) - 1  # latest log time that int64 holds [ns]
 UNDECLARED, SKIPPED = -2, -1
 
 _RECORD = struct.Struct("<BQ")

@@ -11,10 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-REASON = "reading the recording"
-"""Use of libraries, for the error about one that is missing."""
-ROWS = 2000
-"""Messages that are grouped where a file has no chunks."""
+REASON = "reading the recording"  # use of libraries, for the error about one that is missing
+ROWS = 2000  # messages that are grouped where a file has no chunks
 
 
 class Connection(NamedTuple):
@@ -27,11 +25,7 @@ class Connection(NamedTuple):
 
 
 class Messages(NamedTuple):
-    """Messages in log-time order; message k is ``data[at[k] : at[k] + size[k]]``.
-
-    `connection` are indices into the connections of the bag, log times are in ns. `data` is of
-    uint8, all others are of int64, shape (n,).
-    """
+    """Messages in log-time order [ns]; message k is ``data[at[k] : at[k] + size[k]]``, all columns int64 (n,)."""
 
     data: np.ndarray
     connection: np.ndarray
@@ -73,11 +67,7 @@ class Messages(NamedTuple):
 
 
 def merge_parts(files):
-    """Yield the messages of several files in log-time order.
-
-    A file yields pairs (start, read): `read()` returns Messages from log time `start` on [ns], or None.
-    Starts of a file are in order. Parts that overlap in time are in memory.
-    """
+    """Yield the messages of several files in log-time order; a file yields pairs (start, read) in order."""
     held = []
     for start, read in heapq.merge(*files, key=itemgetter(0)):
         if held and min(int(messages.log_time[0]) for messages in held) < start:

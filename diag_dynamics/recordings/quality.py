@@ -200,10 +200,7 @@ def _smallest_steps(signals, j):
 
 
 def _judge_ratios(ratios):
-    """Return `cause` and `factor` of a wrong unit on which all joints in motion agree, or None; and warnings.
-
-    `ratios` are those of Δq to ∫q̇dt by joint, NaN of a joint at rest.
-    """
+    """Return the wrong unit on which all moving joints agree, or None, and warnings; ratios of Δq to ∫q̇dt."""
     causes, moving = {}, sum(map(np.isfinite, ratios.values()))
     for name, ratio in ratios.items():
         if np.isfinite(ratio) and not 1.0 / RATIO_ERROR < ratio < RATIO_ERROR:

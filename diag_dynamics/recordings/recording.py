@@ -181,10 +181,7 @@ def stream_recording(
 
 
 class Reading:
-    """A recording that is being read, with the arguments of :func:`read_recording`.
-
-    `described` is the robot's description or its path, None of a model that was made before; `settings` are the monitor's.
-    """
+    """A recording being read; `described` is the robot's description or path, None for a RobotModel."""
 
     def __init__(
         self, path, model=None, columns=None, *, topic=None, joint_names=None, parameters=None, start=None, end=None

@@ -90,10 +90,7 @@ def _is_bag(path):
 
 
 class BagSource:
-    """Messages of a bag: joint states of one robot on some topics, merged by log time, and odometry.
-
-    No message precedes the log time `start` [ns]. `unread` is a list of damage, `notes` of oddities without loss.
-    """
+    """Messages of a bag: joint states of one robot on some topics, merged by log time, and odometry."""
 
     offset = without_values = 0  # as of TableSource
 

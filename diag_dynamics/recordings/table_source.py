@@ -13,19 +13,11 @@ from diag_dynamics.recordings.intake import Batch
 from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
 from diag_dynamics.recordings.tables import open_table
 
-LATEST = (1 << 31) - 1
-"""Last second that a stamp can be of."""
+LATEST = (1 << 31) - 1  # last second that a stamp can be of
 
 
 class TableSource:
-    """Rows of a table as joint states. Stamp and log time are the row's time, delayed so that the first one is not zero.
-
-    Parameters
-    ----------
-    path : Path
-    columns : ColumnMap
-    names : JointNames, optional
-    """
+    """Rows of a table as joint states; stamps and log times are delayed so that the first one is not zero."""
 
     start = None  # as of BagSource
 

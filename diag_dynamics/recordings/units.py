@@ -51,11 +51,7 @@ def regress_changes(changes, integrals):
 
 
 def position_ratios(stamps, position, velocity, continuous):
-    """Return the slope of Δq over ∫q̇dt of each joint, 1 if units agree; NaN where they do not correlate, shape (n,).
-
-    Stamps [ns] have the shape (T,), positions and velocities (T, n). Pairs of rows with a gap between them, or with a value
-    that is not finite, are left out. Positions of joints that are `continuous` may be wrapped.
-    """
+    """Return the slope of Δq over ∫q̇dt of each joint, (n,); 1 if units agree, NaN without correlation."""
     elapsed = np.diff(stamps)[:, None] / SECOND
     forward = elapsed > 0.0
     if not forward.any():

@@ -49,20 +49,16 @@ class SampleChain:
 
 
 class WindowIntegrals:
-    """Integrate over windows between the first states after multiples of a length [s], batch by batch.
-
-    Windows do not depend on where a recording begins. Those with a state that does not follow are left out.
-    """
+    """Integrate over windows between multiples of a length [s]; those with a gap are omitted."""
 
     def __init__(self, length):
         self._length = round(length * SECOND)
         self._begin, self._whole, self._sums = None, False, 0.0
 
     def integrate(self, stamps, follows, steps, values):
-        """Return begin and end [ns], sums of steps and changes of values, of the windows that end.
+        """Return begin and end [ns], sums of steps (T, m) and changes of values, of the windows that end.
 
-        The first of the T stamps is that of the last state before. `follows` tells whether each state follows the one
-        before, `steps` (T, m) is the part of the integral in between; of both the first row is ignored.
+        The first stamp is that of the last state before; `follows` tells whether each state follows the one before.
         """
         if self._begin is None:
             self._begin = stamps[0], values[0]

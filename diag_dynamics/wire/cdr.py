@@ -14,8 +14,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 
-HEADER = b"\x00\x01\x00\x00"
-"""Encapsulation: plain CDR, little-endian, no options."""
+HEADER = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little-endian, no options
 
 _PRIMITIVES = {
     "boolean": "?",
@@ -35,29 +34,11 @@ _SEQUENCE = re.compile(r"sequence<(\w+)>")
 
 
 class Template:
-    """The bytes of one message, in which its numbers can be overwritten in place; texts and lengths stay.
+    """Bytes of a message, whose numbers can be overwritten in place; texts and lengths stay.
 
-    Alignment padding is zero.
-
-    Parameters
-    ----------
-    message
-        Of any type made of numbers, truth values, strings, unbounded sequences of these, and messages of at least one field.
-
-    Attributes
-    ----------
-    numbers : dict
-        Views of all numbers and truth values by path, such as ``header.stamp.sec`` or ``position``; a sequence is there
-        unless it is empty.
-    data : ndarray of uint8
-        All bytes. Those after the encapsulation begin on a multiple of eight.
-    doubles : ndarray of float64
-        The same bytes after the encapsulation.
-
-    Raises
-    ------
-    InputError
-        The message has a field of another type, or none at all.
+    `numbers` are views of numbers by path, such as ``header.stamp.sec``, without empty sequences; `data` all bytes;
+    `doubles` those after the encapsulation, as float64. InputError for a message without fields, or fields other than
+    numbers, strings, sequences of these, and messages.
     """
 
     def __init__(self, message):

@@ -109,15 +109,7 @@ def definitions(texts):
 
 @cache
 def message_type(kind, more=NO_OTHERS):
-    """Class of messages of a type; attributes that are not given have the values of a new message.
-
-    Parameters
-    ----------
-    kind : str
-        Such as ``sensor_msgs/msg/JointState``.
-    more : mapping, optional
-        Of :func:`definitions`.
-    """
+    """Return the class of messages of a type such as ``sensor_msgs/msg/JointState``."""
     try:
         fields = fields_of(more[kind], kind.split("/")[0])
     except KeyError:
@@ -142,13 +134,7 @@ def message_type(kind, more=NO_OTHERS):
 
 
 def read_message(raw, kind, more=NO_OTHERS):
-    """Message of its bytes, as rclpy reads them: bytes that are left over are not looked at.
-
-    Raises
-    ------
-    ValueError
-        They are no such message.
-    """
+    """Return the message in bytes, as rclpy reads them; ValueError if they are no such message."""
     if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
         raise ValueError("the encapsulation is not that of plain CDR")
     return _Reader(raw, "<" if raw[1] % 2 else ">", ALIGNMENT[raw[1]]).message(kind, more)

@@ -24,13 +24,7 @@ def _folders():
 
 @cache
 def our_definitions():
-    """Definitions by type, such as ``diag_dynamics/msg/KineticEnergy``, with the standard ones.
-
-    Raises
-    ------
-    InputError
-        They are nowhere.
-    """
+    """Return the definitions of this package's messages by type; InputError if they are not found."""
     for folder in _folders():
         if found := sorted(folder.glob("*.msg")):
             return definitions({f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found})

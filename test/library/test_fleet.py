@@ -33,7 +33,7 @@ from recorded_arm import parts_of
 GOOD = "monday/arm.mcap", "monday/long shift.mcap", "tuesday/arm.mcap", "tuesday/hostile.mcap"
 BAD = "tuesday/broken.mcap", "tuesday/idle.mcap"
 NUMBERS = {
-    "int64": {"states", "collisions", "rejected", "unread", "warnings", "pieces"},
+    "int64": {"states", "collisions", "rejected", "unread", "warnings"},
     "string": {"recording", "robot", "wrong", "error"},
     "double": {"hours", "kinetic_energy_max", "kinetic_energy_max_at", "kinetic_energy_mean", "explained"}
     | {"explained_with_potential", "residual_power", "external_torque_max"},

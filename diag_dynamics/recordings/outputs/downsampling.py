@@ -32,10 +32,7 @@ class Work:
         self._last = None
 
     def integrate(self, t, powers):
-        """Return sums since the first state, shape (T, 2k + 1), from powers [W], NaN if unknown.
-
-        They are the work [J] of each power, the number of steps in which it is unknown, and of gaps.
-        """
+        """Return sums since the first state, (T, 2k + 1): work [J], steps with unknown powers, and gaps."""
         t0, p0, sums0 = self._last or (t[0], powers[0], np.zeros(2 * powers.shape[1] + 1))
         steps = np.diff(t, prepend=t0)[:, None]
         mean, gap = 0.5 * (powers + np.concatenate([p0[None], powers[:-1]])), steps > MAX_GAP
@@ -60,10 +57,7 @@ def mean_powers(states):
 
 
 class Overview:
-    """Keep at most `size` states: of each run of consecutive states the first one and the extremes.
-
-    Runs become twice as long whenever more states are kept.
-    """
+    """Keep at most `size` states: the first one and the extremes of runs, which double in length."""
 
     def __init__(self, size):
         self._size, self._stride, self._kept = size, 1, []

@@ -31,8 +31,7 @@ TOPICS = {
 """Topics and their types."""
 WRITTEN = "state", "kinetic_energy", "external_torque"
 """Default topics; those of matrices are large."""
-NODE = "/diag_dynamics"
-"""Name of the monitor whose topics they are."""
+NODE = "/diag_dynamics"  # name of the monitor whose topics they are
 
 UNKNOWN = {"effort", "epsilon", "kappa", "power"}, {"residual", "external_torque", "joint_collision"}
 """Fields that are empty or 0 without effort, and without a result of the observer."""

@@ -33,11 +33,7 @@ OF_STATES, OF_EFFORTS, OBSERVED = ("velocity", "effort"), ("epsilon", "kappa"), 
 
 
 class TableOutput:
-    """Write the analysis of a Reading into a table; `kind` is ``"parquet"`` or ``"csv"``.
-
-    Parquet has units in the metadata of fields and NaN for what is unknown, CSV units in the header
-    (``nu.joint1 [J^0.5]``) and empty fields.
-    """
+    """Write the analysis of a Reading as ``parquet`` (units in metadata, NaN) or ``csv`` (units in the header)."""
 
     def __init__(self, path, reading, friction=False, kind="parquet"):
         self._arrow, self._library = (require(name, f"'{path}'") for name in ("pyarrow", f"pyarrow.{kind}"))

@@ -14,20 +14,7 @@ _SOURCES = {b"PAR1": ("arrays", "ParquetSource")} | dict.fromkeys(
 
 
 def open_table(path, columns, joints):
-    """Return the :class:`Table` of a file, whose kind follows from its first bytes.
-
-    Parameters
-    ----------
-    path : str or Path
-    columns : ColumnMap
-    joints : tuple of str
-        Names of the model's joints that move, in their order; empty: unknown.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read at all, its columns are ambiguous, or pyarrow is not installed.
-    """
+    """Return the :class:`Table` of a file, by its first bytes; `joints` are the model's, empty if unknown."""
     try:
         with open(path, "rb") as file:
             begin = file.read(8)

@@ -30,10 +30,7 @@ _NOT_WHOLE = "A file that was not closed or not copied completely lacks the inde
 
 
 class ParquetSource:
-    """Rows of a Parquet file: one row group after another, those that are damaged left out.
-
-    Fields of structs have names with dots. The metadata of the schema may name the joints of all rows.
-    """
+    """Rows of a Parquet file by row group; damaged ones are omitted. Fields of structs have names with dots."""
 
     notes, unit = (), "row"
 
@@ -101,10 +98,7 @@ def _flatten(table):
 
 
 class NpzSource:
-    """Rows of the arrays of an npz, (n,) or (n, k); one that is (k, n) is turned round.
-
-    An array of texts with a row for each time names the joints of each row; one called joint_names or the like those of all.
-    """
+    """Rows of the arrays of an npz, (n,) or (n, k); one that is (k, n) is transposed."""
 
     unit = "row"
 

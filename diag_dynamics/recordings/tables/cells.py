@@ -17,8 +17,7 @@ from diag_dynamics.recordings.tables.names_in_data import MAX_LENGTH, numbers_of
 
 SAMPLE = 6  # first rows that show what a column of texts holds
 BLANK = ("", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "--")  # nan is a value that was sent
-MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))
-"""Texts that stand for no number."""
+MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))  # texts that stand for no number
 
 _LIMIT = 4 * 10**18  # [ns], of stamps: the difference of two fits into 64 bits
 _SHORT = 2.0**50 / SECOND  # [s], 13 days: up to here a double holds nine decimals
@@ -37,10 +36,7 @@ _ISO = re.compile(
 
 
 def unify(array):
-    """Return an array without a dictionary; texts of any type as strings without blanks around them, null for empty cells.
-
-    Binary texts that are long, as pictures, are null, too.
-    """
+    """Return an array without a dictionary; texts stripped, null if empty, or if binary and long."""
     if pa.types.is_dictionary(array.type):
         array = array.dictionary_decode()
     kind = str(array.type)
@@ -134,10 +130,7 @@ def _parse_texts(array, parse, lose, what, units):
 
 
 def read_lists(array, width, lose):
-    """Return the numbers of a column of lists, or of texts of them, (n, k): NaN behind the end of a list.
-
-    Lists of another length than `width` are NaN throughout, unless it is None; `lose` is that of :func:`read_numbers`.
-    """
+    """Return the numbers of lists, or of texts of them, (n, k); NaN for lists of another length than `width`."""
     if not is_list(array.type):
         lists = _parse_texts(array, numbers_of, lose, "list of numbers", "rows of it")
         array = pa.array(lists, pa.list_(pa.float64()))
@@ -167,10 +160,7 @@ def _lengths(array):
 
 
 def read_times(array, scale):
-    """Return times [s], NaN where one is missing, and stamps [ns] of an array of pyarrow; `scale` is the unit of numbers [s].
-
-    Integers and texts are exact to the nanosecond. Texts are numbers or ISO 8601, UTC without a zone.
-    """
+    """Return times [s], NaN if missing, and stamps [ns], exact for integers and texts; `scale` of numbers [s]."""
     kind = array.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         array, scale = array.cast(pa.int64()), _UNITS[kind.unit]

@@ -73,10 +73,7 @@ class _Group(NamedTuple):
 
 
 def choose(columns, wanted, model_joints, file, texts=()):
-    """Return the :class:`Choice` among columns by a ColumnMap; InputError if one is missing, ambiguous or lacks a scale.
-
-    `model_joints` are the names of the model's joints that move, in their order, or empty; `texts` may state names of joints.
-    """
+    """Return the :class:`Choice` among columns by a ColumnMap; `texts` may state names of joints."""
     try:
         return _Chooser(columns, wanted, tuple(model_joints), texts).choose()
     except InputError as error:

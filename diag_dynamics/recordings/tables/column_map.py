@@ -36,22 +36,7 @@ class ColumnMap(NamedTuple):
 
 
 def read_column_map(columns):
-    """Read and check a map of columns.
-
-    Parameters
-    ----------
-    columns : str, Path, dict, ColumnMap or None
-        Path of a YAML file, or its content. None is the empty map: all follows from the headers.
-
-    Returns
-    -------
-    ColumnMap
-
-    Raises
-    ------
-    InputError
-        It names the file, the key, and the expected value.
-    """
+    """Return the ColumnMap of a YAML file or of its content; None is the empty map."""
     if columns is None or isinstance(columns, ColumnMap):
         return columns or ColumnMap()
     source = "columns"

@@ -114,8 +114,7 @@ def factor_of(quantity, unit):
 def split_unit(header, known=()):
     """Return a header without its unit in brackets, and the unit or None.
 
-    After a space any text in brackets is a unit, right after a name only a known unit: ``pos[0]`` has
-    none. The name of a joint in `known`, or of the quantity, is no unit: ``q0 (elbow)``, ``elbow (q0)``.
+    After a space any text in brackets is a unit, otherwise only a known one; names of joints and quantities are none.
     """
     match = _BRACKETS.match(header)
     if match is None:

@@ -92,10 +92,7 @@ def _clean(text):
 
 
 def find_row_names(columns, known):
-    """Return all :class:`RowNames` of a table.
-
-    Headers such as ``name0`` say that texts are names. Columns with one joint of the model in each row may have any.
-    """
+    """Return all :class:`RowNames`: columns of texts with a header such as ``name0``, or with the model's joints."""
     sets = {}
     for k, column in enumerate(columns):
         header, names = column.name.strip().lower(), [names_of(text) for text in column.sample]
@@ -237,7 +234,8 @@ def _order(text, known, count):
     kinds, tokens, names = "", [], set()
     for token in _tokens(known).finditer(text):
         name, number, word = token["name"], token["number"], token["word"]
-        if name not in names and (name or number or (word and not _is_filler(word))):
+        is_filler = word and (_FILLERS.fullmatch(word.lower()) or is_unit(word))
+        if name not in names and (name or number or (word and not is_filler)):
             kinds += "n" if name else "w" if word else "i" if number.isdecimal() else "f"
             tokens.append(token)
             names.add(name or "")
@@ -252,10 +250,6 @@ def _order(text, known, count):
         if len(set(numbers)) == count and (marked or max(numbers) - min(numbers) == count - 1):
             return tuple(name for _, name in sorted(zip(numbers, joints, strict=True)))
     return ()
-
-
-def _is_filler(word):
-    return bool(_FILLERS.fullmatch(word.lower())) or is_unit(word)
 
 
 def _find_lists(texts, known):

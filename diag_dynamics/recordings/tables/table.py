@@ -37,11 +37,10 @@ class Columns(NamedTuple):
 
 
 class Table:
-    """Rows of a table in pieces, with `joints`, `notes` of how the columns were understood, and losses in `unread`.
+    """Rows of a table in pieces; `notes` tell how columns were read, `unread` what was lost.
 
-    `unit`, ``line`` or ``row``, is what `Columns.rows` counts, `without_values` the number of rows without a value of any
-    joint. It and `unread` are complete when all pieces have been read. The source has `path`, `headers`, `choice`, `notes`,
-    `unit`, and `blocks(lose)`, which yields arrays of pyarrow by index of the column and the number of each row.
+    `unit`, ``line`` or ``row``, is what `Columns.rows` counts. `unread` and the number of rows `without_values` are complete
+    after the last piece.
     """
 
     def __init__(self, source):
@@ -63,13 +62,7 @@ class Table:
         self._losses.setdefault((cause, unit), [where, f" ({example})" if example else "", 0])[2] += count
 
     def pieces(self):
-        """Yield pieces as :class:`Columns`, once.
-
-        Raises
-        ------
-        InputError
-            The unit of the times is in doubt, or rows of single joints are in the order of joints.
-        """
+        """Yield pieces as :class:`Columns`, once."""
         names = self._choice.names
         held, checked, single = None, False, names and not names.listed and len(names.columns) == 1
         count = 0
