@@ -86,7 +86,7 @@ def _check(name, value, source):
         return {}
     name, value = current(name, value)
     if name not in PARAMETERS:
-        near = get_close_matches(name, PARAMETERS, n=1)
+        near = get_close_matches(name, PARAMETERS, n=1) or [one for one in PARAMETERS if name.startswith(f"{one}.")]
         raise InputError(f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}")
     default = PARAMETERS[name].default
     is_list = isinstance(default, list)
