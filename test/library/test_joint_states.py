@@ -234,7 +234,7 @@ def test_long_messages_fill_no_memory():
     for k in range(50):
         read(f"joint {k:04}", decoding.MAX_BYTES // 5)
         read(f"joint {k:04}", 2 * decoding.MAX_BYTES)
-    kept = [one for one in gc.get_objects() if isinstance(one, decoding.Places) and len(one.names[-1]) > 1000]
+    kept = [one for one in gc.get_objects() if type(one) is decoding.Places and len(one.names[-1]) > 1000]
     assert 0 < sum(one.length for one in kept) <= 2 * decoding.MAX_BYTES
     lists = [one for one in gc.get_objects() if type(one) is tuple and len(one) == 4]
     texts = [one[3] for one in lists if all(type(name) is str for name in one) and one[:3] == NAMES]
