@@ -38,11 +38,11 @@ def end_effector_link(model: RobotModel) -> str:
     count = len(bodies)
     children: list[list[int]] = [[] for _ in range(count)]
     joints, length = np.zeros(count, dtype=int), np.zeros(count)  # from the base to each body
+    is_actuated = (bodies["leader"] == np.arange(count)) & (bodies["rank"] == 0)
     for k in range(1, count):
         parent = int(bodies["parent"][k])
         children[parent].append(k)
-        is_actuated = bodies["leader"][k] == k and bodies["rank"][k] == 0
-        joints[k] = joints[parent] + is_actuated
+        joints[k] = joints[parent] + is_actuated[k]
         length[k] = length[parent] + (float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0)
     all_joints, all_length = joints.copy(), length.copy()  # from the base through a body to the ends of its chains
     arm_joints, ends = joints.copy(), list(range(count))  # likewise, without fingers

@@ -46,13 +46,13 @@ class Described(NamedTuple):
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
+    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for gravity, floating_base,
+    armature and estimate_inertias, which the file has.
+
     Joints that an equality couples linearly are mimic joints. Names are the file's, or ``body<number>`` and
     ``joint<number>``. A single free body is a floating base. Degrees of freedom are in the order of :class:`RobotModel`,
     which need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a ModelWarning
     names them, and `RobotModel.omitted` has them.
-
-    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for gravity, floating_base,
-    armature and estimate_inertias, which the file has.
 
     Raises
     ------
@@ -287,8 +287,8 @@ def _largest_force(c, a):
     m = c.m
     force = float(np.abs(m.actuator_forcerange[a]).max()) if m.actuator_forcelimited[a] else np.inf
     control = m.actuator_ctrladr[a] if hasattr(m, "actuator_ctrladr") else a
-    enums = {"mjtGain": "actuator_gaintype", "mjtBias": "actuator_biastype", "mjtDyn": "actuator_dyntype"}
-    is_motor = [c.kinds(*item)[a] for item in enums.items()] == ["fixed", "none", "none"] and m.actuator_plugin[a] < 0
+    kinds = [c.kinds(f"mjt{part}", f"actuator_{part.lower()}type")[a] for part in ("Gain", "Bias", "Dyn")]
+    is_motor = kinds == ["fixed", "none", "none"] and m.actuator_plugin[a] < 0
     if is_motor and m.actuator_ctrllimited[control] and not c.is_disabled("clampctrl"):
         force = min(force, float(np.abs(m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]).max()))
     return force

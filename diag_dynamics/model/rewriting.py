@@ -53,7 +53,7 @@ def _insert_first(parent: Any, element: Any) -> None:
 def urdf_with(text: str, parameters: Parameters) -> str:
     """Return a URDF's text with inertias, payloads, damping and friction; it has no place for armature and offsets."""
     element = parse_urdf(text, comments=True)
-    robot, _ = read_urdf(text)
+    robot, _ = read_urdf(element)
     inertials = {link.name: link.inertial for link in apply_parameters(robot, parameters).links}
     origin = [str(parameters.origin[key]) for key in ("method", "date") if parameters.origin.get(key)]
     source = ", ".join(["written by diag_dynamics", *origin])

@@ -34,12 +34,11 @@ from diag_dynamics.model.remarks import remarks_of, warn, warning_of
 from diag_dynamics.model.sources import expanded, folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
 from diag_dynamics.model.tree import Tree
-from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_element
+from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_urdf
 from diag_dynamics.sweeps import configuration, joints
 from diag_dynamics.sweeps.workspace import Workspace
 
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
-
 FRICTION_VELOCITY = 5e-3  # default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second
 LARGEST_GRAVITY = 1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
@@ -98,10 +97,8 @@ class RobotModel:
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     lower, upper : ndarray, shape (nq,)
         Position limits [rad, m]; infinite where there are none. A follower's limits do not bind its leader.
-    velocity_limit, effort_limit : ndarray, shape (nv,)
-        Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none.
-    velocity_bound, effort_bound : ndarray, shape (nv,)
-        These limits, infinite where the URDF has 0, as authors write who know none.
+    velocity_limit, effort_limit, velocity_bound, effort_bound : ndarray, shape (nv,)
+        Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. Bounds are infinite where it has 0, too.
     damping, friction, effort_offset : ndarray, shape (nv,)
         Joint damping [N m s/rad, N s/m], Coulomb friction [N m, N], and the effort that is measured where none acts
         [N m, N], of the URDF or parameters beside it, those of followers included. Dynamics ignores them by default.
@@ -427,7 +424,7 @@ def load_urdf(
         found = estimated(urdf_text(source), estimate_inertias, folder)
         source = found.text
     element = parse_urdf(urdf_text(source))
-    robot, root = read_element(element, whole("max_joints", max_joints))
+    robot, root = read_urdf(element, whole("max_joints", max_joints))
     given = Parameters() if parameters is None else read_parameters(parameters)
     robot = apply_parameters(robot, given)
     rotors, ignored = reflected_inertias(element)

@@ -34,11 +34,6 @@ FORMATS = {  # first bytes of files that are no XML: their kind, and what to do
     b"PK\x03\x04": "a zip archive. Unpack it, and load the URDF in it",
 }
 
-ROOTS = {  # root elements of XML files that are no URDF, likewise
-    "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
-    "sdf": "an SDF of Gazebo. Load the URDF that it was made from",
-}
-
 _OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
 _AMPERSAND = re.compile(r"&(?!#?\w[\w.:-]*;)")
 _HTML = re.compile(r"(?i)<(?:!doctype\s+html|html)\b")
@@ -101,12 +96,6 @@ def folder_of(source: Any) -> Path | None:
     place = getattr(source, "name", None) if hasattr(source, "read") else source
     place = split_arguments(place)[0] if isinstance(place, str) else place
     return Path(os.path.expanduser(place)).parent if isinstance(place, (str, os.PathLike)) else None
-
-
-def reject_root(tag: str) -> None:
-    """Reject the root element of another kind of file."""
-    kind = f": the file is {ROOTS[tag]}" if tag in ROOTS else ""
-    raise UrdfError(f"The root element is <{short(tag)[1:-1]}>, expected <robot>{kind}.")
 
 
 def reject_other_kinds(start: bytes) -> None:

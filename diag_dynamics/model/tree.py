@@ -37,18 +37,9 @@ class MovingJoint:
 class Tree:
     """A robot (yourdfpy.Robot) walked from its root, with positions of locked joints and :class:`Mimic` by name.
 
-    Leaders of mimics are neither fixed nor locked.
-
-    Attributes
-    ----------
-    joints : list of MovingJoint
-        Independent joints, base to tip; those of a coupled group come together, before what the group carries.
-    groups : list of tuple of str
-        Joints of each coupled group, base to tip; `group_sizes` has their numbers of bodies.
-    links : list of (yourdfpy.Link, int, ndarray)
-        Each link with its body and its placement (4, 4) in that body's frame.
-    dof_names, coordinate_names, orientations
-        See :class:`RobotModel`.
+    `joints` are independent, base to tip. Those of a coupled group come together, before what the group carries; `groups`
+    has the names of all of its joints, `group_sizes` its number of bodies. `links` has each link (yourdfpy.Link) with its
+    body, and its placement (4, 4) in that body's frame.
     """
 
     def __init__(self, robot, root, floating_base, locked, mimics):

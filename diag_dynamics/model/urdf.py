@@ -16,10 +16,14 @@ from diag_dynamics.checks import listed
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES
 from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
-from diag_dynamics.model.sources import reject_root, urdf_text
 
 MAX_JOINTS = 2000  # largest number of joints, by default; the largest public robots have some 200
 DEFINITIONS = ("property", "macro", "arg")  # elements of xacro that define something for others
+
+ROOTS = {  # root elements of files that are no URDF: their kind, and what to do
+    "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
+    "sdf": "an SDF of Gazebo. Load the URDF that it was made from",
+}
 
 UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
 
@@ -37,19 +41,12 @@ JOINT = {
 }
 
 
-def read_urdf(source, max_joints=MAX_JOINTS):
-    """Return links and joints of a URDF without geometry (yourdfpy.Robot), and the name of the root link."""
-    return read_element(parse_urdf(urdf_text(source)), max_joints)
-
-
-def read_element(robot, max_joints=MAX_JOINTS):
-    """Return what :func:`read_urdf` does of a parsed <robot> element."""
+def read_urdf(robot, max_joints=MAX_JOINTS):
+    """Return links and joints of a parsed <robot> element (yourdfpy.Robot), and the name of the root link."""
     joints, links = (len(robot.findall(tag)) for tag in ("joint", "link"))
     if max(joints, links - 1) > max_joints:
-        raise UrdfError(
-            f"The URDF has {joints} joints and {links} links, and no more than {max_joints} joints are accepted: see "
-            "max_joints."
-        )
+        most = f"no more than {max_joints} joints are accepted: see max_joints"
+        raise UrdfError(f"The URDF has {joints} joints and {links} links, and {most}.")
     _reject_loops(robot)
     reduced = etree.Element("robot", name=_expanded(robot.get("name"), "The robot's name") or "robot")
     inertials = _add_links(robot, reduced)
@@ -68,9 +65,8 @@ def _read(reduced):
     try:
         import yourdfpy
     except Exception as error:  # also of a library for meshes that does not fit the NumPy
-        raise UrdfError(
-            f"The URDF reader yourdfpy cannot be imported: {error!r}. Install it: pip install yourdfpy."
-        ) from error
+        text = f"The URDF reader yourdfpy cannot be imported: {error!r}. Install it: pip install yourdfpy."
+        raise UrdfError(text) from error
     stream = io.BytesIO(etree.tostring(reduced))
     return yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
 
@@ -113,7 +109,8 @@ def parse_urdf(text, comments=False):
         if element.prefix is None and "}" in element.tag:  # a default namespace, as some schemas ask for
             element.tag = element.tag.rpartition("}")[2]
     if robot.tag != "robot":
-        reject_root(robot.tag)
+        kind = f": the file is {ROOTS[robot.tag]}" if robot.tag in ROOTS else ""
+        raise UrdfError(f"The root element is <{short(robot.tag)[1:-1]}>, expected <robot>{kind}.")
     return robot
 
 

@@ -9,7 +9,7 @@ from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.model.mjcf import loaded
 from diag_dynamics.model.robot import FRICTION_VELOCITY
-from diag_dynamics.model.urdf import read_urdf
+from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 
@@ -33,7 +33,7 @@ def model_of(description, values):
     own, gravity = described.options, values["gravity"]
     payloads = payloads_of(values["payloads"])
     if payloads:
-        links = {link.name for link in read_urdf(described.text, values["max_joints"])[0].links}
+        links = {link.get("name") for link in parse_urdf(described.text).iterfind("link")}
         payloads = {link: payload for link, payload in payloads.items() if link in links}
     if values["floating_base"] and not own.get("floating_base", True):
         raise InputError(
