@@ -153,16 +153,10 @@ class _Compiled:
 
     def nonzero(self, which, *attributes):
         """Return those of some objects that have one of these attributes other than zero."""
-        known = [attribute for attribute in attributes if hasattr(self.m, attribute)]
-        return [k for k in which if any(np.any(self._values(attribute, k)) for attribute in known)]
-
-    def _values(self, attribute, k):
-        """Return an attribute of an object; for the degrees of freedom, that of a hinge, slide or free joint."""
-        values = getattr(self.m, attribute)
-        if not attribute.startswith("dof_"):
-            return values[k]
-        begin = self.m.jnt_dofadr[k]
-        return values[begin : begin + (6 if k in self.free else 1)]
+        values = {name: getattr(self.m, name) for name in attributes if hasattr(self.m, name)}
+        # The degrees of freedom of a joint have the same numbers.
+        by_object = [x[self.m.jnt_dofadr] if name.startswith("dof_") else x for name, x in values.items()]
+        return [k for k in which if any(np.any(x[k]) for x in by_object)]
 
     def moves(self, b):
         return self.m.body_dofnum[self.m.body_weldid[b]] > 0
