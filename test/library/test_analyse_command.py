@@ -365,6 +365,26 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert "is an input. Choose another file" in analyse(bag, table, "--json", table)[2]
 
 
+def test_topics_and_names_of_one_robot(tmp_path, driven, analyse):
+    """An arm and its hand on two topics make the same summary as one topic with the robot's names."""
+    names, stamps, *values = driven
+    bags = []
+    for path, topics, prefix in (("one", ["/joint_states"] * 2, "panda"), ("several", ["/arm", "/hand"], "fer")):
+        sent = []
+        for k, stamp in enumerate(stamps.tolist()):
+            for topic, part in zip(topics, (slice(0, 7), slice(7, None)), strict=True):
+                own = [name.replace("panda", prefix) for name in names[part]]
+                sent.append(Message(topic, stamp, serialized(stamp, own, *(one[k, part] for one in values))))
+        bags.append(write_mcap(tmp_path / f"{path}.mcap", sent, chunk_size=20_000))
+    (tmp_path / "map.yaml").write_text("joint_names: {fer_*: panda_*}")
+    summary = json.loads(analyse(bags[0], "--json", "-")[1])
+    assert summary["states"] == 2 * COUNT - 1
+    assert any("repeat the previous time stamp: messages of arm and gripper" in text for text in summary["warnings"])
+    for options in (("--joint-names", "fer_*=panda_*"), ("--columns", tmp_path / "map.yaml")):
+        other = json.loads(analyse(bags[1], "--topic", "/arm", "--topic", "/hand", *options, "--json", "-")[1])
+        assert other == summary | {"recording": str(bags[1])}
+
+
 def test_parameters_in_files(tmp_path, bag, panda, analyse):
     """The monitor's, the packaged one, and the robot's: a rotor inertia adds half of it times its joint's rate squared."""
     file, arm = tmp_path / "monitor.yaml", tmp_path / "arm.yaml"

@@ -12,13 +12,19 @@ import sqlite3
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import diag_dynamics as dd
 from bags import (
     JAZZY,
     JOINT_STATE,
+    LZ4,
+    NO_INDEX,
+    NOETIC,
     ODOMETRY,
+    PLAIN,
+    ZSTD,
     Message,
     arm,
     description,
@@ -36,7 +42,10 @@ from bags import (
     write_rosbag2,
 )
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
-from hostile import MS, START
+from diag_dynamics.cli.main import main
+from diag_dynamics.wire.definitions import read_message
+from diag_dynamics.wire.ours import our_definitions
+from hostile import MS, START, S
 
 
 def assert_same_states(found, expected):
@@ -49,6 +58,20 @@ def assert_same_states(found, expected):
 
 
 IN_ROS1 = {"encoding": "ros1", "schema": "ros1msg"}
+MD5 = NOETIC.generate_msgdef(JOINT_STATE, ros_version=1)[1]
+
+
+@pytest.mark.parametrize(
+    ("compression", "md5", "options"),
+    [(ZSTD, None, {}), (LZ4, MD5, {"index_types": NO_INDEX}), (PLAIN, "*", {"use_chunking": False})],
+)
+def test_ros1_in_mcap(tmp_path, compression, md5, options):
+    """`mcap convert` keeps messages and types of a ROS 1 bag; MD5 sums may be unknown."""
+    options |= IN_ROS1 | {"metadata": {"md5sum": md5} if md5 else {}}
+    messages = of_ros1(numbered(60, topics=("/a", "/b")))
+    path = write_mcap(tmp_path / "x.mcap", messages, compression, **options)
+    for k, topic in enumerate(("/a", "/b")):
+        assert read(path, topic) == (list(range(k, 60, 2)), [])
 
 
 def test_a_robot_of_ros1_in_mcap(tmp_path):
@@ -162,6 +185,24 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
         assert_same_states(found, expected)
     refused(rf"{two[0]}, {two[1]}\. .* --topic {two[0]} --topic {two[1]}", path, robot)
     refused(rf"no topic '/gripper' .*, only {two[0]}, {two[1]}", path, robot, topic=[two[0], "/gripper"])
+
+
+def test_stamps_of_a_written_mcap(tmp_path):
+    """Messages have the stamps of the newest and of the oldest value."""
+    path, out = write_mcap(tmp_path / "x.mcap", arm_and_gripper(["/joint_states"] * 2)), tmp_path / "out.mcap"
+    (tmp_path / "arm.urdf").write_text(urdf_of("a", "b", "c"))
+    arguments = ["analyse", path, "--urdf", tmp_path / "arm.urdf", "-o", out, "--topics", "state", "--quiet"]
+    assert main(list(map(str, arguments))) in (0, 1)
+    states = dd.read_recording(path, arm("a", "b", "c")).states
+    with open(out, "rb") as file:
+        raw = [one.data for *_, one in make_reader(file).iter_messages()]
+    found = [read_message(one, "diag_dynamics/msg/DiagonalizedState", our_definitions()) for one in raw]
+    for stamps, expected in (
+        ([one.header.stamp for one in found], states.stamp),
+        ([one.oldest_stamp for one in found], states.oldest_stamp),
+    ):
+        np.testing.assert_array_equal([one.sec * S + one.nanosec for one in stamps], expected)
+    assert (states.stamp != states.oldest_stamp).all()
 
 
 def test_topics_that_are_not_read_are_named(tmp_path):
@@ -336,6 +377,17 @@ def test_names_that_came_and_a_map_for_them(tmp_path, case):
     elif case != "many":
         assert f"messages of other joints: {', '.join(came)}; the robot has {', '.join(own)}. " in finding.text
     assert len(recording) == 0 and all(text in finding.text for text in expected)
+
+
+def test_a_map_for_the_columns_of_a_table(tmp_path):
+    """The error about columns of other joints has it, too, and with it the table is read."""
+    came, own, expected = PROPOSALS["two arms"]
+    path = write_table(tmp_path, moving(*came))
+    with pytest.raises(dd.InputError) as error:
+        dd.read_recording(path, arm(*own))
+    assert all(text in str(error.value) for text in expected)
+    found = dd.read_recording(path, arm(*own), joint_names={"l_*": "*"})
+    np.testing.assert_allclose(found.q[:, 1], 0.001 * np.arange(12) + 1)
 
 
 def test_followers_are_the_robots(tmp_path):

@@ -16,7 +16,7 @@ import pytest
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, IndexType
+from mcap.writer import CompressionType, IndexType, Writer
 from rosbags import rosbag1
 from rosbags.rosbag2 import CompressionMode
 
@@ -27,6 +27,7 @@ from bags import (
     NO_INDEX,
     PLAIN,
     SQLITE,
+    TEXT,
     arm,
     file_of,
     numbered,
@@ -82,6 +83,25 @@ def test_ros1(tmp_path, compression):
     path = write_ros1(tmp_path / "x.bag", numbered(100, ("/a", "/b")), compression)
     for k, topic in enumerate(("/a", "/b")):
         assert read(path, topic) == (list(range(k, 100, 2)), [])
+
+
+def test_records_that_are_no_messages(tmp_path):
+    """Attachments, metadata and private records are ignored, with an index and without it."""
+    path = tmp_path / "x.mcap"
+    with open(path, "wb") as file:
+        writer = Writer(file, chunk_size=300)
+        writer.start(profile="ros2")
+        channel = writer.register_channel("/a", "cdr", writer.register_schema(JOINT_STATE, "ros2msg", TEXT.encode()))
+        for one in numbered(20):
+            writer.add_message(channel, one.log_time, one.data, one.log_time)
+            writer.add_metadata("rosbag2", {"a": "b"})
+            writer.add_attachment(1, 1, "image", "image/png", b"\5" + bytes(100))
+            file.write(b"\x90\4" + bytes(7) + b"ours")
+        writer.finish()
+    assert read(path)[0] == list(range(20))
+    path.write_bytes(path.read_bytes()[:-1])
+    numbers, findings = read(path)
+    assert numbers == list(range(20)) and len(unread(findings)) == 1
 
 
 @pytest.mark.parametrize("profiles", ["", ", offered_qos_profiles TEXT"])
@@ -292,6 +312,30 @@ def test_what_is_lost_of_a_chunk_is_named(tmp_path, place, new, what):
     numbers, findings = read(path)
     pattern = f"{path}, chunk at byte {at}: {what.format(count=200 - len(numbers))}"
     assert 180 < len(numbers) < 200 and re.fullmatch(pattern, *unread(findings))
+
+
+def test_garbage_between_chunks(tmp_path):
+    """Without an index, all behind it is lost."""
+    content = write_mcap(tmp_path / "x.mcap", numbered(100), index_types=NO_INDEX).read_bytes()
+    begin = chunks(content)[5]
+    for garbage in (bytes(3000), b"\5" + bytes(7), b"\xff" * 1000):
+        (tmp_path / "x.mcap").write_bytes(content[:begin] + garbage + content[begin:])
+        numbers, findings = read(tmp_path / "x.mcap")
+        size = len(content) + len(garbage) - begin
+        assert 0 < len(numbers) < 100 and numbers == list(range(len(numbers)))
+        (lost,) = unread(findings)
+        assert f"byte {begin}: no record starts here: {size} bytes (`mcap recover` may find more)" in lost
+
+
+def test_damage_in_chunks_of_other_topics_is_no_loss(tmp_path):
+    messages = [*numbered(100, ["/a"]), *numbered(100, ["/b"], seed=1)]
+    path = write_mcap(tmp_path / "x.mcap", messages, PLAIN)
+    content = bytearray(path.read_bytes())
+    content[content.index(messages[190].data) + 9] ^= 1
+    path.write_bytes(content)
+    assert read(path, "/a") == (list(range(100)), [])
+    numbers, findings = read(path, "/b")
+    assert len(numbers) < 100 and len(unread(findings)) == 1
 
 
 def test_messages_of_no_channel_and_of_no_time(tmp_path):

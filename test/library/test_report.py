@@ -4,6 +4,8 @@
 """Reports have the library's numbers of the recording, every state around contacts, and a bounded size."""
 
 import gzip
+import io
+import os
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +89,20 @@ def test_columns_of_tables(tmp_path):
     place = list(given).index("power")
     assert [k for k, row in enumerate(rows) if row[place] == ""] == list(np.flatnonzero(unknown))
     np.testing.assert_array_equal(dd.read_recording(paths[3], xml).q, q)  # written tables are recordings
+
+
+def test_names_that_are_no_utf8(recording):
+    """Of recordings and outputs; a link stays one, and the file that it leads to is replaced."""
+    folder, name = recording.folder / os.fsdecode(b"caf\xe9"), os.fsdecode(b"\xff")
+    folder.mkdir()
+    (folder / "older").write_text("of yesterday")
+    paths = {kind: folder / f"{name}.{kind}" for kind in ("mcap", "parquet", "csv")}
+    paths["parquet"].symlink_to(folder / "older")
+    options = [word for kind, path in paths.items() for word in (f"--{kind}", path)]
+    html, summary = recording.analyse(name, "--quiet", *options, **recording.columns(slice(0, 200)))
+    assert html.exists() and summary["recording"] == str(recording.folder / f"{name}.npz")
+    assert paths["parquet"].is_symlink() and len(list(folder.iterdir())) == 4
+    assert pq.read_table(io.BytesIO((folder / "older").read_bytes())).num_rows == 200
 
 
 def test_the_index_of_a_written_mcap(recording):
@@ -262,6 +278,26 @@ def test_the_numbers_are_the_librarys(recording):
             np.testing.assert_allclose(found[f"contact_{name}"][0], numbers, atol=1e-3, err_msg=name)
     around = track_of(told, blocks, told["tracks"][1])[0]
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "efforts", "missing", "words"),
+    [
+        (WATCHED[:1], True, ["external_torque.gain"], ("gain is not set", "calibrate")),
+        (WATCHED[1:], True, ["external_torque.threshold"], ("threshold is not set", "calibrate")),
+        (WATCHED, False, [], ("no efforts",)),
+    ],
+    ids=["no gain", "no threshold", "no efforts"],
+)
+def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, missing, words):
+    """Summary and text name the missing parameter and do not report zero contacts."""
+    columns = recording.columns(slice(750, 1500))  # the push is in it
+    if not efforts:
+        del columns["tau"]
+    _, summary = recording.analyse("part", "--set", *given, **columns)
+    observer, said = summary["observer"], " ".join(capsys.readouterr().out.split())
+    assert (observer["missing"], observer["observed"], summary["collisions"]) == (missing, 749 * efforts, [])
+    assert "0 collisions" not in said and all(word in said for word in ("Collisions are unknown", *words)), said
 
 
 def test_states_without_an_effort_are_counted(recording):

@@ -338,6 +338,20 @@ def test_columns_by_their_names(in_columns, header):
     assert found(in_columns(header)) == BY_NAME[header]
 
 
+IGNORED = (
+    *("target", "desired", "des", "command", "commanded", "cmd", "reference", "ref", "setpoint", "goal", "error"),
+    *("err", "planned", "external", "ext", "limit", "limits", "acceleration", "accelerations", "acc"),
+)
+
+
+def test_columns_that_were_not_measured_are_not_read(in_columns):
+    for word in IGNORED:
+        header = f"t,{word}_q_1,{word}_q_2,{word}_q_3,q1,q2,q3,{word}_torque_1,{word}_torque_2,{word}_torque_3"
+        assert found(in_columns(header)) == (0, [4, 5, 6], None, None)
+    header = "t,q_a,q_b,q_d_a,q_d_b,dq_d_a,b_dq_d,tau_J_d_a,b_tau_d,tau_d[0],tau_d[1],tau_J_d_0,tau_J_d_1"
+    assert found(in_columns(header, joints="ab")) == (0, [1, 2], None, None)
+
+
 def test_a_joint_may_be_called_d(in_columns):
     assert found(in_columns("t,q_c,q_d,dq_c,dq_d,tau_c,tau_d", joints="cd")) == (0, [1, 2], [3, 4], [5, 6])
 
@@ -469,6 +483,11 @@ def test_decimal_commas_need_a_map(written):
     assert said == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
 
 
+def test_points_beside_decimal_commas_separate_thousands(written):
+    recording = read(written("t;q1;qd1\n0,0;1,5;1\n1,0;1.234;1\n"), {"decimal": ","})
+    assert recording.q.tolist() == [[1.5]] and "column 'q1': '1_234'): 1 fields are NaN" in lost(recording)[0]
+
+
 # --- Errors ---
 
 HEADERS = {
@@ -596,8 +615,11 @@ def test_times_to_the_nanosecond(written, kind):
 
 
 ISO = [
-    *("2023-11-14T22:13:20.123456789Z", "2023-11-14t22:13:20,123456789", "2023-11-14 22:13:20.123456789 UTC"),
-    *("2023-11-15 03:43:20.123456789 +05:30", "20231114T151320.123456789-07:00", "20231114T221320,123456789"),
+    *("2023-11-14T22:13:20.123456789Z", "2023-11-14T22:13:20.123456789z", "2023-11-14t22:13:20,123456789"),
+    *("2023-11-14 22:13:20.123456789 UTC", "2023-11-14T22:13:20.123456789+00", "2023-11-14T22:13:20.123456789+0000"),
+    *("2023-11-14T22:13:20.123456789+00:00", "2023-11-14T22:13:20.123456789-00:00", "20231114T221320.123456789Z"),
+    *("2023-11-15 03:43:20.123456789 +05:30", "2023-11-14T15:13:20.123456789-07", "20231114T221320,123456789"),
+    *("20231115T001320.123456789+0200", "20231114T151320.123456789-07:00"),
     "2023-11-14T23:13:20.123456789+01:00[Europe/Berlin]",
 ]
 """One moment, BEGIN, as ISO 8601 has it, and as programs write it."""
@@ -619,6 +641,22 @@ def test_iso_times(written, text):
     for content, columns in contents:
         recording = read(written(content), columns)
         assert (recording.stamp.tolist(), lost(recording)) == (TWO, [])
+
+
+@pytest.mark.parametrize("zone", [None, "UTC", "Europe/Berlin", "America/New_York"])
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_times_of_pandas(tmp_path, zone, unit):
+    """Timestamps with a zone or none, as columns, as an index, and as text that pandas writes."""
+    times = pd.Series(pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone).as_unit(unit))
+    frame = pd.DataFrame({"time": times, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
+    frame.to_parquet(tmp_path / "times.parquet")
+    frame.to_csv(tmp_path / "times.csv", index=False)
+    frame.assign(time=times.astype(str).astype("category")).to_parquet(tmp_path / "categories.parquet")
+    frame.rename(columns={"time": "when"}).to_parquet(tmp_path / "column.parquet", index=False)
+    frame.set_index("time").rename_axis(None).to_parquet(tmp_path / "index.parquet")
+    frame.set_index("time").rename_axis(None).to_csv(tmp_path / "index.csv")
+    for path in tmp_path.iterdir():
+        assert read(path).stamp.tolist() == [10**18, 10**18 + 10**7]
 
 
 def test_iso_times_without_seconds_and_in_headers(written):
@@ -662,6 +700,15 @@ def test_missing_times(written, unit):
 
 
 # --- Parquet and npz ---
+
+
+def test_numbers_of_any_kind(written):
+    kinds = [pa.float32(), pa.float16(), pa.int8(), pa.uint64(), pa.decimal128(22, 3), pa.string()]
+    columns = {f"q{k}": pa.array([1, None, 3]).cast(one) for k, one in enumerate(kinds)}
+    columns |= {f"qd{k}": [0.0, 0.0, 0.0] for k in range(len(kinds))}
+    recording = read(written(pa.table({"t": [0, 1, 2], "state": ["a", "b", "c"]} | columns)), joints="abcdef")
+    assert not lost(recording) and recording.q.tolist() == [[1.0] * 6, [3.0] * 6]
+    assert recording.counts["rejected: no position"] == 1
 
 
 @pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.list_(pa.float32(), 2), pa.large_list(pa.int16())])

@@ -128,13 +128,19 @@ def in_columns_of_parquet(order, kind):
 
 WRITERS = {
     "rostopic": rostopic,
+    "rostopic with CR LF": lambda order: rostopic(order).replace("\n", "\r\n"),
+    "rostopic in capitals": lambda order: rostopic(order, name="FIELD.{}{}").replace("field.name", "FIELD.NAME"),
+    "rostopic with single quotes": lambda order: rostopic(order, quote="'"),
     "brackets": lambda order: rostopic(order, name="/joint_states/{}[{}]", begin="Time"),
     "bagpy": bagpy,
+    "bagpy of numbers": lambda order: rostopic(order, name="{}_{}", begin="Time", listed=True),
     "arrays of ROS 2": lambda order: bagpy(order, numbers="array('d', [{}])"),
     "arrays of numpy": lambda order: bagpy(order, "[{}]", "['{}']", "' '", " "),
     "names with commas": lambda order: bagpy(order, "[{}]", "{}", ","),
+    "names with blanks": lambda order: bagpy(order, "[{}]", "{}", " "),
     "long": long_table,
     "long with other headers": lambda order: long_table(order, "Stamp,Joint Name,Pos [rad],Vel [rad/s],Tau [Nm]"),
+    "long by content": lambda order: long_table(order, "t,axis,q,qd,tau"),
     "ros2 topic echo --csv": lambda order: rostopic(order, begin="sec,nanosec,frame_id").partition("\n")[2],
     "lists in Parquet": in_parquet,
     "columns in Parquet": lambda order: in_columns_of_parquet(order, pa.string()),
@@ -204,6 +210,17 @@ def test_a_joint_twice_at_one_time_is_rejected(read):
     assert "'elbow' is listed twice" in " ".join(texts_of(read(content)))
 
 
+@pytest.mark.parametrize("order", [FIXED, CHANGING])
+@pytest.mark.parametrize(
+    "header", ["first_joint,second_joint,third_joint", "a,b,c", "name0,name1,last", "q1_name,q2_name,q3_name"]
+)
+def test_columns_of_names_with_other_headers(read, header, order):
+    """Texts that are joints name the places in their order, whatever the header."""
+    lines = [[f"{stamp * 1e-9:.9f}", *names, *np.ravel(numbers)] for stamp, names, numbers in rows_of(order)]
+    columns = ",".join(f"{one}{k}" for one in ("q", "qd", "tau") for k in range(3))
+    require_expected(read(in_lines(f"t,{header},{columns}", lines)))
+
+
 STAMPS = {
     "bagpy": ("Time,header.seq,header.stamp.secs,header.stamp.nsecs", "{second}.9,{row},{second},{rest}"),
     "bag2csv": ("rosbagTimestamp,header,seq,stamp,secs,nsecs", "{row}7,,{row},,{second},{rest}"),
@@ -234,6 +251,13 @@ def test_values_without_a_name_are_counted(read):
     assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
 
 
+def test_velocities_of_some_joints_have_the_numbers_of_positions(read):
+    text = "t,q1,q2,q3,qd3,qd1\n" + "".join(f"{k},0,0,0,7,5\n" for k in range(ROWS))
+    recording = read(text, parameters=ESTIMATED)
+    assert recording.qd[-1].tolist() == [5, 0, 7]
+    assert "velocity: 'qd{joint}' of 3 joints, none for elbow." in texts_of(recording)
+
+
 # --- Comments, metadata and headers ---
 
 PLAIN = "t,q1,q2,q3\n" + "".join(f"{row},{row}.1,{row}.2,{row}.3\n" for row in range(ROWS))
@@ -244,10 +268,17 @@ COMMENTS = [
     '# {"robot": "arm", "joint_names": ["elbow", "shoulder", "wrist"], "rate": 100}',
     "# robot=arm joints=elbow,shoulder,wrist rate=100",
     "# q1 = elbow, q2 = shoulder, q3 = wrist",
+    "# 0: elbow, 1: shoulder, 2: wrist (recorded at 12:30)",
     "# joint 1: elbow\n# joint 3: wrist\n# joint 2: shoulder",
+    "# q[0] -> elbow\n# q[1] -> shoulder\n# q[2] -> wrist",
     "# joints:\n#   - elbow\n#   - shoulder\n#   - wrist\n# recorded by hand",
+    "# arm: 3\n# joints:\n# elbow, shoulder, wrist",
     "# columns: t, elbow, shoulder, wrist",
+    "# [1] shoulder [0] elbow [2] wrist",
+    "# (1) elbow (5) wrist (2) shoulder",
     "# positions of elbow, shoulder and wrist",
+    "# t elbow_pos shoulder_pos wrist_pos",
+    "# joint 1 is shoulder, joint 0 is elbow, joint 2 is wrist",
     "# shoulder is column 2, elbow is column 1, wrist is column 3",
     "# joints: elbow, shoulder, wrist\n# limits: wrist 2.0, shoulder 3.1, elbow 5",
 ]
@@ -312,6 +343,11 @@ def test_comments_metadata_and_headers_name_joints(read, kind):
 @pytest.mark.parametrize("kind", UNRELATED)
 def test_what_names_no_joints_is_ignored(read, kind):
     require_digits(read(UNRELATED[kind], parameters=ESTIMATED), 1, 2, 3)
+
+
+def test_a_column_that_has_the_name_of_one_joint_contradicts_no_header(read):
+    text = "t,worst joint,q_shoulder,q_elbow,q_wrist\n" + "".join(f"{k},elbow,{k},1,2\n" for k in range(ROWS))
+    assert read(text, parameters=ESTIMATED).q[-1].tolist() == [ROWS - 1, 1, 2]
 
 
 # --- Contradictions ---

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.nodes.monitor.energy import EnergyWatch
@@ -233,6 +234,30 @@ def share_of(watch):
     assert status.level == OK
     share = status.values.get("explained share of dK/dt (last minute)")
     return None if share is None else float(share)
+
+
+def moved(model, moving, scale=1.0, friction=True):
+    """Return the explained share of a motion with the efforts, times a scale, of another model."""
+    moving, dynamics = dd.DiagonalDynamics(moving), dd.DiagonalDynamics(model)
+    watch = EnergyWatch(model, Thresholds())
+    w, size = np.array([3.0, 5.0]), np.array([0.8, 0.6])
+    for k in range(1000):
+        t = 4e-3 * k
+        q, qd, qdd = size * np.sin(w * t), size * w * np.cos(w * t), -size * w * w * np.sin(w * t)
+        s = dynamics.evaluate(q, qd, scale * moving.inverse_dynamics(q, qd, qdd, friction=friction))
+        watch.accept_state(CLOCK + 4 * k * MS, s, qd @ dynamics.friction_torque(qd))
+    return share_of(watch)
+
+
+def test_explained_share():
+    """Near 1 with the right model and its friction; lower without friction, with a payload, and in another unit."""
+    urdf, gravity = TwoLinkArm(I1=0.02).urdf, (1.0, -9.81, 0.0)
+    resistance = '<dynamics damping="0.3" friction="0.2"/></joint>'
+    arm, damped = (dd.load_urdf(u, gravity=gravity) for u in (urdf, urdf.replace("</joint>", resistance)))
+    assert moved(arm, arm) > 0.98 and moved(damped, damped) > 0.98
+    assert moved(damped, damped, friction=False) < moved(damped, damped) - 0.02
+    payload = arm.with_payload(arm.link_names[-1], 1.5, (0.3, 0.0, 0.0))
+    assert moved(arm, payload) < 0.8 and moved(arm, arm, scale=0.3) < 0.8
 
 
 def feed(watch, begin, seconds, change, size=1.0):

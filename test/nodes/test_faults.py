@@ -87,12 +87,14 @@ def check_rejected(monitor, message, cause, words):
     assert all(word in rejection for word in words), rejection
 
 
-def test_result_that_overflows(monitor, panda):
-    """Counted with its cause, named, not published; the next state is right again, and nothing is wrong any more."""
+@pytest.mark.parametrize(("velocity", "effort"), [(1e200, 0.0), (1e150, 1e200), (1e150, -1e200)])
+def test_result_that_overflows(monitor, panda, velocity, effort):
+    """Kinetic energy or power: counted with its cause, named, not published; the next state is right again."""
     monitor.serves(panda)
     message = panda.message(monitor.now + S, panda.samples[0])
-    message.velocity[message.name.index(JOINT)] = 1e200
-    with monitor.having(**{"plausibility.velocity": 0.0}):
+    for field, value in (("velocity", velocity), ("effort", effort)):
+        getattr(message, field)[message.name.index(JOINT)] = value
+    with monitor.having(**{"plausibility.velocity": 0.0, "plausibility.effort": 0.0}):
         check_rejected(monitor, message, "InputError", ("a result overflows",))
     monitor.serves(panda, 1)
     entry = monitor.next_report().entries["joint states"]

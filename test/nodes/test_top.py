@@ -205,6 +205,24 @@ def test_invalid_messages(make_robot, make_screen):
     assert "-45.0" in screen.frame("2")
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"torque_threshold": [100.0] * 3},
+        {"torque_threshold": [], "torque_norm_threshold": 100.0},
+        {"torque_threshold": [], "torque_norm_threshold": math.inf, "threshold": 40.0, "norm": 2.0},
+    ],
+    ids=["of joints", "of the norm of m r", "of |r|"],
+)
+def test_external_torque_far_below_its_threshold_looks_small(make_robot, make_screen, fields):
+    """The threshold is the scale: noise of 5 N m is not a contact of 100 N m."""
+    robot, screen = make_robot("/four"), make_screen(topics=["/four/diag_dynamics/state"])
+    robot.publish(external=(5.0, 5.0, 5.0), count=20, **fields)
+    assert "█" not in screen.frame("3") and "▁" in screen.frame()
+    robot.publish(external=(150.0, 5.0, 5.0), count=20, **(fields | {"norm": 60.0}))
+    assert "█" in screen.frame()
+
+
 @pytest.mark.parametrize("size", [(80, 24), (140, 40), (40, 12), (8, 2)], ids=str)
 def test_every_frame_fits(make_robot, make_screen, size):
     """For one joint and for sixty, every quantity and order: as many lines as there are, none too long."""

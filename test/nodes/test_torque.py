@@ -100,6 +100,8 @@ def test_the_ground_is_external(peer):
         ("payloads", ["panda_hand=1.5"], True),
         ("effort_scale", ["*=1.0"], True),
         ("external_torque.gain", 41.0, True),
+        ("plausibility.effort", 1e5, True),
+        ("stuck_timeout", 2.0, False),
         ("warn_energy", 1e6, False),
     ],
 )

@@ -11,6 +11,7 @@ import sys
 import tarfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -168,3 +169,15 @@ def test_short_form_writes_results(part, ros_domain, tmp_path, compiled):
     assert done.returncode == 0, done.stderr
     assert WRITTEN[part] <= {path.name for path in (tmp_path / "results").iterdir()}
     assert part != "library" or re.search(r"outputs of \d+ robots agree to \de-\d\d", done.stderr)
+
+
+def test_outputs_agree_within_a_tolerance(monkeypatch):
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    from agreement import TOLERANCE, DisagreementError, compare
+
+    x = np.array([1.0, -2.0, 3.0])
+    assert compare("robot", "x", x, x) == 0.0
+    assert compare("robot", "x", x * (1 + 0.5 * TOLERANCE), x) > 0.0
+    for wrong in (x * (1 + 2 * TOLERANCE), x[::-1], np.array([1.0, np.nan, 3.0]), x * np.inf, x[:2]):
+        with pytest.raises(DisagreementError):
+            compare("robot", "x", wrong, x)
