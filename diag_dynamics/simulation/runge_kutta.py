@@ -7,7 +7,7 @@ from diag_dynamics.numerics.kernel import large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
-from diag_dynamics.sweeps import classical, configuration, factorization, groups, total_rates
+from diag_dynamics.sweeps import classical, configuration, evaluation, factorization, groups
 from diag_dynamics.sweeps import workspace as ws
 
 UNRESOLVED = 1.5
@@ -102,7 +102,7 @@ def _stage_rates(address, h, i, stiff, load):
     configuration.dexp_inverse(bodies, sim.u, rates, sim.charts[i])
     if status != 0:
         return status
-    return total_rates.nu_dot_from_tau(sim.robot, rates, sim.effort, sim.bias, sim.explicit[i])
+    return evaluation.nu_dot_from_tau(sim.robot, rates, sim.effort, sim.explicit[i])
 
 
 @large_kernel

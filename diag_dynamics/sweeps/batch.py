@@ -11,54 +11,40 @@ of one state, and no operation is reordered: results have the bits of single cal
 Each entry returns the end of what it has done: all, or what comes before the first states one of which fails.
 """
 
-import math
-
-from diag_dynamics.numerics.kernel import (
-    COUNT,
-    FILLED_MATRIX,
-    FILLED_STATES,
-    FLAG,
-    MATRIX,
-    NUMBER,
-    ROBOT,
-    entry_kernel,
-    kernel,
-    large_kernel,
-)
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import classical, evaluation, factorization, groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
-from diag_dynamics.sweeps.records import N_RESULTS, WIDTH, lane_of, parent_lane_of
+from diag_dynamics.sweeps.records import N_RESULTS, WIDTH, lane_of
 
 K, BASE, POWER, NET_POWER = range(ws.N_NUMBERS)
 """Numbers of a state: workspace.KINETIC_ENERGY and those that follow."""
 
-V, P, PARENT_V, PARENT_P, PARENT_END, RESULTS = (
-    records.LANES.fields[name][1] // 8 for name in ("V", "P", "parent_V", "parent_P", "position", "results")
-)
+PARENT, RESULTS = (records.LANES.fields[name][1] // 8 for name in ("parent", "results"))
+V, P = (records.LANES["own"].fields[name][1] // 8 for name in ("V", "P"))
 """First numbers of fields in a row."""
 
 
-@kernel
+@nk.kernel
 def _copy_parent(at, i):
     """Copy the parent's motion to the row of a body, and zero what the parent is to accumulate."""
     row, parent = at.rows[i], at.rows[at.bodies[i].parent]
-    for k in range(PARENT_P - PARENT_V):
-        row[PARENT_V + k] = parent[V + k]
-    for k in range(PARENT_END - PARENT_P):
-        row[PARENT_P + k] = 0.0
+    for k in range(V, P):
+        row[PARENT + k] = parent[k]
+    for k in range(P, PARENT):
+        row[PARENT + k] = 0.0
 
 
-@kernel
+@nk.kernel
 def _accumulate(at, i):
     """Add what a body has for its parent."""
     row, parent = at.rows[i], at.rows[at.bodies[i].parent]
     if at.bodies[i].parent > 0:
-        for k in range(PARENT_END - PARENT_P):
-            parent[P + k] += row[PARENT_P + k]
+        for k in range(P, PARENT):
+            parent[k] += row[PARENT + k]
 
 
-@kernel
+@nk.kernel
 def _set_results(results, x):
     records.set_matrix(results, ((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])))
 
@@ -66,7 +52,7 @@ def _set_results(results, x):
 # --- A joint of one degree of freedom ---
 
 
-@kernel
+@nk.kernel
 def _read_joint(at, i, Q, QD, TAU, first, last):
     """Position, rate and effort at states `first` to `last`, of which the last one fills the row."""
     body, row = at.bodies[i], at.lanes[i]
@@ -74,49 +60,31 @@ def _read_joint(at, i, Q, QD, TAU, first, last):
         t = min(first + b, last - 1)
         position = body.multiplier * Q[t, body.q] + body.offset
         row.position[0, b] = position if body.kind == records.PRISMATIC else sp.reduced_angle(position)
-        row.rate[0, b] = body.multiplier * QD[min(t, len(QD) - 1), body.dof]
+        row.rate[0, b] = body.multiplier * QD[t, body.dof]
         row.effort[0, b] = TAU[min(t, len(TAU) - 1), body.dof]
 
 
-@kernel
+@nk.kernel
 def _outward_joint(direction, at, i):
     _copy_parent(at, i)
     body, row = records.values_of(at.bodies[i]), at.lanes[i]
     for b in range(WIDTH):
         X, rate = joints.placement(direction, body, row.position[0, b]), row.rate[0, b]
         motion = sp.motion_along(direction, rate)
-        evaluation.outward_joint(body, X, motion, lane_of(row, b), parent_lane_of(row, b))
+        evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
 
 
-@kernel
+@nk.kernel
 def _inward_joint(direction, at, i):
     """Returns how many states are singular."""
     body, row, count = records.values_of(at.bodies[i]), at.lanes[i], 0
     for b in range(WIDTH):
-        rate, effort, w, parent = row.rate[0, b], row.effort[0, b], lane_of(row, b), parent_lane_of(row, b)
-        results, singular = evaluation.inward_joint(direction, body, rate, effort, w, parent, True)
+        w, parent = lane_of(row.own, b), lane_of(row.parent, b)
+        D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
+        rate, effort = row.rate[0, b], row.effort[0, b]
+        results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True, False)
         _set_results(row.results[:, b], results)
         count += 1 if singular else 0
-    _accumulate(at, i)
-    return count
-
-
-@kernel
-def _inward_moment(direction, inverse, at, i):
-    """ε of a torque, or the torque of ε; returns how many states are singular."""
-    body, row, count = records.values_of(at.bodies[i]), at.lanes[i], 0
-    for b in range(WIDTH):
-        w, parent = lane_of(row, b), parent_lane_of(row, b)
-        inertia, z, X = records.inertia_of(w.P), records.force_of(w.z), records.placement_of(w)
-        D, column, G = joints.joint_inertia(direction, body.armature, inertia)
-        count += 1 if joints.is_singular(joints.scale_along(direction, w), D) else 0
-        moment, root, induced = row.effort[0, b], math.sqrt(D), sp.along(direction, z)
-        kappa = moment * root if inverse else moment - induced
-        row.results[ws.EPSILON, b] = kappa + induced if inverse else kappa / root
-        P_plus, z_plus = sp.less_rank_one(inertia, G, column), sp.add_force(z, sp.scale_force(G, kappa))
-        joints.accumulate_scale(w, X, parent)
-        records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P_plus))
-        records.add_to_force(parent.z, sp.force_to_parent(X, z_plus))
     _accumulate(at, i)
     return count
 
@@ -124,12 +92,7 @@ def _inward_moment(direction, inverse, at, i):
 # --- A floating base: its six degrees of freedom are in the row of its last body ---
 
 
-@kernel
-def _is_floating_base(bodies, i):
-    return bodies[i].kind == records.FLOATING and evaluation.is_base(bodies, bodies[i].last)
-
-
-@kernel
+@nk.kernel
 def _read_base(at, i, Q, QD, TAU, first, last):
     body, row = at.bodies[i], at.lanes[at.bodies[i].last]
     for b in range(WIDTH):
@@ -137,68 +100,62 @@ def _read_base(at, i, Q, QD, TAU, first, last):
         for k in range(7):
             row.position[k, b] = Q[t, body.q + k]
         for k in range(6):
-            row.rate[k, b] = QD[min(t, len(QD) - 1), body.dof + k]
+            row.rate[k, b] = QD[t, body.dof + k]
             row.effort[k, b] = TAU[min(t, len(TAU) - 1), body.dof + k]
 
 
-@kernel
+@nk.kernel
 def _outward_base(at, i):
     last = at.bodies[i].last
-    for k in range(PARENT_P - PARENT_V):
-        at.rows[last, PARENT_V + k] = at.rows[0, V + k]
+    for k in range(V, P):
+        at.rows[last, PARENT + k] = at.rows[0, k]
     base, body, row = records.values_of(at.bodies[i]), records.values_of(at.bodies[last]), at.lanes[last]
     for b in range(WIDTH):
         position, motion = row.position[:, b], records.motion_of(row.rate[:, b])
         quaternion = (position[3], position[4], position[5], position[6])
         X = joints.floating_placement(base, records.vector_of(position), quaternion)
-        evaluation.outward_joint(body, X, motion, lane_of(row, b), parent_lane_of(row, b))
+        evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
 
 
-@kernel
+@nk.kernel
 def _inward_base(at, i):
     """Returns how many directions of all states are singular."""
     row, count = at.lanes[i], 0
-    armature = evaluation.armature_of(at.bodies, i)
     for b in range(WIDTH):
         effort = records.force_of(row.effort[:, b])
-        evaluation.start_base(armature, effort, lane_of(row, b))
+        evaluation.start_base(effort, lane_of(row.own, b))
     for j in range(i, at.bodies[i].first - 1, -1):
+        direction, armature = at.bodies[j].direction, at.bodies[j].armature
         for b in range(WIDTH):
-            results, singular = evaluation.eliminate_last(lane_of(row, b))
-            _set_results(row.parent_P[:, b], results)
+            results, singular = evaluation.eliminate_last(direction, armature, lane_of(row.own, b))
+            _set_results(row.parent.P[:, b], results)
             count += 1 if singular else 0
         for k in range(N_RESULTS * WIDTH):
-            at.rows[j, RESULTS + k] = at.rows[i, PARENT_P + k]
-        if evaluation.has_linear_next(at.bodies, j):
-            for b in range(WIDTH):
-                evaluation.use_linear_axes(lane_of(row, b))
-        if at.bodies[j - 1].direction != sp.LINEAR_Z:
-            for b in range(WIDTH):
-                evaluation.turn_axes(lane_of(row, b))
+            at.rows[j, RESULTS + k] = at.rows[i, PARENT + P + k]
     return count
 
 
 # --- Groups and other joints of several degrees of freedom, state by state ---
 
 
-@kernel
+@nk.kernel
 def _load(at, i, b):
     """Copy the record of a body from its row."""
     record, row = at.records[i], at.rows[i]
-    for k in range(PARENT_V // WIDTH):
+    for k in range(PARENT // WIDTH):
         record[k] = row[k * WIDTH + b]
     at.work[i].armature = at.bodies[i].armature
 
 
-@kernel
+@nk.kernel
 def _store(at, i, b):
     """Copy the record of a body to its row."""
     record, row = at.records[i], at.rows[i]
-    for k in range(PARENT_V // WIDTH):
+    for k in range(PARENT // WIDTH):
         row[k * WIDTH + b] = record[k]
 
 
-@large_kernel
+@nk.large_kernel
 def _outward_several(at, i, Q, QD, first, last):
     """As evaluation.outward_step, at all bodies of a joint."""
     for b in range(WIDTH):
@@ -206,11 +163,11 @@ def _outward_several(at, i, Q, QD, first, last):
         if at.bodies[i].parent > 0:
             _load(at, at.bodies[i].parent, b)
         for j in range(i, i + at.bodies[i].dofs):
-            evaluation.outward_step(at.bodies, j, Q[t], QD[min(t, len(QD) - 1)], at.work)
+            evaluation.outward_step(at.bodies, j, Q[t], QD[t], at.work)
             _store(at, j, b)
 
 
-@large_kernel
+@nk.large_kernel
 def _inward_group(at, i, QD, TAU, first, last):
     """As evaluation.inward_group."""
     start, out = at.bodies[i].first, at.out
@@ -221,7 +178,7 @@ def _inward_group(at, i, QD, TAU, first, last):
         for j in range(start, i + 1):
             _load(at, j, b)
         tau = TAU[min(t, len(TAU) - 1)]
-        if evaluation.inward_group(at.bodies, i, QD[t], tau, at.work, at.table, out) != 0:
+        if evaluation.inward_group(at.bodies, i, QD[t], tau, at.work, at.table, out, False) != 0:
             return 1
         if base > 0:
             _store(at, base, b)
@@ -232,55 +189,26 @@ def _inward_group(at, i, QD, TAU, first, last):
     return 0
 
 
-@large_kernel
-def _inward_moments_of_group(inverse, at, i, TAU, first, last):
-    """As factorization.kappa_from_tau and tau_from_kappa behind factor_group."""
-    bodies, work, Q, moments, start = at.bodies, at.work, at.table[0], at.out[0], at.bodies[i].first
-    base = bodies[start].parent
-    for b in range(WIDTH):
-        tau = TAU[min(first + b, last - 1, len(TAU) - 1)]
-        _load(at, base, b)
-        for j in range(start, i + 1):
-            _load(at, j, b)
-        if factorization.factor_group(bodies, i, work, Q, False) != 0:
-            return 1
-        for j in range(start, i + 1):
-            if groups.is_leader(bodies, j):
-                k = bodies[j].dof
-                moments[k] = tau[k] * math.sqrt(work[j].D) if inverse else tau[k]
-        if inverse:
-            factorization.tau_of_group(bodies, i, work, Q, moments)
-        else:
-            factorization.kappa_of_group(bodies, i, work, Q, moments)
-        if base > 0:
-            _store(at, base, b)
-        for j in range(start, i + 1):
-            if groups.is_leader(bodies, j):
-                moment = moments[bodies[j].dof]
-                at.lanes[j].results[ws.EPSILON, b] = moment if inverse else moment / math.sqrt(work[j].D)
-    return 0
-
-
 # --- Evaluation ---
 
 
-@kernel
+@nk.kernel
 def _are_valid(at, Q, QD, TAU, first, last):
     """Whether arguments are finite and orientations near unit length."""
     for t in range(first, last):
-        if not (joints.are_positions(at.bodies, Q[t]) and joints.are_finite(QD[min(t, len(QD) - 1)])):
+        if not (joints.are_positions(at.bodies, Q[t]) and joints.are_finite(QD[t])):
             return False
         if not joints.are_finite(TAU[min(t, len(TAU) - 1)]):
             return False
     return True
 
 
-@kernel
-def _outward(at, fuse_base, Q, QD, TAU, first, last):
+@nk.kernel
+def _outward(at, Q, QD, TAU, first, last):
     bodies, world = at.bodies, at.lanes[0]
     evaluation.start_at_world(at.gravity, at.work[0])
     for b in range(WIDTH):
-        evaluation.start_at_world(at.gravity, lane_of(world, b))
+        evaluation.start_at_world(at.gravity, lane_of(world.own, b))
     for i in range(1, len(bodies)):
         if bodies[i].dofs == 1:
             _read_joint(at, i, Q, QD, TAU, first, last)
@@ -288,20 +216,20 @@ def _outward(at, fuse_base, Q, QD, TAU, first, last):
                 _outward_joint(sp.ANGULAR_Z, at, i)
             else:
                 _outward_joint(sp.LINEAR_Z, at, i)
-        elif bodies[i].rank == 0 and fuse_base and _is_floating_base(bodies, i):
+        elif bodies[i].rank == 0 and evaluation.is_floating_base(bodies, i):
             _read_base(at, i, Q, QD, TAU, first, last)
             _outward_base(at, i)
         elif bodies[i].rank == 0:
             _outward_several(at, i, Q, QD, first, last)
 
 
-@kernel
+@nk.kernel
 def _inward(at, QD, TAU, first, last):
     """Results of all joints; returns whether a state is singular."""
     bodies, i, singular = at.bodies, len(at.bodies) - 1, 0
     while i > 0 and singular == 0:
         if groups.is_grouped(bodies[i]):
-            is_base = _is_floating_base(bodies, i)
+            is_base = evaluation.is_floating_base(bodies, i)
             singular = _inward_base(at, i) if is_base else _inward_group(at, i, QD, TAU, first, last)
         elif bodies[i].direction == sp.ANGULAR_Z:
             singular = _inward_joint(sp.ANGULAR_Z, at, i)
@@ -311,35 +239,22 @@ def _inward(at, QD, TAU, first, last):
     return singular > 0
 
 
-@kernel
+@nk.kernel
 def _write(at, first, last, results, numbers):
     """Write results and numbers of states; returns whether all are finite."""
-    wrong = 0
     for t in range(first, last):
-        for j in range(ws.N_NUMBERS):
-            numbers[j, t] = 0.0
-    for i in range(1, len(at.bodies)):
-        if groups.is_leader(at.bodies, i):
-            row, k = at.lanes[i], at.bodies[i].dof
-            for t in range(first, last):
-                total = 0.0
+        for i in range(1, len(at.bodies)):
+            if groups.is_leader(at.bodies, i):
                 for j in range(N_RESULTS):
-                    result = row.results[j, t - first]
-                    results[j, t, k] = result
-                    total += result if j != ws.NU else 0.0
-                nu = results[ws.NU, t, k]
-                share = 0.5 * nu * nu
-                numbers[K, t] += share
-                numbers[BASE, t] += share if k < 6 else 0.0
-                numbers[POWER, t] += nu * (results[ws.EPSILON, t, k] - results[ws.GRAVITY, t, k])
-                wrong += 0 if math.isfinite(total) else 1
-    for t in range(first, last):
-        numbers[NET_POWER, t] = numbers[POWER, t]
-        wrong += 0 if math.isfinite(numbers[K, t]) and math.isfinite(numbers[POWER, t]) else 1
-    return wrong == 0
+                    results[j, t, at.bodies[i].dof] = at.lanes[i].results[j, t - first]
+        finite, energy, base, power = evaluation.sums(results[:, t])
+        numbers[K, t], numbers[BASE, t], numbers[POWER, t], numbers[NET_POWER, t] = energy, base, power, power
+        if not finite:
+            return False
+    return True
 
 
-@entry_kernel(ROBOT, *[MATRIX] * 3, COUNT, COUNT, FILLED_STATES, *[FILLED_MATRIX] * 3, nogil=True)
+@nk.entry_kernel(nk.ROBOT, *[nk.MATRIX] * 3, nk.COUNT, nk.COUNT, nk.FILLED_STATES, *[nk.FILLED_MATRIX] * 3, nogil=True)
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 
@@ -355,57 +270,9 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
         for t in range(first, last):
             ws.copy(Q[t], positions[t])
             ws.copy(QD[t], rates[t])
-        _outward(at, True, Q, QD, TAU, first, last)
+        _outward(at, Q, QD, TAU, first, last)
         if _inward(at, QD, TAU, first, last) or not _write(at, first, last, results, numbers):
             return first
-    return end
-
-
-# --- Working moments ---
-
-
-@kernel
-def _moments(inverse, at, Q, TAU, first, last, results):
-    """ε of torques or torques of ε at states side by side; returns whether there is one that fails."""
-    if not _are_valid(at, Q, TAU, TAU, first, last):
-        return True
-    _outward(at, not inverse, Q, at.no_rates, TAU, first, last)
-    i, wrong = len(at.bodies) - 1, 0
-    while i > 0 and wrong == 0:
-        if not inverse and _is_floating_base(at.bodies, i):
-            wrong = _inward_base(at, i)
-        elif groups.is_grouped(at.bodies[i]):
-            wrong = _inward_moments_of_group(inverse, at, i, TAU, first, last)
-        elif at.bodies[i].direction == sp.ANGULAR_Z:
-            wrong = _inward_moment(sp.ANGULAR_Z, inverse, at, i)
-        else:
-            wrong = _inward_moment(sp.LINEAR_Z, inverse, at, i)
-        i = at.bodies[i].first - 1
-    if wrong > 0:
-        return True
-    for i in range(1, len(at.bodies)):
-        if groups.is_leader(at.bodies, i):
-            for t in range(first, last):
-                moment = at.lanes[i].results[ws.EPSILON, t - first]
-                results[t, at.bodies[i].dof] = moment
-                wrong += 0 if math.isfinite(moment) else 1
-    return wrong > 0
-
-
-@large_kernel
-def _moments_each(inverse, robot, Q, TAU, begin, end, results):
-    at = ws.batch_of(robot)
-    for first in range(begin, end, WIDTH):
-        last = min(first + WIDTH, end)
-        if _moments(inverse, at, Q, TAU, first, last, results):
-            for t in range(first, last):
-                tau = TAU[min(t, len(TAU) - 1)]
-                if inverse:
-                    status = factorization.tau_from_epsilon(robot, Q[t], tau, results[t])
-                else:
-                    status = factorization.epsilon_from_tau(robot, Q[t], tau, results[t])
-                if status != 0:
-                    return t
     return end
 
 
@@ -415,11 +282,9 @@ FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = r
 """Sweeps of :func:`sweep_each`."""
 
 
-@entry_kernel(ROBOT, COUNT, *[MATRIX] * 3, NUMBER, COUNT, COUNT, FILLED_MATRIX, nogil=True)
+@nk.entry_kernel(nk.ROBOT, nk.COUNT, *[nk.MATRIX] * 3, nk.NUMBER, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nogil=True)
 def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
     """One of these sweeps at states `begin` to `end`, a row of Q, A, B and `results` each; A and B may have one for all."""
-    if which in (EPSILON_FROM_TAU, TAU_FROM_EPSILON):
-        return _moments_each(which == TAU_FROM_EPSILON, robot, Q, A, begin, end, results)
     for t in range(begin, end):
         q, a, b, result = Q[t], A[min(t, len(A) - 1)], B[min(t, len(B) - 1)], results[t]
         if which == FORWARD:
@@ -428,14 +293,18 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
             status = classical.inverse_dynamics(robot, q, a, b, weight, result)
         elif which == NU_FROM_QD:
             status = factorization.nu_from_qd(robot, q, a, result)
-        else:
+        elif which == QD_FROM_NU:
             status = factorization.qd_from_nu(robot, q, a, result)
+        elif which == EPSILON_FROM_TAU:
+            status = factorization.epsilon_from_tau(robot, q, a, result)
+        else:
+            status = factorization.tau_from_epsilon(robot, q, a, result)
         if status != 0:
             return t
     return end
 
 
-@entry_kernel(ROBOT, MATRIX, COUNT, COUNT, FILLED_STATES, nogil=True)
+@nk.entry_kernel(nk.ROBOT, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_STATES, nogil=True)
 def mass_matrix_each(robot, Q, begin, end, M):
     """M at states `begin` to `end`."""
     for t in range(begin, end):
@@ -444,7 +313,9 @@ def mass_matrix_each(robot, Q, begin, end, M):
     return end
 
 
-@entry_kernel(ROBOT, MATRIX, records.WRENCHES, COUNT, FLAG, COUNT, COUNT, FILLED_MATRIX, nogil=True)
+@nk.entry_kernel(
+    nk.ROBOT, nk.MATRIX, records.WRENCHES, nk.COUNT, nk.FLAG, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nogil=True
+)
 def effort_of_wrenches_each(robot, Q, wrenches, count, in_world, begin, end, results):
     """Jᵀf at states `begin` to `end`, each with `count` wrenches."""
     for t in range(begin, end):

@@ -3,24 +3,14 @@
 
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
-from diag_dynamics.numerics.kernel import (
-    FILLED_MATRIX,
-    FILLED_VECTOR,
-    FLAG,
-    NUMBER,
-    ROBOT,
-    VECTOR,
-    entry_kernel,
-    kernel,
-    large_kernel,
-)
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import flat
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, copy, lengths_match, opened
+from diag_dynamics.sweeps import workspace as ws
 
 
-@kernel
+@nk.kernel
 def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     """The inward step of :func:`forward_dynamics` at a joint of one degree of freedom; the direction is a constant."""
     body, w = bodies[i], work[i]
@@ -44,12 +34,12 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     return 0
 
 
-@large_kernel
+@nk.large_kernel
 def _aba_inward_group(bodies, last, qd, work, Q, qdd):
     """The inward step of :func:`forward_dynamics` at degrees of freedom that are eliminated together: see groups."""
     first = bodies[last].first
     groups.compose(bodies, first, last, work, Q)
-    y = groups.gather_bias(bodies, first, last, qd, work, work.V, -1.0, qdd)
+    y = groups.gather_bias(bodies, first, last, qd, work, work.V, qdd)
     status = groups.eliminate(bodies, first, last, work, Q, False)
     if status != 0:
         return status
@@ -62,7 +52,7 @@ def _aba_inward_group(bodies, last, qd, work, Q, qdd):
     return 0
 
 
-@large_kernel
+@nk.large_kernel
 def _aba_outward_group(bodies, i, qd, work, Q, qdd):
     """The last outward step of :func:`forward_dynamics` at a body of a group."""
     body, w, base = bodies[i], work[i], work[bodies[bodies[i].first].parent]
@@ -78,7 +68,7 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
     records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, qdd)))
 
 
-@kernel
+@nk.kernel
 def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
     """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in).
 
@@ -96,7 +86,7 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
             w.armature += added[body.dof]
         records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
 
-    copy(tau, qdd)
+    ws.copy(tau, qdd)
     i = n - 1
     while i > 0:  # qdd becomes D⁻¹(τ − Sᵀy), y that of the links outboard with the torques already spent on them
         body = bodies[i]
@@ -123,89 +113,61 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
     return 0 if joints.are_finite(qdd) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def forward_dynamics(robot, q, qd, tau, qdd):
     """q̈ from τ."""
-    if not lengths_match(robot, q, qd, tau):
-        return BAD_LENGTH
-    bodies, gravity, work, table = opened(robot)
+    if not ws.lengths_match(robot, q, qd, tau):
+        return ws.BAD_LENGTH
+    bodies, gravity, work, table = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
     return aba(bodies, gravity, q, qd, tau, None, work, table[0], qdd)
 
 
-@large_kernel
+@nk.large_kernel
 def accelerations_with_added_inertia(robot, q, qd, tau, added, qdd):
     """q̈ from τ, as :func:`forward_dynamics`, with inertia that enters D as armature does; nothing is checked."""
-    bodies, gravity, work, table = opened(robot)
+    bodies, gravity, work, table = ws.opened(robot)
     return aba(bodies, gravity, q, qd, tau, added, work, table[0], qdd)
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, NUMBER, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FILLED_VECTOR)
 def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     """τ = M q̈ + c + g (Newton–Euler, eq. 4.3), g times a weight of 0 or 1."""
-    bodies, gravity, work, _ = opened(robot)
+    bodies, gravity, work, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
         return -1
-    n = len(bodies)
+    ws.clear(tau)
     joints.set_base_at_rest(work)
     joints.set_base_acceleration(gravity, weight, work)
-    for i in range(1, n):
-        body, w, parent = bodies[i], work[i], work[bodies[i].parent]
-        X = joints.update_placement(body, q, w)
-        V = joints.update_velocity(body, qd, work, w)
-        A = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.acceleration)), joints.own_motion(body, qdd))
-        if body.rank == body.dofs - 1:  # the joint's last body: the earlier ones have no inertia
-            A = sp.add_motion(A, joints.zeta(bodies, i - body.rank, qd, work))
-        records.set_motion(w.acceleration, A)
-        records.set_force(w.y, sp.add_force(joints.momentum(body, A), sp.cross_force(V, joints.momentum(body, V))))
-    clear(tau)
-    for i in range(n - 1, 0, -1):
-        body, w = bodies[i], work[i]
-        y = records.force_of(w.y)
-        effort = sp.along(body.direction, y) + body.armature * body.multiplier * qdd[body.dof]
-        tau[body.dof] += body.multiplier * effort
-        if body.parent > 0:
-            records.add_to_force(work[body.parent].y, sp.force_to_parent(records.placement_of(w), y))
+    for i in range(1, len(bodies)):
+        body = bodies[i]
+        V, A = joints.update_motion(bodies, i, q, qd, qdd, work)
+        y = sp.add_force(joints.momentum(body, A), sp.cross_force(V, joints.momentum(body, V)))
+        records.set_force(work[i].y, y)
+        tau[body.dof] += body.multiplier * (body.armature * body.multiplier * qdd[body.dof])
+    joints.moments_inward(bodies, work, tau)
     return 0 if joints.are_finite(tau) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, records.WRENCHES, FLAG, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, records.WRENCHES, nk.FLAG, nk.FILLED_VECTOR)
 def effort_of_wrenches(robot, q, wrenches, in_world, tau):
-    """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world."""
-    bodies, _, work, _ = opened(robot)
+    """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world, by walks down the tree."""
+    bodies, _, work, _ = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
-    n = len(bodies)
-    records.set_matrix(work[0].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
-    for i in range(1, n):
-        X = joints.update_placement(bodies[i], q, work[i])
-        records.set_matrix(
-            work[i].orientation, sp.product(records.matrix_of(work[bodies[i].parent].orientation), X.rotation)
-        )
-        clear(work[i].y)
+    joints.update_placements(bodies, q, work)
+    ws.clear(tau)
     for j in range(len(wrenches)):
-        wrench = wrenches[j]
-        w = work[wrench.body]
-        force, moment = records.vector_of(wrench.force), records.vector_of(wrench.moment)
-        if in_world:
-            R = records.matrix_of(w.orientation)
-            force, moment = sp.apply_transposed(R, force), sp.apply_transposed(R, moment)
-        records.add_to_force(w.y, sp.Force(force, sp.add(moment, sp.cross(records.vector_of(wrench.point), force))))
-    clear(tau)
-    for i in range(n - 1, 0, -1):
-        body, w = bodies[i], work[i]
-        y = records.force_of(w.y)
-        tau[body.dof] += body.multiplier * sp.along(body.direction, y)
-        if body.parent > 0:
-            records.add_to_force(work[body.parent].y, sp.force_to_parent(records.placement_of(w), y))
+        F = joints.wrench_on_body(bodies, wrenches[j], in_world, work)
+        groups.moments_of_wrench(bodies, wrenches[j].body, 1, work, F, tau)
     return 0
 
 
-@entry_kernel(ROBOT, VECTOR, FILLED_MATRIX)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_MATRIX)
 def mass_matrix(robot, q, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
-    bodies, _, work, _ = opened(robot)
+    bodies, _, work, _ = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
     joints.initialize(bodies, q, work)
@@ -214,20 +176,13 @@ def mass_matrix(robot, q, M):
     return 0 if joints.are_finite(flat(M)) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_VECTOR)
 def first_moment(robot, q, moment):
-    """Σ m_i c_i of all moving bodies in the world's axes [kg m], in an inward sweep."""
-    bodies, _, work, _ = opened(robot)
-    n = len(bodies)
+    """Σ m_i c_i of all bodies in the world's axes [kg m]."""
+    bodies, _, work, _ = ws.opened(robot)
     joints.update_placements(bodies, q, work)
-    for i in range(n):
-        clear(work[i].y)
-        work[i].y[0] = bodies[i].mass
-        records.set_vector(work[i].z, 0, records.vector_of(bodies[i].first_moment))
-    for i in range(n - 1, 0, -1):
-        w, parent = work[i], work[bodies[i].parent]
-        X = records.placement_of(w)
-        parent.y[0] += w.y[0]
-        h = sp.add(sp.apply(X.rotation, records.vector_of(w.z)), sp.scale(X.translation, w.y[0]))
-        records.set_vector(parent.z, 0, sp.add(records.vector_of(parent.z), h))
-    records.set_vector(moment, 0, records.vector_of(work[0].z))
+    total = sp.ZERO
+    for i in range(len(bodies)):
+        X, h = joints.pose(bodies, i, 0, work), records.vector_of(bodies[i].first_moment)
+        total = sp.add(total, sp.add(sp.apply(X.rotation, h), sp.scale(X.translation, bodies[i].mass)))
+    records.set_vector(moment, 0, total)

@@ -9,16 +9,16 @@ each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree o
 
 import math
 
-from diag_dynamics.numerics.kernel import FILLED_VECTOR, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import BAD_LENGTH, lengths_match, opened, positions_match
+from diag_dynamics.sweeps import workspace as ws
 
 LOCKED_INERTIA = 1e150
 """Rotor inertia of a locked joint [kg m², kg]: nothing moves it, and its square does not overflow."""
 
 
-@large_kernel
+@nk.large_kernel
 def dexp_inverse(bodies, u, rates, u_rates):
     """u̇ where positions are displaced by u and the joints move with these rates."""
     for i in range(1, len(bodies)):
@@ -33,7 +33,7 @@ def dexp_inverse(bodies, u, rates, u_rates):
                 u_rates[bodies[j].dof] = sp.entry(direction, rate.linear, rate.angular)
 
 
-@large_kernel
+@nk.large_kernel
 def integrate_positions(bodies, start, u, q):
     """Positions q displaced by u from those at the start; quaternions have unit length. q may be the start."""
     for i in range(1, len(bodies)):
@@ -58,7 +58,7 @@ def integrate_positions(bodies, start, u, q):
                 q[k + 2] = start[k + 2] + U.angular[2]
 
 
-@kernel
+@nk.kernel
 def _log(body, start, end):
     """Twist of a joint of several degrees of freedom that displaces its positions from a start to an end."""
     k = body.q
@@ -73,30 +73,30 @@ def _log(body, start, end):
     return sp.screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))
 
 
-@kernel
+@nk.kernel
 def _wrapped(angle):
     """An angle within ±π."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def integrate(robot, q, v, result):
     """Positions reached from q along v: q exp(v) of joints of several degrees of freedom, q + v of the others."""
-    if not lengths_match(robot, q, v, v):
-        return BAD_LENGTH
-    bodies, _, _, _ = opened(robot)
+    if not ws.lengths_match(robot, q, v, v):
+        return ws.BAD_LENGTH
+    bodies, _, _, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(v)):
         return -1
     integrate_positions(bodies, q, v, result)
     return 0 if joints.are_finite(result) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def difference(robot, start, end, continuous, v):
     """What integrates to `end` from `start`; where `continuous` is not 0, an angle's shorter way round."""
-    if not (positions_match(robot, start) and positions_match(robot, end)):
-        return BAD_LENGTH
-    bodies, _, _, _ = opened(robot)
+    if not (ws.positions_match(robot, start) and ws.positions_match(robot, end)):
+        return ws.BAD_LENGTH
+    bodies, _, _, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, start) and joints.are_positions(bodies, end)):
         return -1
     for i in range(1, len(bodies)):
@@ -112,7 +112,7 @@ def difference(robot, start, end, continuous, v):
     return 0 if joints.are_finite(v) else -1
 
 
-@large_kernel
+@nk.large_kernel
 def lock_joints(bodies, armature, locked):
     """Lock the degrees of freedom that are marked, and no others; `armature` has the bodies' own."""
     for i in range(1, len(bodies)):

@@ -14,24 +14,13 @@ import math
 
 import numpy as np
 
-from diag_dynamics.numerics.kernel import (
-    COUNT,
-    FILLED_MATRIX,
-    FILLED_STATES,
-    FILLED_VECTOR,
-    MATRIX,
-    ROBOT,
-    VECTOR,
-    entry_kernel,
-    kernel,
-    large_kernel,
-)
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, xi_from_qd
 from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
-from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, lengths_match, opened
 
 ALONG_MOTION, IN_BODY, IN_ROOT = range(3)
 """Directions of an entry: that of each point's own motion, or a given one in the axes of its body or of the results."""
@@ -83,19 +72,7 @@ TIE = 1.0 + 1e-9
 """How many times worse a point has to be than one before it: all points of a link on a single joint have the same energy."""
 
 
-@large_kernel
-def _place_outward(bodies, base, work):
-    """Orientation of every body, and in W its origin, in the axes of one that carries them all."""
-    records.set_matrix(work[base].orientation, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
-    records.set_vector(work[base].W, 0, sp.ZERO)
-    for i in range(base + 1, len(bodies)):
-        w, parent = work[i], work[bodies[i].parent]
-        X, R = records.placement_of(w), records.matrix_of(parent.orientation)
-        records.set_matrix(w.orientation, sp.product(R, X.rotation))
-        records.set_vector(w.W, 0, sp.add(records.vector_of(parent.W), sp.apply(R, X.translation)))
-
-
-@kernel
+@nk.kernel
 def _strictest_limit(regions, first, end, inverse_mass, speed):
     """Force of the hardest contact, the speed that keeps all limits, and the region whose limit that is."""
     force, allowed, strictest = 0.0, math.inf, -1
@@ -112,16 +89,16 @@ def _strictest_limit(regions, first, end, inverse_mass, speed):
     return force, allowed, strictest
 
 
-@large_kernel
-def _contact(at, entry, w, result):
+@nk.large_kernel
+def _contact(at, entry, w, X, result):
     """The worst point of an entry, and what contact there could transfer."""
-    V, Y, R = records.motion_of(w.V), mobility_of(w), records.matrix_of(w.orientation)
+    V, Y, R = records.motion_of(w.V), mobility_of(w), X.rotation
     given = records.vector_of(entry.direction)
     if entry.kind == IN_ROOT:
         given = sp.apply_transposed(R, given)
     scale_of_V, scale_of_w = sp.dot(V.linear, V.linear), sp.dot(V.angular, V.angular)
     best, strongest = -1, -1.0
-    clear(result)
+    ws.clear(result)
     result[POINT], result[REGION], result[ALLOWED] = float(entry.first), -1.0, math.inf
     for k in range(entry.first, entry.end):
         r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
@@ -156,17 +133,17 @@ def _contact(at, entry, w, result):
             result[TRANSFERABLE], result[FORCE], result[ALLOWED] = energy, force, allowed
     k = int(result[POINT])
     r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
-    records.set_vector(result, POSITION, sp.add(records.vector_of(w.W), sp.apply(R, r)))
+    records.set_vector(result, POSITION, sp.add(X.translation, sp.apply(R, r)))
     u = (result[DIRECTION], result[DIRECTION + 1], result[DIRECTION + 2])
     records.set_vector(result, DIRECTION, sp.apply(R, u))
 
 
-@entry_kernel(ROBOT, COUNT, VECTOR, VECTOR, FILLED_VECTOR, FILLED_MATRIX)
+@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_MATRIX)
 def contacts(robot, points, q, qd, nu, results):
     """ν, and a row of `results` for each entry of the table :data:`CONTACTS` at the address `points`."""
-    if not lengths_match(robot, q, qd, nu):
-        return BAD_LENGTH
-    bodies, _, work, table = opened(robot)
+    if not ws.lengths_match(robot, q, qd, nu):
+        return ws.BAD_LENGTH
+    bodies, _, work, table = ws.opened(robot)
     at = _contacts_at(points)
     if not joints.are_finite(qd):
         return -1
@@ -176,16 +153,17 @@ def contacts(robot, points, q, qd, nu, results):
     xi_from_qd(bodies, qd, work, table[0], nu)
     scale_by_inertia(bodies, work, 0.5, nu)
     mobilities_outward(robot)
-    _place_outward(bodies, at.base, work)
     for k in range(len(at.entries)):
         entry = at.entries[k]
-        _contact(at, entry, work[entry.body], results[k])
+        _contact(at, entry, work[entry.body], joints.pose(bodies, entry.body, at.base, work), results[k])
         if not math.isfinite(results[k, SPEED] + results[k, TRANSFERABLE]):
             return -1
     return 0 if joints.are_finite(nu) else -1
 
 
-@entry_kernel(ROBOT, COUNT, MATRIX, MATRIX, COUNT, COUNT, FILLED_MATRIX, FILLED_STATES, nogil=True)
+@nk.entry_kernel(
+    nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nk.FILLED_STATES, nogil=True
+)
 def contacts_each(robot, points, Q, QD, begin, end, nu, results):
     """:func:`contacts` at states `begin` to `end`, a row of Q, QD and ν and a matrix of `results` each."""
     for t in range(begin, end):

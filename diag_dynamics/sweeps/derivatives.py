@@ -5,22 +5,14 @@
 
 import math
 
-from diag_dynamics.numerics.kernel import (
-    FILLED_MATRIX,
-    FILLED_VECTOR,
-    ROBOT,
-    VECTOR,
-    entry_kernel,
-    kernel,
-    large_kernel,
-)
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import flat
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import clear, opened
+from diag_dynamics.sweeps import workspace as ws
 
 
-@large_kernel
+@nk.large_kernel
 def _initialize(bodies, q, qd, work):
     """Placed bodies with their own inertias, at rest as yet."""
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd)):
@@ -29,7 +21,7 @@ def _initialize(bodies, q, qd, work):
     return 0
 
 
-@large_kernel
+@nk.large_kernel
 def _factorize_with_rates(bodies, q, qd, work, table):
     """D, G, g, u and Q̇[:, c] of every degree of freedom, each joint taken as a group: in the axes of its base."""
     status = _initialize(bodies, q, qd, work)
@@ -46,7 +38,7 @@ def _factorize_with_rates(bodies, q, qd, work, table):
     return status
 
 
-@kernel
+@nk.kernel
 def _propagate_rates(bodies, i, qd, x, work):
     """W of body i for rates x, and its rate in the body's axes along the motion q̇, x constant."""
     body, w, parent = bodies[i], work[i], work[bodies[i].parent]
@@ -58,17 +50,17 @@ def _propagate_rates(bodies, i, qd, x, work):
     records.set_motion(w.W_rate, rate)
 
 
-@kernel
+@nk.kernel
 def _set_base_rates(work):
     """W of the world, and its rate."""
     records.set_motion(work[0].W, sp.Motion(sp.ZERO, sp.ZERO))
     records.set_motion(work[0].W_rate, sp.Motion(sp.ZERO, sp.ZERO))
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
 def articulated_inertias(robot, q, qd, D, D_rate):
     """D and Ḋ along the motion (7.2)."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     status = _factorize_with_rates(bodies, q, qd, work, table)
     if status != 0:
         return status
@@ -79,10 +71,10 @@ def articulated_inertias(robot, q, qd, D, D_rate):
     return 0 if joints.are_finite(D_rate) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_MATRIX, FILLED_MATRIX)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX, nk.FILLED_MATRIX)
 def mass_matrix_rate(robot, q, qd, M, M_rate):
     """M and Ṁ along the motion (Identity 6.3): the whole robot as one group."""
-    bodies, _, work, _ = opened(robot)
+    bodies, _, work, _ = ws.opened(robot)
     status = _initialize(bodies, q, qd, work)
     if status != 0:
         return status
@@ -92,10 +84,10 @@ def mass_matrix_rate(robot, q, qd, M, M_rate):
     return 0 if joints.are_finite(flat(M_rate)) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def mass_matrix_rate_times(robot, q, qd, x, result):
     """Ṁx: the rate of the momenta M x while x is constant, in an outward and an inward sweep."""
-    bodies, _, work, _ = opened(robot)
+    bodies, _, work, _ = ws.opened(robot)
     status = _initialize(bodies, q, qd, work)
     if status != 0 or not joints.are_finite(x):
         return -1
@@ -105,7 +97,7 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
         _propagate_rates(bodies, i, qd, x, work)
         records.set_force(w.y, joints.momentum(body, records.motion_of(w.W)))
         records.set_force(w.z, joints.momentum(body, records.motion_of(w.W_rate)))
-    clear(result)
+    ws.clear(result)
     for i in range(len(bodies) - 1, 0, -1):
         body, w = bodies[i], work[i]
         h, rate = records.force_of(w.y), records.force_of(w.z)
@@ -116,17 +108,17 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
     return 0 if joints.are_finite(result) else -1
 
 
-@kernel
+@nk.kernel
 def _two_velocity_force(body, V, W):
     """b_x = ½[W ×* IV + V ×* IW + I(V × W)], bilinear, V ×* IV where W is V."""
     sum_ = sp.add_force(sp.cross_force(W, joints.momentum(body, V)), sp.cross_force(V, joints.momentum(body, W)))
     return sp.scale_force(sp.add_force(sum_, joints.momentum(body, sp.cross_motion(V, W))), 0.5)
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def coriolis_product(robot, q, qd, x, result):
     """C_s(q, q̇) x with C_s q̇ = c and Ṁ − 2C_s skew: Newton–Euler with two velocities."""
-    bodies, _, work, _ = opened(robot)
+    bodies, _, work, _ = ws.opened(robot)
     status = _initialize(bodies, q, qd, work)
     if status != 0 or not joints.are_finite(x):
         return -1
@@ -138,20 +130,15 @@ def coriolis_product(robot, q, qd, x, result):
         _propagate_rates(bodies, i, qd, x, work)
         b = _two_velocity_force(body, V, records.motion_of(w.W))
         records.set_force(w.y, sp.add_force(joints.momentum(body, records.motion_of(w.W_rate)), b))
-    clear(result)
-    for i in range(len(bodies) - 1, 0, -1):
-        body, w = bodies[i], work[i]
-        y = records.force_of(w.y)
-        result[body.dof] += body.multiplier * sp.along(body.direction, y)
-        if body.parent > 0:
-            records.add_to_force(work[body.parent].y, joints.force_inboard(body, w, y))
+    ws.clear(result)
+    joints.moments_inward(bodies, work, result)
     return 0 if joints.are_finite(result) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def m_rate_transposed(robot, q, qd, x, result):
     """ṁᵀx, x constant: D^−½[𝓜̇_c (W_A, x) − ½ Ḋ η] + D^½ GᵀẆ_A with η = D^−½ mᵀx."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     if not joints.are_finite(x):
         return -1
     status = _factorize_with_rates(bodies, q, qd, work, table)
@@ -170,13 +157,13 @@ def m_rate_transposed(robot, q, qd, x, result):
     return 0 if joints.are_finite(result) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, *[FILLED_VECTOR] * 3)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, *[nk.FILLED_VECTOR] * 3)
 def coriolis_bracket(robot, q, qd, x, eta, u, result):
     """B(q, ν)x, skew, B ν = C: an outward and an inward sweep over factorized bodies.
 
     Outward u = ℓᵀx and W; inward the recursion of C with W in place of one of its velocities.
     """
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     if not joints.are_finite(x):
         return -1
     status = _factorize_with_rates(bodies, q, qd, work, table)
@@ -199,11 +186,11 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
         )
         records.set_motion(w.W, W)
         records.set_force(w.y, _two_velocity_force(body, V, W))
-    clear(result)
+    ws.clear(result)
     last = len(bodies) - 1
     while last > 0:
         first = bodies[last].first
-        y = groups.gather_bias(bodies, first, last, qd, work, work.W, -1.0, result)
+        y = groups.gather_bias(bodies, first, last, qd, work, work.W, result)
         y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, table[0], result))
         base = bodies[first].parent
         W_A = records.motion_of(work[base].W)

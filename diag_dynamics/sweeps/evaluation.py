@@ -5,44 +5,40 @@
 
 import math
 
-from diag_dynamics.numerics.kernel import (
-    FILLED_MATRIX,
-    FILLED_VECTOR,
-    MATRIX,
-    NUMBER,
-    ROBOT,
-    VECTOR,
-    entry_kernel,
-    kernel,
-    large_kernel,
-)
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import address_of
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 
 
-@kernel
+@nk.kernel
 def start_at_world(gravity, world):
     """V and gravity's acceleration of the world."""
     records.set_motion(world.V, sp.NO_MOTION)
     records.set_vector(world.acceleration, 0, sp.scale(records.vector_of(gravity), -1.0))
 
 
-@kernel
+@nk.kernel
 def outward_joint(body, X, own_motion, w, parent):
     """V, gravity's acceleration, and what the inward sweep starts from at a body, for one state or a lane."""
     records.set_placement(w, X)
     V = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.V)), own_motion)
     records.set_motion(w.V, V)
+    joints.init_articulated_inertia(body, w)
+    init_forces(body, X, V, w, parent)
+
+
+@nk.kernel
+def init_forces(body, X, V, w, parent):
+    """Gravity's acceleration of a body, and its y and z before its children have been added."""
     acceleration = sp.apply_transposed(X.rotation, records.vector_of(parent.acceleration))
     records.set_vector(w.acceleration, 0, acceleration)
-    joints.init_articulated_inertia(body, w)
     records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
     records.set_force(w.z, sp.NO_FORCE)
 
 
-@kernel
+@nk.kernel
 def outward_step(bodies, i, q, qd, work):
     """The outward step of one state at a body."""
     body, w = bodies[i], work[i]
@@ -51,21 +47,31 @@ def outward_step(bodies, i, q, qd, work):
     w.armature = body.armature
 
 
-@large_kernel
+@nk.large_kernel
 def _outward(bodies, gravity, q, qd, work):
     start_at_world(gravity, work[0])
     for i in range(1, len(bodies)):
         outward_step(bodies, i, q, qd, work)
 
 
-@kernel
+@nk.large_kernel
+def _outward_factorized(bodies, gravity, work):
+    """The outward sweep over bodies that are factorized and have V."""
+    start_at_world(gravity, work[0])
+    for i in range(1, len(bodies)):
+        w = work[i]
+        X, V = records.placement_of(w), records.motion_of(w.V)
+        init_forces(bodies[i], X, V, w, work[bodies[i].parent])
+
+
+@nk.kernel
 def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
     """Results of one degree of freedom, by row; `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half."""
     coriolis = (without_xi + 0.5 * D_rate * xi) / root
     return root * xi, xi, kappa / root, kappa, coriolis, without_xi + D_rate * xi, gravity, D, D_rate
 
 
-@kernel
+@nk.kernel
 def write_outputs(out, k, results):
     """Write the results of one degree of freedom, ν̇ and ξ̇."""
     out[ws.NU, k], out[ws.XI, k], out[ws.EPSILON, k], out[ws.KAPPA, k] = results[0], results[1], results[2], results[3]
@@ -75,16 +81,15 @@ def write_outputs(out, k, results):
     out[ws.NU_DOT, k], out[ws.XI_DOT, k] = nu_dot, (root * (nu_dot + results[4]) - results[5]) / results[7]
 
 
-@kernel
-def inward_joint(direction, body, rate, tau, w, parent, is_carried):
+@nk.kernel
+def inward_joint(direction, D, G, rate, tau, w, parent, is_carried, factorized):
     """The inward step at a joint of one degree of freedom, for one state or a lane; the direction is a constant.
 
-    Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺ go to the parent.
+    Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺ go to the parent; P⁺ unless the bodies are factorized.
     """
     P, P_rate = records.inertia_of(w.P), records.inertia_of(w.P_rate)
     V, y, z = records.motion_of(w.V), records.force_of(w.y), records.force_of(w.z)
-    D, column, G = joints.joint_inertia(direction, body.armature, P)
-    root = math.sqrt(D)
+    column, root = sp.column_along(direction, P), math.sqrt(D)
 
     # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
     v_J = sp.motion_along(direction, rate)
@@ -111,8 +116,9 @@ def inward_joint(direction, body, rate, tau, w, parent, is_carried):
     rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), moved)
     if is_carried:
         X = records.placement_of(w)
-        joints.accumulate_scale(w, X, parent)
-        records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P_plus))
+        if not factorized:
+            joints.accumulate_scale(w, X, parent)
+            records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P_plus))
         records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, rate_plus))
         records.add_to_force(parent.y, sp.force_to_parent(X, y_plus))
         records.add_to_force(parent.z, sp.force_to_parent(X, z_plus))
@@ -120,29 +126,33 @@ def inward_joint(direction, body, rate, tau, w, parent, is_carried):
     return results, joints.is_singular(joints.scale_along(direction, w), D)
 
 
-@kernel
-def _inward_step(bodies, i, direction, qd, tau, work, out):
+@nk.kernel
+def _inward_step(bodies, i, direction, qd, tau, work, out, factorized):
     """The inward step of one state at a joint of one degree of freedom."""
     body, k = bodies[i], bodies[i].dof
-    parent, is_carried = work[body.parent], body.parent > 0
-    results, singular = inward_joint(direction, body, qd[k], tau[k], work[i], parent, is_carried)
-    if singular:
+    w, parent, is_carried = work[i], work[body.parent], body.parent > 0
+    D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
+    if factorized:
+        D, G = w.D, records.force_of(w.G)
+    results, singular = inward_joint(direction, D, G, qd[k], tau[k], w, parent, is_carried, factorized)
+    if singular and not factorized:
         return i
     write_outputs(out, k, results)
     return 0
 
 
-@large_kernel
-def _inward_coupled(bodies, last, qd, tau, work, table, out):
+@nk.large_kernel
+def _inward_coupled(bodies, last, qd, tau, work, table, out, factorized):
     """The inward step at degrees of freedom that are eliminated together: see groups."""
     first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[ws.KAPPA], out[ws.CORIOLIS]
     for i in range(first, last + 1):
         kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
-    z = groups.gather(bodies, first, last, work, work.z, -1.0, kappa)
-    groups.compose(bodies, first, last, work, Q)
-    y = groups.gather_bias(bodies, first, last, qd, work, work.V, -1.0, bias)
+    z = groups.gather(bodies, first, last, work, -1.0, kappa)
+    if not factorized:
+        groups.compose(bodies, first, last, work, Q)
+    y = groups.gather_bias(bodies, first, last, qd, work, work.V, bias)
     groups.compose_rates(bodies, first, last, qd, work, Q_rate)
-    status = groups.eliminate(bodies, first, last, work, Q, False)
+    status = 0 if factorized else groups.eliminate(bodies, first, last, work, Q, False)
     if status != 0:
         return status
     y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, bias))
@@ -167,180 +177,140 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out):
     return 0
 
 
-# A joint of several degrees of freedom that the world carries: V_A is zero, and 𝓜 and 𝓜̇ are P and Ṗ in the joint's
-# axes. Its last body has them, κ in z, the bias in y and gravity's wrench in place of the acceleration. Angular z is
-# eliminated; then the axes are turned, so that the next one is there.
+# A floating base: V of the world is zero, so 𝓜 and 𝓜̇ are P and Ṗ of the base. Its last body has them, κ in z, the bias
+# in y and gravity's wrench in place of the acceleration. The last direction, angular z, is eliminated. The others move up
+# by one, so that the next one is the last.
 
 
-@kernel
-def start_base(armature, effort, w):
-    """Terms of all directions, with the armature and the effort of each."""
-    P = records.inertia_of(w.P)
-    weight = sp.inertia_times(P, sp.Motion(records.vector_of(w.acceleration), sp.ZERO))
-    records.set_inertia(w.P, sp.add_to_diagonal(P, armature))
+@nk.kernel
+def is_floating_base(bodies, i):
+    """Whether a body belongs to a floating joint that the world carries, and that is no part of a larger group."""
+    body = bodies[i]
+    return body.kind == records.FLOATING and bodies[body.first].parent == 0 and body.last - body.first == 5
+
+
+@nk.kernel
+def start_base(effort, w):
+    """κ and gravity's wrench of a floating base, from the effort of each direction."""
+    weight = sp.inertia_times(records.inertia_of(w.P), sp.Motion(records.vector_of(w.acceleration), sp.ZERO))
     records.set_force(w.acceleration, weight)
     records.set_force(w.z, sp.subtract_force(effort, records.force_of(w.z)))
 
 
-@kernel
-def eliminate_last(w):
-    """Eliminate angular z; returns its results and whether it is singular."""
+@nk.kernel
+def eliminate_last(direction, armature, w):
+    """Eliminate the last direction of a floating base; return its results and whether it is singular."""
     P, P_rate, V = records.inertia_of(w.P), records.inertia_of(w.P_rate), records.motion_of(w.V)
     kappas, bias, weights = records.force_of(w.z), records.force_of(w.y), records.force_of(w.acceleration)
-    D, column, G = joints.joint_inertia(sp.ANGULAR_Z, 0.0, P)
+    D, column, G = joints.joint_inertia(sp.ANGULAR_Z, armature, P)
     u, rate = sp.column_along(sp.ANGULAR_Z, P_rate), V.angular[2]
     D_rate, kappa, y, weight = u.moment[2], kappas.moment[2], bias.moment[2], weights.moment[2]
     root, xi, momentum_rate = math.sqrt(D), _add_power(rate, G, V), _add_power(D_rate * rate, u, V)
-    rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # as groups.eliminate_rate
-    records.set_inertia(w.P, sp.less_rank_one(P, G, column))
-    records.set_inertia(w.P_rate, sp.less_products(P_rate, G, rest, u))
-    records.set_force(w.z, sp.subtract_force(kappas, sp.scale_force(G, kappa)))
-    records.set_force(w.y, sp.subtract_force(bias, sp.scale_force(G, y)))
-    records.set_force(w.acceleration, sp.subtract_force(weights, sp.scale_force(G, weight)))
+    h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
+    records.set_inertia(w.P, _moved_up_inertia(sp.less_rank_one(P, G, column)))
+    records.set_inertia(w.P_rate, _moved_up_inertia(sp.less_rank_two(P_rate, G, h)))
+    records.set_force(w.z, _moved_up(sp.subtract_force(kappas, sp.scale_force(G, kappa))))
+    records.set_force(w.y, _moved_up(sp.subtract_force(bias, sp.scale_force(G, y))))
+    records.set_force(w.acceleration, _moved_up(sp.subtract_force(weights, sp.scale_force(G, weight))))
+    records.set_force(w.V, _moved_up(sp.Force(V.linear, V.angular)))
     results = outputs(root, xi, kappa, y - momentum_rate, weight / root, D, D_rate)
-    return results, joints.is_singular(joints.scale_along(sp.ANGULAR_Z, w), D)
+    return results, joints.is_singular(joints.scale_along(direction, w), D)
 
 
-@kernel
+@nk.kernel
 def _add_power(start, F, V):
-    """Add FᵀV of all directions but angular z, one by one."""
+    """Add FᵀV of all directions but the last, one by one."""
     f, m, v, w = F.force, F.moment, V.linear, V.angular
     return start + f[0] * v[0] + f[1] * v[1] + f[2] * v[2] + m[0] * w[0] + m[1] * w[1]
 
 
-@kernel
-def turn_axes(w):
-    """Make angular y, the next direction to eliminate, angular z."""
-    w.V[3], w.V[4], w.V[5] = 0.0, w.V[3], w.V[4]
-    _turn(w.z, 3)
-    _turn(w.y, 3)
-    _turn(w.acceleration, 3)
-    _turn_inertia(w.P)
-    _turn_inertia(w.P_rate)
+@nk.kernel
+def _moved_up(F):
+    """The six entries moved up by one direction; the last one is dropped."""
+    return sp.Force((0.0, F.force[0], F.force[1]), (F.force[2], F.moment[0], F.moment[1]))
 
 
-@kernel
-def _turn(a, k):
-    a[k], a[k + 1], a[k + 2] = a[k + 2], a[k], a[k + 1]
+@nk.kernel
+def _moved_up_inertia(P):
+    """Rows and columns moved up by one direction; the last ones are dropped."""
+    A, B, C = P
+    return sp.Inertia(
+        (sp.ZERO, (0.0, A[0][0], A[0][1]), (0.0, A[0][1], A[1][1])),
+        (sp.ZERO, (A[0][2], B[0][0], B[0][1]), (A[1][2], B[1][0], B[1][1])),
+        ((A[2][2], B[2][0], B[2][1]), (B[2][0], C[0][0], C[0][1]), (B[2][1], C[0][1], C[1][1])),
+    )
 
 
-@kernel
-def _turn_inertia(P):
-    _turn(P, 6)
-    _turn(P, 9)
-    _turn(P, 12)
-    P[15], P[16], P[17], P[18], P[19], P[20] = P[20], P[17], P[19], P[15], P[16], P[18]
-
-
-@kernel
-def use_linear_axes(w):
-    """Put the linear directions in the place of the angular ones, which are eliminated."""
-    P, P_rate = records.inertia_of(w.P), records.inertia_of(w.P_rate)
-    none = sp.NO_INERTIA
-    records.set_inertia(w.P, sp.Inertia(none.A, none.B, P.A))
-    records.set_inertia(w.P_rate, sp.Inertia(none.A, none.B, P_rate.A))
-    _use_linear(w.V)
-    _use_linear(w.z)
-    _use_linear(w.y)
-    _use_linear(w.acceleration)
-    w.magnitude[1], w.total[1] = w.magnitude[0], w.total[0]
-
-
-@kernel
-def _use_linear(F):
-    records.set_force(F, sp.Force(sp.ZERO, records.vector_of(F)))
-
-
-@kernel
-def has_linear_next(bodies, i):
-    """Whether the direction before that of body i is its joint's first linear one."""
-    return bodies[i - 1].direction < sp.ANGULAR_X <= bodies[i].direction
-
-
-@kernel
-def armature_of(bodies, last):
-    """Armature of the directions of a joint."""
-    armature = sp.NO_MOTION
-    for i in range(bodies[last].first, last + 1):
-        own = sp.motion_along(bodies[i].direction, bodies[i].armature)
-        armature = sp.add_motion(armature, own)
-    return armature
-
-
-@large_kernel
+@nk.large_kernel
 def _inward_base(bodies, last, tau, work, out):
-    """The inward step of one state at a joint that the world carries."""
-    w, first, armature = work[last], bodies[last].first, armature_of(bodies, last)
+    """The inward step of one state at a floating base."""
+    w, first = work[last], bodies[last].first
     effort = joints.joint_vector(bodies[first], tau)
-    start_base(armature, sp.Force(effort.linear, effort.angular), w)
+    start_base(sp.Force(effort.linear, effort.angular), w)
     for i in range(last, first - 1, -1):
-        results, singular = eliminate_last(w)
+        results, singular = eliminate_last(bodies[i].direction, bodies[i].armature, w)
         if singular:
             return i
         write_outputs(out, bodies[i].dof, results)
-        if has_linear_next(bodies, i):
-            use_linear_axes(w)
-        if bodies[i - 1].direction != sp.LINEAR_Z:
-            turn_axes(w)
     return 0
 
 
-@kernel
-def is_base(bodies, last):
-    """Whether a group is one joint, carried by the world."""
-    return bodies[bodies[last].first].parent == 0 and bodies[last].dofs == last - bodies[last].first + 1
-
-
-@large_kernel
-def inward_group(bodies, last, qd, tau, work, table, out):
+@nk.large_kernel
+def inward_group(bodies, last, qd, tau, work, table, out, factorized):
     """The inward step of one state at degrees of freedom that are eliminated together."""
-    if is_base(bodies, last):
+    if is_floating_base(bodies, last):
         return _inward_base(bodies, last, tau, work, out)
-    return _inward_coupled(bodies, last, qd, tau, work, table, out)
+    return _inward_coupled(bodies, last, qd, tau, work, table, out, factorized)
 
 
-@kernel
-def _complete(out, n):
-    """Fill the rows of energies; return whether they and all other results are finite."""
-    energy = base = power = 0.0
-    for k in range(n):
+@nk.kernel
+def sums(rows):
+    """Whether results of one state are finite, K, the share of the first six ν in it, and νᵀ(ε − ε_g)."""
+    finite, energy, base, power = True, 0.0, 0.0, 0.0
+    for k in range(rows.shape[1]):
         total = 0.0
         for row in range(ws.XI, ws.N_RESULTS):
-            total += out[row, k]
-        if not math.isfinite(total):
-            return False
-        share = 0.5 * out[ws.NU, k] * out[ws.NU, k]
-        out[ws.ENERGY_SHARE, k] = share
-        energy += share
+            total += rows[row, k]
+        finite &= math.isfinite(total)
+        nu = rows[ws.NU, k]
+        energy += 0.5 * nu * nu
         if k < 6:
             base = energy
-        power += out[ws.NU, k] * (out[ws.EPSILON, k] - out[ws.GRAVITY, k])
+        power += nu * (rows[ws.EPSILON, k] - rows[ws.GRAVITY, k])
+    return finite and math.isfinite(energy) and math.isfinite(power), energy, base, power
+
+
+@nk.kernel
+def _complete(out, n):
+    """Fill the rows of energies; return whether they and all other results are finite."""
+    finite, energy, base, power = sums(out[:, :n])
+    for k in range(n):
+        out[ws.ENERGY_SHARE, k] = 0.5 * out[ws.NU, k] * out[ws.NU, k]
     if out.shape[1] > 0:
         out[ws.KINETIC_ENERGY, 0], out[ws.BASE_ENERGY, 0] = energy, base
         out[ws.EFFORT_POWER, 0] = out[ws.POWER, 0] = power
-    return math.isfinite(energy) and math.isfinite(power)
+    return finite
 
 
-@kernel
-def sweep(bodies, gravity, q, qd, tau, work, table, out):
-    """Fill the rows of `out` from ws.NU on with what :func:`evaluate` gives; q, q̇ and τ are finite."""
-    _outward(bodies, gravity, q, qd, work)
+@nk.kernel
+def _inward(bodies, qd, tau, work, table, out, factorized):
+    """Fill the rows of `out` from ws.NU on with what :func:`evaluate` gives, in the inward sweep."""
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
         if groups.is_grouped(bodies[i]):
-            status = inward_group(bodies, i, qd, tau, work, table, out)
+            status = inward_group(bodies, i, qd, tau, work, table, out, factorized)
         elif bodies[i].direction == sp.ANGULAR_Z:
-            status = _inward_step(bodies, i, sp.ANGULAR_Z, qd, tau, work, out)
+            status = _inward_step(bodies, i, sp.ANGULAR_Z, qd, tau, work, out, factorized)
         else:
-            status = _inward_step(bodies, i, sp.LINEAR_Z, qd, tau, work, out)
+            status = _inward_step(bodies, i, sp.LINEAR_Z, qd, tau, work, out, factorized)
         if status != 0:
             return status
         i = first - 1
     return 0 if _complete(out, len(qd)) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, VECTOR, FILLED_MATRIX)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)
 def evaluate(robot, q, qd, tau, out):
     """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
 
@@ -361,17 +331,29 @@ def evaluate(robot, q, qd, tau, out):
         out[ws.POSITIONS, k] = q[k]
     for k in range(len(qd)):
         out[ws.RATES, k] = qd[k]
-    return sweep(bodies, gravity, q, qd, tau, work, table, out)
+    _outward(bodies, gravity, q, qd, work)
+    return _inward(bodies, qd, tau, work, table, out, False)
 
 
-@kernel
+@nk.large_kernel
+def nu_dot_from_tau(robot, qd, tau, nu_dot):
+    """ν̇ = ε − C − ε_g from q̇ and τ over bodies that are factorized and have V. Returns a status."""
+    bodies, gravity, work, table = ws.opened(robot)
+    out = ws.robot_of(robot).scratch
+    _outward_factorized(bodies, gravity, work)
+    status = _inward(bodies, qd, tau, work, table, out, True)
+    ws.copy(out[ws.NU_DOT], nu_dot)
+    return status
+
+
+@nk.kernel
 def overlap(vector, matrix):
     """Whether a vector has a number that is a matrix's, too."""
     first, begin = address_of(vector), address_of(matrix)
     return first < begin + 8 * matrix.size and begin < first + 8 * vector.size
 
 
-@entry_kernel(MATRIX, VECTOR, VECTOR, VECTOR, NUMBER)
+@nk.entry_kernel(nk.MATRIX, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER)
 def friction_power(state, damping, friction, effort_offset, friction_velocity):
     """Return q̇·τ_fric [W] of a state that :func:`evaluate` has filled, τ_fric as in DiagonalDynamics.friction_torque."""
     power = 0.0
@@ -383,7 +365,9 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
     return power
 
 
-@entry_kernel(VECTOR, VECTOR, *[MATRIX] * 3, FILLED_MATRIX, FILLED_MATRIX, FILLED_VECTOR, nogil=True)
+@nk.entry_kernel(
+    nk.VECTOR, nk.VECTOR, *[nk.MATRIX] * 3, nk.FILLED_MATRIX, nk.FILLED_MATRIX, nk.FILLED_VECTOR, nogil=True
+)
 def observe_samples(gain, interval, nu, resisting, epsilon, last, residual, norm):
     """Write r, ṙ = K (ε_ext − r) as DisturbanceObserver has it, and |r| of samples.
 
@@ -406,7 +390,7 @@ def observe_samples(gain, interval, nu, resisting, epsilon, last, residual, norm
                 last[0, k] = 0.0
 
 
-@entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, MATRIX, FILLED_MATRIX, nogil=True)
+@nk.entry_kernel(records.BODIES, records.LINKS, records.WORKS, nk.MATRIX, nk.MATRIX, nk.FILLED_MATRIX, nogil=True)
 def link_energies(bodies, links, work, Q, QD, energies):
     """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each of many states, a row each.
 
@@ -419,13 +403,13 @@ def link_energies(bodies, links, work, Q, QD, energies):
     return finite
 
 
-@entry_kernel(records.BODIES, records.LINKS, records.WORKS, MATRIX, FILLED_VECTOR)
+@nk.entry_kernel(records.BODIES, records.LINKS, records.WORKS, nk.MATRIX, nk.FILLED_VECTOR)
 def link_energy(bodies, links, work, state, energy):
     """Kinetic energy of every link, as :func:`link_energies` has it, of a state that :func:`evaluate` has filled."""
     return _link_energies_at(bodies, links, work, state[ws.POSITIONS], state[ws.RATES], energy)
 
 
-@kernel
+@nk.kernel
 def _link_energies_at(bodies, links, work, q, qd, energy):
     ws.clear(energy)
     joints.set_base_at_rest(work)

@@ -5,22 +5,13 @@
 
 import math
 
-from diag_dynamics.numerics.kernel import (
-    FILLED_MATRIX,
-    FILLED_VECTOR,
-    FLAG,
-    ROBOT,
-    VECTOR,
-    entry_kernel,
-    kernel,
-    large_kernel,
-)
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import BAD_LENGTH, clear, copy, lengths_match, opened
+from diag_dynamics.sweeps import workspace as ws
 
 
-@kernel
+@nk.kernel
 def factor_joint(body, w, parent, lock_massless):
     """D and G of a body that is in no group (Algorithm 4.1); P⁺ goes to its parent. Returns whether it moves inertia."""
     P = records.inertia_of(w.P)
@@ -41,32 +32,24 @@ def factor_joint(body, w, parent, lock_massless):
     return True
 
 
-@kernel
-def factor_group(bodies, last, work, Q, lock_massless):
-    """Riccati step of a group, as :func:`factor_joint`; returns 0, or the body at which M is singular."""
-    groups.compose(bodies, bodies[last].first, last, work, Q)
-    return groups.eliminate(bodies, bodies[last].first, last, work, Q, lock_massless)
-
-
-@large_kernel
+@nk.large_kernel
 def factorize(bodies, work, Q, lock_massless=False):
     """D and G of all initialized bodies; returns 0, or the body of a joint that moves no inertia and is not to be locked."""
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
         if groups.is_grouped(body):
-            status = factor_group(bodies, i, work, Q, lock_massless)
+            groups.compose(bodies, body.first, i, work, Q)
+            status = groups.eliminate(bodies, body.first, i, work, Q, lock_massless)
             if status != 0:
                 return status
-            i = body.first - 1
-            continue
-        if not factor_joint(body, work[i], work[body.parent], lock_massless):
+        elif not factor_joint(body, work[i], work[body.parent], lock_massless):
             return i
-        i -= 1
+        i = body.first - 1
     return 0
 
 
-@large_kernel
+@nk.large_kernel
 def factorize_at(bodies, q, work, Q):
     """D and G of every body at the positions q."""
     if not joints.are_positions(bodies, q):
@@ -75,7 +58,7 @@ def factorize_at(bodies, q, work, Q):
     return factorize(bodies, work, Q)
 
 
-@large_kernel
+@nk.large_kernel
 def scale_by_inertia(bodies, work, exponent, x):
     """D to the power 1, 1/2, −1/2 or −1, times x, in place."""
     for i in range(1, len(bodies)):
@@ -85,10 +68,10 @@ def scale_by_inertia(bodies, work, exponent, x):
             x[bodies[i].dof] = x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
 
 
-@entry_kernel(ROBOT, VECTOR, FILLED_VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
 def joint_inertias(robot, q, D, size):
     """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     joints.initialize(bodies, q, work)
     factorize(bodies, work, table[0], True)
     for i in range(1, len(bodies)):
@@ -96,23 +79,18 @@ def joint_inertias(robot, q, D, size):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
 
 
-@entry_kernel(ROBOT, VECTOR, records.WRENCHES, FLAG, FILLED_MATRIX)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, records.WRENCHES, nk.FLAG, nk.FILLED_MATRIX)
 def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     status = factorize_at(bodies, q, work, table[0])
     if status != 0:
         return status
-    clear(epsilon)
+    ws.clear(epsilon)
     for j in range(len(wrenches)):
-        wrench = wrenches[j]
-        force, moment = records.vector_of(wrench.force), records.vector_of(wrench.moment)
-        if in_world:
-            R = joints.orientation(bodies, wrench.body, work)
-            force, moment = sp.apply_transposed(R, force), sp.apply_transposed(R, moment)
-        F = sp.Force(force, sp.add(moment, sp.cross(records.vector_of(wrench.point), force)))
+        F = joints.wrench_on_body(bodies, wrenches[j], in_world, work)
         column = epsilon[:, j]
-        groups.working_moments_of_wrench(bodies, wrench.body, work, table[0], F, column)
+        groups.working_moments_of_wrench(bodies, wrenches[j].body, work, table[0], F, column)
         scale_by_inertia(bodies, work, -0.5, column)
     return 0
 
@@ -120,7 +98,7 @@ def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
 # --- Tables 1 and 2 over factorized bodies ----------------------------------------------------------------
 
 
-@large_kernel
+@nk.large_kernel
 def xi_from_qd(bodies, qd, work, Q, xi):
     """ξ = [I + HφK]ᵀq̇ (Table 1); xi is not qd."""
     joints.set_base_at_rest(work)
@@ -135,7 +113,7 @@ def xi_from_qd(bodies, qd, work, Q, xi):
         joints.update_velocity(body, qd, work, w)
 
 
-@large_kernel
+@nk.large_kernel
 def qd_from_xi(bodies, xi, work, Q, qd):
     """q̇ = [I − HψK]ᵀξ (Table 1, right); qd may be xi."""
     joints.set_base_at_rest(work)
@@ -153,77 +131,58 @@ def qd_from_xi(bodies, xi, work, Q, qd):
         joints.update_velocity(body, qd, work, w)
 
 
-@kernel
-def kappa_of_group(bodies, last, work, Q, kappa):
-    """Moments τ of a group become κ, in place; z⁺ goes to its base."""
-    first = bodies[last].first
-    z = groups.gather(bodies, first, last, work, work.z, -1.0, kappa)
-    z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, kappa))
-    records.add_to_force(work[bodies[first].parent].z, z)
-
-
-@kernel
-def tau_of_group(bodies, last, work, Q, tau):
-    """Moments κ of a group become τ, in place; z⁺ goes to its base."""
-    first = bodies[last].first
-    z = groups.unfilter_moments(bodies, first, last, work, Q, tau)
-    z = sp.add_force(z, groups.gather(bodies, first, last, work, work.z, 1.0, tau))
-    records.add_to_force(work[bodies[first].parent].z, z)
-
-
-@large_kernel
+@nk.large_kernel
 def kappa_from_tau(bodies, tau, work, Q, kappa):
     """κ = [I − HψK]τ (Table 2); kappa may be tau."""
-    for i in range(len(bodies)):
-        clear(work[i].z)
-    copy(tau, kappa)
-    i = len(bodies) - 1
-    while i > 0:
-        body, w = bodies[i], work[i]
-        if groups.is_grouped(body):
-            kappa_of_group(bodies, i, work, Q, kappa)
-            i = body.first - 1
-            continue
-        z = records.force_of(w.z)
-        kappa[body.dof] -= sp.along(body.direction, z)
-        z_plus = sp.add_force(z, sp.scale_force(records.force_of(w.G), kappa[body.dof]))
-        records.add_to_force(work[body.parent].z, sp.force_to_parent(records.placement_of(w), z_plus))
-        i -= 1
+    ws.copy(tau, kappa)
+    _moments_inward(bodies, work, Q, False, kappa)
 
 
-@large_kernel
+@nk.large_kernel
 def tau_from_kappa(bodies, kappa, work, Q, tau):
     """τ = [I + HφK]κ (Table 2, right); tau may be kappa."""
+    ws.copy(kappa, tau)
+    _moments_inward(bodies, work, Q, True, tau)
+
+
+@nk.large_kernel
+def _moments_inward(bodies, work, Q, is_kappa, moments):
+    """τ become κ in place, z⁺ = z + G κ; or κ become τ."""
     for i in range(len(bodies)):
-        clear(work[i].z)
-    copy(kappa, tau)
+        ws.clear(work[i].z)
     i = len(bodies) - 1
     while i > 0:
         body, w = bodies[i], work[i]
-        if groups.is_grouped(body):
-            tau_of_group(bodies, i, work, Q, tau)
-            i = body.first - 1
-            continue
-        z = records.force_of(w.z)
-        z_plus = sp.add_force(z, sp.scale_force(records.force_of(w.G), tau[body.dof]))
-        tau[body.dof] += sp.along(body.direction, z)
-        records.add_to_force(work[body.parent].z, sp.force_to_parent(records.placement_of(w), z_plus))
-        i -= 1
+        first, z = body.first, records.force_of(w.z)
+        if not groups.is_grouped(body):
+            moment, induced = moments[body.dof], sp.along(body.direction, z)
+            moments[body.dof] = moment + induced if is_kappa else moment - induced
+            kappa = moment if is_kappa else moments[body.dof]
+            z = sp.add_force(z, sp.scale_force(records.force_of(w.G), kappa))
+            z = sp.force_to_parent(records.placement_of(w), z)
+        elif is_kappa:
+            z = groups.unfilter_moments(bodies, first, i, work, Q, moments)
+            z = sp.add_force(z, groups.gather(bodies, first, i, work, 1.0, moments))
+        else:
+            z = groups.gather(bodies, first, i, work, -1.0, moments)
+            z = sp.add_force(z, groups.filter_moments(bodies, first, i, work, Q, moments))
+        records.add_to_force(work[bodies[first].parent].z, z)
+        i = first - 1
 
 
-@large_kernel
+@nk.large_kernel
 def _factorized(robot, q, x):
     """Place and factorize for a sweep of x; returns a status that is not 0 if q or x will not do."""
-    bodies, _, work, table = opened(robot)
-    if not lengths_match(robot, q, x, x):
-        return BAD_LENGTH
+    bodies, _, work, table = ws.opened(robot)
+    if not ws.lengths_match(robot, q, x, x):
+        return ws.BAD_LENGTH
     return factorize_at(bodies, q, work, table[0]) if joints.are_finite(x) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def nu_from_qd(robot, q, qd, nu):
     """ν = mᵀq̇ (Table 1)."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     status = _factorized(robot, q, qd)
     if status != 0:
         return status
@@ -232,23 +191,23 @@ def nu_from_qd(robot, q, qd, nu):
     return 0 if joints.are_finite(nu) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def qd_from_nu(robot, q, nu, qd):
     """q̇ = ℓᵀν (Table 1, right)."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     status = _factorized(robot, q, nu)
     if status != 0:
         return status
-    copy(nu, qd)
+    ws.copy(nu, qd)
     scale_by_inertia(bodies, work, -0.5, qd)
     qd_from_xi(bodies, qd, work, table[0], qd)
     return 0 if joints.are_finite(qd) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def epsilon_from_tau(robot, q, tau, epsilon):
     """ε = ℓτ (Table 2)."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     status = _factorized(robot, q, tau)
     if status != 0:
         return status
@@ -257,23 +216,23 @@ def epsilon_from_tau(robot, q, tau, epsilon):
     return 0 if joints.are_finite(epsilon) else -1
 
 
-@entry_kernel(ROBOT, VECTOR, VECTOR, FILLED_VECTOR)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def tau_from_epsilon(robot, q, epsilon, tau):
     """τ = mε (Table 2, right)."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     status = _factorized(robot, q, epsilon)
     if status != 0:
         return status
-    copy(epsilon, tau)
+    ws.copy(epsilon, tau)
     scale_by_inertia(bodies, work, 0.5, tau)
     tau_from_kappa(bodies, tau, work, table[0], tau)
     return 0 if joints.are_finite(tau) else -1
 
 
-@large_kernel
+@nk.large_kernel
 def qd_from_momentum(robot, q, added, momentum, qd):
     """q̇ = (M + diag(added))⁻¹ momentum; the added inertia enters D as armature does, and `inf` locks its joint."""
-    bodies, _, work, table = opened(robot)
+    bodies, _, work, table = ws.opened(robot)
     joints.initialize(bodies, q, work)
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):

@@ -25,19 +25,19 @@ to body never forms.
 F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace of the body that owns it.
 """
 
-from diag_dynamics.numerics.kernel import kernel, large_kernel
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.workspace import clear
+from diag_dynamics.sweeps import workspace as ws
 
 
-@kernel
+@nk.kernel
 def is_grouped(body):
     """Whether a body's degree of freedom is eliminated together with others."""
     return body.first < body.last
 
 
-@kernel
+@nk.kernel
 def is_leader(bodies, i):
     """Whether body i has a degree of freedom of its own: it is no follower."""
     return bodies[i].leader == i
@@ -46,7 +46,7 @@ def is_leader(bodies, i):
 # --- 𝓜 and its elimination --------------------------------------------------------------------------------
 
 
-@large_kernel
+@nk.large_kernel
 def compose(bodies, first, last, work, Q):
     """Q and F of a group; P of its bodies becomes that of all they carry, and goes to the base."""
     start = bodies[first].start
@@ -54,7 +54,7 @@ def compose(bodies, first, last, work, Q):
         if is_leader(bodies, i):
             work[i].size = 0.0
             records.set_force(work[i].G, sp.NO_FORCE)
-            clear(Q[bodies[i].dof])
+            ws.clear(Q[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, d, owner = records.inertia_of(w.P), body.dof, work[body.leader]
@@ -79,7 +79,7 @@ def compose(bodies, first, last, work, Q):
             joints.accumulate_inertia(w, P, work[body.parent])
 
 
-@large_kernel
+@nk.large_kernel
 def eliminate(bodies, first, last, work, Q, lock_massless):
     """D and G of a group's degrees of freedom, and g in the columns of Q; P⁺ goes to the base: see factorize."""
     start, base = bodies[first].start, bodies[first].parent
@@ -112,14 +112,14 @@ def eliminate(bodies, first, last, work, Q, lock_massless):
     return 0
 
 
-@large_kernel
+@nk.large_kernel
 def compose_rates(bodies, first, last, qd, work, Q_rate):
     """Q̇ and Ḟ of a group, of which P is that of all that the bodies carry; Ṗ becomes so too and goes to the base."""
     start = bodies[first].start
     for i in range(first, last + 1):
         if is_leader(bodies, i):
             records.set_force(work[i].u, sp.NO_FORCE)
-            clear(Q_rate[bodies[i].dof])
+            ws.clear(Q_rate[bodies[i].dof])
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, P_rate, d = records.inertia_of(w.P), records.inertia_of(w.P_rate), body.dof
@@ -146,7 +146,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
             records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, moved))
 
 
-@kernel
+@nk.kernel
 def rate_inboard(bodies, i, qd, work, F, rate):
     """Rate of XᵀF, as Ẋ = −(v_J×) X."""
     if bodies[i].rank > 0:
@@ -155,7 +155,7 @@ def rate_inboard(bodies, i, qd, work, F, rate):
     return sp.force_to_parent(records.placement_of(work[i]), sp.add_force(rate, moved))
 
 
-@large_kernel
+@nk.large_kernel
 def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     """Take the degree of freedom that body i owns out of 𝓜̇, all later ones being out already."""
     start, base = bodies[first].start, bodies[first].parent
@@ -178,13 +178,13 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
 # --- Rates and moments through a group --------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def base_motion(bodies, i, work):
     """V_A of the group of body i, in the axes of A."""
     return records.motion_of(work[bodies[bodies[i].first].parent].V)
 
 
-@kernel
+@nk.kernel
 def induced_rate(bodies, i, V_A, qd, Q, G):
     """ξ − q̇ of the degree of freedom that body i owns: the rate induced by A and by those before it in the group."""
     body = bodies[i]
@@ -194,7 +194,7 @@ def induced_rate(bodies, i, V_A, qd, Q, G):
     return rate
 
 
-@kernel
+@nk.kernel
 def filter_moments(bodies, first, last, work, Q, moments):
     """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the base."""
     F = sp.NO_FORCE
@@ -207,7 +207,7 @@ def filter_moments(bodies, first, last, work, Q, moments):
     return F
 
 
-@kernel
+@nk.kernel
 def unfilter_moments(bodies, first, last, work, Q, moments):
     """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the base."""
     F = sp.NO_FORCE
@@ -220,7 +220,7 @@ def unfilter_moments(bodies, first, last, work, Q, moments):
     return F
 
 
-@kernel
+@nk.kernel
 def momentum_rate(bodies, i, V_A, qd, work, Q_rate):
     """𝓜̇_c (V_A, q̇) of the degree of freedom c that body i owns, with 𝓜̇ as it was eliminated from it."""
     body = bodies[i]
@@ -230,18 +230,25 @@ def momentum_rate(bodies, i, V_A, qd, work, Q_rate):
     return rate
 
 
-@kernel
+@nk.kernel
+def moments_of_wrench(bodies, i, first, work, F, moments):
+    """Add the moments of a wrench on body i along the rigid joints from body `first` outward; return the wrench inboard."""
+    while i >= first:
+        moments[bodies[i].dof] += bodies[i].multiplier * sp.along(bodies[i].direction, F)
+        F = joints.force_inboard(bodies[i], work[i], F)
+        i = bodies[i].parent
+    return F
+
+
+@nk.kernel
 def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
-    """Add SᵀF of a wrench on body i along every degree of freedom that carries it, all of them articulated: κ."""
+    """Add κ of a wrench on body i at every degree of freedom that carries the body, all of them articulated."""
     while i > 0:
         body, w = bodies[i], work[i]
         if is_grouped(body):
-            first = body.first
-            while i >= first:
-                kappa[bodies[i].dof] += bodies[i].multiplier * sp.along(bodies[i].direction, F)
-                F = joints.force_inboard(bodies[i], work[i], F)
-                i = bodies[i].parent
-            F = sp.subtract_force(F, filter_moments(bodies, first, body.last, work, Q, kappa))
+            F = moments_of_wrench(bodies, i, body.first, work, F, kappa)
+            F = sp.subtract_force(F, filter_moments(bodies, body.first, body.last, work, Q, kappa))
+            i = bodies[body.first].parent
             continue
         moment = sp.along(body.direction, F)
         kappa[body.dof] = moment
@@ -249,27 +256,27 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
         i = body.parent
 
 
-@large_kernel
-def gather(bodies, first, last, work, forces, sign, moments):
-    """Add the moments of wrenches on a group's bodies, times a sign; returns the wrench on the base."""
+@nk.large_kernel
+def gather(bodies, first, last, work, sign, moments):
+    """Add the moments of z of a group's bodies, times a sign; returns the wrench on the base."""
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         body = bodies[i]
-        f = records.force_of(forces[i])
+        f = records.force_of(work[i].z)
         moments[body.dof] += sign * body.multiplier * sp.along(body.direction, f)
         f = joints.force_inboard(body, work[i], f)
         if body.parent >= first:
-            records.add_to_force(forces[body.parent], f)
+            records.add_to_force(work[body.parent].z, f)
         else:
             F = sp.add_force(F, f)
     return F
 
 
-@large_kernel
-def gather_bias(bodies, first, last, qd, work, V, sign, moments):
-    """As :func:`gather`, of the wrenches that y and the velocities V of all bodies ask for while q̈ and V̇ of A are zero.
+@nk.large_kernel
+def gather_bias(bodies, first, last, qd, work, V, moments):
+    """Subtract the bias moments of a group with velocities V, V̇ of A and q̈ zero; returns the bias wrench on the base.
 
-    After :func:`compose`. V is that of the links; another one of theirs for the bilinear form of the same terms.
+    It follows :func:`compose`. V is field V of the bodies, or W for the bilinear form.
     """
     for i in range(first, last + 1):
         body, w = bodies[i], work[i]
@@ -286,7 +293,7 @@ def gather_bias(bodies, first, last, qd, work, V, sign, moments):
         body, w = bodies[i], work[i]
         P, y = records.inertia_of(w.P), records.force_of(w.y)
         f = sp.add_force(y, sp.inertia_times(P, records.motion_of(w.bias)))
-        moments[body.dof] += sign * body.multiplier * sp.along(body.direction, f)
+        moments[body.dof] -= body.multiplier * sp.along(body.direction, f)
         f = joints.force_inboard(body, w, sp.add_force(y, sp.inertia_times(P, records.motion_of(w.zeta))))
         if body.parent >= first:
             records.add_to_force(work[body.parent].y, f)

@@ -5,7 +5,7 @@
 
 import math
 
-from diag_dynamics.numerics.kernel import kernel, large_kernel
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import records
 from diag_dynamics.sweeps import spatial as sp
 
@@ -22,13 +22,13 @@ nothing but rounding, 1e-14 of that inertia, D is judged by this."""
 # --- Positions --------------------------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def _position(body, q):
     """Angle or displacement of the joint of a body, of one degree of freedom."""
     return body.multiplier * q[body.q] + body.offset
 
 
-@kernel
+@nk.kernel
 def placement(direction, body, position):
     """X of a body that turns about z by a reduced angle, or slides along z."""
     rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
@@ -38,7 +38,7 @@ def placement(direction, body, position):
     return sp.Placement(rotation, sp.add(translation, sp.apply(rotation, (0.0, 0.0, position))))
 
 
-@kernel
+@nk.kernel
 def floating_placement(body, position, quaternion):
     """X of a floating body."""
     rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
@@ -46,7 +46,7 @@ def floating_placement(body, position, quaternion):
     return sp.Placement(sp.product(rotation, turned), sp.add(translation, sp.apply(rotation, position)))
 
 
-@kernel
+@nk.kernel
 def update_placement(body, q, w):
     """Write and return X of a body; the later bodies of a joint are in the frame of the first."""
     if body.kind == records.REVOLUTE:
@@ -57,7 +57,7 @@ def update_placement(body, q, w):
     return records.placement_of(w)
 
 
-@large_kernel
+@nk.large_kernel
 def _update_placement_general(body, q, w):
     k, X = body.q, sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation))
     if body.kind == records.PRISMATIC:
@@ -71,24 +71,25 @@ def _update_placement_general(body, q, w):
     records.set_placement(w, X)
 
 
-@kernel
+@nk.kernel
 def update_placements(bodies, q, work):
     """X of every body."""
     for i in range(1, len(bodies)):
         update_placement(bodies[i], q, work[i])
 
 
-@kernel
-def orientation(bodies, i, work):
-    """Rotation of a placed body in the world."""
-    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    while i > 0:
-        R = sp.product(records.matrix_of(work[i].rotation), R)
+@nk.kernel
+def pose(bodies, i, base, work):
+    """Placement of a placed body in one that carries it."""
+    R, p = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), sp.ZERO
+    while i != base:
+        X = records.placement_of(work[i])
+        R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
         i = bodies[i].parent
-    return R
+    return sp.Placement(R, p)
 
 
-@kernel
+@nk.kernel
 def initialize(bodies, q, work):
     """X of every body and P before any child has been added."""
     for i in range(1, len(bodies)):
@@ -97,19 +98,19 @@ def initialize(bodies, q, work):
         work[i].armature = bodies[i].armature
 
 
-@kernel
+@nk.kernel
 def are_positions(bodies, q):
     """Whether all positions are finite, and orientations near unit length."""
     return are_finite(q) and are_orientations(bodies, q)
 
 
-@kernel
+@nk.kernel
 def quaternion_at(body):
     """Index of the first of four position coordinates that are the quaternion of a body's joint; -1 if it has none."""
     return body.q + 3 if body.kind == records.FLOATING else -1
 
 
-@kernel
+@nk.kernel
 def are_orientations(bodies, q):
     """Whether orientations are near unit length."""
     for i in range(1, len(bodies)):
@@ -121,7 +122,7 @@ def are_orientations(bodies, q):
     return True
 
 
-@kernel
+@nk.kernel
 def are_finite(x):
     """Whether all entries of a vector are finite."""
     for k in range(len(x)):
@@ -133,13 +134,13 @@ def are_finite(x):
 # --- Motions ----------------------------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def own_motion(body, rates):
     """S q̇ of one body; a follower's rate is its leader's, multiplied."""
     return sp.motion_along(body.direction, body.multiplier * rates[body.dof])
 
 
-@kernel
+@nk.kernel
 def joint_vector(body, x):
     """Twist of a joint of several degrees of freedom from the entries of x that are its own; `body` is its first."""
     k = body.dof
@@ -148,7 +149,7 @@ def joint_vector(body, x):
     return sp.Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
 
 
-@kernel
+@nk.kernel
 def joint_motion(bodies, i, rates):
     """v_J, the motion of the frame of body i against its parent's; zero for the later bodies of a joint."""
     if bodies[i].dofs == 1:
@@ -160,25 +161,25 @@ def joint_motion(bodies, i, rates):
     return v_J
 
 
-@kernel
+@nk.kernel
 def zeta(bodies, i, rates, work):
     """ζ = V × v_J of the joint whose first body is i; V of all its bodies is known."""
     return sp.cross_motion(records.motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates))
 
 
-@kernel
+@nk.kernel
 def set_base_at_rest(work):
     """V of the world."""
     records.set_motion(work[0].V, sp.NO_MOTION)
 
 
-@kernel
+@nk.kernel
 def set_base_acceleration(gravity, weight, work):
     """Gravity as an acceleration of the world, −g, times a weight."""
     records.set_motion(work[0].acceleration, sp.Motion(sp.scale(records.vector_of(gravity), -weight), sp.ZERO))
 
 
-@kernel
+@nk.kernel
 def update_velocity(body, rates, work, w):
     """V of a placed body."""
     V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
@@ -187,16 +188,41 @@ def update_velocity(body, rates, work, w):
     return V
 
 
+@nk.kernel
+def update_motion(bodies, i, q, qd, qdd, work):
+    """X, V and A of a body, from V and A of its parent; returns V and A."""
+    body, w = bodies[i], work[i]
+    X = update_placement(body, q, w)
+    V = update_velocity(body, qd, work, w)
+    A = sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
+    A = sp.add_motion(A, own_motion(body, qdd))
+    if body.rank == body.dofs - 1:  # the joint's last body: the earlier ones have no inertia
+        A = sp.add_motion(A, zeta(bodies, i - body.rank, qd, work))
+    records.set_motion(w.acceleration, A)
+    return V, A
+
+
+@nk.kernel
+def moments_inward(bodies, work, tau):
+    """Add the moment of y along every degree of freedom; y goes to the parent."""
+    for i in range(len(bodies) - 1, 0, -1):
+        body, w = bodies[i], work[i]
+        y = records.force_of(w.y)
+        tau[body.dof] += body.multiplier * sp.along(body.direction, y)
+        if body.parent > 0:
+            records.add_to_force(work[body.parent].y, force_inboard(body, w, y))
+
+
 # --- Inertias ---------------------------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def momentum(body, V):
     """I V."""
     return sp.rigid_momentum(body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia), V)
 
 
-@kernel
+@nk.kernel
 def init_articulated_inertia(body, w):
     """P of a body before its children have been added, and the magnitudes that D will be judged by."""
     own = sp.rigid_inertia(body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia))
@@ -207,7 +233,7 @@ def init_articulated_inertia(body, w):
     w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
 
 
-@kernel
+@nk.kernel
 def joint_inertia(direction, armature, P):
     """D, with the armature that theory adds to it, P S and G (Algorithm 4.1)."""
     column = sp.column_along(direction, P)
@@ -215,44 +241,37 @@ def joint_inertia(direction, armature, P):
     return D, column, sp.scale_force(column, 1.0 / D)
 
 
-@kernel
+@nk.kernel
 def scale_along(direction, w):
     """The size of the inertias that D came from; where that is nothing but rounding, a part of all inertia outboard."""
     k = 0 if direction < sp.ANGULAR_X else 1
     return max(w.magnitude[k], REMOTE * w.total[k])
 
 
-@kernel
+@nk.kernel
 def is_singular(size, D):
     """Whether D is no more than the rounding error of inertias of this size: the joint moves no inertia."""
     return not SINGULAR * size < D
 
 
-@kernel
-def scales_to_parent(X, P, total):
-    """Sizes of the linear and the angular part of P seen in the parent, and of all inertia outboard."""
-    linear, angular = P.A[0][0] + P.A[1][1] + P.A[2][2], P.C[0][0] + P.C[1][1] + P.C[2][2]
-    lever = sp.dot(X.translation, X.translation)
-    return linear, angular + linear * lever, total[0], total[1] + total[0] * lever
-
-
-@kernel
+@nk.kernel
 def accumulate_scale(w, X, parent):
-    """Add the size of P to the parent's magnitudes."""
-    linear, angular, all_linear, all_angular = scales_to_parent(X, records.inertia_of(w.P), (w.total[0], w.total[1]))
+    """Add the size of P, and of all inertia outboard, to the parent's."""
+    P, lever = records.inertia_of(w.P), sp.dot(X.translation, X.translation)
+    linear, angular = P.A[0][0] + P.A[1][1] + P.A[2][2], P.C[0][0] + P.C[1][1] + P.C[2][2]
     parent.magnitude[0] += linear
-    parent.magnitude[1] += angular
-    parent.total[0] += all_linear
-    parent.total[1] += all_angular
+    parent.magnitude[1] += angular + linear * lever
+    parent.total[0] += w.total[0]
+    parent.total[1] += w.total[1] + w.total[0] * lever
 
 
-@kernel
+@nk.kernel
 def propagate_inertia(w, G, column, X, parent):
     """Add Xᵀ τ̄P X to the parent's P, with τ̄P = P − G (P S)ᵀ (Algorithm 4.1)."""
     records.add_to_inertia(parent.P, sp.inertia_to_parent(X, sp.less_rank_one(records.inertia_of(w.P), G, column)))
 
 
-@kernel
+@nk.kernel
 def accumulate_inertia(w, P, parent):
     """Add XᵀP X to the parent's P, and its size to the parent's magnitudes: P of the body w, nothing taken out."""
     X = records.placement_of(w)
@@ -260,13 +279,23 @@ def accumulate_inertia(w, P, parent):
     accumulate_scale(w, X, parent)
 
 
-@kernel
+@nk.kernel
+def wrench_on_body(bodies, wrench, in_world, work):
+    """A wrench about the origin of its placed body, in the body's axes."""
+    force, moment = records.vector_of(wrench.force), records.vector_of(wrench.moment)
+    if in_world:
+        R = pose(bodies, wrench.body, 0, work).rotation
+        force, moment = sp.apply_transposed(R, force), sp.apply_transposed(R, moment)
+    return sp.Force(force, sp.add(moment, sp.cross(records.vector_of(wrench.point), force)))
+
+
+@nk.kernel
 def force_inboard(body, w, F):
     """XᵀF; the later bodies of a joint share the first one's frame."""
     return F if body.rank > 0 else sp.force_to_parent(records.placement_of(w), F)
 
 
-@kernel
+@nk.kernel
 def motion_outboard(body, w, V):
     """X V; the later bodies of a joint share the first one's frame."""
     return V if body.rank > 0 else sp.motion_to_child(records.placement_of(w), V)

@@ -8,8 +8,7 @@ Own rates and the base's motion are independent there, ξ_i of D⁻¹, and with 
 
     Υ⁺ = X Υ_p Xᵀ      Υ = τ̄ᵀΥ⁺τ̄ + S D⁻¹Sᵀ      τ̄ᵀ = 1 − S Gᵀ      Υ of the world = 0.
 
-A body of a group moves by what its base does and by the group's own ξ: Υ_ab = F_aᵀΥ_A F_b + Σ κ_a D⁻¹κ_b, with κ the
-working moments of a unit wrench along a, and F what is left of it on the base.
+Υ of a body of a group is Σ κ_a D⁻¹κ_b over all degrees of freedom, with κ_a the working moments of a unit wrench along a.
 
 Υ is kept in the place of P, its angular part first: then it goes to a child as P of a child goes to its parent, with the
 inverse placement.
@@ -20,11 +19,11 @@ import math
 import numba
 import numpy as np
 
-from diag_dynamics.numerics.kernel import FILLED_STATES, ROBOT, VECTOR, entry_kernel, kernel, large_kernel
-from diag_dynamics.sweeps import groups, joints, records
+from diag_dynamics.numerics import kernel as nk
+from diag_dynamics.sweeps import groups, records
 from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factorization import factorize_at
-from diag_dynamics.sweeps.workspace import BAD_LENGTH, opened, positions_match, robot_of
 
 FRAME = np.dtype(
     [("body", "i8"), ("same", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)],
@@ -42,19 +41,19 @@ PLACES[np.triu_indices(6)] = [0, 1, 2, 6, 7, 8, 3, 4, 9, 10, 11, 5, 12, 13, 14, 
 # --- Between one frame and the next -------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def inverse_placement(X):
     """Placement of the parent in the child."""
     return sp.Placement(sp.transpose(X.rotation), sp.scale(sp.apply_transposed(X.rotation, X.translation), -1.0))
 
 
-@kernel
+@nk.kernel
 def mobility_to_child(X, Y):
     """X Υ Xᵀ: Υ of a frame that has the placement X in the one of this Υ."""
     return sp.inertia_to_parent(inverse_placement(X), Y)
 
 
-@kernel
+@nk.kernel
 def mobility_times(Y, F):
     """Υ F: the twist that a wrench gives to a body, per unit of time."""
     return sp.Motion(
@@ -63,7 +62,7 @@ def mobility_times(Y, F):
     )
 
 
-@kernel
+@nk.kernel
 def mobility_of(w):
     """Υ of a body, behind :func:`mobilities_outward`."""
     return records.inertia_of(w.P)
@@ -72,70 +71,38 @@ def mobility_of(w):
 # --- The outward sweep --------------------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def _add_joint(body, w, Y):
-    """Υ of a body from Υ⁺: only the row and the column of S change."""
-    G = records.force_of(w.G)
+    """Υ of a body from Υ⁺: Υ⁺ − S gᵀ − g Sᵀ + S (GᵀΥ⁺G + D⁻¹) Sᵀ with g = Υ⁺G."""
+    G, S = records.force_of(w.G), sp.motion_along(body.direction, 1.0)
     g = mobility_times(Y, G)
-    c = sp.power(G, g) + 1.0 / w.D
-    A, B, C = Y.A, Y.B, Y.C
-    v, w_ = g.linear, g.angular
-    if body.direction == sp.ANGULAR_Z:
-        last = (A[2][0] - w_[0], A[2][1] - w_[1], A[2][2] - w_[2] + (c - w_[2]))
-        A = ((A[0][0], A[0][1], last[0]), (A[1][0], A[1][1], last[1]), last)
-        return sp.Inertia(A, (B[0], B[1], sp.subtract(B[2], v)), C)
-    last = (C[2][0] - v[0], C[2][1] - v[1], C[2][2] - v[2] + (c - v[2]))
-    C = ((C[0][0], C[0][1], last[0]), (C[1][0], C[1][1], last[1]), last)
-    B = (
-        (B[0][0], B[0][1], B[0][2] - w_[0]),
-        (B[1][0], B[1][1], B[1][2] - w_[1]),
-        (B[2][0], B[2][1], B[2][2] - w_[2]),
-    )
-    return sp.Inertia(A, B, C)
+    half = sp.motion_along(body.direction, 0.5 * (sp.power(G, g) + 1.0 / w.D))
+    h = sp.subtract_motion(g, half)
+    return sp.less_rank_two(Y, sp.Force(S.angular, S.linear), sp.Force(h.angular, h.linear))
 
 
-@large_kernel
-def _wrench_on_carrier(bodies, i, work, Q, F, kappa):
-    """Wrench that one on body i of a group leaves on the base; its κ along the group's degrees of freedom."""
-    first, last, j = bodies[i].first, bodies[i].last, i
-    for b in range(first, last + 1):
-        kappa[bodies[b].dof] = 0.0
-    while j >= first:
-        kappa[bodies[j].dof] += bodies[j].multiplier * sp.along(bodies[j].direction, F)
-        F = joints.force_inboard(bodies[j], work[j], F)
-        j = bodies[j].parent
-    return sp.subtract_force(F, groups.filter_moments(bodies, first, last, work, Q, kappa))
-
-
-@large_kernel
+@nk.large_kernel
 def _group_mobility(robot, i):
-    """Υ of a body of a group."""
-    bodies, _, work, table = opened(robot)
-    Q, kappa = table[0], robot_of(robot).scratch
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    left = (
-        _wrench_on_carrier(bodies, i, work, Q, sp.Force(sp.ZERO, x), kappa[0]),
-        _wrench_on_carrier(bodies, i, work, Q, sp.Force(sp.ZERO, y), kappa[1]),
-        _wrench_on_carrier(bodies, i, work, Q, sp.Force(sp.ZERO, z), kappa[2]),
-        _wrench_on_carrier(bodies, i, work, Q, sp.Force(x, sp.ZERO), kappa[3]),
-        _wrench_on_carrier(bodies, i, work, Q, sp.Force(y, sp.ZERO), kappa[4]),
-        _wrench_on_carrier(bodies, i, work, Q, sp.Force(z, sp.ZERO), kappa[5]),
-    )
-    base = records.inertia_of(work[bodies[bodies[i].first].parent].P)
+    """Υ of a body of a group: Σ κ D⁻¹κᵀ, with the working moments κ of six unit wrenches on the body."""
+    bodies, _, work, table = ws.opened(robot)
+    kappa = ws.robot_of(robot).scratch
     for a in range(6):
-        V = mobility_times(base, left[a])
+        ws.clear(kappa[a])
+        e = sp.motion_along((a + 3) % 6, 1.0)
+        groups.working_moments_of_wrench(bodies, i, work, table[0], sp.Force(e.linear, e.angular), kappa[a])
+    for a in range(6):
         for b in range(a, 6):
-            entry = sp.power(left[b], V)
-            for j in range(bodies[i].first, bodies[i].last + 1):
+            entry = 0.0
+            for j in range(1, bodies[i].last + 1):
                 if groups.is_leader(bodies, j):
                     entry += kappa[a, bodies[j].dof] * kappa[b, bodies[j].dof] / work[j].D
             work[i].P[PLACES[a, b]] = entry
 
 
-@large_kernel
+@nk.large_kernel
 def mobilities_outward(robot):
     """Υ of every body that carries links, in its field P; the bodies are factorized."""
-    bodies, _, work, _ = opened(robot)
+    bodies, _, work, _ = ws.opened(robot)
     records.set_inertia(work[0].P, sp.NO_INERTIA)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
@@ -146,7 +113,7 @@ def mobilities_outward(robot):
             _group_mobility(robot, i)
 
 
-@kernel
+@nk.kernel
 def _write(Y, mobility):
     """Υ as 6x6 numbers, its linear part first; whether all of them are finite."""
     together = 0.0
@@ -159,12 +126,12 @@ def _write(Y, mobility):
     return math.isfinite(together)
 
 
-@entry_kernel(ROBOT, VECTOR, FRAMES, FILLED_STATES)
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, FRAMES, nk.FILLED_STATES)
 def mobilities(robot, q, frames, results):
     """Υ = J M⁻¹Jᵀ of frames that are fixed to bodies, in their axes, linear part first, shape (frames, 6, 6)."""
-    if not positions_match(robot, q):
-        return BAD_LENGTH
-    bodies, _, work, table = opened(robot)
+    if not ws.positions_match(robot, q):
+        return ws.BAD_LENGTH
+    bodies, _, work, table = ws.opened(robot)
     status = factorize_at(bodies, q, work, table[0])
     if status != 0:
         return status

@@ -9,8 +9,7 @@ import numba
 import numpy as np
 from numba import types
 
-from diag_dynamics.numerics.kernel import kernel
-from diag_dynamics.numerics.tables import array_at
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import spatial as sp
 
 REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
@@ -60,10 +59,11 @@ LINK = np.dtype(
 )
 """One link with inertia, in the frame of the body it belongs to."""
 
-PLACE_FIELDS = {"rotation": 9, "translation": 3}
-MOTION_FIELDS = {"V": 6, "acceleration": 6}
-INWARD_FIELDS = {"P": 21, "P_rate": 21, "y": 6, "z": 6, "magnitude": 2, "total": 2}
-SWEPT_FIELDS = PLACE_FIELDS | MOTION_FIELDS | INWARD_FIELDS
+SWEPT_FIELDS = {
+    **{"rotation": 9, "translation": 3},
+    **{"V": 6, "acceleration": 6},
+    **{"P": 21, "P_rate": 21, "y": 6, "z": 6, "magnitude": 2, "total": 2},
+}
 """Fields of a body's workspace that the evaluation works on, and their lengths.
 
 Inward fields are accumulated from the children. P and Ṗ are symmetric: xx xy xz yy yz zz of the block A, the nine
@@ -78,7 +78,6 @@ WORK = np.dtype(
         ("size", "f8"),
         ("G", "f8", 6),
         ("u", "f8", 6),
-        ("orientation", "f8", 9),
         ("W", "f8", 6),
         ("W_rate", "f8", 6),
         ("zeta", "f8", 6),
@@ -95,11 +94,12 @@ WIDTH = 8
 N_RESULTS = 9
 """Results of a degree of freedom that a batch keeps."""
 
+_LANE = np.dtype([(name, "f8", (length, WIDTH)) for name, length in SWEPT_FIELDS.items()], align=True)
+
 LANES = np.dtype(
     [
-        *((name, "f8", (length, WIDTH)) for name, length in SWEPT_FIELDS.items()),
-        # a copy of the parent's motion, and what the parent accumulates from the body
-        *((f"parent_{name}", "f8", (n, WIDTH)) for name, n in (MOTION_FIELDS | INWARD_FIELDS).items()),
+        ("own", _LANE),
+        ("parent", _LANE),  # a copy of the parent's motion, and what the parent accumulates from the body
         ("position", "f8", (7, WIDTH)),
         ("rate", "f8", (6, WIDTH)),
         ("effort", "f8", (6, WIDTH)),
@@ -108,18 +108,6 @@ LANES = np.dtype(
     align=True,
 )
 """Workspace of one body for WIDTH states: see batch. Only a floating base has more than one rate."""
-
-COLUMNS = np.dtype(
-    [
-        ("rigid", "f8", (6, WIDTH)),  # force of rigid joints
-        ("articulated", "f8", (6, WIDTH)),  # force of articulated joints
-        ("root", "f8", WIDTH),  # of D
-        ("moment", "f8", WIDTH),
-        ("kappa", "f8", WIDTH),
-    ],
-    align=True,
-)
-"""WIDTH columns of the factors of the mass matrix: see factors."""
 
 Lane = namedtuple("Lane", SWEPT_FIELDS)
 """Fields of one state in LANES, as a record WORK has them."""
@@ -140,13 +128,10 @@ BODIES, LINKS = (types.Array(numba.from_dtype(record), 1, "C", readonly=True) fo
 WRENCHES, WORKS = numba.from_dtype(WRENCH)[::1], numba.from_dtype(WORK)[::1]
 """Types of arrays of records."""
 
-links_at = array_at(numba.from_dtype(LINK), 1)
-"""Array of LINK that lies at an address."""
 
-
-@kernel
+@nk.kernel
 def lane_of(row, b):
-    """State b in the row of a body."""
+    """State b of the own or the parent's fields in the row of a body."""
     return Lane(
         row.rotation[:, b],
         row.translation[:, b],
@@ -161,24 +146,7 @@ def lane_of(row, b):
     )
 
 
-@kernel
-def parent_lane_of(row, b):
-    """State b of the parent in the row of a body."""
-    return Lane(
-        row.rotation[:, b],
-        row.translation[:, b],
-        row.parent_V[:, b],
-        row.parent_acceleration[:, b],
-        row.parent_P[:, b],
-        row.parent_P_rate[:, b],
-        row.parent_y[:, b],
-        row.parent_z[:, b],
-        row.parent_magnitude[:, b],
-        row.parent_total[:, b],
-    )
-
-
-@kernel
+@nk.kernel
 def values_of(body):
     """Numbers of a body, for loops that write: the compiler takes these for constants."""
     about, R = body.inertia, matrix_of(body.rotation)
@@ -192,37 +160,37 @@ def values_of(body):
     )
 
 
-@kernel
+@nk.kernel
 def vector_of(a):
     """3-vector of three numbers."""
     return (a[0], a[1], a[2])
 
 
-@kernel
+@nk.kernel
 def matrix_of(a):
     """3x3 matrix of nine numbers, row-major."""
     return ((a[0], a[1], a[2]), (a[3], a[4], a[5]), (a[6], a[7], a[8]))
 
 
-@kernel
+@nk.kernel
 def symmetric_of(a):
     """Symmetric 3x3 matrix of xx xy xz yy yz zz."""
     return ((a[0], a[1], a[2]), (a[1], a[3], a[4]), (a[2], a[4], a[5]))
 
 
-@kernel
+@nk.kernel
 def motion_of(a):
     """Motion of six numbers."""
     return sp.Motion((a[0], a[1], a[2]), (a[3], a[4], a[5]))
 
 
-@kernel
+@nk.kernel
 def force_of(a):
     """Force from six numbers."""
     return sp.Force((a[0], a[1], a[2]), (a[3], a[4], a[5]))
 
 
-@kernel
+@nk.kernel
 def inertia_of(a):
     """Inertia of the field P or P_rate."""
     return sp.Inertia(
@@ -232,39 +200,39 @@ def inertia_of(a):
     )
 
 
-@kernel
+@nk.kernel
 def placement_of(w):
     """X of a body in its parent."""
     return sp.Placement(matrix_of(w.rotation), vector_of(w.translation))
 
 
-@kernel
+@nk.kernel
 def set_vector(a, first, v):
     """Write a 3-vector."""
     a[first], a[first + 1], a[first + 2] = v
 
 
-@kernel
+@nk.kernel
 def set_motion(a, V):
     """Write a Motion."""
     set_vector(a, 0, V.linear)
     set_vector(a, 3, V.angular)
 
 
-@kernel
+@nk.kernel
 def set_force(a, F):
     """Write a Force."""
     set_vector(a, 0, F.force)
     set_vector(a, 3, F.moment)
 
 
-@kernel
+@nk.kernel
 def add_to_force(a, F):
     """Add a Force to six numbers."""
     set_force(a, sp.add_force(force_of(a), F))
 
 
-@kernel
+@nk.kernel
 def set_matrix(a, M):
     """Write a 3x3 matrix."""
     set_vector(a, 0, M[0])
@@ -272,21 +240,21 @@ def set_matrix(a, M):
     set_vector(a, 6, M[2])
 
 
-@kernel
+@nk.kernel
 def set_placement(w, X):
     """Write X of a body."""
     set_matrix(w.rotation, X.rotation)
     set_vector(w.translation, 0, X.translation)
 
 
-@kernel
+@nk.kernel
 def set_symmetric(a, first, M):
     """Write the upper triangle of a symmetric matrix."""
     a[first], a[first + 1], a[first + 2] = M[0]
     a[first + 3], a[first + 4], a[first + 5] = M[1][1], M[1][2], M[2][2]
 
 
-@kernel
+@nk.kernel
 def set_inertia(a, P):
     """Write an Inertia."""
     set_symmetric(a, 0, P.A)
@@ -296,7 +264,7 @@ def set_inertia(a, P):
     set_symmetric(a, 15, P.C)
 
 
-@kernel
+@nk.kernel
 def add_to_inertia(a, P):
     """Add an Inertia to the numbers of P."""
     set_inertia(a, sp.add_inertia(inertia_of(a), P))

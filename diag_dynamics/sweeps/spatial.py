@@ -11,7 +11,7 @@ freedom moves along axes of its body; what projects on a degree of freedom S the
 import math
 from collections import namedtuple
 
-from diag_dynamics.numerics.kernel import kernel
+from diag_dynamics.numerics import kernel as nk
 
 Motion = namedtuple("Motion", ["linear", "angular"])
 """Twist or spatial acceleration about the frame's origin."""
@@ -37,37 +37,37 @@ NO_INERTIA = Inertia(3 * (ZERO,), 3 * (ZERO,), 3 * (ZERO,))
 # --- 3-vectors and 3x3 matrices ---------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def add(a, b):
     """Sum a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
-@kernel
+@nk.kernel
 def subtract(a, b):
     """Difference a − b."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
-@kernel
+@nk.kernel
 def scale(a, s):
     """Multiple s a."""
     return (a[0] * s, a[1] * s, a[2] * s)
 
 
-@kernel
+@nk.kernel
 def dot(a, b):
     """aᵀb."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@nk.kernel
 def cross(a, b):
     """Vector product a × b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@kernel
+@nk.kernel
 def transpose(M):
     """Mᵀ."""
     return (
@@ -77,49 +77,49 @@ def transpose(M):
     )
 
 
-@kernel
+@nk.kernel
 def mirror(M):
     """Symmetric matrix from its upper triangle; spares the compiler the lower one."""
     return (M[0], (M[0][1], M[1][1], M[1][2]), (M[0][2], M[1][2], M[2][2]))
 
 
-@kernel
+@nk.kernel
 def apply(M, a):
     """M a."""
     return (dot(M[0], a), dot(M[1], a), dot(M[2], a))
 
 
-@kernel
+@nk.kernel
 def apply_transposed(M, a):
     """Mᵀ a."""
     return add(add(scale(M[0], a[0]), scale(M[1], a[1])), scale(M[2], a[2]))
 
 
-@kernel
+@nk.kernel
 def product(M, N):
     """M N."""
     return (apply_transposed(N, M[0]), apply_transposed(N, M[1]), apply_transposed(N, M[2]))
 
 
-@kernel
+@nk.kernel
 def matrix_sum(M, N):
     """M + N."""
     return (add(M[0], N[0]), add(M[1], N[1]), add(M[2], N[2]))
 
 
-@kernel
+@nk.kernel
 def matrix_difference(M, N):
     """M − N."""
     return (subtract(M[0], N[0]), subtract(M[1], N[1]), subtract(M[2], N[2]))
 
 
-@kernel
+@nk.kernel
 def outer(a, b):
     """Outer product a bᵀ."""
     return (scale(b, a[0]), scale(b, a[1]), scale(b, a[2]))
 
 
-@kernel
+@nk.kernel
 def cross_columns(a, M):
     """ã M: the cross product of a with each column of M."""
     return (
@@ -129,13 +129,13 @@ def cross_columns(a, M):
     )
 
 
-@kernel
+@nk.kernel
 def turn_columns(M, rate):
     """ã M for a = rate along z."""
     return (scale(M[1], -rate), scale(M[0], rate), scale(M[2], 0.0))
 
 
-@kernel
+@nk.kernel
 def rotated(R, M):
     """R M Rᵀ."""
     return product(product(R, M), transpose(R))
@@ -144,62 +144,62 @@ def rotated(R, M):
 # --- Spatial vectors --------------------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def add_motion(V, W):
     """V + W."""
     return Motion(add(V.linear, W.linear), add(V.angular, W.angular))
 
 
-@kernel
+@nk.kernel
 def subtract_motion(V, W):
     """V − W."""
     return Motion(subtract(V.linear, W.linear), subtract(V.angular, W.angular))
 
 
-@kernel
+@nk.kernel
 def add_force(F, H):
     """F + H."""
     return Force(add(F.force, H.force), add(F.moment, H.moment))
 
 
-@kernel
+@nk.kernel
 def subtract_force(F, H):
     """F − H."""
     return Force(subtract(F.force, H.force), subtract(F.moment, H.moment))
 
 
-@kernel
+@nk.kernel
 def scale_force(F, s):
     """F s."""
     return Force(scale(F.force, s), scale(F.moment, s))
 
 
-@kernel
+@nk.kernel
 def power(F, V):
     """FᵀV: the power of a wrench on a twist."""
     return dot(F.force, V.linear) + dot(F.moment, V.angular)
 
 
-@kernel
+@nk.kernel
 def cross_motion(V, W):
     """V × W of two motions."""
     return Motion(add(cross(V.angular, W.linear), cross(V.linear, W.angular)), cross(V.angular, W.angular))
 
 
-@kernel
+@nk.kernel
 def cross_force(V, F):
     """V ×* F of a motion and a force; equal to −(V×)ᵀF."""
     return Force(cross(V.angular, F.force), add(cross(V.angular, F.moment), cross(V.linear, F.force)))
 
 
-@kernel
+@nk.kernel
 def motion_to_child(X, V):
     """X V: the parent's motion seen in the child's frame."""
     at_origin = add(V.linear, cross(V.angular, X.translation))
     return Motion(apply_transposed(X.rotation, at_origin), apply_transposed(X.rotation, V.angular))
 
 
-@kernel
+@nk.kernel
 def force_to_parent(X, F):
     """XᵀF: the child's wrench seen in the parent's frame."""
     force = apply(X.rotation, F.force)
@@ -209,7 +209,7 @@ def force_to_parent(X, F):
 # --- Inertias ---------------------------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def rigid_inertia(mass, first_moment, rotational):
     """Spatial inertia of a rigid body from mass, mass times centre of mass, and inertia about the origin."""
     h = first_moment
@@ -218,7 +218,7 @@ def rigid_inertia(mass, first_moment, rotational):
     return Inertia(A, B, rotational)
 
 
-@kernel
+@nk.kernel
 def rigid_momentum(mass, first_moment, rotational, V):
     """I V of a rigid body."""
     return Force(
@@ -227,13 +227,13 @@ def rigid_momentum(mass, first_moment, rotational, V):
     )
 
 
-@kernel
+@nk.kernel
 def add_inertia(P, Q):
     """P + Q."""
     return Inertia(matrix_sum(P.A, Q.A), matrix_sum(P.B, Q.B), matrix_sum(P.C, Q.C))
 
 
-@kernel
+@nk.kernel
 def inertia_times(P, V):
     """P V."""
     return Force(
@@ -242,7 +242,7 @@ def inertia_times(P, V):
     )
 
 
-@kernel
+@nk.kernel
 def inertia_to_parent(X, P):
     """XᵀP X: the child's inertia seen in the parent's frame."""
     r = X.translation
@@ -253,7 +253,7 @@ def inertia_to_parent(X, P):
     return Inertia(A, shifted, mirror(C))
 
 
-@kernel
+@nk.kernel
 def less_rank_one(P, G, H):
     """P − G Hᵀ, for a difference that is symmetric."""
     return Inertia(
@@ -263,29 +263,7 @@ def less_rank_one(P, G, H):
     )
 
 
-@kernel
-def add_to_diagonal(P, entries):
-    """P + diag(entries), of a Motion of entries."""
-    (A, B, C), (a, c) = P, entries
-    A = ((A[0][0] + a[0], A[0][1], A[0][2]), (A[1][0], A[1][1] + a[1], A[1][2]), (A[2][0], A[2][1], A[2][2] + a[2]))
-    C = ((C[0][0] + c[0], C[0][1], C[0][2]), (C[1][0], C[1][1] + c[1], C[1][2]), (C[2][0], C[2][1], C[2][2] + c[2]))
-    return Inertia(A, B, C)
-
-
-@kernel
-def less_products(P, G, H, u):
-    """P − (G Hᵀ + u Gᵀ), for a difference that is symmetric."""
-    A = matrix_sum(outer(G.force, H.force), outer(u.force, G.force))
-    B = matrix_sum(outer(G.force, H.moment), outer(u.force, G.moment))
-    C = matrix_sum(outer(G.moment, H.moment), outer(u.moment, G.moment))
-    return Inertia(
-        mirror(matrix_difference(P.A, A)),
-        matrix_difference(P.B, B),
-        mirror(matrix_difference(P.C, C)),
-    )
-
-
-@kernel
+@nk.kernel
 def less_rank_two(P, G, H):
     """P − G Hᵀ − H Gᵀ."""
     return Inertia(
@@ -298,7 +276,7 @@ def less_rank_two(P, G, H):
 # --- Degrees of freedom -------------------------------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def entry(direction, v, w):
     """Entry of the six numbers (v, w) in a direction; the usual ones are looked for first."""
     if direction == ANGULAR_Z:
@@ -310,13 +288,13 @@ def entry(direction, v, w):
     return w[0] if direction == ANGULAR_X else w[1]
 
 
-@kernel
+@nk.kernel
 def along(direction, F):
     """SᵀF."""
     return entry(direction, F.force, F.moment)
 
 
-@kernel
+@nk.kernel
 def motion_along(direction, rate):
     """S rate."""
     if direction == ANGULAR_Z:
@@ -328,7 +306,7 @@ def motion_along(direction, rate):
     return Motion((x, y, 0.0), ZERO) if direction < ANGULAR_X else Motion(ZERO, (x, y, 0.0))
 
 
-@kernel
+@nk.kernel
 def cross_along_z(direction, V, rate):
     """V × S rate for a joint motion about or along z."""
     w = V.angular
@@ -338,7 +316,7 @@ def cross_along_z(direction, V, rate):
     return Motion((w[1] * rate, -(w[0] * rate), 0.0), ZERO)
 
 
-@kernel
+@nk.kernel
 def column_along(direction, P):
     """P S."""
     if direction == ANGULAR_Z:
@@ -352,7 +330,7 @@ def column_along(direction, P):
     return Force((P.B[0][1], P.B[1][1], P.B[2][1]), P.C[1])
 
 
-@kernel
+@nk.kernel
 def turned_about_z(rotation, sine, cosine):
     """R Rz of an angle with this sine and cosine."""
     x, y, z = transpose(rotation)
@@ -361,7 +339,7 @@ def turned_about_z(rotation, sine, cosine):
     )
 
 
-@kernel
+@nk.kernel
 def rotation_of_quaternion(x, y, z, w):
     """Rotation matrix of a quaternion of any length but zero."""
     s = 2.0 / (x * x + y * y + z * z + w * w)
@@ -378,7 +356,7 @@ SMALL = 1e-4
 """Square of the angle below which the functions of an exponential are taken from their series, good to 1e-16."""
 
 
-@kernel
+@nk.kernel
 def screw_functions(squared):
     """(1 − cos θ)/θ² and (θ − sin θ)/θ³, of θ²."""
     if squared < SMALL:
@@ -387,7 +365,7 @@ def screw_functions(squared):
     return (1.0 - math.cos(angle)) / squared, (angle - math.sin(angle)) / (squared * angle)
 
 
-@kernel
+@nk.kernel
 def screw_translation(V):
     """Translation of exp(V): v + (1 − cos θ)/θ² ω × v + (θ − sin θ)/θ³ ω × (ω × v)."""
     first, second = screw_functions(dot(V.angular, V.angular))
@@ -395,7 +373,7 @@ def screw_translation(V):
     return add(V.linear, add(scale(turned, first), scale(cross(V.angular, turned), second)))
 
 
-@kernel
+@nk.kernel
 def rotation_quaternion(vector):
     """Unit quaternion (x, y, z, w) of a rotation vector."""
     squared = dot(vector, vector)
@@ -404,7 +382,7 @@ def rotation_quaternion(vector):
     return (s * vector[0], s * vector[1], s * vector[2], math.cos(half))
 
 
-@kernel
+@nk.kernel
 def quaternion_product(p, r):
     """The rotation r, then p: quaternions (x, y, z, w)."""
     a, b = (p[0], p[1], p[2]), (r[0], r[1], r[2])
@@ -412,7 +390,7 @@ def quaternion_product(p, r):
     return (v[0], v[1], v[2], p[3] * r[3] - dot(a, b))
 
 
-@kernel
+@nk.kernel
 def rotation_vector(x, y, z, w):
     """Rotation vector of a unit quaternion, the shorter way round: the inverse of :func:`rotation_quaternion`."""
     if w < 0.0:
@@ -423,7 +401,7 @@ def rotation_vector(x, y, z, w):
     return (s * x, s * y, s * z)
 
 
-@kernel
+@nk.kernel
 def screw_of_displacement(translation, vector):
     """V with exp(V) of this translation and rotation vector: the inverse of :func:`screw_translation`.
 
@@ -440,7 +418,7 @@ def screw_of_displacement(translation, vector):
     return Motion(linear, vector)
 
 
-@kernel
+@nk.kernel
 def dexp_inverse(U, V):
     """U̇ for a body that is displaced by exp(U) and moves with the twist V in its own axes, to order 3 in U.
 
@@ -457,20 +435,20 @@ def dexp_inverse(U, V):
 # --- How an inertia changes as its frame moves ------------------------------------------------------------
 
 
-@kernel
+@nk.kernel
 def _commutator(axis, M):
     """ã M − M ã of a symmetric matrix."""
     N = cross_columns(axis, M)
     return mirror(matrix_sum(N, transpose(N)))
 
 
-@kernel
+@nk.kernel
 def _commutator_of_block(axis, B):
     """ã B − B ã of any matrix."""
     return matrix_sum(cross_columns(axis, B), transpose(cross_columns(axis, transpose(B))))
 
 
-@kernel
+@nk.kernel
 def transport_along_z(direction, rate, P):
     """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
     B = turn_columns(P.B, rate)
@@ -485,7 +463,7 @@ def transport_along_z(direction, rate, P):
     return Inertia((row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B))))
 
 
-@kernel
+@nk.kernel
 def transport(V, P):
     """−(V×)ᵀP − P(V×) for any motion V."""
     B = cross_columns(V.linear, P.B)
@@ -525,13 +503,13 @@ COSINE = (
 )
 
 
-@kernel
+@nk.kernel
 def reduced_angle(x):
     """Angle within MAX_ANGLE with the sine and cosine of x."""
     return x if abs(x) < MAX_ANGLE else math.atan2(math.sin(x), math.cos(x))
 
 
-@kernel
+@nk.kernel
 def sine_and_cosine(x):
     """Sine and cosine of |x| < MAX_ANGLE, without a branch; errors are below one unit in the last place of 1.
 

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.numerics.kernel import kernel
+from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import Addresses, Table, array
 from diag_dynamics.sweeps import records
 
@@ -24,8 +24,6 @@ N_NUMBERS = N_SWEPT - KINETIC_ENERGY
 
 WIDTH, N_RESULTS = records.WIDTH, records.N_RESULTS
 
-WIDTH = records.WIDTH
-
 BAD_LENGTH = -2
 """Status of a sweep: a vector has not the robot's length."""
 
@@ -37,11 +35,7 @@ ROBOT = Table(
     table=array(float, 3),  # matrices 𝓜 and 𝓜̇ of groups, see groups
     nv=int,
     nq=int,
-    subtree_columns=array(int, 2),  # first and end of the columns that a body carries, less those of its group
-    blocks=array(records.COLUMNS),
-    moments=array(float, 2),  # of a column along the dofs of a group, and κ: see factors
-    kappas=array(float, 2),
-    scratch=array(float, 2),
+    scratch=array(float, 2),  # N_SWEPT vectors
 )
 """The robot, and memory to work in, by the address of this table."""
 
@@ -52,7 +46,6 @@ BATCH = Table(
     lanes=array(records.LANES),  # see batch
     rows=array(float, 2),  # the memory of `lanes` as numbers
     out=array(float, 2),  # results of one state
-    no_rates=array(float, 2),  # q̇ = 0
 )
 """Likewise, with memory for WIDTH states."""
 
@@ -85,11 +78,7 @@ class Workspace:
             table=self.table,
             nv=nv,
             nq=nq,
-            subtree_columns=_subtree_columns(self.bodies, nv),
-            blocks=np.zeros(nv // WIDTH + 1, records.COLUMNS),
-            moments=np.zeros((nv, widest)),
-            kappas=np.zeros((nv, widest)),
-            scratch=np.zeros((6, nv)),
+            scratch=np.zeros((N_SWEPT, nv)),
         )
 
     def _locate(self, table, /, **entries):
@@ -107,59 +96,42 @@ class BatchWorkspace(Workspace):
         super().__init__(bodies, gravity)
         lanes, nv = np.zeros(len(self.work), records.LANES), self._entries["nv"]
         rows, numbers = (x.view(np.float64).reshape(len(x), -1) for x in (lanes, self.work))
-        out, no_rates = np.zeros((N_SWEPT, max(1, nv))), np.zeros((1, nv))
-        more = {"records": numbers, "lanes": lanes, "rows": rows, "out": out, "no_rates": no_rates}
-        self._locate(BATCH, **self._entries, **more)
-
-
-def _subtree_columns(bodies, nv):
-    """First and end of the columns that each body carries: one run, as carried bodies come right after their carrier.
-
-    A body that carries none has nv for the first, and the end of its group's own columns.
-    """
-    first, end, own = np.full(len(bodies), nv), np.zeros(len(bodies), np.int64), np.zeros(len(bodies), np.int64)
-    np.maximum.at(own, bodies["first"], 1 + bodies["dof"])
-    for i in range(len(bodies) - 1, 0, -1):
-        body = bodies[i]
-        end[i] = max(end[i], own[body["first"]])
-        carrier = body["parent"]
-        first[carrier] = min(first[carrier], first[i] if i > body["first"] else body["start"])
-        end[carrier] = max(end[carrier], end[i])
-    return np.ascontiguousarray(np.transpose([first, end]))
+        out = np.zeros((N_SWEPT, max(1, nv)))
+        self._locate(BATCH, **self._entries, records=numbers, lanes=lanes, rows=rows, out=out)
 
 
 robot_of, batch_of = ROBOT.opened, BATCH.opened
 """Kernels (address) that return a table as a named tuple."""
 
 
-@kernel
+@nk.kernel
 def opened(robot):
     """`bodies`, `gravity`, `work` and `table` of a :class:`Workspace`."""
     at = robot_of(robot)
     return at.bodies, at.gravity, at.work, at.table
 
 
-@kernel
+@nk.kernel
 def lengths_match(robot, q, qd, tau):
     """Whether vectors have the robot's lengths."""
     at = robot_of(robot)
     return len(q) == at.nq and len(qd) == at.nv and len(tau) == at.nv
 
 
-@kernel
+@nk.kernel
 def positions_match(robot, q):
     """Whether q has as many entries as the robot has position coordinates."""
     return len(q) == robot_of(robot).nq
 
 
-@kernel
+@nk.kernel
 def copy(source, target):
     """target[:] = source, without a look at whether they overlap."""
     for k in range(len(source)):
         target[k] = source[k]
 
 
-@kernel
+@nk.kernel
 def clear(target):
     """target[:] = 0.0, which numba takes a second to compile."""
     for k in range(len(target)):

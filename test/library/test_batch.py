@@ -190,18 +190,8 @@ def base_step(robot):
     kernels._inward_base(at, 6)
 
 
-def moment_step(robot):
-    at = kernels.ws.batch_of(robot)
-    kernels._inward_moment(spatial.LINEAR_Z, False, at, 1)
-
-
-def effort_step(robot):
-    at = kernels.ws.batch_of(robot)
-    kernels._inward_moment(spatial.ANGULAR_Z, True, at, 1)
-
-
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names of instructions are those of x86-64")
-@pytest.mark.parametrize("step", [evaluation_step, base_step, moment_step, effort_step])
+@pytest.mark.parametrize("step", [evaluation_step, base_step])
 def test_steps_side_by_side_are_vectorized(step):
     """Scalar instructions would give the same numbers in more than twice the time."""
     compiled = numba.njit("(int64,)", error_model="numpy")(step)
