@@ -38,7 +38,7 @@ class Workspaces:
         try:
             return self._idle.pop()
         except IndexError:
-            return ws.BatchWorkspace(self._model.bodies, self._model.gravity)
+            return ws.Workspace(self._model.bodies, self._model.gravity)
 
     def release(self, workspace):
         """Return a workspace to the idle ones."""

@@ -280,7 +280,7 @@ class SweepCaller:
         records = np.zeros(len(self.model.link_names), mobilities.FRAME)
         for k, link in enumerate(self.model.link_names):
             body, X = self.model.placement_in_body(link)
-            records[k] = body, np.array_equal(X, np.eye(4)), X[:3, :3].ravel(), X[:3, 3]
+            records[k] = body, X[:3, :3].ravel(), X[:3, 3]
         return records
 
     def contact(self, at: States, points: ContactPoints | Iterable[ContactPoint]) -> Contact:

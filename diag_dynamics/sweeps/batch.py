@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sweeps over many states: evaluation and moments of several side by side, others one by one.
+"""Sweeps over many states: evaluation of WIDTH states side by side, other sweeps state by state.
 
 Each body has a row of memory, records.LANES, in which the numbers of WIDTH states are next to each other. The loop over
 the states in a step reads and writes the row of its body alone, at distances that the compiler knows: LLVM makes vector
-instructions of it. What the parent gives and accumulates is copied and added in loops of their own. The steps are those
-of one state, and no operation is reordered: results have the bits of single calls. Groups take the step of one state.
+instructions of it. Loops of their own copy the parent's motion and add to its inertias and forces. The steps are those of
+one state, and no operation is reordered: results have the bits of single calls. Groups are eliminated state by state.
 
-Each entry returns the end of what it has done: all, or what comes before the first states one of which fails.
+Each entry returns the number of the first state without results: `end`, or the first of the states of which one fails.
 """
 
 from diag_dynamics.numerics import kernel as nk
@@ -27,7 +27,7 @@ V, P = (records.LANES["own"].fields[name][1] // 8 for name in ("V", "P"))
 
 @nk.kernel
 def _copy_parent(at, i):
-    """Copy the parent's motion to the row of a body, and zero what the parent is to accumulate."""
+    """Copy the parent's motion to the row of a body, and clear its contributions to the parent."""
     row, parent = at.rows[i], at.rows[at.bodies[i].parent]
     for k in range(V, P):
         row[PARENT + k] = parent[k]
@@ -37,7 +37,7 @@ def _copy_parent(at, i):
 
 @nk.kernel
 def _accumulate(at, i):
-    """Add what a body has for its parent."""
+    """Add a body's contributions to its parent."""
     row, parent = at.rows[i], at.rows[at.bodies[i].parent]
     if at.bodies[i].parent > 0:
         for k in range(P, PARENT):
@@ -54,7 +54,7 @@ def _set_results(results, x):
 
 @nk.kernel
 def _read_joint(at, i, Q, QD, TAU, first, last):
-    """Position, rate and effort at states `first` to `last`, of which the last one fills the row."""
+    """Position, rate and effort at states `first` to `last`; the last state fills the rest of the row."""
     body, row = at.bodies[i], at.lanes[i]
     for b in range(WIDTH):
         t = min(first + b, last - 1)
@@ -76,7 +76,7 @@ def _outward_joint(direction, at, i):
 
 @nk.kernel
 def _inward_joint(direction, at, i):
-    """Returns how many states are singular."""
+    """The inward step; returns the number of singular states."""
     body, row, count = records.values_of(at.bodies[i]), at.lanes[i], 0
     for b in range(WIDTH):
         w, parent = lane_of(row.own, b), lane_of(row.parent, b)
@@ -119,7 +119,7 @@ def _outward_base(at, i):
 
 @nk.kernel
 def _inward_base(at, i):
-    """Returns how many directions of all states are singular."""
+    """The inward step; returns the number of singular directions of all states."""
     row, count = at.lanes[i], 0
     for b in range(WIDTH):
         effort = records.force_of(row.effort[:, b])
@@ -141,7 +141,7 @@ def _inward_base(at, i):
 @nk.kernel
 def _load(at, i, b):
     """Copy the record of a body from its row."""
-    record, row = at.records[i], at.rows[i]
+    record, row = at.numbers[i], at.rows[i]
     for k in range(PARENT // WIDTH):
         record[k] = row[k * WIDTH + b]
     at.work[i].armature = at.bodies[i].armature
@@ -150,7 +150,7 @@ def _load(at, i, b):
 @nk.kernel
 def _store(at, i, b):
     """Copy the record of a body to its row."""
-    record, row = at.records[i], at.rows[i]
+    record, row = at.numbers[i], at.rows[i]
     for k in range(PARENT // WIDTH):
         row[k * WIDTH + b] = record[k]
 
@@ -170,7 +170,7 @@ def _outward_several(at, i, Q, QD, first, last):
 @nk.large_kernel
 def _inward_group(at, i, QD, TAU, first, last):
     """As evaluation.inward_group."""
-    start, out = at.bodies[i].first, at.out
+    start, out = at.bodies[i].first, at.scratch
     base = at.bodies[start].parent
     for b in range(WIDTH):
         t = min(first + b, last - 1)
@@ -258,11 +258,11 @@ def _write(at, first, last, results, numbers):
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 
-    The robot is that of a BatchWorkspace. Without efforts TAU has one row, of zeros. `results`, of shape
+    Without efforts TAU has one row, of zeros. `results`, of shape
     (N_RESULTS, T, nv), receives the rows from NU on, `numbers`, (N_NUMBERS, T), those from KINETIC_ENERGY on,
     `positions` and `rates` copies of Q and QD. The states that fail are some of the WIDTH that follow.
     """
-    at = ws.batch_of(robot)
+    at = ws.robot_of(robot)
     for first in range(begin, end, WIDTH):
         last = min(first + WIDTH, end)
         if not _are_valid(at, Q, QD, TAU, first, last):

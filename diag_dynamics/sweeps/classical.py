@@ -36,7 +36,7 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
 
 @nk.large_kernel
 def _aba_inward_group(bodies, last, qd, work, Q, qdd):
-    """The inward step of :func:`forward_dynamics` at degrees of freedom that are eliminated together: see groups."""
+    """The inward step of :func:`forward_dynamics` at a group."""
     first = bodies[last].first
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, work, work.V, qdd)
@@ -72,7 +72,7 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
 def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
     """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in).
 
-    Where `added` is given, it enters D as armature does.
+    Inertia `added`, if not None, enters D as armature does.
     """
     n = len(bodies)
     joints.set_base_at_rest(work)
@@ -88,7 +88,7 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
 
     ws.copy(tau, qdd)
     i = n - 1
-    while i > 0:  # qdd becomes D⁻¹(τ − Sᵀy), y that of the links outboard with the torques already spent on them
+    while i > 0:  # q̈ ← D⁻¹u with u = τ − Sᵀy; y is the articulated bias force
         body = bodies[i]
         if groups.is_grouped(body):
             status = _aba_inward_group(bodies, i, qd, work, Q, qdd)
@@ -126,7 +126,7 @@ def forward_dynamics(robot, q, qd, tau, qdd):
 
 @nk.large_kernel
 def accelerations_with_added_inertia(robot, q, qd, tau, added, qdd):
-    """q̈ from τ, as :func:`forward_dynamics`, with inertia that enters D as armature does; nothing is checked."""
+    """q̈ from valid τ with inertia `added` that enters D as armature does."""
     bodies, gravity, work, table = ws.opened(robot)
     return aba(bodies, gravity, q, qd, tau, added, work, table[0], qdd)
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Motions of positions along a twist, what moves one configuration to another, and locked joints.
+"""Integration of positions along a twist, differences of configurations, and locked joints.
 
 Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist
 each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree of freedom that is q₀ + u.
@@ -93,7 +93,7 @@ def integrate(robot, q, v, result):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def difference(robot, start, end, continuous, v):
-    """What integrates to `end` from `start`; where `continuous` is not 0, an angle's shorter way round."""
+    """V that moves `start` to `end`; where `continuous` is not 0, an angle takes the shorter way round."""
     if not (ws.positions_match(robot, start) and ws.positions_match(robot, end)):
         return ws.BAD_LENGTH
     bodies, _, _, _ = ws.opened(robot)

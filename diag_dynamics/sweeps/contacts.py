@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What contact at points of links could transfer: speed, reflected mass and energy along a direction, from Υ of their bodies.
+"""Contact quantities of points of links: speed, reflected mass and energy along a direction, from Υ of their bodies.
 
 Of a point r of a body and a unit direction u, h = (u, r × u) is the unit force there as a wrench, and
 
@@ -26,7 +26,7 @@ ALONG_MOTION, IN_BODY, IN_ROOT = range(3)
 """Directions of an entry: that of each point's own motion, or a given one in the axes of its body or of the results."""
 
 BY_ENERGY, BY_FORCE, BY_LIMIT = range(3)
-"""What the worst point of an entry has most of: transferable energy, force, or speed as a part of the allowed one."""
+"""Criterion of the worst point of an entry: transferable energy, force, or ratio of speed to allowed speed."""
 
 CONTACT_ENTRY = np.dtype(
     [
@@ -40,7 +40,7 @@ CONTACT_ENTRY = np.dtype(
     ],
     align=True,
 )
-"""Points of one body of which the worst is looked for, and the body regions that may be in their way."""
+"""Points of one body, of which the worst is a result, and the body regions that they may hit."""
 
 INVERSE_MASS, STIFFNESS, LARGEST_FORCE, LARGEST_ENERGY = range(4)
 """Columns of a body region: 1/m_H, 0 if it is clamped, k, and limits, inf where there is none."""
@@ -63,18 +63,18 @@ POINT, POSITION, DIRECTION, SPEED, MASS, TRANSFERABLE, FORCE, ALLOWED, REGION, C
 """First columns of the result of an entry, and their number; REGION is that of the strictest limit, -1 if there is none."""
 
 AT_REST = 1e-12
-"""Part of the speeds that a point's speed is the sum of below which it is nothing but rounding."""
+"""Ratio of a point's speed to the speeds of which it is the sum, below which it is rounding error."""
 
 IMMOBILE = 1e-14
-"""Likewise of 1/m_u and the mobility of a body."""
+"""Ratio of 1/m_u to the mobility of a body below which it is rounding error."""
 
 TIE = 1.0 + 1e-9
-"""How many times worse a point has to be than one before it: all points of a link on a single joint have the same energy."""
+"""Ratio of scores above which a later point is worse: all points of a link on a single joint have the same energy."""
 
 
 @nk.kernel
 def _strictest_limit(regions, first, end, inverse_mass, speed):
-    """Force of the hardest contact, the speed that keeps all limits, and the region whose limit that is."""
+    """Maximum contact force, the speed that keeps all limits, and the region with the strictest limit."""
     force, allowed, strictest = 0.0, math.inf, -1
     for k in range(first, end):
         reduced = inverse_mass + regions[k, INVERSE_MASS]  # 1/μ
@@ -91,7 +91,7 @@ def _strictest_limit(regions, first, end, inverse_mass, speed):
 
 @nk.large_kernel
 def _contact(at, entry, w, X, result):
-    """The worst point of an entry, and what contact there could transfer."""
+    """The worst point of an entry and its contact quantities; X is the placement of its body in the axes of results."""
     V, Y, R = records.motion_of(w.V), mobility_of(w), X.rotation
     given = records.vector_of(entry.direction)
     if entry.kind == IN_ROOT:
@@ -113,7 +113,7 @@ def _contact(at, entry, w, X, result):
         h = sp.Force(u, sp.cross(r, u))
         inverse_mass = sp.power(h, mobility_times(Y, h))
         most = Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + sp.dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
-        if not inverse_mass > IMMOBILE * most:  # it cannot move that way: what it seems to do so is rounding
+        if not inverse_mass > IMMOBILE * most:  # the point cannot move that way
             inverse_mass, speed = 0.0, 0.0
         closing = max(speed, 0.0)
         energy = 0.5 * closing * closing / inverse_mass if closing > 0.0 else 0.0

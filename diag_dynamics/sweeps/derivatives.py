@@ -50,13 +50,6 @@ def _propagate_rates(bodies, i, qd, x, work):
     records.set_motion(w.W_rate, rate)
 
 
-@nk.kernel
-def _set_base_rates(work):
-    """W of the world, and its rate."""
-    records.set_motion(work[0].W, sp.Motion(sp.ZERO, sp.ZERO))
-    records.set_motion(work[0].W_rate, sp.Motion(sp.ZERO, sp.ZERO))
-
-
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
 def articulated_inertias(robot, q, qd, D, D_rate):
     """D and Ḋ along the motion (7.2)."""
@@ -91,7 +84,7 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
     status = _initialize(bodies, q, qd, work)
     if status != 0 or not joints.are_finite(x):
         return -1
-    _set_base_rates(work)
+    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         _propagate_rates(bodies, i, qd, x, work)
@@ -123,7 +116,6 @@ def coriolis_product(robot, q, qd, x, result):
     if status != 0 or not joints.are_finite(x):
         return -1
     joints.set_base_at_rest(work)
-    _set_base_rates(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         V = joints.update_velocity(body, qd, work, w)
@@ -144,7 +136,7 @@ def m_rate_transposed(robot, q, qd, x, result):
     status = _factorize_with_rates(bodies, q, qd, work, table)
     if status != 0:
         return status
-    _set_base_rates(work)
+    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if groups.is_leader(bodies, i):
@@ -170,7 +162,6 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
     if status != 0:
         return status
     joints.set_base_at_rest(work)
-    _set_base_rates(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if i == body.first:

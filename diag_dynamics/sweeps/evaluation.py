@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything of the diagonalized equations of motion at one state: an outward and an inward sweep."""
+"""The diagonalized equations of motion at one state, in an outward and an inward sweep."""
 
 import math
 
@@ -21,7 +21,7 @@ def start_at_world(gravity, world):
 
 @nk.kernel
 def outward_joint(body, X, own_motion, w, parent):
-    """V, gravity's acceleration, and what the inward sweep starts from at a body, for one state or a lane."""
+    """The outward step at a body, for one state or a lane: X, V, own inertia and forces."""
     records.set_placement(w, X)
     V = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.V)), own_motion)
     records.set_motion(w.V, V)
@@ -112,8 +112,7 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried, factorized):
     # P⁺ = P − G (P S)ᵀ;  Ṗ⁺ = Ṗ − G hᵀ − h Gᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×), h = Ṗ S − ½ Ḋ G
     P_plus = sp.less_rank_one(P, G, column)
     h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
-    moved = sp.transport_along_z(direction, rate, P_plus)
-    rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), moved)
+    rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), sp.transport(v_J, P_plus))
     if is_carried:
         X = records.placement_of(w)
         if not factorized:
@@ -143,7 +142,7 @@ def _inward_step(bodies, i, direction, qd, tau, work, out, factorized):
 
 @nk.large_kernel
 def _inward_coupled(bodies, last, qd, tau, work, table, out, factorized):
-    """The inward step at degrees of freedom that are eliminated together: see groups."""
+    """The inward step of one state at a group."""
     first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[ws.KAPPA], out[ws.CORIOLIS]
     for i in range(first, last + 1):
         kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
@@ -312,11 +311,9 @@ def _inward(bodies, qd, tau, work, table, out, factorized):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)
 def evaluate(robot, q, qd, tau, out):
-    """ν, ξ, ε, κ, C, C_ξ, ε_g, D and Ḋ at one state, in an outward and an inward sweep.
+    """Fill the rows of `out`, from NU to RATES, at one state.
 
-    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. Rows of `out`, of length nq, are those of :data:`ws.NU` and so on:
-    then come ν̇, ξ̇ and ½ν_k², four numbers, and the last two receive q and q̇. Vectors that lie in `out`, and would change
-    meanwhile, are no fit: ws.BAD_LENGTH.
+    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. The status is BAD_LENGTH also if a vector lies in `out`.
     """
     if overlap(q, out) or overlap(qd, out) or overlap(tau, out):
         return ws.BAD_LENGTH
@@ -327,10 +324,8 @@ def evaluate(robot, q, qd, tau, out):
     bodies, gravity, work, table = ws.opened(robot)
     if not joints.are_orientations(bodies, q):
         return -1
-    for k in range(len(q)):
-        out[ws.POSITIONS, k] = q[k]
-    for k in range(len(qd)):
-        out[ws.RATES, k] = qd[k]
+    ws.copy(q, out[ws.POSITIONS])
+    ws.copy(qd, out[ws.RATES])
     _outward(bodies, gravity, q, qd, work)
     return _inward(bodies, qd, tau, work, table, out, False)
 
@@ -348,7 +343,7 @@ def nu_dot_from_tau(robot, qd, tau, nu_dot):
 
 @nk.kernel
 def overlap(vector, matrix):
-    """Whether a vector has a number that is a matrix's, too."""
+    """Whether a vector and a matrix share memory."""
     first, begin = address_of(vector), address_of(matrix)
     return first < begin + 8 * matrix.size and begin < first + 8 * vector.size
 
@@ -394,8 +389,7 @@ def observe_samples(gain, interval, nu, resisting, epsilon, last, residual, norm
 def link_energies(bodies, links, work, Q, QD, energies):
     """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each of many states, a row each.
 
-    It returns whether all are finite: K may be where those of links of no rigid body are not. Rows of QD may be longer
-    than nv. I is taken in the frame of the body that the link belongs to.
+    Returns whether all are finite, which finite K does not imply. Rows of QD may be longer than nv.
     """
     finite = True
     for t in range(len(Q)):

@@ -34,7 +34,7 @@ def factor_joint(body, w, parent, lock_massless):
 
 @nk.large_kernel
 def factorize(bodies, work, Q, lock_massless=False):
-    """D and G of all initialized bodies; returns 0, or the body of a joint that moves no inertia and is not to be locked."""
+    """D and G of all initialized bodies; returns 0, or the body of a singular joint unless these are locked."""
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
@@ -70,7 +70,7 @@ def scale_by_inertia(bodies, work, exponent, x):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
 def joint_inertias(robot, q, D, size):
-    """D of every joint; one that moves no inertia is passed over as if it were locked. For judging a model."""
+    """D of every joint and its size in is_singular; a singular joint counts as locked."""
     bodies, _, work, table = ws.opened(robot)
     joints.initialize(bodies, q, work)
     factorize(bodies, work, table[0], True)
@@ -172,7 +172,7 @@ def _moments_inward(bodies, work, Q, is_kappa, moments):
 
 @nk.large_kernel
 def _factorized(robot, q, x):
-    """Place and factorize for a sweep of x; returns a status that is not 0 if q or x will not do."""
+    """Place and factorize for a sweep of x; returns a status."""
     bodies, _, work, table = ws.opened(robot)
     if not ws.lengths_match(robot, q, x, x):
         return ws.BAD_LENGTH

@@ -16,10 +16,9 @@ clothes: with D = Q_cc, G = F_c / D and g_b = Q_bc / D,
 
     𝓜 ← 𝓜 − g D gᵀ        𝓜̇ ← 𝓜̇ − g uᵀ − u gᵀ + g Ḋ gᵀ,  u = 𝓜̇_c        ξ_c = q̇_c + GᵀV_A + Σ_b g_b q̇_b
 
-and what is left in P and Ṗ at last is what A carries. Costs grow with the square of the number of bodies in a group, and
-the cube of its degrees of freedom; nothing outside it costs more. Within a group accuracy is that of a dense U D Uᵀ: rounding
-grows with the ratio of what a joint would carry were all others locked to what it does carry, which the recursion from body
-to body never forms.
+and the remaining P and Ṗ are added to A. Costs grow with the square of the number of bodies in a group and the cube of its
+degrees of freedom. Within a group accuracy is that of a dense U D Uᵀ: rounding grows with the ratio Q_cc / D of a joint
+before and after the others are eliminated. The recursion from body to body has no such ratio.
 
 `Q[b, c]` is kept for global indices b and c - start, start the group's first degree of freedom: a row for each.
 F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace of the body that owns it.
@@ -48,7 +47,7 @@ def is_leader(bodies, i):
 
 @nk.large_kernel
 def compose(bodies, first, last, work, Q):
-    """Q and F of a group; P of its bodies becomes that of all they carry, and goes to the base."""
+    """Q and F of a group; P of its bodies becomes the composite inertia outboard, and goes to the base."""
     start = bodies[first].start
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -114,7 +113,7 @@ def eliminate(bodies, first, last, work, Q, lock_massless):
 
 @nk.large_kernel
 def compose_rates(bodies, first, last, qd, work, Q_rate):
-    """Q̇ and Ḟ of a group, of which P is that of all that the bodies carry; Ṗ becomes so too and goes to the base."""
+    """Q̇ and Ḟ of a group after :func:`compose`; Ṗ of its bodies becomes composite too, and goes to the base."""
     start = bodies[first].start
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -157,7 +156,7 @@ def rate_inboard(bodies, i, qd, work, F, rate):
 
 @nk.large_kernel
 def eliminate_rate(bodies, first, i, work, Q, Q_rate):
-    """Take the degree of freedom that body i owns out of 𝓜̇, all later ones being out already."""
+    """Eliminate the degree of freedom that body i owns from 𝓜̇, after all later ones."""
     start, base = bodies[first].start, bodies[first].parent
     c = bodies[i].dof - start
     D_rate, G, u = Q_rate[bodies[i].dof, c], records.force_of(work[i].G), records.force_of(work[i].u)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Steps at a joint that several sweeps share: place, move and weigh a body, take its inertia out or pass it on."""
+"""Steps at a joint that several sweeps share: placement, motion, inertia and forces of a body."""
 
 import math
 
@@ -13,11 +13,11 @@ UNIT_TOLERANCE = 1e-3
 """Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
 
 SINGULAR = 1e-10
-"""A joint counts as moving no inertia where D is below this part of the inertias that D is the u of."""
+"""A joint moves no inertia if D is below this fraction of the inertias of which D is the difference."""
 
 REMOTE = 1e-4
-"""Weight of the whole inertia outboard when D is judged, against 1 of what the children hand on. Where the children hand on
-nothing but rounding, 1e-14 of that inertia, D is judged by this."""
+"""Weight of all inertia outboard in the size of P, relative to the articulated inertias of the children. It matters where
+these are rounding errors, 1e-14 of the inertia outboard."""
 
 # --- Positions --------------------------------------------------------------------------------------------
 
@@ -66,8 +66,7 @@ def _update_placement_general(body, q, w):
         moved = sp.add(X.translation, sp.apply(X.rotation, (q[k], q[k + 1], 0.0)))
         X = sp.Placement(placement(sp.ANGULAR_Z, body, sp.reduced_angle(q[k + 2])).rotation, moved)
     elif body.rank == 0:
-        quaternion = (q[k + 3], q[k + 4], q[k + 5], q[k + 6])
-        X = floating_placement(body, (q[k], q[k + 1], q[k + 2]), quaternion)
+        X = floating_placement(body, (q[k], q[k + 1], q[k + 2]), quaternion_of(body, q))
     records.set_placement(w, X)
 
 
@@ -105,21 +104,21 @@ def are_positions(bodies, q):
 
 
 @nk.kernel
-def quaternion_at(body):
-    """Index of the first of four position coordinates that are the quaternion of a body's joint; -1 if it has none."""
-    return body.q + 3 if body.kind == records.FLOATING else -1
-
-
-@nk.kernel
 def are_orientations(bodies, q):
     """Whether orientations are near unit length."""
     for i in range(1, len(bodies)):
-        k = quaternion_at(bodies[i])
-        if k >= 0 and bodies[i].rank == 0:
-            length = q[k] * q[k] + q[k + 1] * q[k + 1] + q[k + 2] * q[k + 2] + q[k + 3] * q[k + 3]
-            if not abs(length - 1.0) < UNIT_TOLERANCE:
+        if bodies[i].kind == records.FLOATING and bodies[i].rank == 0:
+            x, y, z, w = quaternion_of(bodies[i], q)
+            if not abs(x * x + y * y + z * z + w * w - 1.0) < UNIT_TOLERANCE:
                 return False
     return True
+
+
+@nk.kernel
+def quaternion_of(body, q):
+    """Quaternion of a floating joint."""
+    k = body.q + 3
+    return q[k], q[k + 1], q[k + 2], q[k + 3]
 
 
 @nk.kernel
@@ -169,8 +168,10 @@ def zeta(bodies, i, rates, work):
 
 @nk.kernel
 def set_base_at_rest(work):
-    """V of the world."""
+    """V of the world, and W and Ẇ for other rates."""
     records.set_motion(work[0].V, sp.NO_MOTION)
+    records.set_motion(work[0].W, sp.NO_MOTION)
+    records.set_motion(work[0].W_rate, sp.NO_MOTION)
 
 
 @nk.kernel
@@ -224,7 +225,7 @@ def momentum(body, V):
 
 @nk.kernel
 def init_articulated_inertia(body, w):
-    """P of a body before its children have been added, and the magnitudes that D will be judged by."""
+    """P of a body before its children have been added, and its size."""
     own = sp.rigid_inertia(body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia))
     records.set_inertia(w.P, own)
     records.set_inertia(w.P_rate, sp.NO_INERTIA)
@@ -243,14 +244,14 @@ def joint_inertia(direction, armature, P):
 
 @nk.kernel
 def scale_along(direction, w):
-    """The size of the inertias that D came from; where that is nothing but rounding, a part of all inertia outboard."""
+    """Size of the inertias of which D is the difference."""
     k = 0 if direction < sp.ANGULAR_X else 1
     return max(w.magnitude[k], REMOTE * w.total[k])
 
 
 @nk.kernel
 def is_singular(size, D):
-    """Whether D is no more than the rounding error of inertias of this size: the joint moves no inertia."""
+    """Whether the joint moves no inertia: D is a rounding error of inertias of this size."""
     return not SINGULAR * size < D
 
 
@@ -273,7 +274,7 @@ def propagate_inertia(w, G, column, X, parent):
 
 @nk.kernel
 def accumulate_inertia(w, P, parent):
-    """Add XᵀP X to the parent's P, and its size to the parent's magnitudes: P of the body w, nothing taken out."""
+    """Add XᵀP X of a body to the parent's P, and its size to the parent's."""
     X = records.placement_of(w)
     records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P))
     accumulate_scale(w, X, parent)

@@ -3,8 +3,8 @@
 
 """Mobilities of bodies and links, Υ = J M⁻¹Jᵀ, by one outward sweep behind the factorization.
 
-ν has the unit matrix for its mass matrix, so that Υ of a body is the sum of what each ν_k moves it by, times its transpose.
-Own rates and the base's motion are independent there, ξ_i of D⁻¹, and with q̇ = ξ − GᵀV⁺ (Table 1, right)
+The mass matrix of ν is the unit matrix. Υ of a body is therefore Σ v_k v_kᵀ, with v_k its twist for ν_k = 1. Own rates and
+the base's motion are independent there, ξ_i of D⁻¹, and with q̇ = ξ − GᵀV⁺ (Table 1, right)
 
     Υ⁺ = X Υ_p Xᵀ      Υ = τ̄ᵀΥ⁺τ̄ + S D⁻¹Sᵀ      τ̄ᵀ = 1 − S Gᵀ      Υ of the world = 0.
 
@@ -14,22 +14,18 @@ Own rates and the base's motion are independent there, ξ_i of D⁻¹, and with 
 inverse placement.
 """
 
-import math
-
 import numba
 import numpy as np
 
 from diag_dynamics.numerics import kernel as nk
-from diag_dynamics.sweeps import groups, records
+from diag_dynamics.numerics.tables import flat
+from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factorization import factorize_at
 
-FRAME = np.dtype(
-    [("body", "i8"), ("same", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)],
-    align=True,
-)
-"""A frame that is fixed to a body: its axes and origin in those of the body, and whether they are the body's own."""
+FRAME = np.dtype([("body", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)], align=True)
+"""A frame fixed to a body, and its placement in the body."""
 
 FRAMES = numba.from_dtype(FRAME)[::1]
 
@@ -42,15 +38,11 @@ PLACES[np.triu_indices(6)] = [0, 1, 2, 6, 7, 8, 3, 4, 9, 10, 11, 5, 12, 13, 14, 
 
 
 @nk.kernel
-def inverse_placement(X):
-    """Placement of the parent in the child."""
-    return sp.Placement(sp.transpose(X.rotation), sp.scale(sp.apply_transposed(X.rotation, X.translation), -1.0))
-
-
-@nk.kernel
 def mobility_to_child(X, Y):
     """X Υ Xᵀ: Υ of a frame that has the placement X in the one of this Υ."""
-    return sp.inertia_to_parent(inverse_placement(X), Y)
+    R = X.rotation
+    inverse = sp.Placement(sp.transpose(R), sp.scale(sp.apply_transposed(R, X.translation), -1.0))
+    return sp.inertia_to_parent(inverse, Y)
 
 
 @nk.kernel
@@ -115,15 +107,11 @@ def mobilities_outward(robot):
 
 @nk.kernel
 def _write(Y, mobility):
-    """Υ as 6x6 numbers, its linear part first; whether all of them are finite."""
-    together = 0.0
-    for row in range(6):
-        for column in range(row, 6):
-            entry = Y[PLACES[row, column]]
-            a, b = (row + 3) % 6, (column + 3) % 6
-            mobility[a, b] = mobility[b, a] = entry
-            together += entry
-    return math.isfinite(together)
+    """Write Υ as 6x6 numbers, its linear part first."""
+    for a in range(3):
+        for b in range(3):
+            mobility[a, b], mobility[3 + a, 3 + b] = Y.C[a][b], Y.A[a][b]
+            mobility[3 + a, b] = mobility[b, 3 + a] = Y.B[a][b]
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, FRAMES, nk.FILLED_STATES)
@@ -137,12 +125,6 @@ def mobilities(robot, q, frames, results):
         return status
     mobilities_outward(robot)
     for k in range(len(frames)):
-        frame = frames[k]
-        Y = work[frame.body].P
-        if frame.same == 0 and frame.body > 0:
-            X = sp.Placement(records.matrix_of(frame.rotation), records.vector_of(frame.translation))
-            records.set_inertia(work[0].P_rate, mobility_to_child(X, records.inertia_of(Y)))
-            Y = work[0].P_rate
-        if not _write(Y, results[k]):
-            return -1
-    return 0
+        Y = records.inertia_of(work[frames[k].body].P)
+        _write(mobility_to_child(records.placement_of(frames[k]), Y), results[k])
+    return 0 if joints.are_finite(flat(results)) else -1

@@ -13,7 +13,7 @@ from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import spatial as sp
 
 REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
-"""Kinds of joints: which one a body belongs to. Several may have as many degrees of freedom, so that number does not say."""
+"""Kinds of joints."""
 
 POSITIONS_OF = {REVOLUTE: 1, PRISMATIC: 1, PLANAR: 3, FLOATING: 7}
 """Position coordinates of a joint of each kind."""
@@ -27,7 +27,7 @@ BODY = np.dtype(
         ("rank", "i8"),  # number of this degree of freedom within its joint, from 0
         ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
         ("dof", "i8"),  # index of its degree of freedom, or of its leader's
-        ("leader", "i8"),  # body whose own degree of freedom that is: this one, unless it follows
+        ("leader", "i8"),  # body that owns its degree of freedom: this one, or the leader of a mimic joint
         ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows
         ("offset", "f8"),
         ("first", "i8"),  # first and last body of its group
@@ -89,7 +89,7 @@ WORK = np.dtype(
 that the body owns."""
 
 WIDTH = 8
-"""States or columns that loops take side by side: the registers of AVX-512 hold as many, those of AVX2 half."""
+"""States side by side in the loops of batch: the registers of AVX-512 hold as many, those of AVX2 half."""
 
 N_RESULTS = 9
 """Results of a degree of freedom that a batch keeps."""
@@ -99,7 +99,7 @@ _LANE = np.dtype([(name, "f8", (length, WIDTH)) for name, length in SWEPT_FIELDS
 LANES = np.dtype(
     [
         ("own", _LANE),
-        ("parent", _LANE),  # a copy of the parent's motion, and what the parent accumulates from the body
+        ("parent", _LANE),  # a copy of the parent's motion, and contributions to its inertias and forces
         ("position", "f8", (7, WIDTH)),
         ("rate", "f8", (6, WIDTH)),
         ("effort", "f8", (6, WIDTH)),
@@ -148,7 +148,7 @@ def lane_of(row, b):
 
 @nk.kernel
 def values_of(body):
-    """Numbers of a body, for loops that write: the compiler takes these for constants."""
+    """Numbers of a body as constants for the compiler, in loops that write to memory."""
     about, R = body.inertia, matrix_of(body.rotation)
     return Body(
         (*R[0], *R[1], *R[2]),

@@ -5,7 +5,7 @@
 
 Conventions: the linear part comes first. A 3-vector is a tuple of three floats, a 3x3 matrix a tuple of three
 rows. Body frames are chosen so that the axis of every joint is z (see model), and a joint of several degrees of
-freedom moves along axes of its body; what projects on a degree of freedom S therefore picks an entry.
+freedom moves along axes of its body. A projection on a degree of freedom S therefore picks an entry.
 """
 
 import math
@@ -127,12 +127,6 @@ def cross_columns(a, M):
         subtract(scale(M[0], a[2]), scale(M[2], a[0])),
         subtract(scale(M[1], a[0]), scale(M[0], a[1])),
     )
-
-
-@nk.kernel
-def turn_columns(M, rate):
-    """ã M for a = rate along z."""
-    return (scale(M[1], -rate), scale(M[0], rate), scale(M[2], 0.0))
 
 
 @nk.kernel
@@ -278,7 +272,7 @@ def less_rank_two(P, G, H):
 
 @nk.kernel
 def entry(direction, v, w):
-    """Entry of the six numbers (v, w) in a direction; the usual ones are looked for first."""
+    """Entry of the six numbers (v, w) in a direction."""
     if direction == ANGULAR_Z:
         return w[2]
     if direction == LINEAR_Z:
@@ -446,21 +440,6 @@ def _commutator(axis, M):
 def _commutator_of_block(axis, B):
     """ã B − B ã of any matrix."""
     return matrix_sum(cross_columns(axis, B), transpose(cross_columns(axis, transpose(B))))
-
-
-@nk.kernel
-def transport_along_z(direction, rate, P):
-    """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
-    B = turn_columns(P.B, rate)
-    if direction == ANGULAR_Z:
-        A, C = turn_columns(P.A, rate), turn_columns(P.C, rate)
-        return Inertia(
-            mirror(matrix_sum(A, transpose(A))),
-            matrix_sum(B, transpose(turn_columns(transpose(P.B), rate))),
-            mirror(matrix_sum(C, transpose(C))),
-        )
-    row = scale(P.A[0], 0.0)
-    return Inertia((row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B))))
 
 
 @nk.kernel

@@ -13,7 +13,7 @@ NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ENERGY_SHARE, NU_DOT, XI_DOT = range(7, 12)
 KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, POWER, N_SWEPT = range(12, 17)
 POSITIONS, RATES, N_ROWS = range(16, 19)
-"""Rows of what evaluation.evaluate fills.
+"""Rows that evaluation.evaluate fills.
 
 A batch keeps those before ENERGY_SHARE. From KINETIC_ENERGY on rows have a first entry only: K, the share of the first
 six total rates in it, and νᵀ(ε − ε_g) twice. The last two receive q and q̇ of a single state.
@@ -36,18 +36,11 @@ ROBOT = Table(
     nv=int,
     nq=int,
     scratch=array(float, 2),  # N_SWEPT vectors
+    numbers=array(float, 2),  # the memory of `work`
+    lanes=array(records.LANES),  # WIDTH states, see batch
+    rows=array(float, 2),  # the memory of `lanes`
 )
 """The robot, and memory to work in, by the address of this table."""
-
-BATCH = Table(
-    "BatchRobot",
-    **ROBOT.fields,
-    records=array(float, 2),  # the memory of `work` as numbers
-    lanes=array(records.LANES),  # see batch
-    rows=array(float, 2),  # the memory of `lanes` as numbers
-    out=array(float, 2),  # results of one state
-)
-"""Likewise, with memory for WIDTH states."""
 
 
 class Workspace:
@@ -67,10 +60,11 @@ class Workspace:
         own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
         nv, widest = int(own.sum()), int(np.bincount(moving["first"][grouped]).max(initial=1))
+        nq = max((int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
         self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
         self.work, self.table = np.zeros(len(bodies), records.WORK), np.zeros((2, nv, widest))
-        nq = max((int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
-        self._locate(
+        lanes = np.zeros(len(bodies), records.LANES)
+        self._addresses = Addresses(
             ROBOT,
             bodies=self.bodies,
             gravity=self.gravity,
@@ -78,30 +72,19 @@ class Workspace:
             table=self.table,
             nv=nv,
             nq=nq,
-            scratch=np.zeros((N_SWEPT, nv)),
+            scratch=np.zeros((N_SWEPT, max(1, nv))),
+            numbers=self.work.view(np.float64).reshape(len(bodies), -1),
+            lanes=lanes,
+            rows=lanes.view(np.float64).reshape(len(bodies), -1),
         )
-
-    def _locate(self, table, /, **entries):
-        self._entries, self._addresses = entries, Addresses(table, **entries)
         self.robot = self._addresses.at
 
     def __reduce__(self):
         return type(self), (self.bodies, self.gravity)  # addresses would be those of the original
 
 
-class BatchWorkspace(Workspace):
-    """Robot and memory for WIDTH states side by side: its table is as :data:`BATCH` has it."""
-
-    def __init__(self, bodies, gravity):
-        super().__init__(bodies, gravity)
-        lanes, nv = np.zeros(len(self.work), records.LANES), self._entries["nv"]
-        rows, numbers = (x.view(np.float64).reshape(len(x), -1) for x in (lanes, self.work))
-        out = np.zeros((N_SWEPT, max(1, nv)))
-        self._locate(BATCH, **self._entries, records=numbers, lanes=lanes, rows=rows, out=out)
-
-
-robot_of, batch_of = ROBOT.opened, BATCH.opened
-"""Kernels (address) that return a table as a named tuple."""
+robot_of = ROBOT.opened
+"""Kernel (address) that returns the table as a named tuple."""
 
 
 @nk.kernel
