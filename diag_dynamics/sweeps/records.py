@@ -59,11 +59,8 @@ LINK = np.dtype(
 )
 """One link with inertia, in the frame of the body it belongs to."""
 
-SWEPT_FIELDS = {
-    **{"rotation": 9, "translation": 3},
-    **{"V": 6, "acceleration": 6},
-    **{"P": 21, "P_rate": 21, "y": 6, "z": 6, "magnitude": 2, "total": 2},
-}
+SWEPT_FIELDS = {"rotation": 9, "translation": 3, "V": 6, "acceleration": 6}
+SWEPT_FIELDS |= {"P": 21, "P_rate": 21, "y": 6, "z": 6, "magnitude": 2, "total": 2}
 """Fields of a body's workspace that the evaluation works on, and their lengths.
 
 Inward fields are accumulated from the children. P and Ṗ are symmetric: xx xy xz yy yz zz of the block A, the nine
