@@ -51,8 +51,8 @@ class Plant:
         self.names = (*joints, *self._followers.names)
         self._driven = np.array(places(joints, model.dof_names), dtype=int)
         self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
-        errors = (values[f"sensor_{name}"] for name in ("noise", "resolution", "delay", "dropped"))
-        self.sensors = Sensors(*errors, values["seed"])
+        errors = {name: values[f"sensor_{name}"] for name in ("noise", "resolution", "delay", "dropped")}
+        self.sensors = Sensors(**errors, seed=values["seed"])
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
         self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
         self._compensates_gravity = values["compensates_gravity"]

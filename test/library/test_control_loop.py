@@ -191,12 +191,14 @@ def test_a_stall_does_not_let_efforts_jump(strong):
 def test_the_energy_limit_holds_under_a_push(strong):
     values = {"energy_limit": 0.5, "observer_gain": 60.0, "effort_rate": ["*=1e5"]}
     loop = slow_loop_of(strong, initial_mode="gravity_compensation", **values)
-    simulation, energies = dd.Simulation(strong, q=Q), []
+    simulation, energies, limited = dd.Simulation(strong, q=Q), [], set()
     for k in range(700):
         sent = loop.step(state_at(S + k * MS, simulation.q, simulation.qd), S + k * MS)
         simulation.advance(sent.effort, f_ext={"tool0": (0, 30.0, 20.0, 0, 0, 0)} if k > 50 else None)
         energies.append(loop.energy)
+        limited.add((sent.energy_limited, sent.contact_limited))
     assert 0.4 < max(energies) < 1.02 * 0.5
+    assert limited == {(False, False), (True, False)}
 
 
 @pytest.mark.parametrize(

@@ -255,9 +255,10 @@ def test_no_start_outside_of_limits(strong, name):
         one = driven(strong, name)
         one.step(at_stop)
         assert one.loop.supervisor.phase == 1
-        one = driven(strong, "ACTIVE")
-        one.step(beyond)
-        assert one.state == "ACTIVE"
+        for other in ("ACTIVE", "STOPPED"):
+            one = driven(strong, other)
+            one.step(beyond)
+            assert one.state == other
 
 
 # --- Mode switches
@@ -490,6 +491,19 @@ def test_the_clock_of_efforts(strong):
     for time, expected in ((1000, 0.0), (990, 0.0), (1001, 0.4), (900, 0.4), (901, 0.8)):
         effort, _ = efforts.ramped(up, time * MS)
         np.testing.assert_allclose(effort, expected, atol=1e-12)
+
+
+def test_joints_that_their_effort_rate_limits(strong):
+    """Each is named, and no other one."""
+    one, gravity = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION), gravity_of(Q)
+    one.loop.efforts.reset(np.zeros(6))
+    one.step()
+    slow = np.abs(gravity) > RATE * 1e-3
+    assert 0 < slow.sum() < 6
+    assert one.sent.saturated == tuple(np.array(strong.dof_names)[slow])
+    one.carry()
+    one.step()
+    assert one.sent.saturated == ()
 
 
 @pytest.mark.parametrize(("away", "after"), [(0.39, "ACTIVE"), (0.41, "STARTING")])
