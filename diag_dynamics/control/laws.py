@@ -47,7 +47,7 @@ class Command(NamedTuple):
     nu: Array  # total joint rates ν [J^½]
     lyapunov: float  # Lyapunov function V of the law [J]
     lyapunov_rate: float  # dV/dt [W] by the law alone: without filters, pushes and friction, for a target at rest
-    error: Array | PoseError | None = None  # what the law reduces: q_d − q of a joint-space target, or that of a pose
+    error: Array | PoseError | None = None  # q_d − q of a joint-space target, or that of a pose
     scale: float = 1.0  # factor of the effort limits on the part of tau that moves the robot
     limited: tuple[str, ...] = ()  # degrees of freedom at their effort limits
 

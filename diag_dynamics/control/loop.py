@@ -150,7 +150,7 @@ class ControlLoop:
     # --- Cycles ---
 
     def step(self, state, now):
-        """Return what to send for a RobotState at the time `now` [ns]; None before the first valid state."""
+        """Return the :class:`Sent` for a RobotState at the time `now` [ns]; None before the first valid state."""
         supervisor = self.supervisor
         problem = self.age_problem(state, now)
         if not problem and supervisor.will_start:
@@ -213,7 +213,7 @@ class ControlLoop:
         return sent._replace(lyapunov_rate=rate, lost=lost)
 
     def _sent_by(self, filtered, now):
-        """Return what to send for a law's filtered command."""
+        """Return the :class:`Sent` for a law's filtered command."""
         command = filtered.command
         self.energy = 0.5 * float(command.nu @ command.nu)
         sent = self._sent(filtered.effort, self.state.newest, now)
@@ -226,7 +226,7 @@ class ControlLoop:
         )
 
     def _sent(self, effort, time, now):
-        """Return what to send for an effort at a time [ns], within the effort rate."""
+        """Return the :class:`Sent` for an effort at a time [ns], within the effort rate."""
         effort, waiting = self.efforts.ramped(effort, time)
         return Sent(effort, waiting, self.state.newest, (now - self.state.newest) * 1e-9)
 
@@ -246,7 +246,7 @@ class ControlLoop:
         return self.supervisor.age_problem(state.newest, now) or self.supervisor.age_problem(state.oldest, now)
 
     def without_state(self, now, reason):
-        """Return what to send at the time `now` [ns] without a valid state; None before the first one.
+        """Return the :class:`Sent` without a valid state at the time `now` [ns]; None before the first one.
 
         There is no damping, because invalid velocities can drive the robot.
         """

@@ -56,8 +56,8 @@ class DisturbanceObserver:
     The gain is K_O > 0 [1/s], one for all components or one for each. `collision` is set above the threshold of |r| [J^½/s],
     by default never, and reset below `release`, by default half of it. Efforts are "sampled" with the state, or "held" on the
     joints since the last sample, as a command is. The friction is that of the model, if any, without static friction, which
-    remains in r: :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets. The workspace of
-    use an observer in one thread.
+    remains in r: :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets.
+    Use an observer in one thread.
     """
 
     def __init__(

@@ -33,7 +33,7 @@ SAMPLES = 9
 """Samples of the velocity in each segment."""
 
 MAX_COAST = 0.3
-"""Maximum distance by which the robot's motion carries it off its way to the first point [rad, m]."""
+"""Maximum distance by which the initial velocity moves a joint off its way to the first point [rad, m]."""
 
 
 Desired = namedtuple("Desired", "position velocity acceleration")

@@ -10,7 +10,7 @@ from diag_dynamics.simulation.tableau import STAGES
 from diag_dynamics.sweeps import workspace as ws
 
 EFFORT, WRENCHES, DAMPING, FRICTION, LIMITS, N_ACCOUNTS = range(6)
-"""Energy accounts [J]: work of efforts, of wrenches, of damping, of friction, and of limits without what they store."""
+"""Energy accounts [J]: work of efforts, wrenches, damping, friction, and of limits without elastic energy."""
 
 STATE = "q", "qd", "nu", "accounts"
 """Parts of the vector `state`: q, q̇, ν and the energy accounts."""

@@ -71,7 +71,7 @@ class Plant:
         return self._before + self.simulation.time
 
     def advance(self, steps):
-        """Take some steps together, with the command at their begin: it does not time out meanwhile."""
+        """Take steps, with commands that do not time out between them."""
         simulation, begin = self.simulation, self.time
         if not steps:
             simulation.advance(self._effort(begin), steps=0)
@@ -129,7 +129,7 @@ class Plant:
         self.sensors.forget()
 
     def reset(self):
-        """Reset the state, commands, wrenches and the sequence of sensor errors; time goes on."""
+        """Reset the state, commands, wrenches and the sequence of sensor errors, but not the time."""
         self.put(*self._start)
         self.drives.forget()
         self.pushes.forget()

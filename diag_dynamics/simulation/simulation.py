@@ -377,7 +377,7 @@ class Simulation:
         return np.array([0.5 * nu @ nu, potential_energy(self.model, q), self._elastic_energy(q)])
 
     def _energies_at_start(self):
-        """Energies of the state after the last reset, computed when first asked for: resetting must cost nothing."""
+        """Energies of the state at the last reset, computed on first use because resets must be fast."""
         if self._start_energies is None:
             self._start_energies = self._energies(*self._start)
         return self._start_energies
