@@ -228,6 +228,7 @@ def test_order_while_joints_slide_or_stick():
     def end(h, qd, friction):
         sim = dd.Simulation(model, [0.3, 0.4], qd, step=h, friction=friction, damping=[0.1, 0.0])
         sim.advance([6.0, 3.0], steps=round(0.1 / h))
+        np.testing.assert_allclose(sim.nu, sim.dynamics.nu_from_qd(sim.q, sim.qd), rtol=1e-12)
         return np.concatenate([sim.q, sim.qd])
 
     for qd, friction in (([3.0, 8.0], [0.8, 0.9]), ([3.0, 0.0], [0.8, 50.0])):
@@ -354,6 +355,17 @@ def test_names_at_either_limit():
     for x, names, energy in ((-11.0, ("rail",), 1.0), (0.0, (), 0.0), (11.0, ("rail",), 1.0)):
         sim.reset([x], [0.0])
         assert sim.at_limit == names and sim.elastic_energy == pytest.approx(energy)
+
+
+def test_limits_of_a_flying_robot():
+    """Each limit is that of its own coordinate, behind the seven of the base; without limits there is none."""
+    chain = CHAIN.replace('upper="10"', 'upper="1.0"', 1)
+    heavy = link("base", mass=3.0, inertia=(0.1, 0, 0, 0.1, 0, 0.1))
+    model = dd.load_urdf(chain.replace(link("base"), heavy), floating_base=True)
+    for angles, names in (([1.5, 0.0], ("shoulder",)), ([0.0, 1.5], ()), ([0.0, 10.5], ("elbow",))):
+        q = np.append(model.neutral[:7], angles)
+        assert dd.Simulation(model, q).at_limit == names
+        assert dd.Simulation(model, q, limits=False).at_limit == ()
 
 
 def test_efforts_saturate():
