@@ -46,7 +46,8 @@ def reject_massless(model, tree, found):
     if not len(massless):
         return
     joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
-    heavy = {body for link, body, _ in tree.links if _has_inertia(link)}
+    own = [(link.inertial, body) for link, body, _ in tree.links]
+    heavy = {body for inertial, body in own if inertial is not None and (inertial.mass or np.any(inertial.inertia))}
     lines = []
     for k in massless[:MAX_LISTED]:
         link = joints[k].joint.child if joints[k].joint else model.root_link
@@ -67,7 +68,3 @@ def reject_massless(model, tree, found):
         _names_of(model, massless),
         smallest[massless],
     )
-
-
-def _has_inertia(link):
-    return link.inertial is not None and (link.inertial.mass or np.any(link.inertial.inertia))

@@ -45,7 +45,7 @@ REACH = 1.0  # distance from zero of random positions without limits [m]; angles
 
 
 class Options(NamedTuple):
-    """Checked arguments of :func:`load_urdf`; `held` are the joints that massless="lock" locks, None before it is known."""
+    """Checked arguments of :func:`load_urdf`; `held` are the joints that massless="lock" has locked, with positions."""
 
     floating_base: bool
     gravity: Array
@@ -59,7 +59,7 @@ class Options(NamedTuple):
     friction_velocity: float
     estimated_links: tuple[str, ...]
     omitted: tuple[str, ...] = ()
-    held: dict[str, float] | None = None
+    held: dict[str, float] = {}  # noqa: RUF012  # never changed
 
 
 class RobotModel:
@@ -302,7 +302,7 @@ class RobotModel:
         options = own._replace(
             armature=own.armature | given.by_joint("armature"),
             effort_offset=own.effort_offset | given.by_joint("effort_offset"),
-            held=None,
+            held={},
         )
         if given.friction_velocity is not None:
             options = options._replace(friction_velocity=given.friction_velocity)
@@ -325,7 +325,7 @@ class RobotModel:
         Joints that other options of load_urdf lock are added.
         """
         robot = self._tree.robot
-        return _model(robot, self._tree.root, self._options._replace(locked=_locked(locked_joints, robot), held=None))
+        return _model(robot, self._tree.root, self._options._replace(locked=_locked(locked_joints, robot), held={}))
 
     def placement_in_root(self, link: str) -> Array:
         """Return the placement (4x4) in the root link of a link that is rigidly attached to it."""
@@ -486,24 +486,21 @@ def _by_joint(name: str, value: object, robot: Any, expected: str, valid: Callab
 
 def _model(robot: Any, root: str, options: Options, applied: Parameters | None = None) -> RobotModel:
     """Build the model of a robot with all options; the mass that applied parameters take off must be there."""
-    search = options.massless == "lock" and options.held is None
-    held = options.held or {}
     while True:
-        options = options._replace(held=held)
         tree = _tree(robot, root, options)
         if applied is not None:
             reject_too_light(tree, applied)
         model = RobotModel(tree, options)
         found = massless_freedoms(model)
-        more = positions_to_hold(model, found) if search else {}
+        more = positions_to_hold(model, found) if options.massless == "lock" else {}
         if not more:
             reject_massless(model, tree, found)
             return model
-        held = held | more
+        options = options._replace(held=options.held | more)
 
 
 def _tree(robot: Any, root: str, options: Options) -> Tree:
-    mimics, locked = resolve_mimics(robot, options.mimic, options.locked | (options.held or {}))
+    mimics, locked = resolve_mimics(robot, options.mimic, options.locked | options.held)
     tree = Tree(robot, root, options.floating_base, locked, mimics)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):
         if size > options.max_coupled:

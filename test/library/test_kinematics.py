@@ -146,6 +146,16 @@ def test_random_positions_without_limits():
     assert all(0.5 < at[name] <= 1.0 for name in ("slide/x", "slide/y"))
 
 
+@pytest.mark.parametrize(("limit", "other"), [("lower", 2.0 + 2.0 * math.pi), ("upper", 2.0 - 2.0 * math.pi)])
+def test_random_positions_with_one_limit(limit, other):
+    """Angles are within a turn of the limit, and all over it."""
+    body = link("a", mass=1.0, inertia=(1, 0, 0, 1, 0, 1))
+    wheel = joint("wheel", "revolute", "base", "a").replace('lower="-10" upper="10"', f'{limit}="2"')
+    model = dd.load_urdf(description("one", link("base"), body, wheel))
+    q = np.sort([*(model.random(seed)[0] for seed in range(50)), 2.0, other])
+    assert {q[0], q[-1]} == {2.0, other} and np.diff(q).max() < 1.0
+
+
 def test_wrong_arguments_are_named():
     model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
     dyn, q, zero = dd.DiagonalDynamics(model), model.neutral, np.zeros(model.nv)
