@@ -96,9 +96,9 @@ def row(name, reports):
     """A line of the table."""
     ticks = sum(int(report["ticks"]) for report in reports[1:])
     overruns = int(reports[-1]["overruns"]) - int(reports[0]["overruns"])
-    let_go = float(reports[-1]["real-time lag dropped [s]"]) - float(reports[0]["real-time lag dropped [s]"])
-    late = [float(report["late, mean [s]"]) for report in reports[1:]]
-    largest = [float(report["late, largest [s]"]) for report in reports[1:]]
+    let_go = float(reports[-1]["dropped lag [s]"]) - float(reports[0]["dropped lag [s]"])
+    late = [float(report["lateness, mean [s]"]) for report in reports[1:]]
+    largest = [float(report["lateness, maximum [s]"]) for report in reports[1:]]
     cpu = (reports[-1]["cpu"] - reports[0]["cpu"]) / ticks
     cells = (
         f"{1e6 * median(late):.0f} µs",

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated robot, its controller and its monitor, which all go by the simulator's time."""
+"""Start a simulated robot, its controller and its monitor, all in simulated time."""
 
 from pathlib import Path
 
@@ -12,15 +12,21 @@ from launch.substitutions import LaunchConfiguration
 
 
 def include(name, **arguments):
-    """Return the action that starts a node; `arguments` hold for the files included after it, too."""
+    """Return the action that includes a launch file; its arguments hold for later files, too."""
     path = str(Path(__file__).with_name(f"{name}.launch.py"))
     return IncludeLaunchDescription(PythonLaunchDescriptionSource(path), launch_arguments=arguments.items())
 
 
 def generate_launch_description():
     """Include the nodes, which declare all other arguments; the robot comes from the simulator."""
-    compensates = DeclareLaunchArgument("robot_compensates_gravity", default_value="false")
-    autostart = DeclareLaunchArgument("autostart", default_value="true")
+    compensates = DeclareLaunchArgument(
+        "robot_compensates_gravity",
+        default_value="false",
+        description="Whether the simulated robot compensates gravity.",
+    )
+    autostart = DeclareLaunchArgument(
+        "autostart", default_value="true", description="Whether the controller configures and activates itself."
+    )
     simulator = include(
         "simulator",
         compensates_gravity=LaunchConfiguration("robot_compensates_gravity"),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The monitor of a robot; `view:=true` serves its page, too."""
+"""Start the monitor of a robot; `view:=true` starts its page, too."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
@@ -9,17 +9,23 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 PARAMETERS = {
-    "robot_description": str,
-    "use_sim_time": bool,
+    "robot_description": (str, "URDF, or the path of one. Empty: the topic robot_description."),
+    "use_sim_time": (bool, "Whether the nodes use /clock."),
 }
-"""Arguments that are parameters of the monitor; without a value that of params_file or of the node holds."""
+"""Parameters of the monitor as arguments: type and description. If empty, params_file or the node determines them."""
+
+COMMON = {
+    "namespace": "Namespace of the node.",
+    "params_file": "YAML file of parameters.",
+}
+"""Other arguments, and their descriptions."""
 
 
 def start(context):
     """Return the nodes for the values of the arguments."""
     given = context.launch_configurations
     parameters = {
-        name: ParameterValue(given[name], value_type=kind) for name, kind in PARAMETERS.items() if given[name]
+        name: ParameterValue(given[name], value_type=kind) for name, (kind, _) in PARAMETERS.items() if given[name]
     }
     common = {
         "package": "diag_dynamics",
@@ -37,7 +43,10 @@ def start(context):
 
 def generate_launch_description():
     """Declare the arguments, and start the nodes."""
-    declared = [DeclareLaunchArgument(name, default_value="") for name in ("namespace", "params_file", *PARAMETERS)]
-    defaults = {"view": "false", "log_level": "info"}
-    declared += [DeclareLaunchArgument(name, default_value=value) for name, value in defaults.items()]
-    return LaunchDescription([*declared, OpaqueFunction(function=start)])
+    declared = [
+        DeclareLaunchArgument(name, default_value="", description=text)
+        for name, text in (COMMON | {name: text for name, (_, text) in PARAMETERS.items()}).items()
+    ]
+    view = DeclareLaunchArgument("view", default_value="false", description="Whether the page is served, too.")
+    log_level = DeclareLaunchArgument("log_level", default_value="info", description="Log level of the nodes.")
+    return LaunchDescription([*declared, view, log_level, OpaqueFunction(function=start)])

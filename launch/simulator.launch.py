@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A simulated robot."""
+"""Start a simulated robot."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
@@ -9,21 +9,27 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 PARAMETERS = {
-    "robot_description": str,
-    "motion": str,
-    "without_command": str,
-    "command_timeout": float,
-    "compensates_gravity": bool,
-    "publish_clock": bool,
+    "robot_description": (str, "Required: URDF, or the path of one."),
+    "motion": (str, "free: by commands and wrenches; wave: sine waves about mid-range."),
+    "without_command": (str, "Drives without a command: zero effort (zero) or brakes (brake)."),
+    "command_timeout": (float, "Simulated time after which a command expires [s]; 0: never."),
+    "compensates_gravity": (bool, "Whether the simulated drives compensate gravity."),
+    "publish_clock": (bool, "Whether simulated time is published on /clock."),
 }
-"""Arguments that are parameters of the node; without a value that of params_file or of the node holds."""
+"""Parameters of the simulator as arguments: type and description. If empty, params_file or the node determines them."""
+
+COMMON = {
+    "namespace": "Namespace of the node.",
+    "params_file": "YAML file of parameters.",
+}
+"""Other arguments, and their descriptions."""
 
 
 def start(context):
     """Return the node for the values of the arguments."""
     given = context.launch_configurations
     parameters = {
-        name: ParameterValue(given[name], value_type=kind) for name, kind in PARAMETERS.items() if given[name]
+        name: ParameterValue(given[name], value_type=kind) for name, (kind, _) in PARAMETERS.items() if given[name]
     }
     return [
         Node(
@@ -40,6 +46,9 @@ def start(context):
 
 def generate_launch_description():
     """Declare the arguments, and start the node."""
-    declared = [DeclareLaunchArgument(name, default_value="") for name in ("namespace", "params_file", *PARAMETERS)]
-    log_level = DeclareLaunchArgument("log_level", default_value="info")
+    declared = [
+        DeclareLaunchArgument(name, default_value="", description=text)
+        for name, text in (COMMON | {name: text for name, (_, text) in PARAMETERS.items()}).items()
+    ]
+    log_level = DeclareLaunchArgument("log_level", default_value="info", description="Log level of the node.")
     return LaunchDescription([*declared, log_level, OpaqueFunction(function=start)])

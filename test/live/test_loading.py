@@ -43,7 +43,7 @@ def start_loading(node, path, *more, **environment):
     command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args"]
     command += ["-p", f"robot_description:={path}", "-p", f"max_joints:={2 * LARGE}"]
     process = Process([*command, *more], env={**os.environ, **environment})
-    process.wait_for_text("Loading a robot")
+    process.wait_for_text("Loading the robot")
     return process
 
 

@@ -82,7 +82,7 @@ def test_a_push_is_told_of(arm):
     assert above.contact_limited and above.contact_energy_limit == pytest.approx(BOUND)
 
     def told(report):  # of any link: the pushed arm turns between status and report
-        return "contact energy above its bound at '" in report.entries["commands"].message
+        return "contact energy above its limit at '" in report.entries["commands"].message
 
     arm.wait_for_report(told, "the diagnostics", begin)
     assert above.contact_link
@@ -93,7 +93,7 @@ def test_a_push_is_told_of(arm):
 def test_a_scale_stops_the_arm_and_lets_it_go_on(arm):
     """Zero on contact_scale: the arm stands still; a half: a quarter of the energy. What is no scale is refused by name."""
     arm.scale.publish(Float64(data=0.0))
-    arm.wait_for_report(lambda r: r.values.get("contacts bounded at", "").endswith("scale 0"), "a scale of 0")
+    arm.wait_for_report(lambda r: r.values.get("contact limits", "").endswith("scale 0"), "a scale of 0")
     arm.wait_for(lambda s: s.contact_energy < 1e-4 * BOUND, "rest")
     record(arm)
     goal = np.array(START_AT) + 0.5

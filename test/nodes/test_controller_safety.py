@@ -135,11 +135,11 @@ class Fed(Controller):
     def take(self, publisher, message):
         """Publish a target and wait until it is taken."""
         topic = publisher.topic_name.rpartition("/")[2]
-        key = f"{topic} taken"
+        key = f"{topic} accepted"
         self.peer.become_known(self.name)
         before = int(self.wait_for_report(lambda r: True, "a report").values.get(key, 0))
         publisher.publish(message)
-        self.wait_for_report(lambda r: int(r.values.get(key, 0)) > before, f"{topic} to be taken")
+        self.wait_for_report(lambda r: int(r.values.get(key, 0)) > before, f"{topic} to be accepted")
 
     def law(self, mode):
         """Put a law in force; returns the first status after that."""
@@ -446,7 +446,7 @@ def test_targets_that_make_no_sense(fed):
 def test_deactivation_leaves_the_gravity_torque(damped):
     """It is the last command, and the only one; targets that come meanwhile are none when it is active again."""
     assert damped.peer.transition(damped.name, "deactivate")
-    damped.wait_until_told("control", "inactive: no commands", b"\1")
+    damped.wait_until_told("control", "inactive; no commands", b"\1")
     wait_for_command(damped, sent_for(damped, gravity_of(Q)))
     count = len(damped.sent.messages)
     refused = damped.ask("damping")
@@ -454,7 +454,7 @@ def test_deactivation_leaves_the_gravity_torque(damped):
     damped.set_point.publish(joint_state(NAMES, Q + 0.3))
     damped.tick()
     damped.publish()
-    damped.wait_until_told("control", "inactive: no commands")
+    damped.wait_until_told("control", "inactive; no commands")
     assert len(damped.sent.messages) == count
     assert damped.peer.transition(damped.name, "activate")
     damped.connect()
@@ -467,7 +467,7 @@ def test_another_robot(fed):
     """While active, the controller rejects another description and reports it; deactivated, it loads it."""
     panda = robot(PANDA)
     fed.descriptions.publish(description(panda.urdf))
-    fed.wait_until_told("control", "another robot is not taken over while this one is controlled", b"\2")
+    fed.wait_until_told("control", "the controller is active. Deactivate it before another robot is loaded.", b"\2")
     fed.wait_until_told("control", "mode ", b"\2")  # which is said all the same
     fed.silence(HOLDING)
     fed.wait_until_told("control", "holding gravity: ", b"\2")
@@ -506,10 +506,10 @@ def test_who_else_is_there(fed):
     """Others who send commands are told, and that nobody takes them."""
     topic = fed.sent.subscription.topic_name
     other = fed.peer.publisher(Float64MultiArray, topic)
-    fed.wait_until_told("commands", f"others send to {topic} as well: 1", b"\1")
+    fed.wait_until_told("commands", f"other publishers on {topic}: 1", b"\1")
     fed.peer.node.destroy_publisher(other)
     fed.peer.node.destroy_subscription(fed.sent.subscription)
-    fed.wait_until_told("commands", f"nobody listens to {topic}", b"\1")
+    fed.wait_until_told("commands", f"{topic} has no subscriber", b"\1")
     fed.sent = fed.peer.topic(Float64MultiArray, topic)
     fed.wait_until_told("commands", "within limits", b"\0")
 
@@ -541,7 +541,7 @@ def test_it_does_not_start_on_a_guess(peer):
             name = controller.name
             peer.wait_until(lambda: controller.reports, "a report", START)
             to_do = f"ros2 lifecycle set {name} configure"
-            controller.process.wait_for_text(f"Waiting to be configured (autostart is false): {to_do}")
+            controller.process.wait_for_text(f"Waiting to be configured: {to_do}")
             wrong = "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?"
             controller.process.wait_for_text(wrong)
             given = {"check_time": 60.0, "payloads": [""]}

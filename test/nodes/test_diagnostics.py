@@ -31,7 +31,12 @@ KEYS = {
         "publishers of /reports/joint_states",
     },
     "model": {"robot", "degrees of freedom", "total mass [kg]", "mimic joints", "locked joints"},
-    "numerical health": {"|nu.C| / (|nu| |C|)", "|K - qd.M.qd / 2| / K", "smallest D [kg m^2, kg]", "its joint"},
+    "numerical health": {
+        "|nu.C| / (|nu| |C|)",
+        "|K - qd.M.qd / 2| / K",
+        "smallest D [kg m^2, kg]",
+        "joint of the smallest D",
+    },
     "energy": {"kinetic energy [J]", "largest kinetic energy [J]", "power [W]"},
 }
 
@@ -62,7 +67,7 @@ def test_every_entry(monitor, panda, sample):
     health, energy = values_of(report, "numerical health"), values_of(report, "energy")
     assert float(health["|nu.C| / (|nu| |C|)"]) < 1e-9
     assert float(health["|K - qd.M.qd / 2| / K"]) < 1e-9
-    assert health["its joint"] == panda.names[int(np.argmin(truth.D))]
+    assert health["joint of the smallest D"] == panda.names[int(np.argmin(truth.D))]
     assert float(health["smallest D [kg m^2, kg]"]) == pytest.approx(truth.D.min(), rel=1e-5)
     for key in ("kinetic energy [J]", "largest kinetic energy [J]"):
         assert float(energy[key]) == pytest.approx(truth.kinetic_energy, rel=1e-5)
@@ -131,7 +136,7 @@ def test_power_balance(monitor, panda, scale):
         monitor.publish(joint_state(panda.names, q, qd, scale * tau, monitor.tick(STEP)))
     report = monitor.next_report()
     assert report.entries["energy"].level == OK
-    share = float(report.values["explained share of dK/dt (last minute)"])
+    share = float(report.values["variance explained of dK/dt (last minute)"])
     assert share > 0.99 if scale == 1.0 else share < 0.8
     assert (abs(float(report.values["power-balance residual [W]"])) < 1e-3) == (scale == 1.0)
 
@@ -232,7 +237,7 @@ def share_of(watch):
     """Return the explained share of a report, None if there is none."""
     status = watch.report()
     assert status.level == OK
-    share = status.values.get("explained share of dK/dt (last minute)")
+    share = status.values.get("variance explained of dK/dt (last minute)")
     return None if share is None else float(share)
 
 

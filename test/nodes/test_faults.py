@@ -175,7 +175,7 @@ def by_topic(peer):
     descriptions = peer.publisher(String, "/topic/robot_description", LATCHED)
     descriptions.publish(description(CIRCLE))
     with Monitor(peer, "/topic") as monitor:
-        monitor.process.wait_for_text("robot_description refused")
+        monitor.process.wait_for_text("robot_description rejected")
         monitor.publish(robot(PANDA).message(monitor.tick(), robot(PANDA).samples[0]))
         report = monitor.next_report()
         assert report.counts() == {"received": 1, "before the model": 1} and report.level == ERROR
@@ -202,7 +202,7 @@ def test_description_refused_by_topic(by_topic, panda, text, reason):
     """The robot stays in force, and diagnostics say what is wrong until a valid description arrives."""
     by_topic.describe(text)
     report = by_topic.wait_for_report(lambda report: report.level == ERROR, "the refusal")
-    assert report.message.startswith("robot_description refused") and reason in report.message
+    assert report.message.startswith("robot_description rejected") and reason in report.message
     assert report.values["robot"] == "panda"
     by_topic.serves(panda)
     by_topic.describe(panda.urdf)
@@ -228,7 +228,7 @@ def test_description_refused_by_parameter(monitor, panda, text, reason):
     monitor.set_parameter("robot_description", text)
     report = monitor.next_report()
     assert report.level == ERROR
-    assert "robot_description refused" in report.message and reason in report.message
+    assert "robot_description rejected" in report.message and reason in report.message
     assert monitor.feed(panda.message(monitor.tick(100 * MS), panda.samples[1], ARM), ["state"])
     monitor.set_parameter("robot_description", panda.urdf)
     monitor.serves(panda)

@@ -161,7 +161,7 @@ def test_two_publishers_of_the_clock(peer, intruder):
         peer.pass_time(2.0)
         report = monitor.reports[-1]
         assert report.values["publishers of /clock"] == "2: /intruder, /test"
-        assert report.entries["joint states"].message.startswith("several publish /clock")
+        assert report.entries["joint states"].message.startswith("several nodes publish /clock")
     for node, clock in clocks:
         node.destroy_publisher(clock)
 
@@ -312,7 +312,7 @@ def test_names_that_would_act(peer):
         ):
             assert r"\x1b]0;owned\x07\x1b[31m" in message and message.isprintable()
         descriptions.publish(description(URDF.replace('value="1"', 'value="-1"')))
-        process.wait_for_text("robot_description refused")
+        process.wait_for_text("robot_description rejected")
         assert r"upper\x9b2J" in process.output
     assert all(text.isprintable() for text in texts_of(diagnostics.messages))
     assert shortened("\x1b" * 1_000_000) == r"\x1b" * MAX_LENGTH + "… (1000000 characters)"

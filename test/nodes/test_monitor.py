@@ -84,7 +84,7 @@ def test_without_effort(monitor, panda, missing):
 
 def test_efforts_that_are_all_zero(monitor, panda):
     """They are reported with the largest gravity torque of the pose, unless the robot has gravity compensation."""
-    text = "all efforts are 0, but gravity needs"
+    text = "all efforts are 0, but gravity requires"
     q, qd, tau, _ = panda.samples[1]
     for effort, includes_gravity, named in ((0.0 * tau, True, True), (tau, True, False), (0.0 * tau, False, False)):
         with monitor.having(effort_includes_gravity=[f"*={includes_gravity}".lower()]):
@@ -99,7 +99,7 @@ def test_efforts_that_are_all_zero(monitor, panda):
 def test_motor_currents(monitor, panda):
     """With `effort_scale`, currents are efforts; with all declared, none is reported as undeclared."""
     q, qd, tau, _ = panda.samples[1]
-    key = "effort undeclared (taken as N m, with gravity)"
+    key = "effort undeclared (assumed: N m, with gravity)"
     scale = 0.5 + 0.25 * np.arange(len(tau))
     entries = [f"{name}={float(factor)!r}" for name, factor in zip(panda.names, scale, strict=True)]
     assert monitor.next_report().values[key] == f"8: {', '.join(panda.names)}"
@@ -170,7 +170,7 @@ def test_recording_without_simulated_time(peer, panda):
         report = monitor.next_report()
         assert report.level == WARN
         assert report.message.startswith("stamps of joint_states are of another clock")
-        assert float(report.values["clock less stamps of joint_states [s]"]) > 1e9
+        assert float(report.values["clock minus stamps of joint_states [s]"]) > 1e9
         monitor.serves(panda, 1)
         monitor.next_report()
         assert monitor.process.output.count("Play bags with --clock") == 1
@@ -357,7 +357,7 @@ def test_another_robot(by_topic):
     by_topic.forget()
     by_topic.publish(ur5.message(by_topic.tick(), ur5.samples[0], ur5.names[:4]))
     report = by_topic.next_report()
-    assert (report.level, report.message) == (WARN, f"no data yet of joints: {', '.join(ur5.names[4:])}")
+    assert (report.level, report.message) == (WARN, f"joints without data: {', '.join(ur5.names[4:])}")
     assert report.values["missing joints"] == f"2: {', '.join(ur5.names[4:])}"
     assert not by_topic.topics["state"].messages
     by_topic.serves(ur5)
@@ -409,7 +409,7 @@ def test_payload_outlives_a_description(by_topic, panda, tool):
         by_topic.serves(found.changed(payloads=payloads) if applied else found, 1)
         assert {pair.key: pair.value for pair in model.values}["payloads"] == (f"1: {HAND}" if applied else "0")
         assert model.level == (OK if applied else WARN)
-        assert applied or model.message == f"payloads on links that are not there: {HAND}"
+        assert applied or model.message == f"payloads on unknown links: {HAND}"
     by_topic.call(SetPayload, "set_payload", SetPayload.Request(link=HAND))
     by_topic.serves(panda)
 
@@ -434,7 +434,7 @@ def test_names_of_another_robot(monitor, panda):
     monitor.publish(joint_state([f"left_{name}" for name in panda.names], q, qd, tau, monitor.tick()))
     report = monitor.next_report()
     assert report.level == STALE
-    assert "messages are of other joints, as 'left_panda_joint1'" in report.message
+    assert "messages contain other joints, for example 'left_panda_joint1'" in report.message
 
 
 # --- floating base

@@ -28,7 +28,7 @@ OF_THE_MOMENT = {
     "stale joints",
     "joints without effort",
     "joints with estimated velocity",
-    "effort undeclared (taken as N m, with gravity)",
+    "effort undeclared (assumed: N m, with gravity)",
 }
 """Whole numbers in the monitor's status that count joints as they are now."""
 

@@ -137,7 +137,7 @@ def test_parameters_while_unconfigured(made):
     node = made(specs=OF_CONTROLLER)
     change = [Parameter("max_state_age", value=0.05)]
     result = node.set_parameters(change)[0]
-    assert not result.successful and "read-only while the node is configured: clean it up first" in result.reason
+    assert not result.successful and "read-only while the node is configured. Call cleanup first" in result.reason
     node.is_unconfigured = True
     assert node.set_parameters(change)[0].successful and node.values["max_state_age"] == 0.05
 
@@ -272,7 +272,7 @@ def test_many_warnings_are_summed_up():
     log, values = Log(), {name: spec.default for name, spec in SHARED.items()}
     assert load_robot(log, text, values).nv == 29
     assert sum("triangle" in line for line in log) == MAX_WARNINGS
-    assert log[-1].startswith(f"{30 - MAX_WARNINGS} more such warnings")
+    assert log[-1].startswith(f"{30 - MAX_WARNINGS} more warnings about")
 
 
 # --- the process

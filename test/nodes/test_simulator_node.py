@@ -198,7 +198,7 @@ def test_inertias_that_are_off_from_the_description(peer):
             assert K > 0.0 and pytest.approx(real.evaluate(q, qd).kinetic_energy, rel=1e-9) == K
             deviations.append(abs(nominal.evaluate(q, qd).kinetic_energy / K - 1.0))
         assert max(deviations) > 0.05
-        simulator.process.wait_for_text("Inertias differ from the description by up to 30%")
+        simulator.process.wait_for_text("Simulated inertias differ from the description by up to 30%")
 
 
 def test_gravity_that_is_set_while_it_loads(peer):

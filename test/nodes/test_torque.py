@@ -157,7 +157,7 @@ def test_missing_efforts(monitor, standing, panda):
     monitor.next_report()
     feed(monitor, [(q, qd, one)])
     entry = monitor.next_report().entries[TORQUE]
-    assert (entry.level, entry.message) == (WARN, f"no effort of 1: {panda.names[2]}")
+    assert (entry.level, entry.message) == (WARN, f"joints without effort: 1: {panda.names[2]}")
 
 
 # --- collisions

@@ -121,7 +121,7 @@ class Controller:
 
         def told(report):
             inputs = report.entries.get("inputs")
-            return inputs and "refused: " in inputs.message and said in report.values["last refusal"]
+            return inputs and "rejected: " in inputs.message and said in report.values["last rejection"]
 
         self.wait_for_report(told, f"refusal: {said}", begin)
 

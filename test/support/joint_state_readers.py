@@ -103,7 +103,7 @@ class Reader:
                 return self.assembler.accept_odometry(read_message(message.raw, ODOMETRY), message.now)
             except ValueError as error:
                 return Rejected(
-                    "malformed", f"odom: {len(message.raw)} bytes that are no nav_msgs/msg/Odometry ({error})"
+                    "malformed", f"odom: {len(message.raw)} bytes, expected a nav_msgs/msg/Odometry ({error})"
                 )
         if self._as_bytes:
             return self.assembler.accept(message.raw, message.now)

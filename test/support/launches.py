@@ -25,8 +25,9 @@ def parameter_value(value, value_type):
     return {"true": True, "false": False}[value] if value_type is bool else value_type(value)
 
 
-def declare(name, default_value):
+def declare(name, default_value, description):
     """Stand for DeclareLaunchArgument: an argument that is given, to this file or one that includes it, stays."""
+    assert description.endswith("."), name
     return lambda context: context.launch_configurations.setdefault(name, default_value) and None
 
 

@@ -73,9 +73,7 @@ class ControllerNode(ManagedNode):
         self._starting = self.values["autostart"]  # activates itself as soon as there is a robot
         if not self._starting:
             todo = f"ros2 lifecycle set {self.get_fully_qualified_name()} configure"
-            self.get_logger().info(
-                f"Waiting to be configured (autostart is false): {todo}. Or start it with -p autostart:=true."
-            )
+            self.get_logger().info(f"Waiting to be configured: {todo}. Or start the node with -p autostart:=true.")
         elif self.trigger_configure() != SUCCESS:
             self.destroy_node()
             raise InputError(self.failure)
@@ -90,7 +88,7 @@ class ControllerNode(ManagedNode):
     def configure(self):
         """Load the robot or wait for one; make publishers and services."""
         if self.values[COMPENSATES] is None:
-            raise InputError(f"parameter '{COMPENSATES}' is not set, and has no default. It says {WHY_REQUIRED}.")
+            raise InputError(f"parameter '{COMPENSATES}' is not set and has no default. Set {WHY_REQUIRED}.")
         self._commands = self._publisher(Float64MultiArray, COMMANDS)
         self._status = self._publisher(ControllerStatus, "~/status")
         self._status_limit = RateLimit(self.values["max_rate.status"])
@@ -111,7 +109,7 @@ class ControllerNode(ManagedNode):
         self._starting = False  # or a robot that is loaded meanwhile would be activated, too
         self._loader.finish()  # or the model of a robot that is being replaced would move it
         if self._loop is None or self._refused:
-            raise InputError(self._refused or "no robot_description has arrived yet.")
+            raise InputError(self._refused or "no robot_description received yet.")
         self._compare_joints()
         self._loop.forget()
         self._states.forget()
@@ -225,12 +223,12 @@ class ControllerNode(ManagedNode):
             self._loader.drop()
         elif self.phase == ACTIVE:
             self._other = description
-            self._refuse("another robot is not taken over while this one is controlled: deactivate first.")
+            self._refuse("the controller is active. Deactivate it before another robot is loaded.")
         elif description != self._loader.loading:
             self._loader.load(description, dict(self.values))
 
     def _refuse(self, reason):
-        self._refused = shortened(f"robot_description refused: {reason}")
+        self._refused = shortened(f"robot_description rejected: {reason}")
         self.get_logger().error(self._refused)
 
     def _compare_joints(self):
@@ -296,7 +294,7 @@ class ControllerNode(ManagedNode):
             return
         self._send(sent.effort)
         if sent.lost:
-            self._record.refuse("targets given up", sent.lost)
+            self._record.refuse("targets aborted", sent.lost)
             self.get_logger().warning(plain(sent.lost), throttle_duration_sec=1.0)
         self._record.command(now, sent, self._loop, self.values["max_state_age"])
         if self._status.get_subscription_count() and self._status_limit.due(now):
@@ -312,12 +310,12 @@ class ControllerNode(ManagedNode):
             return
         _, fault = attempt(self._check_and_take, topic, take, message)
         if fault is None:
-            self._record.counts[f"{topic} taken"] += 1
-            self.get_logger().debug(f"{topic} taken")
+            self._record.counts[f"{topic} accepted"] += 1
+            self.get_logger().debug(f"{topic} accepted")
             return
-        self._record.refuse(f"{topic} refused", fault.reason)
-        self.get_logger().debug(f"{topic} refused: {fault.reason}")
-        self.get_logger().warning(f"Refused on {topic}: {fault.reason}", throttle_duration_sec=1.0)
+        self._record.refuse(f"{topic} rejected", fault.reason)
+        self.get_logger().debug(f"{topic} rejected: {fault.reason}")
+        self.get_logger().warning(f"Rejected on {topic}: {fault.reason}", throttle_duration_sec=1.0)
 
     def _check_and_take(self, topic, take, message):
         if topic != SCALE:
@@ -326,9 +324,9 @@ class ControllerNode(ManagedNode):
 
     def _switch(self, mode, *_):
         if self.phase != ACTIVE:
-            raise InputError(f"the controller is {self.phase}: activate it first.")
+            raise InputError(f"the controller is {self.phase}. Activate it first.")
         self._loop.switch(mode)
-        self.get_logger().debug(f"mode {mode} asked for")
+        self.get_logger().debug(f"mode {mode} requested")
         return f"mode {mode}"
 
     # --- Diagnostics
@@ -337,8 +335,8 @@ class ControllerNode(ManagedNode):
         record, recent = self._record, self._record.take_recent()
         missing = {}
         if self.phase == ACTIVE:
-            missing["joints that have not arrived"] = counted(self._states.missing)
-            missing["senders of joint states"] = self.count_publishers(self.resolve_topic_name("joint_states"))
+            missing["missing joints"] = counted(self._states.missing)
+            missing["publishers of joint_states"] = self.count_publishers(self.resolve_topic_name("joint_states"))
         time_values, time_problems = clock_notes(self)
         problems, values = self._listeners()
         return [
@@ -360,8 +358,8 @@ class ControllerNode(ManagedNode):
             return Status("control", ERROR, reason, values)
         waiting = self.phase == INACTIVE and not self._loop
         if self._loader.loading is not None:
-            return Status("control", WARN, f"{self.phase}: loading a robot_description", values)
-        return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}: no commands", values)
+            return Status("control", WARN, f"{self.phase}; loading a robot_description", values)
+        return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}; no commands", values)
 
     def _listeners(self):
         """Return problems of receivers and limits of commands, and diagnostic values of receivers."""
@@ -370,10 +368,10 @@ class ControllerNode(ManagedNode):
         topic, problems = self._commands.topic_name, []
         receivers, others = self._commands.get_subscription_count(), self.count_publishers(topic) - 1
         if not receivers:
-            problems.append(f"nobody listens to {topic}")
+            problems.append(f"{topic} has no subscriber")
         elif self.values["check_time"] and "not compared" in self._order_known:
             problems.append(f"the order of joints is {self._order_known}")
         if others > 0:
-            problems.append(f"others send to {topic} as well: {others}")
+            problems.append(f"other publishers on {topic}: {others}")
         problems += [*problems_of_limits(self._loop.efforts), *self._record.problems_of_contact()]
-        return problems, {"receivers": receivers, "other senders": others}
+        return problems, {"subscribers": receivers, "other publishers": others}

@@ -43,7 +43,7 @@ class ManagedNode(TableNode, LifecycleNode):
             answered, fault = attempt(answer, request, response)
             if fault is None:
                 return answered
-            self.get_logger().error(f"Transition refused in state {self.phase}: {fault.reason}")
+            self.get_logger().error(f"Transition rejected in state {self.phase}: {fault.reason}")
             response.success = False
             return response
 
@@ -61,11 +61,11 @@ class ManagedNode(TableNode, LifecycleNode):
 
     def on_configure(self, state):
         """Configure the node; it stays unconfigured if that raises."""
-        return self._transition(self.configure, self.clean_up, INACTIVE, "not configured")
+        return self._transition(self.configure, self.clean_up, INACTIVE, "configuration failed")
 
     def on_activate(self, state):
         """Activate the node; it stays inactive if that raises."""
-        return self._transition(self.activate, self.deactivate, ACTIVE, "not activated")
+        return self._transition(self.activate, self.deactivate, ACTIVE, "activation failed")
 
     def on_deactivate(self, state):
         """Deactivate the node."""

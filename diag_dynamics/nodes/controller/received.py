@@ -31,7 +31,7 @@ def set_point(message, names):
     if len(message.position) != len(names):
         raise InputError(f"set_point.position has {len(message.position)} entries, expected {len(names)}.")
     if any(message.velocity) or any(message.effort):
-        raise InputError("set_point has velocities or efforts, expected positions alone: the robot rests there.")
+        raise InputError("set_point has velocities or efforts, expected positions only.")
     position = np.array(message.position, dtype=float)[order]
     for name, value in zip(names, position, strict=True):
         if not np.isfinite(value):
@@ -45,16 +45,16 @@ def trajectory(message, names):
     points, stamp = message.points, message.header.stamp
     if not points:
         raise InputError(
-            "trajectory.points is empty; expected a point. To rest where the robot is, choose the mode anew."
+            "trajectory.points is empty, expected at least one point. To stop the robot, request the mode again."
         )
     if len(points) > MAX_POINTS:
         raise InputError(f"trajectory.points has {len(points)} entries, expected at most {MAX_POINTS}.")
     if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
-        raise InputError("trajectory.header.stamp is no time.")
+        raise InputError(f"trajectory.header.stamp is {stamp.sec} s {stamp.nanosec} ns, expected a time.")
     times = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points])
     for k, point in enumerate(points):
         if len(point.effort):
-            raise InputError(f"trajectory.points[{k}].effort is given, expected none: the law computes the efforts.")
+            raise InputError(f"trajectory.points[{k}].effort is set, expected none because the law computes efforts.")
     positions, given = _field(points, "positions", order)
     if not given.all():
         raise InputError(
@@ -70,9 +70,9 @@ def _order(what, listed, names):
     """Return where each of the robot's joints is listed."""
     for k, name in enumerate(listed):
         if name not in names:
-            raise InputError(f"{what} has '{name}', which is no joint to control: {', '.join(names)}.")
+            raise InputError(f"{what} has '{name}', expected joints of {', '.join(names)}.")
         if name in listed[:k]:
-            raise InputError(f"{what} has '{name}' twice.")
+            raise InputError(f"{what} has '{name}' twice, expected each joint once.")
     for name in names:
         if name not in listed:
             raise InputError(f"{what} lacks joint '{name}'.")

@@ -55,7 +55,7 @@ class Record:
         self._smallest_scale = min(self._smallest_scale, loop.efforts.scale)
         bound = loop.efforts.contact_limiter
         if sent.command is not None and bound and bound.seen and bound.seen.energy > bound.seen.limit * ROUNDING:
-            self.counts["contact energy above its bound"] += 1
+            self.counts["contact energy above its limit"] += 1
             self._above = max(self._above, (bound.seen.energy - bound.seen.limit, bound.seen.link))
 
     def take_recent(self):
@@ -70,9 +70,9 @@ class Record:
         if supervisor.phase == IN_FORCE:
             if recent["holds"]:
                 values["last hold"] = self._last_hold
-                return Status("control", WARN, f"{mode}; gravity was held: {steady(self._last_hold)}", values)
+                return Status("control", WARN, f"{mode}; held gravity: {steady(self._last_hold)}", values)
             if loop.taking_up:
-                return Status("control", WARN, f"{mode}; the robot is taken up: damped until efforts carry it", values)
+                return Status("control", WARN, f"{mode}; taking up the load, damped", values)
             return Status("control", OK, mode, values)
         values["reason"] = supervisor.reason
         reason = steady(supervisor.reason)
@@ -87,13 +87,13 @@ class Record:
         above, link = self._above
         self._above = 0.0, ""
         if above > 0.0:
-            yield f"contact energy above its bound at '{link}': pushed, lowered, or held back by effort limits"
+            yield f"contact energy above its limit at '{link}' (external push, or effort limits)"
 
     def command_status(self, recent, problems, values):
         """Return the status of commands; `problems` are those of receivers and limits."""
         values = {key: self.counts[key] for key in _OF_COMMANDS} | {
             "largest gap [s]": f"{self._largest_gap:.6f}",
-            "smallest scale for effort limits": f"{self._smallest_scale:.3f}",
+            "smallest scale by effort limits": f"{self._smallest_scale:.3f}",
             **values,
         }
         if recent["stalls"]:
@@ -105,20 +105,20 @@ class Record:
     def input_status(self, recent, values, problems):
         """Return the status of states, targets and time; `problems` are those of time."""
         values = {key: n for key, n in sorted(self.counts.items()) if key not in _OF_COMMANDS} | values
-        refused = sum(n for key, n in recent.items() if "rejected" in key or "refused" in key or "given up" in key)
+        refused = sum(n for key, n in recent.items() if "rejected" in key or "aborted" in key)
         if self._last_refusal:
-            values["last refusal"] = self._last_refusal
+            values["last rejection"] = self._last_refusal
         if refused:
-            problems = [f"refused: {steady(self._last_refusal)}", *problems]
-        return Status("inputs", WARN if problems else OK, "; ".join(problems) or "nothing refused", values)
+            problems = [f"rejected: {steady(self._last_refusal)}", *problems]
+        return Status("inputs", WARN if problems else OK, "; ".join(problems) or "nothing rejected", values)
 
 
 def problems_of_limits(efforts):
     """Yield problems of effort limits that are too low."""
     if heavy := efforts.heavy:
-        yield f"gravity takes more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
+        yield f"gravity requires more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
     if slow := efforts.slow:
-        yield f"effort_rate is too low to carry {shortened(', '.join(slow))} before the robot sinks"
+        yield f"effort_rate is too low to hold {shortened(', '.join(slow))} before the robot sinks"
 
 
 def values_of_loop(loop):
@@ -129,12 +129,12 @@ def values_of_loop(loop):
         "mode": loop.mode,
         "joints without effort limit": counted(loop.efforts.unlimited),
         "kinetic energy [J]": f"{loop.energy:.6g}",
-        "contacts bounded at": f"{bound.points.count} points, scale {bound.scale:g}" if bound else "nowhere",
+        "contact limits": f"{bound.points.count} points, scale {bound.scale:g}" if bound else "none",
     }
     if bound and bound.seen:
         values["contact energy [J]"] = f"{bound.seen.energy:.6g}"
-        values["its bound [J]"] = f"{bound.seen.limit:.6g}"
-        values["worst contact at"] = bound.seen.link or "nothing moves"
+        values["contact energy limit [J]"] = f"{bound.seen.limit:.6g}"
+        values["worst contact point at"] = bound.seen.link or "nothing moves"
     return values
 
 

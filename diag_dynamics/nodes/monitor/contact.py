@@ -32,12 +32,12 @@ class ContactWatch:
             self.forget()
 
     def forget(self):
-        """Begin anew at the next state, as after a jump of time."""
+        """Restart at the next state, for example after a jump of time."""
         self._last = self._contact = None
         self._levels = np.zeros(len(self.points), dtype=int)
 
     def start_interval(self):
-        """Begin another interval of reports."""
+        """Start a report interval."""
         self._count, self._level, self._alarm = 0, 0, ""
 
     def compute(self, state):
@@ -59,20 +59,20 @@ class ContactWatch:
         level = int(self._levels.max())
         if level > self._level:
             k = int(np.argmax(np.where(self._levels == level, usage, -1.0)))
-            verb = "exceeds" if usage[k] > 1.0 else "comes near to"
-            limit = f"the speed that keeps the limits of '{contact.region(k)}'"
+            verb = "exceeds" if usage[k] > 1.0 else "is close to"
+            limit = f"the allowed speed of region '{contact.region(k)}'"
             self._level, self._alarm = level, f"'{contact.names[k]}' {verb} {limit}"
         return level > self._reported
 
     def report(self):
         """Return the status of this interval; STALE without states."""
         if not self._count:
-            return Status("contact", STALE, "no state since the last report")
+            return Status("contact", STALE, "no states since the last report")
         values = {"limits exceeded": self._exceeded}
         if self._contact is not None and (k := self._contact.worst) >= 0:
             c = self._contact
             values |= {
-                "least margin at": c.names[k],
+                "smallest margin at": c.names[k],
                 "speed [m/s]": f"{c.speed[k]:.4g}",
                 "allowed speed [m/s]": f"{c.allowed_speed[k]:.4g}",
                 "reflected mass [kg]": f"{c.reflected_mass[k]:.4g}",
@@ -81,7 +81,7 @@ class ContactWatch:
             }
         message = self._alarm or "within limits"
         if links := sorted(set(self._without_shape) & set(self.points.links)):
-            values["shapes left out"] = counted(links)
-            message += f"; {len(links)} links without shape are judged by their frames"
+            values["links without shape"] = counted(links)
+            message += f"; links without shape, checked at their frames: {len(links)}"
         self._reported = self._level
         return Status("contact", LEVELS[self._reported], message, values)

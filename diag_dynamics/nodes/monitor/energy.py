@@ -14,7 +14,7 @@ from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, exp
 
 MAX_INTERVAL = 0.5  # between two states that the power balance integrates over [s]
 MINUTE = 60_000_000_000  # [ns]
-NOTHING = 0.0, 0.0, 0.0  # length of a window [s], change of K [J], and what no power explains of it [J]
+NOTHING = 0.0, 0.0, 0.0  # length of a window [s], change of K [J], and its unexplained part [J]
 MAX_ROUNDING = 1e-9  # relative error of exact laws
 
 
@@ -37,11 +37,11 @@ class EnergyWatch:
         self.forget()
 
     def forget(self):
-        """Begin the balance anew at the next state, as after a jump of time."""
+        """Restart the balance at the next state, for example after a jump of time."""
         self._last, self._window = None, NOTHING
 
     def start_interval(self):
-        """Begin another interval of reports."""
+        """Start a report interval."""
         self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
         self._time = self._residual = 0.0
 
@@ -95,7 +95,7 @@ class EnergyWatch:
     def report(self):
         """Return the status of this interval; STALE without states."""
         if not self._count:
-            return Status("energy", STALE, "no state since the last report")
+            return Status("energy", STALE, "no states since the last report")
         values = {"largest kinetic energy [J]": f"{self._largest:.6g}"}
         values["kinetic energy [J]"] = f"{self._energy:.6g}"
         if self._power is not None:
@@ -103,7 +103,7 @@ class EnergyWatch:
         if self._time:
             values["power-balance residual [W]"] = f"{self._residual / self._time:.6g}"
         if (share := self._explained()) is not None:
-            values["explained share of dK/dt (last minute)"] = f"{share:.4g}"
+            values["variance explained of dK/dt (last minute)"] = f"{share:.4g}"
         self._reported, message = self._level, self._alarm or "within thresholds"
         return Status("energy", self._reported, message, values)
 
@@ -122,7 +122,7 @@ def numerical_health(dynamics, state):
     if dynamics.model.nv:
         k = int(np.argmin(s.articulated_inertia))
         values["smallest D [kg m^2, kg]"] = f"{s.articulated_inertia[k]:.6g}"
-        values["its joint"] = dynamics.model.dof_names[k]
+        values["joint of the smallest D"] = dynamics.model.dof_names[k]
     if not (work <= MAX_ROUNDING and error <= MAX_ROUNDING):
         return Status("numerical health", WARN, f"errors > {MAX_ROUNDING:g}", values)
-    return Status("numerical health", OK, "exact within rounding", values)
+    return Status("numerical health", OK, "errors within rounding", values)

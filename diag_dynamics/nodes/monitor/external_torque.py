@@ -27,7 +27,7 @@ class TorqueWatch:
         self.use(dynamics, observation)
 
     def use(self, dynamics, observation):
-        """Observe anew, by another model or other parameters."""
+        """Restart with another model or other parameters."""
         self.dynamics, self.observation = dynamics, observation
         gain, threshold, release, friction, max_gap, alarms = observation
         if alarms is None:
@@ -38,7 +38,7 @@ class TorqueWatch:
         self.forget()
 
     def forget(self):
-        """Begin anew at the next state, as after a jump of time."""
+        """Restart at the next state, for example after a jump of time."""
         self._observer.reset()
         self._detector.reset()
         self._alarms = Alarms(self._detector)
@@ -51,7 +51,7 @@ class TorqueWatch:
         return CollisionThresholds(self._detector.limits, self._joints) if self.observation.alarms else None
 
     def start_interval(self):
-        """Begin another interval of reports."""
+        """Start a report interval."""
         self._count, self._valid, self._largest, self.cause = 0, 0, 0.0, ""
 
     def accept_state(self, state):
@@ -80,7 +80,7 @@ class TorqueWatch:
     def report(self, without_effort):
         """Return the status of this interval, given the names of joints without effort."""
         if not self._count:
-            return Status("external torque", STALE, "no state since")
+            return Status("external torque", STALE, "no states since the last report")
         values = {"collisions": self._collisions}
         values["states without result"] = self._count - self._valid
         if self._valid:
@@ -90,9 +90,9 @@ class TorqueWatch:
         level, message = WARN, f"collision: {self.cause}"
         if not self.cause and self._valid:
             is_judged = np.isfinite(self._detector.limits).any()
-            level, message = OK, "no collision" if is_judged else "observed, without a threshold"
+            level, message = OK, "no collision" if is_judged else "observer runs without thresholds"
         elif not self.cause:
-            lacking = without_effort and f"no effort of {counted(without_effort)}"
+            lacking = without_effort and f"joints without effort: {counted(without_effort)}"
             message = lacking or steady(self.seen.reason)
         self._is_reported = bool(self.cause)
         return Status("external torque", level, message, values)

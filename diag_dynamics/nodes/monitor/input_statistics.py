@@ -11,18 +11,18 @@ OVERLOAD = "skipped: overload"
 PUBLISHED = ("published", "published from odometry")  # the second is no outcome of a joint state
 
 WARNINGS = {  # by counter; a text of the event follows
-    "mimic disagreement": "mimic joint is apart from its source joint: ",
+    "mimic disagreement": "mimic joint deviates from its source joint: ",
     "absurd effort": "implausible efforts ignored",
     OVERLOAD: "messages dropped: CPU overload",
     f"odometry {OVERLOAD}": "odometry dropped: CPU overload",
-    "positions jumped": "positions jumped, and stayed: ",
-    "interleaved sources": "interleaved sources: ",
-    "time jumped back": "time jumped back: all joints were reset",
-    "clock jumped back": "clock jumped back: all joints were reset",
+    "positions jumped": "positions jumped: ",
+    "interleaved sources": "several sources: ",
+    "time jumped back": "stamps restarted; all joints reset",
+    "clock jumped back": "clock jumped back; all joints reset",
     "before odometry": "no odometry yet",
 }
 
-STAMPS = {True: "of this node's clock", False: "of another time", None: "unknown"}
+STAMPS = {True: "of this node's clock", False: "of another clock", None: "unknown"}
 
 
 class InputStatistics:
@@ -66,12 +66,12 @@ class InputStatistics:
             values["age of the last state [s]"] = f"{1e-9 * (now - self._last_stamp):.6f}"
         if latencies := self._latencies:
             values["latency of input, mean [s]"] = f"{sum(latencies) / len(latencies):.6f}"
-            values["latency of input, largest [s]"] = f"{max(latencies):.6f}"
+            values["latency of input, maximum [s]"] = f"{max(latencies):.6f}"
         self._start_interval()
         problems = self._problems(robot, recent) + problems
         for source, offset in unsynchronized(robot):
-            values[f"clock less stamps of {source} [s]"] = f"{offset:.3f}"
-            problems.append(f"stamps of {source} are of another clock: their age is unknown")
+            values[f"clock minus stamps of {source} [s]"] = f"{offset:.3f}"
+            problems.append(f"stamps of {source} are of another clock, so their age is unknown")
         if robot:
             values |= _joint_values(robot.assembler, now)
         values |= dict(sorted(counts.items()))
@@ -90,7 +90,7 @@ class InputStatistics:
         if robot and recent["received"]:
             missing, stuck = robot.assembler.missing, robot.assembler.frozen_text
             problems += [stuck] if stuck else []
-            problems += [f"no data yet of joints: {', '.join(missing)}"] if missing else []
+            problems += [f"joints without data: {', '.join(missing)}"] if missing else []
         return problems
 
 
@@ -101,7 +101,7 @@ def _summary(robot, recent):
         return WARN, "no velocity estimate yet"
     if robot and recent["foreign"] and robot.assembler.last_foreign:
         name = shortened(robot.assembler.last_foreign[0])
-        return STALE, f"no joint states of this robot: messages are of other joints, as '{name}'"
+        return STALE, f"no joint states of this robot; messages contain other joints, for example '{name}'"
     return STALE, "no joint states"
 
 
@@ -120,7 +120,7 @@ def _joint_values(assembler, now):
         "stale joints": counted(assembler.stale(now)),
         "joints without effort": counted(assembler.without_effort),
         "joints with estimated velocity": counted(assembler.estimated),
-        "effort undeclared (taken as N m, with gravity)": counted(assembler.efforts.undeclared),
+        "effort undeclared (assumed: N m, with gravity)": counted(assembler.efforts.undeclared),
     }
     return values | {f"last {one}": text for one, text in assembler.last_texts.items() if text}
 

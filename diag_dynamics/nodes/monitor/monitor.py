@@ -113,11 +113,11 @@ class MonitorNode(TableNode, Node):
             return
         reason = Fault(made).reason
         if self.values["robot_description"] and not self._robot:
-            self.finished.set_exception(InputError(f"parameter 'robot_description' refused: {reason}"))
+            self.finished.set_exception(InputError(f"parameter 'robot_description' rejected: {reason}"))
             return
         self._refused = Refused(description, reason)
-        kept = f"; keeping robot '{plain(self._robot.model.name)}'" if self._robot else ""
-        self.get_logger().error(f"robot_description refused{kept}: {reason}", throttle_duration_sec=0.5)
+        kept = f"; robot '{plain(self._robot.model.name)}' stays" if self._robot else ""
+        self.get_logger().error(f"robot_description rejected{kept}: {reason}", throttle_duration_sec=0.5)
 
     def _put_in_force(self, robot):
         if self._robot:
@@ -129,12 +129,12 @@ class MonitorNode(TableNode, Node):
             log.warning(f"The payload on '{link}' is not applied: robot '{name}' has no such link.")
         if robot.without_rotors:
             log.info(
-                f"No rotor inertia of {plain(', '.join(robot.without_rotors[:MAX_NAMES]))}: kinetic energy and alarms of "
-                "such joints are wrong. Set armature, or parameters_file by diag-dynamics identify (docs/identification.md)."
+                f"Joints without rotor inertia: {plain(', '.join(robot.without_rotors[:MAX_NAMES]))}. Their energies and "
+                "alarms are wrong. Set armature, or parameters_file (docs/identification.md)."
             )
         log.info(
             f"Ready: robot '{name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
-            f"listening to {self.resolve_topic_name('joint_states')}."
+            f"subscribed to {self.resolve_topic_name('joint_states')}."
         )
 
     def _in_force(self):
@@ -198,7 +198,7 @@ class MonitorNode(TableNode, Node):
         try:
             message = deserialize_message(message, Odometry)
         except Exception as error:
-            text = f"odom: {len(message)} bytes that are no nav_msgs/msg/Odometry ({error})"
+            text = f"odom: {len(message)} bytes, expected a nav_msgs/msg/Odometry ({error})"
             raise RejectedError("malformed", text) from error
         found = robot.assembler.accept_odometry(message, self.time.now())
         if isinstance(found, Rejected):
@@ -271,7 +271,7 @@ class MonitorNode(TableNode, Node):
         in_force = self.values["robot_description"]
         if bool(changed.get("robot_description", in_force)) != bool(in_force):
             raise InputError(
-                "parameter 'robot_description' cannot replace the topic, and cannot become empty: restart the node."
+                "parameter 'robot_description' cannot replace the topic or become empty in a running node. Restart it."
             )
         settings = Settings.of(self.values | changed)
         if self._robot:
@@ -330,7 +330,7 @@ class MonitorNode(TableNode, Node):
         values, wrong = clock_notes(self)
         if self._robot and (load := self._robot.load_without_effort()):
             problems.append(
-                f"all efforts are 0, but gravity needs {load:.3g} N m or N: brakes hold the robot, or efforts are not "
-                "measured (effort_available)"
+                f"all efforts are 0, but gravity requires {load:.3g} N m or N: the brakes hold the robot, or the driver "
+                "does not measure efforts (effort_available)"
             )
         return notes | values, problems + wrong

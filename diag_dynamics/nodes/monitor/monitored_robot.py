@@ -251,7 +251,7 @@ def matrix(topic, maker, dynamics, state, with_inverse=False):
     if topic == "mass_matrix_factors":
         return maker.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
     if topic != "joint_space_dynamics":
-        raise AssertionError(f"nobody makes {topic}")
+        raise AssertionError(f"unknown topic {topic}")
     return maker.joint_space_dynamics(dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q), state)
 
 
@@ -302,14 +302,14 @@ def model_status(robot, revision, refused, loading):
             "mimic joints": counted(model.mimics),
             "locked joints": counted(model.locked_joints),
             "payloads": counted(model.payloads),
-            "messages by rclpy": counted(sorted(robot.encoder.unlike)),
+            "topics serialized by rclpy": counted(sorted(robot.encoder.unlike)),
             "joints without rotor inertia": counted(robot.without_rotors),
         }
     if refused:
-        return Status("model", ERROR, f"robot_description refused: {refused.reason}", values)
+        return Status("model", ERROR, f"robot_description rejected: {refused.reason}", values)
     if robot is None:
         return Status("model", WARN, f"{'waiting for' if loading is None else 'loading'} the robot_description", values)
     if unapplied := robot.unapplied():
-        return Status("model", WARN, f"payloads on links that are not there: {', '.join(unapplied)}", values)
+        return Status("model", WARN, f"payloads on unknown links: {', '.join(unapplied)}", values)
     another = "; loading another robot_description" if loading is not None else ""
     return Status("model", OK, f"robot '{robot.model.name}'{another}", values)

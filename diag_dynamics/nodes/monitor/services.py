@@ -31,7 +31,7 @@ class DynamicsServices:
 
     def _robot(self):
         if (current := self._current()) is None:
-            raise InputError("There is no robot yet: waiting for a valid robot_description.")
+            raise InputError("There is no robot yet. The node waits for a valid robot_description.")
         return current
 
     def _read(self, request):

@@ -47,7 +47,7 @@ def simulation_status(plant, paused, failure):
         "kinetic energy [J]": f"{simulation.kinetic_energy:.6g}",
         "energy residual [J]": f"{simulation.audit.residual:.3g}",
         **{f"energy audit: {name} [J]": f"{value:.6g}" for name, value in simulation.audit._asdict().items()},
-        "efforts cut to their limits": counted(simulation.saturated),
+        "joints at their effort limit": counted(simulation.saturated),
         "joints at a position limit": counted(simulation.at_limit),
         "joints beyond their velocity limit": counted(simulation.overspeed),
         "payloads": counted(simulation.model.payloads),
@@ -67,18 +67,18 @@ def pace_status(pace, lockstep, waits, time_values, problems):
     report = pace.report()
     values = {
         "ticks": report.ticks,
-        "late, mean [s]": f"{report.mean:.6f}",
-        "late, largest [s]": f"{report.largest:.6f}",
+        "lateness, mean [s]": f"{report.mean:.6f}",
+        "lateness, maximum [s]": f"{report.largest:.6f}",
         "overruns": pace.overruns,
-        "real-time lag dropped [s]": f"{pace.dropped:.3f}",
+        "dropped lag [s]": f"{pace.dropped:.3f}",
         "real-time factor": "lockstep" if lockstep else f"{pace.factor:g}",
         **time_values,
     }
     if waits:
-        problems = [*problems, "in lockstep: waiting for a command"]
+        problems = [*problems, "lockstep: waiting for a command"]
     elif report.dropped > 0.0 or report.overruns > MAX_OVERRUNS * report.ticks:
-        problems = [*problems, "too slow for the rate: ticks were skipped"]
-    return Status("pace", WARN if problems else OK, "; ".join(problems) or "kept", values)
+        problems = [*problems, "too slow for real time; ticks skipped"]
+    return Status("pace", WARN if problems else OK, "; ".join(problems) or "in real time", values)
 
 
 class CommandsReport:
@@ -103,6 +103,6 @@ class CommandsReport:
                 values[f"last rejected {what}"] = part.last_rejection
             if any(key in part.counts and "rejected" in key for key in recent):
                 rejected.append(steady(part.last_rejection))
-        problems = [f"refused: {'; '.join(rejected)}"] if rejected else []
+        problems = [f"rejected: {'; '.join(rejected)}"] if rejected else []
         problems += [f"no command for {drives.timeout:g} s"] if drives.phase == TIMED_OUT else []
         return Status("commands", WARN if problems else OK, "; ".join(problems) or drives.phase, values)

@@ -69,7 +69,7 @@ class SimulatorNode(TableNode, Node):
         self._commands_report = CommandsReport()
         if self._keeps_time and self.get_clock().ros_time_is_active:
             self.set_parameters([Parameter("use_sim_time", value=False)])  # a launch sets it for all of its nodes
-            self.get_logger().info("This node publishes simulated time: its use_sim_time is false from now on.")
+            self.get_logger().info("This node publishes simulated time, so it sets its use_sim_time to false.")
         judge(self, PARAMETERS, self._take_parameters)
         self.add_on_set_parameters_callback(self._refuse_sim_time)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._plant and self._plant.simulation.model)
@@ -83,7 +83,9 @@ class SimulatorNode(TableNode, Node):
         text = text_of(description)
         model = load_robot(self, text, values)
         if off := values["inertia_error"]:
-            self.get_logger().info(f"Inertias differ from the description by up to {off:.0%} (inertia_error).")
+            self.get_logger().info(
+                f"Simulated inertias differ from the description by up to {off:.0%} (inertia_error)."
+            )
             model = model.perturbed(off, values["inertia_error_seed"])
         plant = Plant(model, values)
         plant.simulation.dynamics.compile("evaluate", "gravity_torque", "nu_from_qd")
@@ -282,13 +284,13 @@ class SimulatorNode(TableNode, Node):
         if not self._paused:
             self._go_on()
             self._answer()  # which may have arrived meanwhile
-        return "paused" if self._paused else "going on"
+        return "paused" if self._paused else "running"
 
     def _step(self, request, response):
         response.stamp = to_time(self._stamp)
         self._require_running()
         if not self._paused:
-            raise InputError("the simulation is not paused: call pause first.")
+            raise InputError("the simulation is not paused. Call pause first.")
         if not 1 <= request.steps <= MAX_STEPS:
             raise InputError(f"steps is {request.steps}, expected 1 to {MAX_STEPS}.")
         self._restart_stamps()

@@ -120,7 +120,7 @@ def judge(node, specs, take):
             if reason := wrong(name, value, specs):
                 raise InputError(f"{reason}.")
             if specs[name].while_unconfigured and not node.is_unconfigured and value != node.values[name]:
-                raise InputError(f"parameter '{name}' is read-only while the node is configured: clean it up first.")
+                raise InputError(f"parameter '{name}' is read-only while the node is configured. Call cleanup first.")
         take(changed)
 
     def callback(parameters):
@@ -128,7 +128,7 @@ def judge(node, specs, take):
         if fault is None:
             return SetParametersResult(successful=True)
         if fault.is_internal:
-            node.get_logger().error(f"Parameters refused: {fault.reason}")
+            node.get_logger().error(f"Parameters rejected: {fault.reason}")
         return SetParametersResult(successful=False, reason=fault.reason)
 
     _warn_unknown(node)

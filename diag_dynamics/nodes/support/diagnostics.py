@@ -71,7 +71,7 @@ class Diagnostics:
 
     def _tick(self):
         # The entry stays after the first compilation: an aggregator takes one that disappears for stale.
-        idle = [Status("compiling", OK, "nothing is compiled", {"last": self._compiled})] if self._compiled else []
+        idle = [Status("compiling", OK, "idle", {"last": self._compiled})] if self._compiled else []
         self.publish([*self._report(), *idle])
 
     def _report_compiling(self, text):

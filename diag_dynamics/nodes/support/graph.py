@@ -10,7 +10,7 @@ from diag_dynamics.nodes.support.diagnostics import counted
 CLOCK = "/clock"
 """The topic of simulated time."""
 
-NOT_YET_KNOWN = "a node not known yet"
+NOT_YET_KNOWN = "unknown node"
 """Name of a node whose publisher was discovered before the node itself."""
 
 
@@ -25,7 +25,7 @@ def publishers(node, subscription, kind):
             continue
         compatible, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
         if compatible == QoSCompatibility.ERROR:
-            problems.append(f"QoS of {name} on {topic} is not compatible with this node's subscription: {reason}")
+            problems.append(f"QoS of {name} on {topic} is incompatible with this node's subscription: {reason}")
     return names, problems
 
 
@@ -53,9 +53,9 @@ def clock_notes(node, publishes=False):
     topic = node.resolve_topic_name(CLOCK)
     names, problems = sorted(_node_names(node.get_publishers_info_by_topic(topic))), []
     if len(names) > 1:
-        problems.append(f"several publish {topic}, and time jumps between them: {counted(names)}")
+        problems.append(f"several nodes publish {topic}, so time jumps: {counted(names)}")
     if not publishes and not node.get_clock().now().nanoseconds:
-        problems.append(f"use_sim_time, but nothing on {topic} yet")
+        problems.append(f"use_sim_time is set, but {topic} has no messages")
     return {f"publishers of {topic}": counted(names)}, problems
 
 

@@ -56,12 +56,12 @@ def load_robot(node, description, values):
     A description is a URDF, or the path of a URDF or xacro file with arguments of xacro behind it.
     """
     _refuse_mjcf(description)
-    node.get_logger().info("Loading a robot.")
+    node.get_logger().info("Loading the robot.")
     warnings = []
     with handle_warnings(warnings.append):
         model = model_of(description, values)
     for text in warnings[:MAX_WARNINGS]:
         node.get_logger().warning(plain(text))
     if len(warnings) > MAX_WARNINGS:
-        node.get_logger().warning(f"{len(warnings) - MAX_WARNINGS} more such warnings.")
+        node.get_logger().warning(f"{len(warnings) - MAX_WARNINGS} more warnings about this robot.")
     return model

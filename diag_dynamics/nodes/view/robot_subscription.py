@@ -220,7 +220,7 @@ class RobotSubscription:
 
     def _take_robot(self, loaded, *_):
         if isinstance(loaded, Exception):
-            self._rejection = shortened(f"the robot of {self.monitor} cannot be shown: {loaded}")
+            self._rejection = shortened(f"the page cannot show the robot of {self.monitor}: {loaded}")
             self.stream.set_waiting(self._rejection)
             self._node.get_logger().error(self._rejection)
             self._loaded, self._is_outdated = None, True  # try again
@@ -243,7 +243,7 @@ class RobotSubscription:
         """Return the newest state as :class:`~diag_dynamics.page.stream.Received`; called in the page's thread."""
         received, fault = attempt(self._read_state, dynamics)
         if fault:
-            self._unreadable = f"states of {self.monitor} cannot be read: {fault.reason}"
+            self._unreadable = f"the page cannot read states of {self.monitor}: {fault.reason}"
             self._node.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
         elif received:
             self._unreadable = ""
@@ -261,7 +261,7 @@ class RobotSubscription:
         names, positions = tuple(reader.message.dof_names), tuple(reader.message.position_names)
         if names != model.dof_names or (positions or names) != model.coordinate_names:
             self._is_outdated = True
-            raise InputError(f"they are of another robot than '{model.name}'")
+            raise InputError(f"joint names differ from those of robot '{model.name}'")
         for name in VECTORS:
             expected = model.nq if name == "position" else model.nv
             if name in fields and len(fields[name]) != expected:

@@ -86,7 +86,7 @@ class ViewNode(TableNode, Node):
 
     def _add_robot(self, monitor):
         if len(self._robots) >= MAX_ROBOTS:
-            self.get_logger().warning(f"More than {MAX_ROBOTS} robots: {monitor} is not shown.", once=True)
+            self.get_logger().warning(f"The page shows at most {MAX_ROBOTS} robots and omits {monitor}.", once=True)
             return
         self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
 
@@ -107,4 +107,4 @@ class ViewNode(TableNode, Node):
         }
         if faults:
             return [Status("page", WARN, "; ".join(faults), shown)]
-        return [Status("page", OK, f"served at {self.address}" if self._robots else "no monitor is found", shown)]
+        return [Status("page", OK, f"served at {self.address}" if self._robots else "no monitor found", shown)]
