@@ -193,7 +193,7 @@ DESCRIPTIONS = [
     (robots.robot("romeo_description/urdf/romeo_laas_small.urdf").urdf, "l_gripper_joint"),  # singular
     (CIRCLE, f"'{FINGER}' mimics itself"),
     ("", "empty"),
-    (str(robot(UR5).path), "refused"),  # a topic opens no files
+    (str(robot(UR5).path), "rejected"),  # a topic opens no files
 ]
 
 
