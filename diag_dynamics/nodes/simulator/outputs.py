@@ -77,8 +77,8 @@ def pace_status(pace, lockstep, waits, time_values, problems):
     if waits:
         problems = [*problems, "lockstep: waiting for a command"]
     elif report.dropped > 0.0 or report.overruns > MAX_OVERRUNS * report.ticks:
-        problems = [*problems, "too slow for real time; ticks skipped"]
-    return Status("pace", WARN if problems else OK, "; ".join(problems) or "in real time", values)
+        problems = [*problems, "too slow: ticks skipped"]
+    return Status("pace", WARN if problems else OK, "; ".join(problems) or "on schedule", values)
 
 
 class CommandsReport:
