@@ -548,7 +548,7 @@ def test_it_does_not_start_on_a_guess(peer):
             assert peer.get_parameters(name, given) == given
             assert not peer.transition(name, "configure")
             controller.wait_until_told(
-                "control", "parameter 'robot_compensates_gravity' is not set, and has no default", b"\2"
+                "control", "parameter 'robot_compensates_gravity' is not set and has no default", b"\2"
             )
             assert peer.set_parameter(name, "robot_compensates_gravity", False).successful
             assert peer.transition(name, "configure")

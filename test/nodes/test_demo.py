@@ -3,6 +3,7 @@
 
 """The demo before its nodes start: robots and options that it rejects."""
 
+import math
 import socket
 
 import pytest
@@ -35,6 +36,10 @@ def test_wrong_arguments(arguments, capsys):
     with pytest.raises(SystemExit) as ended:
         demo.main(["demo", *arguments.split()])
     assert ended.value.code == 2 and f"argument {arguments.split()[0]}" in capsys.readouterr().err
+
+
+def test_it_runs_until_a_signal():
+    assert demo.parse([]).duration == math.inf
 
 
 def test_a_port_that_is_taken():

@@ -109,7 +109,7 @@ def test_messages_that_the_middleware_lost(monitor):
 
 TYPE = ["/intruder publishes std_msgs/msg/String on", "expected sensor_msgs/msg/JointState"]
 USELESS = [  # monitor, type, topic, QoS, words of the warning
-    ("overridden", JointState, "/strict/joint_states", BEST_EFFORT, ["QoS of /intruder", "not compatible"]),
+    ("overridden", JointState, "/strict/joint_states", BEST_EFFORT, ["QoS of /intruder", "incompatible"]),
     ("running", String, "/default/joint_states", QoSProfile(depth=1), TYPE),
     ("running", String, "/default/robot_description", QoSProfile(depth=1), ["QoS of /intruder on"]),
 ]
