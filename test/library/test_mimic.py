@@ -507,6 +507,17 @@ def test_chain_beyond_all_numbers_is_refused(multiplier, length):
         dd.load_urdf(description("chain", *elements))
 
 
+def test_offsets_along_a_chain():
+    """The multiplier of a mimic joint scales the offset of the joint that it follows, too."""
+    body = {"mass": 1.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0, 0, 0.1, 0, 0.1)}
+    a, b, c = (joint(name, "revolute", "base", f"of {name}", axis=(0, 0, 1)) for name in "abc")
+    links = [link("base"), *(link(f"of {name}", **body) for name in "abc")]
+    b, c = mimicking(b, "a", 2.0, 0.3), mimicking(c, "b", -0.5, 0.1)
+    mimics = dd.load_urdf(description("chain", *links, c, b, a)).mimics
+    assert mimics["b"] == dd.Mimic("a", 2.0, 0.3)
+    assert mimics["c"] == dd.Mimic("a", -1.0, 0.1 - 0.5 * 0.3)
+
+
 def test_sources_that_the_robot_does_not_have():
     urdf = robots.robot_path(UNKNOWN_SOURCES)
     tags = mimic_tags(urdf.read_text(encoding="utf-8"))
