@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Assembler of a robot's states from joint states, each of which may bring only some of the joints: one message or many."""
+"""Assembler of robot states from joint states, each of which may have only some of the joints."""
 
 import struct
 import sys
@@ -23,20 +23,20 @@ from diag_dynamics.model.mimic import Followers
 
 
 class Accepted(NamedTuple):
-    """A message that is accepted, and the RobotState that it completes; None where it completes none."""
+    """An accepted message and the RobotState that it completes, or None."""
 
     state: RobotState | None
 
 
 class Rejected(NamedTuple):
-    """A message that is rejected, or completes a state that is."""
+    """A rejected message or state: cause and text."""
 
     cause: str
     text: str
 
 
 class Assembled(NamedTuple):
-    """What comes of a batch of messages, an element for each."""
+    """Results of a batch of messages, an element for each."""
 
     outcome: np.ndarray
     """Of memory.OUTCOME."""
@@ -145,7 +145,7 @@ class StateAssembler:
 
     @property
     def lost(self):
-        """Number of states that never came, by gaps in stamps."""
+        """Number of missing states, by gaps in stamps."""
         return int(self._shared["lost"])
 
     @property
@@ -160,12 +160,12 @@ class StateAssembler:
 
     @property
     def without_effort(self):
-        """Joints that have arrived, their efforts not."""
+        """Joints that have arrived without an effort."""
         return self._joints_where((self._own["known"] > 0) & ~np.isfinite(self._own["effort"]))
 
     @property
     def lacking_effort(self):
-        """Joints without a last effort, although others have one, and efforts of these are available."""
+        """Joints with available but missing efforts, while others have one."""
         unknown = np.isnan(self._own["effort"])
         return [] if unknown.all() else self._joints_where(unknown & np.isfinite(self._own["factor"]))
 
@@ -200,20 +200,20 @@ class StateAssembler:
     # --- Restarts ---
 
     def forget(self):
-        """Forget all joints and the base, as after a restart of time."""
+        """Reset all joints and the base, as after a restart of time stamps."""
         self._judge_one(self._one, memory.FORGET, 0)
         if self._base:
             self._base.forget()
 
     def forget_clock(self):
-        """Forget how stamps relate to this node's clock, and late stamps."""
+        """Reset the comparison of stamps with this node's clock, and late stamps."""
         _write(self._shared, in_step=-1, refused=0)
         self._own["late_count"] = 0
         if self._base:
             self._base.stamps.forget_clock()
 
     def pause(self):
-        """Count no states as lost up to the next message, because messages were dropped."""
+        """Count no lost states before the next message, because messages were dropped."""
         self._own["gap_last"] = -1
 
     # --- Messages ---
@@ -236,7 +236,7 @@ class StateAssembler:
             part = places.read(np.frombuffer(message, np.uint8)[None], np.zeros(1, int))
             fields = part.position[0], part.velocity[0], part.effort[0]
             return self.accept_values(part.names, int(part.sec[0]), int(part.nanosec[0]), fields, now)
-        layout.room[:] = message
+        layout.buffer[:] = message
         return self._accept(layout, *places.stamp.unpack_from(message, 4), now)
 
     def accept_values(self, names, sec, nanosec, fields, now):
@@ -246,13 +246,13 @@ class StateAssembler:
         return self._accept(layout, sec, nanosec, now)
 
     def _layout_of(self, places):
-        """Return the layout of serialized messages, in whose room they are; None if their numbers cannot be used there."""
+        """Return the layout of serialized messages with a buffer; None if their numbers are not aligned there."""
         begins = [first + 4 if count else 0 for first, count in zip(places.first, places.counts, strict=True)]
         if places.order != NATIVE or any(begin % 8 for begin in begins):
             return None
         numbers = np.zeros((1, (places.length + 11) // 8))  # the message begins at the fourth byte
         layout = self._make_layout(places.names, places.counts, [begin // 8 for begin in begins], numbers)
-        layout = layout._replace(room=memoryview(numbers.view(np.uint8)[0])[4 : 4 + places.length])
+        layout = layout._replace(buffer=memoryview(numbers.view(np.uint8)[0])[4 : 4 + places.length])
         self._layouts.keep(places, layout, places.length)
         return layout
 
@@ -274,7 +274,7 @@ class StateAssembler:
         return Accepted(self._with_base(state) if self._base else state)
 
     def accept_odometry(self, message, now):
-        """Judge a nav_msgs.msg.Odometry; it completes a state of a robot that is all base."""
+        """Judge a nav_msgs.msg.Odometry; it completes a state of a robot without joints."""
         try:
             self._base.update(message, now)
         except RejectedError as error:
@@ -381,7 +381,7 @@ class StateAssembler:
         return np.concatenate([np.zeros((0, 2), int), *pairs])
 
     def _count(self, outcome, layout, names):
-        """Count what came of messages."""
+        """Count outcomes and events of messages."""
         for code, name in codes.COUNTS.items():
             self.counts[name] += int((outcome["code"] == code).sum())
         foreign = np.flatnonzero(outcome["code"] == codes.FOREIGN)
@@ -429,7 +429,7 @@ class _Layout(NamedTuple):
     lengths: tuple
     entries: tuple  # of memory.Batch.create
     batch: memory.Batch  # of one such message
-    room: memoryview = memoryview(b"")  # the bytes of a serialized one, with its numbers at their places in the batch
+    buffer: memoryview = memoryview(b"")  # the bytes of a serialized one, with its numbers at their places in the batch
 
 
 class _Kept(dict):
@@ -438,7 +438,7 @@ class _Kept(dict):
     _bytes = 0
 
     def keep(self, key, entry, size):
-        """Store an entry that takes some bytes, unless it is too large; others may go for it."""
+        """Store an entry of `size` bytes unless it is too large; drop all others if there is no space."""
         if size > MAX_BYTES:
             return
         if len(self) >= MAX_LAYOUTS or self._bytes + size > MAX_BYTES:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages as the bytes that DDS carries, laid out once and written anew by their numbers alone.
+"""Serialized messages: encoded once, then changed by overwriting their numbers.
 
 Little-endian plain CDR (DDS-XTypes 1.3, 7.4.1, version 1): four bytes that say so, then every primitive aligned to its own
 size. Implementations of rmw use this encoding; callers compare every layout with rclpy's bytes by :meth:`Template.holds`.
@@ -59,18 +59,18 @@ class Template:
         self._texts = np.flatnonzero(is_text)
 
     def encoded(self):
-        """The message as it is now."""
+        """Return a copy of the bytes."""
         return self.data.tobytes()
 
     def holds(self, raw):
-        """Return whether these bytes are this message; padding, and bytes after the message, may be any."""
+        """Return whether bytes equal this message, apart from padding and trailing bytes."""
         if len(raw) < len(self.data):
             return False
         theirs = np.frombuffer(raw, dtype=np.uint8, count=len(self.data))
         return bool((theirs == self.data)[self._meaningful].all())
 
     def read(self, raw):
-        """Read the numbers of a message; return False if its texts or lengths are others."""
+        """Read the numbers of a message; return False if its texts or lengths differ."""
         if len(raw) < len(self.data):
             return False
         theirs = np.frombuffer(raw, dtype=np.uint8, count=len(self.data))
@@ -80,7 +80,7 @@ class Template:
         return True
 
     def place(self, path):
-        """Byte at which a number, or the first one of a sequence, begins; -1 if the sequence is empty."""
+        """Return the first byte of a number or sequence; -1 if the sequence is empty."""
         return self._places[path][1] if path in self._places else -1
 
     def _add(self, message, prefix):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages without a ROS: types made of their definitions, as ``.msg`` files have them, and read from plain CDR."""
+"""Messages without ROS: types from the text of ``.msg`` files, and their decoding from plain CDR."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -29,7 +29,7 @@ STANDARD = {
         "geometry_msgs/TwistWithCovariance twist"
     ),
 }
-"""Definitions of the types that are read, and that ours are made of."""
+"""Definitions of types that are read or used by the package's messages."""
 
 PRIMITIVES = {
     "bool": ("boolean", "?"),
@@ -45,14 +45,14 @@ PRIMITIVES = {
     "float32": ("float", "f4"),
     "float64": ("double", "f8"),
 }
-"""Name in IDL, and how NumPy has it, by the name in a definition."""
+"""Names in IDL and in NumPy by the name in a definition."""
 
 ALIGNMENT = dict.fromkeys(range(4), 8) | dict.fromkeys(range(6, 12), 4)
-"""What doubles are aligned to, by the second byte of the encapsulation: versions 1 and 2 of DDS-XTypes 1.3, 7.4.3."""
+"""Alignment of doubles by the second byte of the encapsulation (DDS-XTypes 1.3, 7.4.3, versions 1 and 2)."""
 
 
 class Field:
-    """Field of a message: its name, the name of its type, and how many there are (None: one; 0: any number)."""
+    """Field of a message: name, type and count (None: one; 0: any number)."""
 
     def __init__(self, line, package):
         kind, self.name = line.split()
@@ -66,14 +66,14 @@ class Field:
 
     @property
     def idl(self):
-        """Name of its type as rosidl's ``get_fields_and_field_types`` has it."""
+        """Name of its type in IDL, as in rosidl's ``get_fields_and_field_types``."""
         name = PRIMITIVES.get(self.kind, (self.kind.replace("/msg/", "/"),))[0]
         if self.count is None:
             return name
         return f"{name}[{self.count}]" if self.count else f"sequence<{name}>"
 
     def default(self, definitions):
-        """Value of a new message."""
+        """Return the value in a new message."""
         if self.count is not None:
             return [] if not self.count else [Field(f"{self.kind} x", "").default(definitions)] * self.count
         if self.is_primitive:
@@ -82,7 +82,7 @@ class Field:
 
 
 def fields_of(definition, package):
-    """Fields of a definition; comments, constants and default values are left out."""
+    """Return the fields of a definition without comments, constants and default values."""
     lines = (line.split("#")[0].strip() for line in definition.splitlines())
     return [Field(" ".join(line.split()[:2]), package) for line in lines if line and "=" not in line]
 
@@ -103,7 +103,7 @@ NO_OTHERS = _Standard()
 
 
 def definitions(texts):
-    """Definitions by type, such as ``diag_dynamics/msg/KineticEnergy``, beside the standard ones."""
+    """Return definitions by type, such as ``diag_dynamics/msg/KineticEnergy``, and the standard ones."""
     return _Standard(texts)
 
 
@@ -126,7 +126,7 @@ def message_type(kind, more=NO_OTHERS):
 
         @classmethod
         def get_fields_and_field_types(cls):
-            """As classes that rosidl makes have it."""
+            """Return types by field, as classes of rosidl."""
             return dict(idl)
 
     Message.__name__ = kind.split("/")[-1]
@@ -141,7 +141,7 @@ def read_message(raw, kind, more=NO_OTHERS):
 
 
 def definition_with_parts(kind, more=NO_OTHERS):
-    """Definition of a type, and of all types in it, in the form of ``ros2msg``."""
+    """Return the definitions of a type and of all types in it, in the format ``ros2msg``."""
     found = [kind]
     for one in found:
         others = (field.kind for field in fields_of(more[one], one.split("/")[0]) if not field.is_primitive)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Definitions of this package's messages: beside the package, where it was built, or in it, as pip installs them."""
+"""Definitions of this package's messages, in the package or beside it."""
 
 import os
 from functools import cache
@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def _folders():
-    """Where they may be: in a wheel, in a checkout, in what colcon has installed."""
+    """Yield possible folders: of a wheel, of a checkout, of an installed workspace."""
     yield PACKAGE / "definitions"
     yield PACKAGE.parent / "msg"
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics.cli.calibrate import METHODS
 from diag_dynamics.cli.main import main
 from diag_dynamics.collision import residuals
 from diag_dynamics.collision.calibration import calibrate_residuals
@@ -333,6 +334,8 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     assert calibrated(tables / "free.csv", alarms, "--false-alarms", "20/min", "--gain", "25") == 0
     printed = capsys.readouterr().out
     assert "20/min" in printed and "Held-out" in printed and all(name in printed for name in ur5.dof_names)
+    found = dd.calibrate(dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), false_alarms=1 / 3)
+    assert f"Thresholds, {METHODS[found.method].format(found.peaks)}\n" in printed
     options = ["--urdf", "ur5", "--alarms", str(alarms), "--quiet", "--json", str(out)]
     main(["analyse", str(tables / "pushed.csv"), *options])
     summary = json.loads(out.read_text())

@@ -398,3 +398,8 @@ def test_followers_are_the_robots(tmp_path):
     (finding,) = recording.findings
     assert finding.text.endswith("--joint-names 'left_*=*' (joint_names) maps them to the robot's joints")
     assert len(dd.read_recording(recording.path, robot, joint_names={"left_*": "*"})) == 12
+
+
+def test_joints_without_data_are_locked_by_one_list(tmp_path):
+    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving("a")), arm("a", "b", "c"))
+    assert recording.findings[0].text.endswith("--set 'locked_joints=[b=0, c=0]'")
