@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from diag_dynamics.joint_states import decoding
+from diag_dynamics.joint_states.assembler import StateAssembler
+from diag_dynamics.joint_states.joints import Joints, Options
 from joint_state_cases import TABLE
 from joint_state_messages import MS, NAMES, NAN, NOW, S, joint_state, odometry
 from joint_state_readers import READERS, Message, Reader, model, read_columns
@@ -221,6 +223,23 @@ def test_states_are_copies(kind):
     states.append(read(("wrist",), [3], [1], [3], NOW + 3))
     assert [state.position[0] for state in (states[0], *states[2:])] == [0, 2, 2]
     assert states[3].effort.tolist() == [2, 2, 3]
+
+
+def test_interleaved_layouts_of_one_length_are_read_once():
+    """Two publishers with other orders of names: each message is in one part."""
+    raw = [joint_state(names, *[[k] * 3] * 3, NOW + k) for k in range(4) for names in (NAMES, NAMES[::-1])]
+    size = np.array([len(one) for one in raw])
+    data = np.frombuffer(b"".join(raw), np.uint8)
+    parts, errors = decoding.Decoder().decode(data, np.cumsum(size) - size, size, np.arange(8))
+    assert [part.rows.tolist() for part in parts] == [[0, 2, 4, 6], [1, 3, 5, 7]] and not errors
+    assert all(part.position[:, 0].tolist() == [0, 1, 2, 3] for part in parts)
+
+
+def test_the_text_of_a_displaced_robot_has_both_positions():
+    assembler = StateAssembler(Joints(("hip",)), Options(jump=0.1))
+    for k, position in enumerate((0.0, 2.0, 2.0, 2.0)):
+        assembler.accept_values(("hip",), 1, k * MS, [np.array([position]), np.zeros(1), np.zeros(0)], 0)
+    assert assembler.last_texts == {"positions jumped": "joint 'hip': position went from 0 to 2"}
 
 
 def test_long_messages_fill_no_memory():

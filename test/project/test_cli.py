@@ -177,6 +177,7 @@ REFUSED = [  # command line, message; the exit status is 2
     ("inspect arm.xml side:=left", "is no .xacro file"),
     ("layout nobody --tool foxglove", "nobody"),
     ("layout panda --tool plotjuggler --set max_agee=1", "'max_age' meant"),
+    ("layout panda --tool plotjuggler --set locked_joints.panda_finger_joint1=0", "'locked_joints' meant"),
     ("excite nobody -o {tmp}/x.json", "nobody"),
     ("excite panda", "output is missing; expected -o OUT.json"),
     ("excite panda --range elbow=1 -o {tmp}/x.json", "--range has 'elbow=1'; expected JOINT=LOWER:UPPER"),
