@@ -8,6 +8,8 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics import checks
+from diag_dynamics.dynamics import compilation
+from diag_dynamics.numerics import kernel
 from robots import description, joint, link
 
 NAMES = ("shoulder", "elbow")
@@ -87,6 +89,7 @@ WRONG = [
     (lambda d: d.evaluate_batch([Z] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9), "state 0: q, qd, tau are too large"),
     (lambda d: d.evaluate(Z, [1e150, 0], f_ext={"upper": [0, 1e200, 0, 0, 0, 1e200]}), "power overflows"),
     (lambda d: d.evaluate(Z, Z, f_ext={"lower": [1.7e308] * 6}), "f_ext is too large"),
+    (lambda d: d.operational_inverse_inertia(Z, "lower", [1e200, 0, 0]), "is too far away"),
     (lambda d: d.evaluate(Z, Z, f_ext={"hand": [0] * 6}), "f_ext: 'hand'"),
     (lambda d: d.evaluate(Z, Z, f_ext={"upper": [0] * 5}), "f_ext on link 'upper'"),
     (lambda d: d.evaluate(Z, Z, f_ext=np.zeros(6)), "expected a dict by name"),
@@ -127,6 +130,26 @@ def test_wrong_arguments(two, call, key):
         call(two)
     assert key in str(caught.value)
     assert two.evaluate([0.1, 0.2], [0.3, 0.4]).kinetic_energy > 0.0
+
+
+def test_mass_along_an_axis_is_infinite():
+    """What moves along the axis of a joint is rounding alone."""
+    axis, body = (0.3, -0.7, 0.2), link("arm", 2.0, (0.1, 0.2, 0.3), (0.1, 0.0, 0.0, 0.2, 0.0, 0.25))
+    turns = joint("shoulder", "revolute", "base", "arm", axis=axis)
+    dyn = dd.DiagonalDynamics(dd.load_urdf(description("arm", link("base"), body, turns)))
+    along = [dyn.wrench_factor([q], "arm", (0.7, 0.1, 0.4))[:, :3] @ axis for q in (0.3, 0.9, 2.0)]
+    assert np.any(along)
+    assert all(dyn.reflected_mass([q], "arm", axis, (0.7, 0.1, 0.4)) == np.inf for q in (0.3, 0.9, 2.0))
+    assert np.isfinite(dyn.reflected_mass([0.3], "arm", (1.0, 0.0, 0.0), (0.7, 0.1, 0.4)))
+
+
+def test_methods_are_compiled_by_the_names_of_their_functions(two):
+    for entry in kernel._entries:
+        if hasattr(two, entry.__name__) and entry.__module__.startswith("diag_dynamics.sweeps."):
+            assert entry.__name__ in compilation.METHODS[entry].split()
+    assert all(hasattr(two, name) for name in " ".join(compilation.METHODS.values()).split())
+    with pytest.raises(dd.InputError, match="'evaluation' is none of bias, bias_batch"):
+        two.compile("evaluation")
 
 
 def test_vectors_of_any_kind(two):
