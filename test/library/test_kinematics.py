@@ -190,3 +190,27 @@ def test_a_screw_is_no_angle_that_turns_round():
         urdf.replace('joint="turn" multiplier="0.01"', 'joint="turn"').replace('"prismatic"', '"revolute"')
     )
     assert np.abs(turned.random(1)).max() <= math.pi
+
+
+@pytest.mark.parametrize("squared", [1.0 - 9e-4, 1.0 + 9e-4, 1.0 - 1.1e-3, 1.0 + 1.1e-3])
+def test_quaternions_near_unit_length_are_normalized(squared):
+    dyn = dd.DiagonalDynamics(dd.load_robot("go2", floating_base=True))
+    rng = np.random.default_rng(5)
+    q, qd = dyn.model.random(rng), rng.normal(size=dyn.model.nv)
+    scaled = q.copy()
+    scaled[3:7] *= np.sqrt(squared)
+    if abs(squared - 1.0) < 1e-3:
+        np.testing.assert_allclose(dyn.nu_from_qd(scaled, qd), dyn.nu_from_qd(q, qd), rtol=1e-11, atol=1e-12)
+    else:
+        with pytest.raises(dd.InputError):
+            dyn.nu_from_qd(scaled, qd)
+
+
+@pytest.mark.parametrize("change", [-1, 1])
+@pytest.mark.parametrize("name", ["q", "qd", "tau"])
+def test_vectors_of_another_length_are_named(name, change):
+    dyn = dd.DiagonalDynamics(dd.load_robot("panda"))
+    arguments = {key: np.zeros(dyn.model.nv + change * (key == name)) for key in ("q", "qd", "tau")}
+    for call in (dyn.evaluate, dyn.forward_dynamics):
+        with pytest.raises(dd.InputError, match=f"^{name} has shape"):
+            call(**arguments)
