@@ -205,9 +205,9 @@ def eliminate_last(direction, armature, w):
     u, rate = sp.column_along(sp.ANGULAR_Z, P_rate), V.angular[2]
     D_rate, kappa, y, weight = u.moment[2], kappas.moment[2], bias.moment[2], weights.moment[2]
     root, xi, momentum_rate = math.sqrt(D), _add_power(rate, G, V), _add_power(D_rate * rate, u, V)
-    h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
+    rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # as groups.eliminate_rate
     records.set_inertia(w.P, _moved_up_inertia(sp.less_rank_one(P, G, column)))
-    records.set_inertia(w.P_rate, _moved_up_inertia(sp.less_rank_two(P_rate, G, h)))
+    records.set_inertia(w.P_rate, _moved_up_inertia(sp.less_products(P_rate, G, rest, u)))
     records.set_force(w.z, _moved_up(sp.subtract_force(kappas, sp.scale_force(G, kappa))))
     records.set_force(w.y, _moved_up(sp.subtract_force(bias, sp.scale_force(G, y))))
     records.set_force(w.acceleration, _moved_up(sp.subtract_force(weights, sp.scale_force(G, weight))))
