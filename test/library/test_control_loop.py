@@ -339,7 +339,7 @@ from diag_dynamics.numerics import kernel
 from diag_dynamics.parameters.controller import PARAMETERS
 
 def compiled():
-    return {entry.__name__ for entry in kernel._entries if entry.signatures}
+    return {entry.__name__ for entry in kernel._entries if hasattr(entry.run, "signatures")}
 
 arm = dd.load_urdf(sys.argv[1])
 points = dd.ContactPoints(arm, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1e-3}}))

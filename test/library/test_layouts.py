@@ -70,7 +70,7 @@ def test_rviz_shows_the_markers():
 
 @pytest.mark.parametrize(
     ("arguments", "key"),
-    [("lost.urdf", "lost.urdf"), ("panda --monitor x", "whole name"), ("panda -o nowhere/x", "no folder")],
+    [("lost.urdf", "lost.urdf"), ("panda --monitor x", "absolute name"), ("panda -o nowhere/x", "no folder")],
 )
 def test_errors_of_the_command(arguments, key, capsys, tmp_path):
     assert main(["layout", "--tool", "foxglove", "panda", "-o", str(tmp_path / "a layout")]) == 0

@@ -228,7 +228,7 @@ def test_errors_name_the_argument(recording):
     for draw, key in (
         (lambda: dd.plot.energy([1.0]), "expected a Recording"),
         (lambda: dd.plot.energy(DYN.evaluate_batch(Q, QD), t=[0.0, 1.0, 2.0]), r"t has shape \(3,\)"),
-        (lambda: dd.plot.balance(without), "no efforts"),
+        (lambda: dd.plot.balance(without), "has efforts of all joints"),
         (lambda: dd.plot.balance(empty), "no states"),
         (lambda: dd.plot.shares(empty), "no states"),
         (lambda: dd.plot.shares(fixed.evaluate([], [])), "no joint that moves"),
