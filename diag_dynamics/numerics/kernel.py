@@ -131,10 +131,13 @@ class Entry:
             compiled = _decorator("ENTRY", nogil=self._nogil, cache=folder is not None)(self.__wrapped__)
             try:
                 compiled.compile(self._signature)
-            except OSError as error:  # a full disk
+            except OSError as error:  # a full disk, or a folder that cannot be read
                 logger.warning(
-                    "Compiled code could not be saved to %s; each process compiles it again: %s", folder, error
+                    "The cache %s cannot be used; each process compiles %s again: %s", folder, self.__name__, error
                 )
+                if not compiled.signatures:
+                    compiled = _decorator("ENTRY", nogil=self._nogil, cache=False)(self.__wrapped__)
+                    compiled.compile(self._signature)
             except Exception as error:  # a damaged file may unpickle into any
                 files = list(folder.rglob(f"*.{self.__name__}-*.nb?")) if folder else []
                 if not files:

@@ -216,6 +216,15 @@ def test_damaged_files_are_compiled_again(folder, caplog, damage):
     assert compile_small() == 1
 
 
+def test_an_index_that_cannot_be_read(folder, caplog):
+    """A folder in its place, for instance: the function is compiled without a cache."""
+    compile_small()
+    index = written(folder, "*.nbi")
+    index.unlink()
+    index.mkdir()
+    assert compile_small() == 0 and "cannot be used" in caplog.text
+
+
 def test_full_disk(folder, caplog, monkeypatch):
     def fail(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -223,7 +232,7 @@ def test_full_disk(folder, caplog, monkeypatch):
     with monkeypatch.context() as context:
         context.setattr(IndexDataCacheFile, "_open_for_write", fail)
         assert compile_small() == 0
-    assert "could not be saved" in caplog.text
+    assert "cannot be used" in caplog.text
     assert (compile_small(), compile_small()) == (0, 1)
     assert list(folder.rglob("*tripled*.nbc"))
 
@@ -399,7 +408,7 @@ def test_processes_share_a_cache(copy, tmp_path):
     cache, other = tmp_path / "cache", {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+sse2"}
     with ThreadPoolExecutor(3) as pool:
         for D, _, errors in pool.map(lambda more: run(copy, cache, **more), ({}, {}, other)):
-            assert D == 13.0 and "unreadable" not in errors and "could not be saved" not in errors
+            assert D == 13.0 and "unreadable" not in errors and "cannot be used" not in errors
     run(copy, cache)
     run(copy, cache, **other)
     for processor in ({}, other):
