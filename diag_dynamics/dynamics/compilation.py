@@ -22,7 +22,7 @@ METHODS = {
     batch.evaluate_many: "evaluate_batch",
     batch.mass_matrix_each: "mass_matrix_batch",
     batch.effort_of_wrenches_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch",
-    batch.sweep_each: "forward_dynamics_batch inverse_dynamics_batch bias_batch "
+    batch.sweep_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch bias_batch "
     "gravity_torque_batch nu_from_qd_batch qd_from_nu_batch epsilon_from_tau_batch "
     "tau_from_epsilon_batch",
     factors.factors: "factors",

@@ -115,8 +115,8 @@ class DiagonalDynamics:
             Whether to evaluate the friction of :meth:`friction_torque` as a separate term.
         out : Evaluation, optional
             Result of :meth:`new_evaluation` or :meth:`new_batch` to overwrite; nothing is allocated
-            then. Its own arrays may be arguments. It keeps its numbers if an argument has a wrong
-            type or shape, and is NaN after other errors.
+            then. Its own arrays may be arguments. It keeps its numbers if `q`, `qd` or `tau`
+            has a wrong type or shape, and is NaN after other errors.
         threads : int, optional
             Number of threads for many states.
 
@@ -538,7 +538,9 @@ class DiagonalDynamics:
     # --- Contact. It is advisory: no result is safety-rated.
 
     def contact(self, q: StatesLike, qd: StatesLike, points: Points, *, threads: int | None = None) -> Contact:
-        """Return speed, reflected mass, energy, force and allowed speed of contact, in O(N).
+        """Return speed, reflected mass, energy, force and allowed speed of contact.
+
+        A sweep of O(N), and for each point a walk to the base.
 
         The transferable energy is ½(ŵᵀν)². An iterable of :class:`ContactPoint` is converted on
         every call. Rotors count with their armature, as with rigid joints. It is conservative: they

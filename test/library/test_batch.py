@@ -194,6 +194,7 @@ def test_steps_side_by_side_are_vectorized(step):
     assert packed > 300 and scalar < 0.1 * packed, (packed, scalar)
 
 
+@pytest.mark.full
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the ratio is that of vectors of x86-64")
 def test_many_states_keep_the_vectors_of_the_steps():
     """Of the time of single sweeps evaluate_many takes 0.4 as it is, 0.9 with scalar instructions."""
