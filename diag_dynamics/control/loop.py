@@ -110,7 +110,7 @@ class ControlLoop:
         if self.supervisor.phase != ACTIVE:
             raise InputError(f"{target} comes while the law is not in force: {self.supervisor.reason}.")
         if self.taking_up:
-            raise InputError(f"{target} comes while the robot is taken up: it is damped until efforts carry it.")
+            raise InputError(f"{target} came during take-up; expected one when gravity is compensated.")
 
     def take_pose(self, link, position, orientation):
         """Go to a position [m] and an orientation, as unit quaternion x y z w or rotation matrix; see :class:`PoseTarget`.
@@ -236,7 +236,9 @@ class ControlLoop:
         beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
         for k in np.flatnonzero(beyond):
             limits = f"{model.lower[k]:g} … {model.upper[k]:g}"
-            return f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}: no law begins there"
+            return (
+                f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}; laws start within them"
+            )
         return None
 
     def age_problem(self, state, now):

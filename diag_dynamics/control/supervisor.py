@@ -152,10 +152,10 @@ class Supervisor:
     def wait(self):
         """Accept a valid state while the loop is stopped."""
         self.state = State.STOPPED
-        self.reason = f"states are valid again; choose a mode to go on. The robot was given up: {self._cause}"
+        self.reason = f"states are valid again; choose a mode to go on. The controller stopped: {self._cause}"
 
     def release(self):
         """Accept the choice of a mode; raise InputError while a stopped loop has no valid state."""
         if self._next(Event.SWITCH) is None:
-            raise InputError(f"the robot was given up, and there is no valid state yet: {self.reason}.")
+            raise InputError(f"the controller has stopped, and there is no valid state yet: {self.reason}.")
         self.state = self._next(Event.SWITCH)

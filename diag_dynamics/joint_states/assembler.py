@@ -66,7 +66,7 @@ class StateAssembler:
     """Complete states of a robot from joint states, each of which may have only some of its joints.
 
     `base` is the OdometryBase of a floating base, `map_name` returns the robot's name of a joint, `labels` name joints, then
-    mimic joints, in texts. `counts` and `last_texts` are by event, `frozen` counts stuck sensors by text, `arrived` has
+    mimic joints, in texts. `counts` and `last_texts` are by event, `stuck` counts stuck sensors by text, `arrived` has
     names in messages. InputError names joints of the options that the robot lacks.
     """
 
@@ -75,12 +75,12 @@ class StateAssembler:
         self.followers = Followers(joints.names, joints.mimics, continuous=joints.continuous)
         self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
         self._labels = labels or tuple(f"joint '{name}'" for name in self.names)
-        self.counts, self.frozen, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
+        self.counts, self.stuck, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
         self._layouts, self.arrived = _Kept(), {}
         count, beside = len(joints.names), len(self.followers.names)
         self._memory = memory.Memory.create(count, beside)
         self._shared, self._own = self._memory.shared[0], self._memory.joints
-        self._shared["in_step"] = self._shared["frozen_last"] = self._shared["base_stamp"] = -1
+        self._shared["in_step"] = self._shared["stuck_last"] = self._shared["base_stamp"] = -1
         self._shared["needs_base"] = base is not None
         self._own["gap_last"] = -1
         for field in FIELDS:
@@ -115,8 +115,8 @@ class StateAssembler:
             span=ages[count:],
         )
         timeout = nanoseconds(options.stuck_timeout)
-        if (timeout, options.refuse_frozen) != (self._shared["stuck_timeout"], self._shared["frozen_refused"]):
-            _write(self._shared, frozen_last=-1, frozen_kind=0)
+        if (timeout, options.reject_stuck) != (self._shared["stuck_timeout"], self._shared["stuck_rejected"]):
+            _write(self._shared, stuck_last=-1, stuck_kind=0)
         _write(
             self._shared,
             max_age=nanoseconds(options.max_age),
@@ -128,8 +128,8 @@ class StateAssembler:
             tolerance=options.mimic_tolerance,
             max_effort=options.max_effort or np.inf,
             stuck_timeout=timeout,
-            frozen_step=max(1, -(-timeout // SAMPLES)),
-            frozen_refused=options.refuse_frozen,
+            stuck_step=max(1, -(-timeout // SAMPLES)),
+            stuck_rejected=options.reject_stuck,
             base_timeout=nanoseconds(options.odom_timeout),
         )
         if not options.estimate_velocity:
@@ -192,10 +192,10 @@ class StateAssembler:
         return int(self._shared["apart"]) * 1e-9
 
     @property
-    def frozen_text(self):
+    def stuck_text(self):
         """Text on the joint whose sensor is stuck; empty if none is."""
-        kind, joint, more = (int(self._shared[f"frozen_{one}"]) for one in ("kind", "joint", "more"))
-        return codes.frozen_text(kind, joint, more, self._labels) if kind else ""
+        kind, joint, more = (int(self._shared[f"stuck_{one}"]) for one in ("kind", "joint", "more"))
+        return codes.stuck_text(kind, joint, more, self._labels) if kind else ""
 
     # --- Restarts ---
 
@@ -258,10 +258,10 @@ class StateAssembler:
 
     def _accept(self, layout, sec, nanosec, now):
         """Judge the message in the arrays of its layout."""
-        code, events, frozen, newest, oldest, with_effort, received, estimated = self._judge_one(
+        code, events, stuck, newest, oldest, with_effort, received, estimated = self._judge_one(
             layout.batch, 0, now, sec, nanosec
         )
-        if code or events or frozen:
+        if code or events or stuck:
             self._count(self._one.outcome, np.zeros(1, int), [layout.names])
         if code > 0:
             text = layout.text if code in codes.LAYOUT_ERRORS else self._text(self._one.outcome[0])
@@ -392,9 +392,9 @@ class StateAssembler:
             self.counts[name] += len(rows)
             if len(rows):
                 self.last_texts[name] = self._event_text(event, outcome[rows[-1]])
-        stuck = outcome[["frozen_kind", "frozen_joint", "frozen_more"]][outcome["frozen_kind"] > 0]
+        stuck = outcome[["stuck_kind", "stuck_joint", "stuck_more"]][outcome["stuck_kind"] > 0]
         for kind, number in Counter(stuck.tolist()).items():
-            self.frozen[codes.frozen_text(*kind, self._labels)] += number
+            self.stuck[codes.stuck_text(*kind, self._labels)] += number
 
     def _event_text(self, event, outcome):
         if event == codes.MOVED:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Codes of what comes of a message, and their causes and texts."""
+"""Codes of the outcomes of a message, and their causes and texts."""
 
 STATE = 0  # the message completes a state
 
@@ -28,19 +28,19 @@ FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(
     FAST_STEP,
     STALE_JOINT,
     STALE_ODOMETRY,
-    FROZEN,
+    STUCK,
 ) = range(1, 21)
 """The message, or the state that it completes, is rejected."""
 
 LAYOUT_ERRORS = (DUPLICATE_NAME, WRONG_LENGTH)
 """Codes whose texts depend on names and lengths alone."""
 
-ABSURD = (POSITION_BOUND, VELOCITY_BOUND, FAST_STEP)  # codes with the cause "absurd value"
+IMPLAUSIBLE = (POSITION_BOUND, VELOCITY_BOUND, FAST_STEP)  # codes with the cause "implausible value"
 
-TIME_JUMPED, MOVED, CONTRADICTS, ABSURD_EFFORT, DISAGREES = 1, 2, 4, 8, 16
+TIME_JUMPED, MOVED, CONTRADICTS, IMPLAUSIBLE_EFFORT, DISAGREES = 1, 2, 4, 8, 16
 """Events of a message, whatever comes of it."""
 
-FROZEN_STILL, FROZEN_SLIDES = 1, 2  # kinds of stuck sensors
+STUCK_STILL, STUCK_SLIDES = 1, 2  # kinds of stuck sensors
 
 COUNTS = {
     FOREIGN: "foreign",
@@ -55,7 +55,7 @@ EVENTS = {
     TIME_JUMPED: "time jumped back",
     MOVED: "positions jumped",
     CONTRADICTS: "interleaved sources",
-    ABSURD_EFFORT: "absurd effort",
+    IMPLAUSIBLE_EFFORT: "implausible effort",
     DISAGREES: "mimic disagreement",
 }
 """Names of the counts of events."""
@@ -67,8 +67,8 @@ CAUSES = {
     NO_TIME: "no time",
     WRONG_LENGTH: "wrong length",
     NO_POSITION: "no position",
-    POSITION_BOUND: "absurd value",
-    VELOCITY_BOUND: "absurd value",
+    POSITION_BOUND: "implausible value",
+    VELOCITY_BOUND: "implausible value",
     NO_VELOCITY: "no velocity",
     CLOCK_BEHIND: "stamp from the past",
     CLOCK_AHEAD: "stamp from the future",
@@ -77,10 +77,10 @@ CAUSES = {
     STAMP_FROM_PAST: "stamp from the past",
     JUMP: "jump",
     INTERLEAVED: "interleaved sources",
-    FAST_STEP: "absurd value",
+    FAST_STEP: "implausible value",
     STALE_JOINT: "stale joint",
     STALE_ODOMETRY: "stale odometry",
-    FROZEN: "frozen",
+    STUCK: "stuck",
 }
 """Causes of rejections, by which they are counted."""
 
@@ -112,17 +112,17 @@ SAME_STAMP = "messages of one stamp have other positions: two sources publish in
 
 OTHER_SOURCE = "another source has other positions, mainly of {name}: two sources publish in turns"
 
-FROZEN_TEXTS = {
-    FROZEN_STILL: "has a velocity, but a constant position",
-    FROZEN_SLIDES: "moves, but its velocity is 0",
+STUCK_TEXTS = {
+    STUCK_STILL: "has a velocity, but a constant position",
+    STUCK_SLIDES: "moves, but its velocity is 0",
 }
 
 
 def rejection_text(outcome, labels, limit="max_age"):
     """Return the text of an OUTCOME with one of CAUSES; `limit` names the parameter of the maximum age."""
     code = int(outcome["code"])
-    if code == FROZEN:
-        return frozen_text(int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), labels)
+    if code == STUCK:
+        return stuck_text(int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), labels)
     numbers = {key: float(outcome[key]) for key in ("first", "second", "third", "fourth", "fifth", "sixth")}
     name = labels[outcome["joint"]] if len(labels) else ""
     if code in (CLOCK_BEHIND, CLOCK_AHEAD, FOREIGN_TIME):
@@ -140,7 +140,7 @@ def contradiction_text(outcome, labels):
     return SAME_STAMP if joint < 0 else OTHER_SOURCE.format(name=labels[joint])
 
 
-def frozen_text(kind, joint, more, labels):
+def stuck_text(kind, joint, more, labels):
     """Return the text on stuck sensors."""
     others = f" (and {more} more)" if more else ""
-    return f"frozen values: {labels[joint]}{others} {FROZEN_TEXTS[kind]} (stuck_timeout)"
+    return f"stuck values: {labels[joint]}{others} {STUCK_TEXTS[kind]} (stuck_timeout)"

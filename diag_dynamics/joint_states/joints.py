@@ -47,7 +47,7 @@ class Options(NamedTuple):
     beyond_effort: float = 0.0
     jump: float = 0.0
     stuck_timeout: float = 0.0
-    refuse_frozen: bool = False
+    reject_stuck: bool = False
     odom_timeout: float = 0.0
 
 

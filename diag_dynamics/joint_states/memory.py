@@ -21,14 +21,14 @@ def _record(*groups):
 SHARED = _record(
     ("i8", "max_age refuse_foreign estimate"),  # options; 0: not judged
     ("f8", "filter_time max_velocity slack tolerance max_effort"),
-    ("i8", "stuck_timeout frozen_step frozen_refused"),
+    ("i8", "stuck_timeout stuck_step stuck_rejected"),
     ("i8", "needs_base base_stamp base_unstamped base_timeout"),  # of a floating base
     ("i8", "restarted"),  # whether time restarted since the last state
     ("i8", "in_step"),  # whether stamps agree with the clock; −1 before that is known
     ("i8", "apart"),  # clock less the last accepted stamp that was compared with it
     ("i8", "refused refused_at refused_apart"),  # by the clock: whether, when, and the distance then
     ("i8", "lost"),  # states lost by gaps in stamps
-    ("i8", "frozen_last frozen_kind frozen_joint frozen_more"),  # last state that was compared, and its stuck sensors
+    ("i8", "stuck_last stuck_kind stuck_joint stuck_more"),  # last state that was compared, and its stuck sensors
 )
 """One element."""
 
@@ -73,14 +73,14 @@ MESSAGE = _record(("i8", "sec nanosec now layout"))
 UNREADABLE, FORGET = -1, -2  # bytes that are no joint state; no message, but to forget all joints
 
 OUTCOME = _record(
-    ("i8", "code events frozen_kind"),  # codes.py
+    ("i8", "code events stuck_kind"),  # codes.py
     ("i8", "newest oldest with_effort received estimated"),  # of a state
     ("i8", "joint"),  # that a text is on; followers come after joints
     ("i8", "contradicting"),  # joint of the event CONTRADICTS of a message without velocity, else −1
     ("i8", "moved"),  # joint of the event MOVED, and its positions
     ("f8", "moved_from moved_to"),
     ("f8", "first second third fourth fifth sixth"),  # numbers of a text
-    ("i8", "frozen_joint frozen_more"),  # of a comparison with earlier states
+    ("i8", "stuck_joint stuck_more"),  # of a comparison with earlier states
 )
 """An element for each message."""
 

@@ -59,7 +59,8 @@ class OdometryBase:
         for what, values, most in zip(("position", "twist"), (position[:3], velocity), self._bounds, strict=True):
             if np.abs(values).max() > most:
                 raise RejectedError(
-                    "absurd value", f"odom: {what} is {values.tolist()}, expected within ±{most:g} (plausibility.*)"
+                    "implausible value",
+                    f"odom: {what} is {values.tolist()}, expected within ±{most:g} (plausibility.*)",
                 )
         stamp = message.header.stamp
         found = self.stamps.accept_values(("odom",), stamp.sec, stamp.nanosec, [np.zeros(1)] * 3, now)

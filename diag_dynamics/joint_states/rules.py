@@ -28,7 +28,7 @@ from diag_dynamics.joint_states.memory import (
 )
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.joint_states.steps import DISPLACED, NOTHING, accept_step, is_contradicted, judge_step
-from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_frozen
+from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_stuck_sensors
 from diag_dynamics.numerics.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.rotations import wrap_angle
 
@@ -57,7 +57,7 @@ def judge_messages(shared, joints, followers, history, scratch, layouts, message
         layout = messages[k].layout
         if layout == FORGET:
             _forget(memory)
-            shared[0].frozen_last, shared[0].frozen_kind = -1, 0
+            shared[0].stuck_last, shared[0].stuck_kind = -1, 0
             continue
         if layout < 0:
             one.code = codes.MALFORMED
@@ -65,8 +65,8 @@ def judge_messages(shared, joints, followers, history, scratch, layouts, message
             one.code = _judge(memory, batch, k, layouts[layout])
         if one.code == codes.STATE and shared[0].needs_base:
             one.code = _complete_by_base(shared[0], one)
-        if one.code == codes.STATE and not watch_frozen(memory, states[0, k], states[1, k], one.newest, one):
-            one.code = codes.FROZEN
+        if one.code == codes.STATE and not watch_stuck_sensors(memory, states[0, k], states[1, k], one.newest, one):
+            one.code = codes.STUCK
         if one.code > 0:
             pause_gaps(memory)
 
@@ -75,7 +75,7 @@ def judge_messages(shared, joints, followers, history, scratch, layouts, message
 def _clear(one):
     """Forget the message before, whose outcome may be in the same place."""
     one.code = one.events = one.newest = one.oldest = one.with_effort = one.received = one.estimated = 0
-    one.frozen_kind = one.frozen_joint = one.frozen_more = one.joint = 0
+    one.stuck_kind = one.stuck_joint = one.stuck_more = one.joint = 0
     one.contradicting = one.moved = -1
 
 
@@ -133,10 +133,10 @@ def _judge(memory, batch, k, layout):
         accept_step(memory, here, position, stamp, action, one)
     if len(here) and not unstamped:
         count_gap(memory, _first(here), stamp)
-    absurd = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
-    absurd |= _store_followers(memory, beside, row[3 * n : 3 * n + f], row[3 * n + f : 3 * n + 2 * f], stamp, one)
-    if absurd:
-        one.events |= codes.ABSURD_EFFORT
+    implausible = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
+    implausible |= _store_followers(memory, beside, row[3 * n : 3 * n + f], row[3 * n + f : 3 * n + 2 * f], stamp, one)
+    if implausible:
+        one.events |= codes.IMPLAUSIBLE_EFFORT
     if len(here) == 0:
         return codes.FOLLOWERS_ONLY
     return _assemble(memory, batch, k)
@@ -327,30 +327,30 @@ def _estimate_step(joint, position):
 
 @kernel
 def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
-    """Store the values of joints; return whether an effort is absurd, which is as unknown."""
-    absurd = False
+    """Store the values of joints; return whether an effort is implausible, which is as unknown."""
+    implausible = False
     for j in here:
         joint = memory.joints[j]
         torque = effort[j] * joint.factor
         if abs(torque) > joint.strongest or np.isinf(torque):
-            torque, absurd = np.nan, True
+            torque, implausible = np.nan, True
         joint.position, joint.velocity, joint.effort = position[j], velocity[j], torque
         joint.stamp, joint.unstamped, joint.known = stamp, unstamped, 1
-    return absurd
+    return implausible
 
 
 @kernel
 def _store_followers(memory, beside, position, effort, stamp, one):
-    """Store efforts of followers and compare their positions; return whether an effort is absurd."""
-    absurd, shared = False, memory.shared[0]
+    """Store efforts of followers and compare their positions; return whether an effort is implausible."""
+    implausible, shared = False, memory.shared[0]
     for f in beside:
         follower = memory.followers[f]
         torque = effort[f] * follower.factor
         if abs(torque) > shared.max_effort or np.isinf(torque):
-            torque, absurd = np.nan, True
+            torque, implausible = np.nan, True
         follower.effort, follower.stamp = torque, stamp
     if shared.tolerance == 0.0:
-        return absurd
+        return implausible
     disagrees = False
     for f in beside:
         disagrees |= _distance(memory, f, position[f], stamp) > shared.tolerance
@@ -362,7 +362,7 @@ def _store_followers(memory, beside, position, effort, stamp, one):
             if _distance(memory, f, position[f], stamp) > shared.tolerance:
                 memory.followers[f].own = position[f]
                 memory.followers[f].expected = _expected(memory, memory.followers[f])
-    return absurd
+    return implausible
 
 
 @kernel

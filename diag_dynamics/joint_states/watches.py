@@ -85,19 +85,19 @@ def _lost_in(intervals, ordered):
 
 
 @large_kernel
-def watch_frozen(memory, position, velocity, stamp, one):
+def watch_stuck_sensors(memory, position, velocity, stamp, one):
     """Compare a state with earlier ones, if it is time to; return False if it is rejected."""
     shared = memory.shared[0]
     if shared.stuck_timeout == 0 or len(memory.joints) == 0:
         return True
-    last = shared.frozen_last
-    if last < 0 or stamp < last or stamp // shared.frozen_step != last // shared.frozen_step:
+    last = shared.stuck_last
+    if last < 0 or stamp < last or stamp // shared.stuck_step != last // shared.stuck_step:
         _compare_states(memory, position, velocity, stamp)
-        one.frozen_kind, one.frozen_joint = shared.frozen_kind, shared.frozen_joint
-        one.frozen_more = shared.frozen_more
-    if shared.frozen_kind == 0 or shared.frozen_refused == 0:
+        one.stuck_kind, one.stuck_joint = shared.stuck_kind, shared.stuck_joint
+        one.stuck_more = shared.stuck_more
+    if shared.stuck_kind == 0 or shared.stuck_rejected == 0:
         return True
-    one.joint, one.first, one.second = shared.frozen_joint, shared.frozen_kind, shared.frozen_more
+    one.joint, one.first, one.second = shared.stuck_joint, shared.stuck_kind, shared.stuck_more
     return False
 
 
@@ -105,7 +105,7 @@ def watch_frozen(memory, position, velocity, stamp, one):
 def _compare_states(memory, position, velocity, stamp):
     """Compare a state with earlier ones, and store the first joint that is stuck."""
     shared = memory.shared[0]
-    last, timeout, period = shared.frozen_last, shared.stuck_timeout, SAMPLES * shared.frozen_step
+    last, timeout, period = shared.stuck_last, shared.stuck_timeout, SAMPLES * shared.stuck_step
     restarts = last < 0 or not 0 <= stamp - last <= timeout
     ends = not restarts and stamp // period != last // period
     still, slides = 0, 0
@@ -119,7 +119,7 @@ def _compare_states(memory, position, velocity, stamp):
             if not (fast and joint.still_fast and x == joint.still_position):
                 joint.still_since = stamp
             over = zero and ends
-            if over and stamp - joint.zero_since >= timeout - shared.frozen_step:
+            if over and stamp - joint.zero_since >= timeout - shared.stuck_step:
                 joint.slides = int(abs(x - joint.zero_position) > MOVED)
             elif not zero:
                 joint.slides = 0
@@ -128,11 +128,11 @@ def _compare_states(memory, position, velocity, stamp):
         joint.still_position, joint.still_fast = x, int(fast)
         still += int(stamp - joint.still_since >= timeout)
         slides += joint.slides
-    shared.frozen_last, shared.frozen_kind = stamp, codes.STATE
+    shared.stuck_last, shared.stuck_kind = stamp, codes.STATE
     if still or slides:
-        shared.frozen_kind = codes.FROZEN_STILL if still else codes.FROZEN_SLIDES
-        shared.frozen_more = (still if still else slides) - 1
+        shared.stuck_kind = codes.STUCK_STILL if still else codes.STUCK_SLIDES
+        shared.stuck_more = (still if still else slides) - 1
         for j in range(len(memory.joints) - 1, -1, -1):
             stuck = stamp - memory.joints[j].still_since >= timeout if still else memory.joints[j].slides == 1
             if stuck:
-                shared.frozen_joint = j
+                shared.stuck_joint = j

@@ -226,7 +226,7 @@ def _input_options(values):
             "joints without effort."
         )
     same = "mimic_tolerance", "max_age", "velocity_filter_time", "stuck_timeout", "odom_timeout"
-    absurd = "beyond_limits", "beyond_velocity", "beyond_effort", "jump"
+    implausible = "beyond_limits", "beyond_velocity", "beyond_effort", "jump"
     return Options(
         timeout=values["joint_timeout"],
         timeouts=assignments("joint_timeouts", values["joint_timeouts"], minimum=0.0),
@@ -238,9 +238,9 @@ def _input_options(values):
         max_position=values["plausibility.position"],
         max_velocity=values["plausibility.velocity"],
         max_effort=values["plausibility.effort"],
-        refuse_frozen=values["stuck_values"] == "reject",
+        reject_stuck=values["stuck_values"] == "reject",
         **{name: values[name] for name in same},
-        **{name: values[f"plausibility.{name}"] for name in absurd},
+        **{name: values[f"plausibility.{name}"] for name in implausible},
     )
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
-from diag_dynamics.recordings.intake import ABSURD, LOST
+from diag_dynamics.recordings.intake import IMPLAUSIBLE, LOST
 from diag_dynamics.recordings.joint_names import FEW, describe_maps, listed, propose_maps
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 
@@ -24,7 +24,7 @@ TEXTS = {
     "positions jumped": None,
     CAUSES[INTERLEAVED]: None,
     "mimic disagreement": None,
-    "absurd effort": "implausible efforts count as unknown (plausibility.effort, plausibility.beyond_effort)",
+    "implausible effort": "implausible efforts count as unknown (plausibility.effort, plausibility.beyond_effort)",
     "before odometry": "joint states before the first odometry",
     "time jumped back": "stamps jumped back, and all joints were reset",
     "awaiting velocity": "states before a velocity could be estimated",
@@ -45,10 +45,10 @@ class Finding(NamedTuple):
 
 def explain_missing_efforts(counts):
     """Return why a recording has no efforts, by the counts of its messages."""
-    absurd = counts.get("absurd effort", 0)
-    if absurd:
+    implausible = counts.get("implausible effort", 0)
+    if implausible:
         return (
-            f"the recording has no plausible efforts: those of {absurd} states exceed plausibility.effort or "
+            f"the recording has no plausible efforts: those of {implausible} states exceed plausibility.effort or "
             "plausibility.beyond_effort (are they in N m?)"
         )
     return "no state of the recording has efforts of all joints"
@@ -65,7 +65,7 @@ def no_states_error(path, findings):
 def collect_findings(intake, source):
     """Return what an Intake and a source of messages say of a recording: a list of Finding, losses first, notes last."""
     counts = intake.counts + Counter({WITHOUT_VALUES: source.without_values})
-    found, rejected, units = [], counts[f"rejected: {ABSURD}"], intake.units.text()
+    found, rejected, units = [], counts[f"rejected: {IMPLAUSIBLE}"], intake.units.text()
     if units and rejected > MIN_REJECTED * counts["received"]:
         found.append(Finding(UNITS, rejected, units))
     found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in source.unread]
@@ -74,8 +74,8 @@ def collect_findings(intake, source):
     found += [Finding(cause, counts[cause], first[cause]) for cause in causes]
     texts = intake.assembler.last_texts | _name_texts(intake, counts)
     found += [Finding(cause, counts[cause], TEXTS[cause] or texts[cause]) for cause in TEXTS if counts[cause]]
-    for text, number in intake.assembler.frozen.items():
-        found.append(Finding("frozen values", number, text.removeprefix("frozen values: ")))
+    for text, number in intake.assembler.stuck.items():
+        found.append(Finding("stuck values", number, text.removeprefix("stuck values: ")))
     return found + [Finding(NOTE, 1, note) for note in source.notes]
 
 

@@ -21,7 +21,7 @@ from diag_dynamics.wire.definitions import read_message
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
-ABSURD = "absurd value"  # cause of messages that are rejected for a value of a joint
+IMPLAUSIBLE = "implausible value"  # cause of messages that are rejected for a value of a joint
 LOST = "lost by gaps in stamps"  # name of the count of states that never came
 MAX_TEXTS = 20  # rejections whose text is kept, of each cause
 
@@ -108,7 +108,7 @@ class Intake:
         rejected = found.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}
         for k, (cause, text) in sorted(rejected.items()):
             self._reject(int(now[k]), f"rejected: {cause}", text)
-        self.units.read(parts, np.isin(found.outcome["code"], codes.ABSURD))
+        self.units.read(parts, np.isin(found.outcome["code"], codes.IMPLAUSIBLE))
         made = found.outcome["code"] == codes.STATE
         self._counts["published"] += int(made.sum())
         moved = self._moved_at(found.outcome["events"] & codes.MOVED > 0, made)

@@ -81,8 +81,8 @@ def _kinetic_energy(analysis, time):
 
 def _unmeasured(analysis, without_effort):
     """Return which efforts cannot have been measured, in words; or an empty text."""
-    names, absurd = analysis.reading.intake.assembler.lacking_effort, analysis.reading.counts["absurd effort"]
-    if not names or absurd or without_effort < analysis.states:
+    names, implausible = analysis.reading.intake.assembler.lacking_effort, analysis.reading.counts["implausible effort"]
+    if not names or implausible or without_effort < analysis.states:
         return analysis.efforts.unmeasured()
     return f"efforts of {', '.join(names)} are missing throughout, so no state has all efforts (locked_joints)"
 
@@ -118,7 +118,9 @@ def describe_faults(summary):
     efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]
     rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
     few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
-    absurd = "no power balance, because efforts exceed the plausibility limits (plausibility.effort); expected N m or N"
+    implausible = (
+        "no power balance, because efforts exceed the plausibility limits (plausibility.effort); expected N m or N"
+    )
     none, with_efforts = explained is None, _has_efforts(summary)
     wrongs = {
         "unreadable data": "unread" in causes,
@@ -126,7 +128,7 @@ def describe_faults(summary):
         few: not none and explained < MIN_EXPLAINED,
         "no power balance, although there are efforts": none and with_efforts,
         efforts["unmeasured"]: none and not with_efforts,
-        absurd: none and "absurd effort" in causes,
+        implausible: none and "implausible effort" in causes,
         f"{unit['cause']} ({describe_ratio(unit['factor'])})" if unit else "": True,
         efforts["says"]: True,
     }

@@ -72,7 +72,7 @@ def cause_of_ratio(ratio):
 
 
 class RejectedUnits:
-    """Sample messages that were rejected for absurd values; `map_name` returns the robot's name of a joint."""
+    """Sample messages that were rejected for implausible values; `map_name` returns the robot's name of a joint."""
 
     def __init__(self, model, map_name):
         joints, slides = joints_of(model), dict(zip(model.dof_names, sliding_dofs(model), strict=True))

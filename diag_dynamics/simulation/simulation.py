@@ -204,7 +204,7 @@ class Simulation:
             Its mass matrix is singular here; the model is then as it was.
         """
         if not isinstance(model, RobotModel):
-            raise InputError(f"change_model needs a RobotModel, not {type(model).__name__}.")
+            raise InputError(f"model is a {type(model).__name__}; expected a RobotModel.")
         if (model.dof_names, model.coordinate_names) != (self.model.dof_names, self.model.coordinate_names):
             raise InputError(
                 f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "

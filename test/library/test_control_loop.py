@@ -512,7 +512,7 @@ def test_an_unknown_load_does_not_sink(arm):
     pull = {"tool0": (0, 0, 20.0, 0, 0, 0)}  # along its axis
     closed.go(0.02, pull)
     assert closed.loop.taking_up and closed.sent.command.error is None
-    with pytest.raises(InputError, match="while the robot is taken up"):
+    with pytest.raises(InputError, match="came during take-up"):
         closed.loop.take_set_point(Q)
     closed.go(3.0, pull)
     assert not closed.loop.taking_up and np.abs(closed.arm.qd).max() < 1e-3

@@ -210,7 +210,7 @@ def test_a_start_goes_on_after_a_hold(strong):
         one.loop.take_set_point(Q)
     one.carry()
     one.step(qd=fast)
-    with pytest.raises(InputError, match="while the robot is taken up"):
+    with pytest.raises(InputError, match="came during take-up"):
         one.loop.take_set_point(Q)
     assert one.state == "STARTING" and one.sent.command.error is None and one.sent.lyapunov_rate is None
     for _ in range(998):
@@ -302,7 +302,7 @@ def test_a_missing_state_revokes_the_choice_of_a_stopped_loop(strong):
     one.carry()
     one.step()
     assert (
-        one.state == "STOPPED" and "choose a mode to go on. The robot was given up: NaN" in one.loop.supervisor.reason
+        one.state == "STOPPED" and "choose a mode to go on. The controller stopped: NaN" in one.loop.supervisor.reason
     )
 
 
@@ -311,7 +311,7 @@ def test_the_cause_of_the_ramp_is_the_first_one():
     one.invalid(2000 * MS, "NaN")
     assert one.reason == "NaN"
     one.wait()
-    assert one.reason.endswith("was given up: late")
+    assert one.reason.endswith("controller stopped: late")
 
 
 def test_an_unknown_mode_releases_nothing(strong):

@@ -227,7 +227,7 @@ def test_commands_name_degrees_and_how_to_read_them(arm, command, which, scale, 
         (slice(50, None), None, 150.0, 950),
         (slice(100, 300), "deg", None, 200),
     ],
-    ids=["one number in every field", "absurd numbers", "one number as velocity", "some rows in degrees"],
+    ids=["one number in every field", "implausible numbers", "one number as velocity", "some rows in degrees"],
 )
 def test_garbage_is_not_taken_for_degrees(arm, rows, position, velocity, rejected, tmp_path):
     model, t, q, qd, tau = arm
@@ -237,4 +237,4 @@ def test_garbage_is_not_taken_for_degrees(arm, rows, position, velocity, rejecte
     if velocity is not None:
         qd[rows] = velocity
     data = dd.read_recording(table(tmp_path / "garbage.csv", model.dof_names, t, q, qd, tau), model)
-    assert data.counts["rejected: absurd value"] == rejected and not units(data)
+    assert data.counts["rejected: implausible value"] == rejected and not units(data)

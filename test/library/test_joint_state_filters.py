@@ -116,7 +116,7 @@ def texts(period, count, position, velocity, timeout=0.5):
     assembler = StateAssembler(Joints(names), Options(stuck_timeout=timeout))
     for k in range(count):
         accept(assembler, names, S + k * period, position(1e-9 * k * period), velocity(1e-9 * k * period))
-        found.append(assembler.frozen_text)
+        found.append(assembler.stuck_text)
     return found
 
 

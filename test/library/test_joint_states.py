@@ -71,7 +71,7 @@ def test_efforts_without_gravity():
 
 # --- rejected messages
 
-ACCEPTED = ("stale joint", "stale odometry", "frozen")
+ACCEPTED = ("stale joint", "stale odometry", "stuck")
 """Causes of states that are rejected, while the message itself is accepted."""
 
 SUSPECTS = ("late", "stamp from the past", "stamp from the future", "foreign time", "jump", "interleaved sources")
@@ -150,7 +150,7 @@ def test_parameters_that_change(kind):
     assert [outcome(0), outcome(1)] == ["awaiting velocity", "published"]
     assert outcome(2, [0.0], names=("shoulder",), missing_velocity="reject") == "rejected: no velocity"
     assert outcome(3, [0.6] * 3) == outcome(4, [0.6] * 3) == "published"
-    assert outcome(5, [0.6] * 3, plausibility__velocity=0.5) == "rejected: absurd value"
+    assert outcome(5, [0.6] * 3, plausibility__velocity=0.5) == "rejected: implausible value"
     assert outcome(6, [0.6] * 3, plausibility__velocity=0.0) == "published"
     assert outcome(7, [0.6] * 3, [0, 0, 3], plausibility__jump=0.1) == "rejected: jump"
     assert outcome(8, [0.6] * 3, [0, 0, 3], plausibility__jump=0.0) == "published"

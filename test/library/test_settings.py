@@ -71,7 +71,7 @@ def test_old_names_and_values_of_recordings(tmp_path):
     expected = {"plausibility.jump": 0.3, "stuck_values": "reject", "stuck_timeout": 2.0, "foreign_time": "reject"}
     assert values == expected
     with pytest.warns(FutureWarning, match="'stuck_values' is 'refuse'; expected 'reject'"):
-        assert make_settings({"frozen_values": "refuse"}).inputs.refuse_frozen
+        assert make_settings({"frozen_values": "refuse"}).inputs.reject_stuck
     assert {*RENAMED.values(), *RENAMED_VALUES} <= {*PARAMETERS} and not {*RENAMED} & {*PARAMETERS}
 
 

@@ -28,7 +28,7 @@ SAMPLES = robot(UR5).samples
 
 FAULTS = {
     "no position": lambda q, qd, tau, stamp: ([math.nan, *q[1:]], qd, tau, stamp),
-    "absurd value": lambda q, qd, tau, stamp: ([80.0, *q[1:]], qd, tau, stamp),
+    "implausible value": lambda q, qd, tau, stamp: ([80.0, *q[1:]], qd, tau, stamp),
     "no velocity": lambda q, qd, tau, stamp: (q, [], tau, stamp),
     "wrong length": lambda q, qd, tau, stamp: (q[:-1], qd, tau, stamp),
     "stamp from the past": lambda q, qd, tau, stamp: (q, qd, tau, stamp - 60 * S),

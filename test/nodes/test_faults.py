@@ -109,7 +109,7 @@ def test_frozen_values(monitor, panda):
             monitor.publish(joint_state(panda.names, q, qd, tau, monitor.tick(100 * MS)))
         assert monitor.topics["state"].at(monitor.now)
         entry = monitor.next_report().entries["joint states"]
-        assert entry.level == WARN and "frozen values" in entry.message
+        assert entry.level == WARN and "stuck values" in entry.message
 
 
 # --- joint states that are no states

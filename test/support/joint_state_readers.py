@@ -97,7 +97,7 @@ class Reader:
         self.assembler.configure(settings(parameters).inputs)
 
     def accept(self, message):
-        """Return what comes of a message."""
+        """Return the outcome of a message."""
         if message.odometry:
             try:
                 return self.assembler.accept_odometry(read_message(message.raw, ODOMETRY), message.now)

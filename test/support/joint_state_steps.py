@@ -108,5 +108,5 @@ def case(name, *steps, robot="arm", **parameters):
 
 ARM, GRIPPER = NAMES[:2], NAMES[2:]
 PAST, FUTURE, LATE, JUMPED = "stamp from the past", "stamp from the future", "late", "time jumped back"
-ABSURD = "absurd value"
+IMPLAUSIBLE = "implausible value"
 INTERLEAVED = "interleaved sources"

@@ -5,10 +5,10 @@
 
 from joint_state_messages import INF, MS, NAN, NOW, S, joint_state, odometry
 from joint_state_steps import (
-    ABSURD,
     ARM,
     FUTURE,
     GRIPPER,
+    IMPLAUSIBLE,
     JUMPED,
     LATE,
     OLD,
@@ -409,11 +409,11 @@ ODOMETRY_CASES = [
         for length in (0.991, 1.009)
     ),
     case(
-        "absurd odometry",
+        "implausible odometry",
         base(position=(100, -100, 0), twist=(10, 0, 0, 0, -10, 0)),
-        base(NOW + 1, ABSURD, "position", "±100", position=(0, -100.1, 0)),
-        base(NOW + 1, ABSURD, "twist", "±10", twist=(0, 0, 10.1, 0, 0, 0)),
-        base(NOW + 1, ABSURD, "twist", twist=(0, 0, 0, 0, 0, -10.1)),
+        base(NOW + 1, IMPLAUSIBLE, "position", "±100", position=(0, -100.1, 0)),
+        base(NOW + 1, IMPLAUSIBLE, "twist", "±10", twist=(0, 0, 10.1, 0, 0, 0)),
+        base(NOW + 1, IMPLAUSIBLE, "twist", twist=(0, 0, 0, 0, 0, -10.1)),
         plausibility__position=100.0,
         plausibility__velocity=10.0,
         robot="floating",

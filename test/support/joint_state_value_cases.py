@@ -5,9 +5,9 @@
 
 from joint_state_messages import INF, MS, NAMES, NAN, NOW, PI, S, joint_state
 from joint_state_steps import (
-    ABSURD,
     ARM,
     GRIPPER,
+    IMPLAUSIBLE,
     JUMPED,
     LATE,
     OLD,
@@ -113,7 +113,7 @@ NUMBER_CASES = [
     ),
     *(
         case(f"effort {effort}", whole(), whole(NOW + MS, effort=effort, also=also), whole(NOW + 2 * MS))
-        for effort, also in (([], ()), ([NAN] * 3, ()), ([100, NAN, 300], ()), ([100, 200, INF], "absurd effort"))
+        for effort, also in (([], ()), ([NAN] * 3, ()), ([100, NAN, 300], ()), ([100, 200, INF], "implausible effort"))
     ),
     case(
         "effort unknown in a piece",
@@ -144,11 +144,18 @@ LIMIT_CASES = [
                 "position",
                 {"plausibility__position": 2.5},
                 {"position": [0, 0, 2.51]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "'wrist'",
                 "plausibility.position",
             ),
-            ("position", {"plausibility__position": 2.5}, {"position": [0, -2.51, 0]}, ABSURD, "'elbow'", "-2.5 … 2.5"),
+            (
+                "position",
+                {"plausibility__position": 2.5},
+                {"position": [0, -2.51, 0]},
+                IMPLAUSIBLE,
+                "'elbow'",
+                "-2.5 … 2.5",
+            ),
             ("position of a continuous joint", {"plausibility__position": 2.5}, {"position": [1e7, 0, 0]}, "published"),
             ("limits", {"plausibility__beyond_limits": 0.5}, {"position": [1e7, 4.5, -6.5]}, "published"),
             ("limits", {"plausibility__beyond_limits": 0.5}, {"position": [0, -5.5, 60.5]}, "published"),
@@ -156,7 +163,7 @@ LIMIT_CASES = [
                 "limits",
                 {"plausibility__beyond_limits": 0.5},
                 {"position": [0, 4.51, 0]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "'elbow'",
                 "-5.5 … 4.5",
             ),
@@ -164,7 +171,7 @@ LIMIT_CASES = [
                 "limits",
                 {"plausibility__beyond_limits": 0.5},
                 {"position": [0, -5.51, 0]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "plausibility.beyond_limits",
             ),
             (
@@ -177,31 +184,31 @@ LIMIT_CASES = [
                 "narrower",
                 {"plausibility__beyond_limits": 3, "plausibility__position": 6},
                 {"position": [0, 0, -6.1]},
-                ABSURD,
+                IMPLAUSIBLE,
             ),
             (
                 "narrower",
                 {"plausibility__beyond_limits": 1, "plausibility__position": 6},
                 {"position": [0, 5.1, 0]},
-                ABSURD,
+                IMPLAUSIBLE,
             ),
             ("velocity", {"plausibility__velocity": 29}, {"velocity": [-29, 29, 0]}, "published"),
             (
                 "velocity",
                 {"plausibility__velocity": 29},
                 {"velocity": [0, 0, 29.1]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "'wrist'",
                 "plausibility.velocity",
             ),
-            ("velocity", {"plausibility__velocity": 29}, {"velocity": [-29.1, 0, 0]}, ABSURD, "'shoulder'", "±29"),
+            ("velocity", {"plausibility__velocity": 29}, {"velocity": [-29.1, 0, 0]}, IMPLAUSIBLE, "'shoulder'", "±29"),
             ("infinite velocity", {"plausibility__velocity": 29}, {"velocity": [0, INF, 0]}, "no velocity", "elbow"),
             ("velocity limit", {"plausibility__beyond_velocity": 3}, {"velocity": [-18, 9, 1e6]}, "published"),
             (
                 "velocity limit",
                 {"plausibility__beyond_velocity": 3},
                 {"velocity": [18.1, 0, 0]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "±18",
                 "beyond_vel",
             ),
@@ -209,7 +216,7 @@ LIMIT_CASES = [
                 "velocity limit",
                 {"plausibility__beyond_velocity": 3},
                 {"velocity": [0, -9.1, 0]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "'elbow'",
                 "±9",
             ),
@@ -217,20 +224,25 @@ LIMIT_CASES = [
                 "least",
                 {"plausibility__beyond_velocity": 3, "plausibility__velocity": 10},
                 {"velocity": [10.1, 0, 0]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "±10",
             ),
             (
                 "least",
                 {"plausibility__beyond_velocity": 3, "plausibility__velocity": 10},
                 {"velocity": [0, 9.1, 0]},
-                ABSURD,
+                IMPLAUSIBLE,
                 "±9",
             ),
             ("no bound", {}, {"position": [1e300, -1e300, 0], "velocity": [1e300, -1e300, 0]}, "published"),
         )
     ),
-    case("absurd message in pieces", REST, whole(NOW, ABSURD, "'wrist'", names=GRIPPER), plausibility__position=2.5),
+    case(
+        "implausible message in pieces",
+        REST,
+        whole(NOW, IMPLAUSIBLE, "'wrist'", names=GRIPPER),
+        plausibility__position=2.5,
+    ),
     case("mimic joints have no bounds", REST, hand(thumb=1e9, also="mimic disagreement"), plausibility__position=2.5),
 ]
 
@@ -246,23 +258,28 @@ EFFORT_CASES = [
         case(f"effort: {sent}, {parameters}", REST, _efforts(sent, state, *also), **parameters)
         for parameters, sent, state, *also in (
             ({"plausibility__effort": 1000.0}, [1000, 0, -1000], [1000, 0, -1000]),
-            ({"plausibility__effort": 1000.0}, [1000, 1001, -1000], None, "absurd effort"),
-            ({"plausibility__effort": 1000.0}, [-1001, 1001, INF], None, "absurd effort"),
+            ({"plausibility__effort": 1000.0}, [1000, 1001, -1000], None, "implausible effort"),
+            ({"plausibility__effort": 1000.0}, [-1001, 1001, INF], None, "implausible effort"),
             ({}, [1e300, -1e300, 0], [1e300, -1e300, 0]),
             ({"plausibility__beyond_effort": 4.0}, [200, 1e9, -400], [200, 1e9, -400]),
-            ({"plausibility__beyond_effort": 4.0}, [200.1, 0, 0], None, "absurd effort"),
-            ({"plausibility__beyond_effort": 4.0}, [0, 0, -400.1], None, "absurd effort"),
-            ({"plausibility__beyond_effort": 4.0, "plausibility__effort": 100.0}, [100.1, 0, 0], None, "absurd effort"),
+            ({"plausibility__beyond_effort": 4.0}, [200.1, 0, 0], None, "implausible effort"),
+            ({"plausibility__beyond_effort": 4.0}, [0, 0, -400.1], None, "implausible effort"),
+            (
+                {"plausibility__beyond_effort": 4.0, "plausibility__effort": 100.0},
+                [100.1, 0, 0],
+                None,
+                "implausible effort",
+            ),
             ({"effort_scale": ["elbow=-0.5", "*=10"]}, [1, 2, 3], [10, -1, 30]),
             ({"effort_scale": ["elbow=-0.5"]}, [1, 2, 3], [1, -1, 3]),
             ({"effort_scale": ["*=10"], "plausibility__effort": 30.0}, [3, -3, 3], [30, -30, 30]),
-            ({"effort_scale": ["*=10"], "plausibility__effort": 30.0}, [3, -3.1, 3], None, "absurd effort"),
+            ({"effort_scale": ["*=10"], "plausibility__effort": 30.0}, [3, -3.1, 3], None, "implausible effort"),
             ({"effort_scale": ["shoulder=10"], "plausibility__beyond_effort": 4.0}, [20, 0, 0], [200, 0, 0]),
             (
                 {"effort_scale": ["shoulder=10"], "plausibility__beyond_effort": 4.0},
                 [-20.1, 0, 0],
                 None,
-                "absurd effort",
+                "implausible effort",
             ),
             ({"effort_available": ["elbow=false"], "plausibility__effort": 10.0}, [1, INF, 1], None),
             ({"effort_available": ["*=false", "elbow=true"]}, [1, 2, 3], None),
@@ -270,7 +287,10 @@ EFFORT_CASES = [
         )
     ),
     case(
-        "absurd effort is unknown until the next", REST, _efforts([0, INF, 0], None, "absurd effort"), whole(NOW + MS)
+        "implausible effort is unknown until the next",
+        REST,
+        _efforts([0, INF, 0], None, "implausible effort"),
+        whole(NOW + MS),
     ),
 ]
 
@@ -298,14 +318,14 @@ MIMIC_CASES = [
     case(
         "infinite effort of a mimic joint",
         whole(),
-        all_of(own=(0, INF, 1), effort=[100, 200, 303], also="absurd effort"),
+        all_of(own=(0, INF, 1), effort=[100, 200, 303], also="implausible effort"),
     ),
     case("effort of the source joint is needed", whole(), all_of(own=(1, 2, 3), joints=(100, 200, NAN), effort=None)),
     case(
-        "absurd efforts count once for each message",
+        "implausible efforts count once for each message",
         whole(),
-        all_of(own=(2000, 0, 10), effort=[100, 200, 330], also="absurd effort"),
-        all_of(own=(2000, 2000, INF), joints=(1e4, 0, -1e4), effort=None, also="absurd effort"),
+        all_of(own=(2000, 0, 10), effort=[100, 200, 330], also="implausible effort"),
+        all_of(own=(2000, 2000, INF), joints=(1e4, 0, -1e4), effort=None, also="implausible effort"),
         plausibility__effort=1000.0,
     ),
     case(
@@ -557,7 +577,7 @@ ESTIMATE_CASES = [
         case(
             f"a step too fast: {moved}",
             *_ramp(0, (100, 100, 100), 11),
-            positions(NOW + 110 * MS, 11, 10 + moved, 11, outcome=ABSURD, words=("'elbow'", "faster than 120")),
+            positions(NOW + 110 * MS, 11, 10 + moved, 11, outcome=IMPLAUSIBLE, words=("'elbow'", "faster than 120")),
             *_ramp(12, (100, 100, 100), 15),
             missing_velocity="estimate",
             velocity_filter_time=0.1,
@@ -602,7 +622,7 @@ def _stuck(count, period, position, velocity, outcomes):
         whole(
             NOW + k * period,
             outcomes(1e-9 * k * period),
-            *(["shoulder"] if outcomes(1e-9 * k * period) == "frozen" else []),
+            *(["shoulder"] if outcomes(1e-9 * k * period) == "stuck" else []),
             position=position(1e-9 * k * period),
             velocity=velocity(1e-9 * k * period),
         )
@@ -611,7 +631,7 @@ def _stuck(count, period, position, velocity, outcomes):
 
 
 def _from(time):
-    return lambda t: "frozen" if t > time else "published"
+    return lambda t: "stuck" if t > time else "published"
 
 
 HELD = lambda t: [0.3, t, t]  # noqa: E731

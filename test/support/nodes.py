@@ -266,7 +266,7 @@ OTHER_COUNTERS = (
     "time jumped back",
     "clock jumped back",
     "mimic disagreement",
-    "absurd effort",
+    "implausible effort",
     "positions jumped",
     "interleaved sources",
     "lost in transport",

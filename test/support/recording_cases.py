@@ -40,17 +40,26 @@ class Case(NamedTuple):
         return {name: value for name, value in self.parameters.items() if name != "floating_base"}
 
 
-REJECTED = "malformed", "absurd value", "jump", "late", "no velocity", "wrong length", "no position", "duplicate name"
+REJECTED = (
+    "malformed",
+    "implausible value",
+    "jump",
+    "late",
+    "no velocity",
+    "wrong length",
+    "no position",
+    "duplicate name",
+)
 CASES = {
     "defaults": Case(
         PANDA,
         {},
         (
             *map("rejected: {}".format, REJECTED),
-            *("incomplete", "foreign", "absurd effort", "lost by gaps in stamps"),
+            *("incomplete", "foreign", "implausible effort", "lost by gaps in stamps"),
         ),
     ),
-    "frozen values refused": Case(PANDA, {"stuck_values": "reject", "stuck_timeout": 0.05}, ("rejected: frozen",)),
+    "stuck values refused": Case(PANDA, {"stuck_values": "reject", "stuck_timeout": 0.05}, ("rejected: stuck",)),
     "foreign stamps refused": Case(PANDA, {"foreign_time": "reject", "max_age": 0.02}),
     "few rules": Case(
         PANDA, dict.fromkeys(("max_age", "plausibility.jump", "plausibility.beyond_limits", "joint_timeout"), 0.0)

@@ -16,7 +16,7 @@ from diag_dynamics.nodes.support.messages import doubles, to_time
 ROUNDING = 1.0 + 1e-6
 """Factor on its bound above which an energy exceeds it."""
 
-_OF_COMMANDS = ("commands", "commands limited", "stalls")
+_OF_COMMANDS = ("commands", "commands limited", "stalls", "holds", "contact energy above its limit")
 
 
 class Record:

@@ -12,7 +12,7 @@ PUBLISHED = ("published", "published from odometry")  # the second is no outcome
 
 WARNINGS = {  # by counter; a text of the event follows
     "mimic disagreement": "mimic joint deviates from its source joint: ",
-    "absurd effort": "implausible efforts ignored",
+    "implausible effort": "implausible efforts ignored",
     OVERLOAD: "messages dropped: CPU overload",
     f"odometry {OVERLOAD}": "odometry dropped: CPU overload",
     "positions jumped": "positions jumped: ",
@@ -88,7 +88,7 @@ class InputStatistics:
             if recent[key]:
                 problems.append(text + steady(texts.get(key, "")))
         if robot and recent["received"]:
-            missing, stuck = robot.assembler.missing, robot.assembler.frozen_text
+            missing, stuck = robot.assembler.missing, robot.assembler.stuck_text
             problems += [stuck] if stuck else []
             problems += [f"joints without data: {', '.join(missing)}"] if missing else []
         return problems

@@ -230,7 +230,7 @@ class MonitoredRobot:
 
 def _values_by(options):
     """Return the options of joint states without those that reject states, but change no values."""
-    return options._replace(stuck_timeout=0.0, refuse_frozen=False, odom_timeout=0.0)
+    return options._replace(stuck_timeout=0.0, reject_stuck=False, odom_timeout=0.0)
 
 
 def _without_rotors(dynamics):
