@@ -113,7 +113,9 @@ def compile_rest():
         "--jobs",
         "1",
     ]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # Elsewhere Python would import a checkout that is the current folder.
+    where = {"cwd": os.path.dirname(sys.executable)}
+    return subprocess.Popen(command, **where, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def parse(arguments):
