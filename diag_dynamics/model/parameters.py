@@ -84,6 +84,8 @@ class Parameters:
     def __post_init__(self) -> None:
         for name in ("joints", "links", "payloads", "origin"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        for name, entry in self.joints.items():
+            _joint(entry, f"parameters: joint '{name}'")
 
     @property
     def lighter_links(self) -> list[str]:

@@ -331,3 +331,9 @@ def test_parameters_of_other_nodes(tmp_path):
     for section, name in unknown:
         with pytest.raises(dd.InputError, match=f"no parameter '{name}'"):
             parameters_of(node_file(tmp_path, {section: {name: 1}}))
+
+
+@pytest.mark.parametrize("numbers", [{"damping": np.nan}, {"friction": -3.0}, {"armature": -5.0}])
+def test_numbers_of_joints_in_programs_are_checked(numbers):
+    with pytest.raises(dd.InputError, match=f"joint 'a': {next(iter(numbers))} is .* expected a finite number >= 0"):
+        dd.Parameters(joints={"a": dd.JointParameters(**numbers)})
