@@ -179,7 +179,9 @@ def draw(results, path):
 def main(arguments=None):
     """Run the demo; the status is 1 where the identified model detects fewer than nine of ten pushes."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", choices=ROBOTS, default=list(ROBOTS), help="default: all")
+    parser.add_argument(
+        "--robots", nargs="+", choices=ROBOTS, default=["panda"], help="default: panda; others need example-robot-data"
+    )
     parser.add_argument("--error", type=float, default=0.3, help="relative error of inertias (default: 0.3)")
     parser.add_argument("--seed", type=int, default=1, help="of random numbers (default: 1)")
     parser.add_argument("--picture", metavar="PICTURE.png", help="file for the picture")
