@@ -106,15 +106,15 @@ def parse_rate(text):
 
 
 def _summary(found, model, path, findings):
-    low, high = found.rate_interval
+    rate, low, high = (format_rate(one, found.asked) for one in (found.rate, *found.rate_interval))
     width = max(len("|m r|"), *map(len, found.joints))
     units = {name: "N" if slides else "N m" for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)}
     return [
         f"{found.duration:.4g} s without contact, observer gain {found.gain:g}/s, "
         f"{'with' if found.friction else 'without'} friction of the model",
         f"Requested false alarms: {format_rate(found.asked)}, all detectors together",
-        f"Held-out parts: {found.held_out} alarm{'s' * (found.held_out != 1)}, {format_rate(found.rate)} "
-        f"(95 % interval: {format_rate(low)} to {format_rate(high)}); with the final thresholds: {found.alarms}",
+        f"Held-out parts: {found.held_out} alarm{'s' * (found.held_out != 1)}, {rate} "
+        f"(95 % interval: {low} to {high}); with the final thresholds: {found.alarms}",
         "",
         f"Thresholds, {METHODS[found.method].format(found.peaks)}",
         *(f"  {name:{width}}  {value:.4g} {units[name]}" for name, value in found.joints.items()),

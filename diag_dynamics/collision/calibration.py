@@ -89,11 +89,10 @@ class Calibration(AlarmThresholds):
         InputError
             It cannot be written.
         """
-        low, high = map(format_rate, self.rate_interval)
+        rate, low, high = (format_rate(one, self.asked) for one in (self.rate, *self.rate_interval))
         head = [
             f"Thresholds for {format_rate(self.asked)} false alarms, all detectors together.",
-            f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, "
-            f"{format_rate(self.rate)} (95 %: {low} to {high}).",
+            f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, {rate} (95 %: {low} to {high}).",
             *self.warnings,
             *notes,
             "Units: gain 1/s; joints and external_torque N m, of prismatic joints N; norm J^0.5/s; times s.",
@@ -121,11 +120,12 @@ def _rounded_up(value: float) -> float:
     return float(f"{math.ceil(value * 10.0**digits * (1.0 - 1e-12)) / 10.0**digits:.12g}")
 
 
-def format_rate(rate: float) -> str:
-    """Return a rate [1/s] such as ``3/min``."""
-    if rate >= 1.0:
+def format_rate(rate: float, unit_of: float | None = None) -> str:
+    """Return a rate [1/s] such as ``3/min``, in the unit of another rate if that is given."""
+    size = rate if unit_of is None else unit_of
+    if size >= 1.0:
         return f"{rate:.3g}/s"
-    if rate == 0.0 or rate * 60.0 >= 0.1:
+    if size == 0.0 or size * 60.0 >= 0.1:
         return f"{rate * 60.0:.3g}/min"
     return f"{rate * 3600.0:.3g}/h"
 

@@ -113,7 +113,7 @@ class MonitorNode(TableNode, Node):
             return
         reason = Fault(made).reason
         if self.values["robot_description"] and not self._robot:
-            self.finished.set_exception(InputError(f"parameter 'robot_description' rejected: {reason}"))
+            self.finished.set_exception(InputError(f"the robot of parameter 'robot_description' is rejected: {reason}"))
             return
         self._refused = Refused(description, reason)
         kept = f"; robot '{plain(self._robot.model.name)}' stays" if self._robot else ""
