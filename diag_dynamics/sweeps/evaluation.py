@@ -112,7 +112,8 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried, factorized):
     # P⁺ = P − G (P S)ᵀ;  Ṗ⁺ = Ṗ − G hᵀ − h Gᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×), h = Ṗ S − ½ Ḋ G
     P_plus = sp.less_rank_one(P, G, column)
     h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
-    rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), sp.transport(v_J, P_plus))
+    moved = sp.transport_along_z(direction, rate, P_plus)
+    rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), moved)
     if is_carried:
         X = records.placement_of(w)
         if not factorized:

@@ -130,6 +130,12 @@ def cross_columns(a, M):
 
 
 @nk.kernel
+def turn_columns(M, rate):
+    """ã M for a = rate along z."""
+    return (scale(M[1], -rate), scale(M[0], rate), scale(M[2], 0.0))
+
+
+@nk.kernel
 def rotated(R, M):
     """R M Rᵀ."""
     return product(product(R, M), transpose(R))
@@ -453,6 +459,21 @@ def _commutator(axis, M):
 def _commutator_of_block(axis, B):
     """ã B − B ã of any matrix."""
     return matrix_sum(cross_columns(axis, B), transpose(cross_columns(axis, transpose(B))))
+
+
+@nk.kernel
+def transport_along_z(direction, rate, P):
+    """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
+    B = turn_columns(P.B, rate)
+    if direction == ANGULAR_Z:
+        A, C = turn_columns(P.A, rate), turn_columns(P.C, rate)
+        return Inertia(
+            mirror(matrix_sum(A, transpose(A))),
+            matrix_sum(B, transpose(turn_columns(transpose(P.B), rate))),
+            mirror(matrix_sum(C, transpose(C))),
+        )
+    row = scale(P.A[0], 0.0)
+    return Inertia((row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B))))
 
 
 @nk.kernel
