@@ -15,18 +15,16 @@ from diag_dynamics.arrays import Array, Frame, ManyWrenches
 from diag_dynamics.model import RobotModel
 from diag_dynamics.results import BatchMemory
 
-_ARRAY, _FLOAT = np.ndarray, np.dtype(np.float64)
+ARRAY, FLOAT = np.ndarray, np.dtype(np.float64)
 
 
 def are_vectors(q: Any, x: Any, y: Any) -> bool:
-    """Return whether q is one state, and kernels may get these arguments without conversion.
+    """Return whether kernels may get these arguments without conversion.
 
     Kernels would ignore the mask of a subclass, and may read another byte order as this machine's.
     For other shapes and strides they raise TypeError.
     """
-    if not type(q) is type(x) is type(y) is _ARRAY:
-        return False
-    return q.dtype is x.dtype is y.dtype is _FLOAT and q.ndim == 1
+    return type(q) is type(x) is type(y) is ARRAY and q.dtype is x.dtype is y.dtype is FLOAT
 
 
 class States(NamedTuple):

@@ -27,7 +27,7 @@ from diag_dynamics.contact.impact import Impact, impact
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
 from diag_dynamics.dynamics import calls
-from diag_dynamics.dynamics.arguments import Arguments, Loads, are_vectors
+from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, are_vectors
 from diag_dynamics.dynamics.compilation import compile_methods
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
@@ -131,7 +131,13 @@ class DiagonalDynamics:
         state = np.empty(self._shape) if out is None else memory_of(out, Evaluation, self.model)
         effort, status = self._zero if tau is None else tau, ws.BAD_LENGTH
         try:
-            if f_ext is None and not friction and frame == "link" and are_vectors(q, qd, effort):
+            if (
+                f_ext is None
+                and not friction
+                and frame == "link"
+                and type(q) is type(qd) is type(effort) is ARRAY
+                and q.dtype is qd.dtype is effort.dtype is FLOAT
+            ):
                 status = evaluation.evaluate.run(self._robot, q, qd, effort, state)
         except TypeError:  # another shape, or strides
             pass
