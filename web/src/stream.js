@@ -6,6 +6,12 @@
 const [SHORTEST, LONGEST] = [250, 5000]; // [ms] between two attempts
 const SILENCE = 4000; // [ms] without a message, heartbeats included, after which the connection is lost
 
+// A browser warns of a socket that is closed before it is open.
+function close(socket) {
+  if (socket?.readyState === WebSocket.CONNECTING) socket.onopen = () => socket.close();
+  else socket?.close();
+}
+
 export class Stream {
   // handlers: layout(json), diagnostics(json), heartbeat(json), frame(t, values), lost(reason, status)
   constructor(handlers) {
@@ -27,12 +33,12 @@ export class Stream {
   }
 
   #connect() {
-    this.next?.close();
+    close(this.next);
     const socket = (this.next = new WebSocket(this.url));
     socket.binaryType = "arraybuffer";
     socket.onmessage = ({ data }) => {
       if (socket === this.next) {
-        this.socket?.close();
+        close(this.socket);
         [this.socket, this.next] = [socket, null];
       }
       if (socket === this.socket) this.#receive(data);
@@ -45,8 +51,8 @@ export class Stream {
   }
 
   #close() {
-    this.next?.close();
-    this.socket?.close();
+    close(this.next);
+    close(this.socket);
     this.next = this.socket = null;
   }
 

@@ -12,8 +12,10 @@ import { Stream } from "../src/stream.js";
 let sockets;
 
 class Socket {
+  static CONNECTING = 0;
+
   constructor(url) {
-    Object.assign(this, { url, closed: false });
+    Object.assign(this, { url, closed: false, readyState: 1 });
     sockets.push(this);
   }
 
@@ -118,10 +120,21 @@ test("the button sends a push where the server takes pushes", () => {
   const health = new Health();
   const live = new Live({ health });
   live.stream.open("/arm", "hand", 50);
-  Object.assign(sockets[0], { readyState: 1, send: (text) => sent.push(text) });
+  Object.assign(sockets[0], { send: (text) => sent.push(text) });
   sockets[0].onmessage({ data: "{}" });
   live.push();
   health.heart = { pushes: true };
   live.push();
   assert.deepEqual(sent, ["push"]);
+});
+
+test("a socket that is not open yet closes once it is: the browser would warn", () => {
+  const live = new Live({ health: new Health() });
+  live.stream.open("/arm", "hand", 50);
+  const [first] = sockets;
+  first.readyState = 0;
+  live.stream.open("/other", "hand", 50);
+  assert.equal(first.closed, false);
+  first.onopen();
+  assert.equal(first.closed, true);
 });
