@@ -178,7 +178,7 @@ def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) 
 
 
 def rows(name: str, value: Any, names: Sequence[str], count: int | None = None) -> Array:
-    """Return a contiguous array with a row for each state, of which there are `count` if given."""
+    """Return a contiguous array with a row for each state; raise InputError unless it has `count` rows, if given."""
     value = in_order(name, value, names)
     if isinstance(value, (list, tuple)):
         value = [in_order(f"{name}[{t}]", row, names) for t, row in enumerate(value)]

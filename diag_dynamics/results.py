@@ -293,10 +293,10 @@ class BatchEvaluation(Evaluation):
         ws.BASE_ENERGY,
         "Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base.",
     )
-    power = _row_with_tau(  # type: ignore[assignment]
+    power = _row_with_tau(  # type: ignore[assignment]  # None without TAU, the base class has a float
         ws.POWER, "Power dK/dt [W], shape (T,); None without TAU."
     )
-    effort_power = _row_with_tau(  # type: ignore[assignment]
+    effort_power = _row_with_tau(  # type: ignore[assignment]  # as power
         ws.EFFORT_POWER, "Power νᵀ(ε − ε_g) [W], shape (T,); None without TAU."
     )
 

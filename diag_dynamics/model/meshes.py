@@ -18,7 +18,7 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.sources import GIT_LFS
 
 _PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")  # some exporters write a third slash
-_REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # begins what is on no disk, as http: does; C: is a drive
+_REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # scheme of a URL; one letter, as in C:, is a drive
 
 
 def find_mesh(name: str, folder: Path | None) -> Path:

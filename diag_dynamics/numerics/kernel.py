@@ -99,7 +99,7 @@ class Entry:
         self.run = self._compile_and_run
         _entries.append(self)
 
-    def __call__(self, *arguments):  # noqa: D102
+    def __call__(self, *arguments):  # noqa: D102  # the docstring is the function's
         return self.run(*arguments)
 
     @functools.cached_property

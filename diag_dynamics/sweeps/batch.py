@@ -8,7 +8,7 @@ the states in a step reads and writes the row of its body alone, at distances th
 instructions of it. Loops of their own copy the parent's motion and add to its inertias and forces. The steps are those of
 one state, and no operation is reordered: results have the bits of single calls. Groups are eliminated state by state.
 
-Each entry returns the number of the first state without results: `end`, or the first of the states of which one fails.
+Each entry returns `end`, or the first of WIDTH states of which at least one failed: results end there.
 """
 
 from diag_dynamics.numerics import kernel as nk

@@ -40,7 +40,7 @@ CONTACT_ENTRY = np.dtype(
     ],
     align=True,
 )
-"""Points of one body, of which the worst is a result, and the body regions that they may hit."""
+"""Points of one body and the body regions that they may hit. The result is that of the worst point."""
 
 INVERSE_MASS, STIFFNESS, LARGEST_FORCE, LARGEST_ENERGY = range(4)
 """Columns of a body region: 1/m_H, 0 if it is clamped, k, and limits, inf where there is none."""
@@ -63,7 +63,7 @@ POINT, POSITION, DIRECTION, SPEED, MASS, TRANSFERABLE, FORCE, ALLOWED, REGION, C
 """First columns of the result of an entry, and their number; REGION is that of the strictest limit, -1 if there is none."""
 
 AT_REST = 1e-12
-"""Ratio of a point's speed to the speeds of which it is the sum, below which it is rounding error."""
+"""A speed below this fraction of its terms, linear and angular, is rounding error."""
 
 IMMOBILE = 1e-14
 """Ratio of 1/m_u to the mobility of a body below which it is rounding error."""

@@ -13,7 +13,7 @@ UNIT_TOLERANCE = 1e-3
 """Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
 
 SINGULAR = 1e-10
-"""A joint moves no inertia if D is below this fraction of the inertias of which D is the difference."""
+"""D below this fraction of the inertias that it is the difference of is rounding: the joint moves no inertia."""
 
 REMOTE = 1e-4
 """Weight of all inertia outboard in the size of P, relative to the articulated inertias of the children. It matters where
@@ -244,7 +244,7 @@ def joint_inertia(direction, armature, P):
 
 @nk.kernel
 def scale_along(direction, w):
-    """Size of the inertias of which D is the difference."""
+    """Magnitude of the two inertias whose difference is D; rounding errors of D are relative to it."""
     k = 0 if direction < sp.ANGULAR_X else 1
     return max(w.magnitude[k], REMOTE * w.total[k])
 
