@@ -11,6 +11,10 @@ from diag_dynamics.exceptions import InputError
 PACKAGES = {"yaml": "pyyaml", "distributed": "'dask[distributed]'"}
 """Names of packages that differ from those of their modules."""
 
+EXTRAS = dict.fromkeys(("lz4", "mcap", "pyarrow", "yaml", "rosbags", "scipy", "zstandard"), "recordings")
+EXTRAS |= {"matplotlib": "plots", "distributed": "fleet", "jinja2": "fleet"}
+"""Extras of the package by the module that they install."""
+
 
 def require(module: str, what: str) -> Any:
     """Import a module that `what` needs."""
@@ -19,4 +23,6 @@ def require(module: str, what: str) -> Any:
     except ImportError as error:
         name = module.partition(".")[0]
         package = PACKAGES.get(name, name)
-        raise InputError(f"{what} needs the package {name}: pip install {package}.") from error
+        extra = EXTRAS.get(name)
+        whole = f", or all packages of this kind: pip install 'diag_dynamics[{extra}]'" if extra else ""
+        raise InputError(f"{what} needs the package {name}: pip install {package}{whole}.") from error
