@@ -3,10 +3,14 @@
 
 """`diag-dynamics analyse`: summary, tables, messages and report of recordings."""
 
+import os
+import re
 import shutil
 import sys
 import time
+from collections import Counter
 from functools import partial
+from pathlib import Path
 
 from diag_dynamics.cli import common, fleet
 from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
@@ -43,7 +47,7 @@ def add_arguments(parser):
     parser.add_argument("--parquet", metavar="OUT.parquet", help="table with a column for each quantity and joint")
     parser.add_argument("--csv", metavar="OUT.csv", help="the same table as text")
     parser.add_argument("--report", metavar="OUT.html", help="self-contained HTML page with all results")
-    parser.add_argument("--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout")
+    parser.add_argument("--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout; a folder for several")
     common.add_threads(parser)
     common.add_quiet(parser)
     fleet.add_arguments(parser)
@@ -64,7 +68,8 @@ def run(chosen):
         if name != "json" and getattr(chosen, name) and not is_single:
             count = f"there are {len(chosen.recording)}. Use --fleet --out DIR to write files of each."
             raise InputError(f"{option} writes results of one recording, but {count}")
-    with common.json_output(chosen.json) as write:
+    is_folder = chosen.json and not is_single and os.path.isdir(chosen.json)
+    with common.json_output(Path(chosen.json, "all.json") if is_folder else chosen.json) as write:
         return (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
 
 
@@ -86,7 +91,7 @@ def _analyse(chosen, parameters, robot, write):
 
 def _analyse_several(chosen, parameters, robot, write):
     """Analyse one recording after another; one that fails does not stop the others."""
-    summaries, failed = [], {}
+    summaries, failed, shared = [], {}, Counter()
     for recording in chosen.recording:
         try:
             summary = _summary(chosen, recording, parameters, robot)
@@ -95,14 +100,25 @@ def _analyse_several(chosen, parameters, robot, write):
             print(f"diag-dynamics analyse: {error}", file=sys.stderr)
             continue
         summaries.append(summary)
+        _write_json(chosen.json, summary)
         if _prints(chosen):
-            print(f"{printable(recording)}\n\n{format_summary(summary, _width())}\n")
+            print(f"{printable(recording)}\n\n{format_summary(summary, _width(), shared)}\n")
     write({"recordings": summaries, "robots": merge_robots(summaries), "failed": failed})
     if _prints(chosen):
+        for text in (text for text, count in shared.items() if count > 1):
+            print(f"In {shared[text]} of {len(summaries)} recordings: {printable(text)}")
         print(printable(fleet.format_table(summaries, failed)))
     if not summaries:
         return FAILED
     return DOUBTFUL if failed or any(map(describe_faults, summaries)) else DONE
+
+
+def _write_json(folder, summary):
+    """Write the summary of a recording into a folder; nothing elsewhere."""
+    if folder and os.path.isdir(folder):
+        words = re.sub(r"[^\w.-]+", "_", summary["recording"]).strip("_.-")
+        with common.json_output(Path(folder, f"{words}.json")) as write:
+            write(summary)
 
 
 def _summary(chosen, recording, parameters, robot):

@@ -139,12 +139,19 @@ def _has_efforts(summary):
     return summary["states"] > summary["quality"]["without_effort"]
 
 
-def format_summary(summary, width=WIDTH):
-    """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on."""
+def format_summary(summary, width=WIDTH, shared=None):
+    """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on.
+
+    `shared` counts texts of several recordings, and leaves out those of earlier ones.
+    """
     notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
     faults = [str(Finding(**one)) for one in summary["findings"] if one["cause"] != NOTE]
+    faults += summary["warnings"]
+    if shared is not None:
+        shared.update({*notes, *faults})
+        notes, faults = ([text for text in texts if shared[text] == 1] for texts in (notes, faults))
     parts = [list(part(summary)) for part in PARTS]
-    for heading, texts in (("Findings", [*faults, *summary["warnings"]]), ("Input", notes)):
+    for heading, texts in (("Findings", faults), ("Input", notes)):
         parts += [[heading, *_some(texts, "more; --json has all")]] if texts else []
     return "\n\n".join("\n".join(_wrapped(line, width) for line in part) for part in parts if part)
 
