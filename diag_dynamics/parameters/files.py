@@ -8,6 +8,7 @@ from dataclasses import fields
 from difflib import get_close_matches
 from fnmatch import fnmatch
 
+from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
 from diag_dynamics.parameters import controller, simulator, view
@@ -35,6 +36,7 @@ def parameters_of(files=(), assignments=()):
         parameters (:class:`Parameters`) is the value of `parameters_file`.
     assignments : sequence of str
         Each ``parameter=value`` with the value in YAML, or a text that begins with ``*``, as ``effort_scale=*=0.5``.
+        Commas separate entries of a list, ``locked_joints=a=0,b=0``; another assignment of the list adds entries.
 
     Raises
     ------
@@ -45,11 +47,19 @@ def parameters_of(files=(), assignments=()):
     for path in files:
         for name, value in _read_file(path).items():
             values |= _check(name, value, f"'{path}'")
+    lists = {}
     for entry in assignments:
         name, equals, value = entry.partition("=")
         if not equals:
             raise InputError(f"'{entry}' has no '=', expected parameter=value.")
-        values |= _check(name, value if value.startswith("*") else parsed_yaml(value, f"'{entry}'"), f"'{entry}'")
+        value = value if value.startswith(ALL) else parsed_yaml(value, f"'{entry}'")
+        parts = value.split(",") if isinstance(value, str) else []
+        if len(parts) > 1 and all("=" in one for one in parts):
+            value = [one.strip() for one in parts]
+        for own, checked in _check(name, value, f"'{entry}'").items():
+            if isinstance(checked, list) and all(isinstance(one, str) for one in checked):
+                checked = lists[own] = [*lists.get(own, []), *checked]
+            values[own] = checked
     return values
 
 

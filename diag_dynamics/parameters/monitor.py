@@ -209,7 +209,7 @@ class Settings(NamedTuple):
                 raise InputError(f"{reason}.")
         payloads_of(values["payloads"])
         for name in ("locked_joints", "armature"):
-            assignments(name, values[name])
+            assignments(name, [one for one in values[name] if one != ALL])
         shares = [assignments(name, values[name], minimum=0.0) for name in ("warn_energy_share", "error_energy_share")]
         thresholds = Thresholds(values["warn_energy"], values["error_energy"], *shares)
         thresholds.check_order()

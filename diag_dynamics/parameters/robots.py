@@ -3,7 +3,7 @@
 
 """Models of the robots of nodes and recordings, by their parameters."""
 
-from diag_dynamics.entries import assignments
+from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.joint_types import single_joints
@@ -13,7 +13,7 @@ from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 
-def model_of(description, values):
+def model_of(description, values, recorded=None):
     """Return the model of a description; ``joint_states`` has a place for every joint.
 
     Parameters
@@ -23,6 +23,9 @@ def model_of(description, values):
         its gravity counts where the parameter has its default, its armature where no parameter has another.
     values : dict
         Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, if the node has it.
+    recorded : callable, optional
+        Returns names of the joints in a recording, given the model with all joints. Without it, `locked_joints` cannot
+        have ``*``, the joints that a recording lacks.
 
     Raises
     ------
@@ -41,11 +44,16 @@ def model_of(description, values):
             "Give the base a <freejoint/>."
         )
     velocity = values.get("friction_velocity", FRICTION_VELOCITY)
+    locked = assignments("locked_joints", [f"{ALL}=0" if one == ALL else one for one in values["locked_joints"]])
+    rest = locked.pop(ALL, None)
+    if rest is not None and recorded is None:
+        what = "parameter 'locked_joints' has '*', the joints that a recording lacks"
+        raise InputError(f"{what}; expected names of joints, because no recording is read here.")
     model = loaded(
         described,
         floating_base=own.get("floating_base", values["floating_base"]),
         gravity=own.get("gravity", gravity) if list(gravity) == PARAMETERS["gravity"].default else gravity,
-        locked_joints=assignments("locked_joints", values["locked_joints"]),
+        locked_joints=locked,
         armature=assignments("armature", values["armature"]),
         payloads=payloads,
         friction_velocity=None if velocity == FRICTION_VELOCITY else velocity,
@@ -53,6 +61,10 @@ def model_of(description, values):
         **{name: values[name] for name in ("mimic", "massless", "max_joints", "max_coupled")},
     )
     require_single_joints(model)
+    if rest is not None:
+        joints, names = single_joints(model), recorded(model)
+        if names & set(joints):  # else the names are others, of which the reading tells
+            model = model.with_locked_joints(locked | {name: rest for name in joints if name not in names})
     return model
 
 

@@ -89,8 +89,8 @@ def _name_texts(intake, counts):
     map_name = intake.names.map_name if intake.names else str
     others = [name for name in intake.assembler.arrived if map_name(name) not in own]
     maps, lock = propose_maps(others, missing), "Lock a joint that the recording lacks: "
-    entries = ", ".join(f"{name}=0" for name in missing[:FEW])
-    lock += f"--set locked_joints={entries}" if len(missing) == 1 else f"--set 'locked_joints=[{entries}]'"
+    entries = ",".join(f"{name}=0" for name in missing)
+    lock += f"--set locked_joints={entries}" if len(missing) <= FEW else "--set 'locked_joints=*'"
     nothing = len(missing) == len(joints)
     if maps:
         advice = describe_maps(maps, others, own)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import RobotModel
@@ -21,7 +22,7 @@ from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.renamed import current_parameters
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
-from diag_dynamics.recordings.findings import WITHOUT_VALUES, Finding, collect_findings
+from diag_dynamics.recordings.findings import NOTE, WITHOUT_VALUES, Finding, collect_findings
 from diag_dynamics.recordings.intake import Intake
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.recordings.states import States
@@ -186,15 +187,17 @@ class Reading:
     def __init__(
         self, path, model=None, columns=None, *, topic=None, joint_names=None, parameters=None, start=None, end=None
     ):
-        self.settings, self._path = make_settings(parameters), os.fspath(path)
+        self.settings = make_settings(parameters)
         self._span, self._limits = _check_span(start, end), None
+        self._locks_rest = any(one.startswith(ALL) for one in self.settings.values["locked_joints"])
         self._source = open_source(path, columns, topic, joint_names)
+        self._path = os.fspath(path)
         if isinstance(model, RobotModel):
             require_single_joints(model)
             self.model, self.described = model, None
         else:
             self.described = self._source.description() if model is None else os.fspath(model)
-            self.model = model_of(self.described, self.settings.values)
+            self.model = model_of(self.described, self.settings.values, self._source.joints)
         self.intake = Intake(self.model, self.settings, self._source.names)
         if self._source.start is not None:
             self._set_limits(self._source.start)
@@ -218,7 +221,10 @@ class Reading:
 
     def findings(self):
         """Return a list of Finding on the messages so far."""
-        return collect_findings(self.intake, self._source)
+        locked = ", ".join(f"{name}={position:g}" for name, position in self.model.locked_joints.items())
+        text = f"joints that the recording lacks are locked: {locked}."
+        added = [Finding(NOTE, 1, text)] if locked and self._locks_rest else []
+        return collect_findings(self.intake, self._source) + added
 
     def pieces(self, size=SIZE):
         """Yield pieces, see :func:`stream_recording`."""

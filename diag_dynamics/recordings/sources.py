@@ -7,6 +7,7 @@ A source, BagSource or TableSource, has
 
 * `batches(model)`, which yields each :class:`~diag_dynamics.recordings.intake.Batch`; `limit(begin, end)` before it is a hint
   of log times [ns] between which messages are read;
+* `joints(model)`, names of the robot's joints in the messages;
 * `description()`, the robot_description; `names`, JointNames or None; `start`, the first log time [ns], None if unknown;
 * when all batches are read, `offset`, `without_values`, `unread` and `notes` for findings.
 """
@@ -18,6 +19,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import Decoder
+from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.model.sources import GIT_LFS
 from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
@@ -51,6 +53,9 @@ def check_topics(topic):
 
 def open_source(path, columns=None, topic=None, joint_names=None):
     """Return the BagSource or TableSource of a path; for its arguments see :func:`read_recording`."""
+    if not isinstance(path, str | os.PathLike):
+        found = f"path is a {type(path).__name__}; expected the path of a recording"
+        raise InputError(f"{found}. The order of the arguments is path, model.")
     columns = read_column_map(columns)
     names, path = _make_names(columns, joint_names), Path(os.path.expanduser(os.fspath(path)))
     if not path.exists():
@@ -86,6 +91,8 @@ def _is_bag(path):
             first = file.read(len(GIT_LFS))
     if first == GIT_LFS:
         raise InputError(f"'{path}' is a pointer of Git LFS. Run git lfs pull.")
+    if first.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
+        raise InputError(f"'{path}' is XML; expected a recording. The order of the arguments is path, model.")
     return bool(SUFFIXES.keys() & set(path.suffixes)) or first.startswith(tuple(MAGIC))
 
 
@@ -119,6 +126,15 @@ class BagSource:
         if not self._bag.connections:
             raise InputError(f"'{self._path}' is empty: {self._content()}.")
         raise InputError(f"'{self._path}' has no robot_description. Give the robot: --urdf ROBOT (model).")
+
+    def joints(self, model):
+        """Return the robot's names of all joints in messages, as a set; of a model's joints, all when these are found."""
+        found, map_name = set(), self.names.map_name if self.names else str
+        for batch in self._batches(self._connections(JOINT_STATE)):
+            found.update(map(map_name, set(batch.names())))
+            if found.issuperset(single_joints(model)):
+                break
+        return found
 
     def batches(self, model):
         """Yield batches of messages in the order of log time."""

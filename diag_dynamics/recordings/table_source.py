@@ -56,6 +56,12 @@ class TableSource:
             f"'{self._path}' is a table, without a robot description. Give the robot: --urdf ROBOT (model)."
         )
 
+    def joints(self, model):
+        """Return the robot's names of all joints in rows, as a set."""
+        table = open_table(self._path, self._columns, self._own_names(model) if self.names else single_joints(model))
+        names = (table.joints if one.names is None else filter(None, one.names.flat) for one in table.pieces())
+        return {self.names.map_name(name) if self.names else name for some in names for name in some}
+
     def limit(self, begin, end):
         """Omit nothing: a table has no index."""
 

@@ -365,6 +365,49 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert "is an input. Choose another file" in analyse(bag, table, "--json", table)[2]
 
 
+def test_several_recordings_say_what_they_share_once(tmp_path, table, analyse):
+    """A folder of --json gets a file for each recording, and one for all."""
+    (tmp_path / "out").mkdir()
+    (tmp_path / "b.csv").write_bytes(table.read_bytes())
+    _, said, _ = analyse(table, tmp_path / "b.csv", "--json", tmp_path / "out")
+    text = "time: t."
+    assert said.count(text) == 2 and f"In 2 of 2 recordings: {text}" in said
+    every = json.loads((tmp_path / "out" / "all.json").read_text())["recordings"]
+    ones = [json.loads(path.read_text()) for path in (tmp_path / "out").iterdir() if path.name != "all.json"]
+    assert len(ones) == 2 and all(one in every for one in ones)
+
+
+def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analyse):
+    """A star locks them, in tables and bags, by the robot's names; others in the same list keep their positions."""
+    names, stamps, *values = driven
+    own = [name.replace("panda", "fer") for name in names]
+    sent = [
+        Message("/joint_states", stamp, serialized(stamp, own[:6], *(one[k, :6] for one in values)))
+        for k, stamp in enumerate(stamps.tolist())
+    ]
+    bag = write_mcap(tmp_path / "arm.mcap", sent)
+    options = "--joint-names", "fer_*=panda_*", "--set", "locked_joints=*=0.01", "locked_joints=panda_joint7=0.2"
+    lines = table.read_text().splitlines()
+    kept = [k for k, name in enumerate(lines[0].split(",")) if not any(one in name for one in ("joint7", "finger"))]
+    rows = [",".join(line.split(",")[k] for k in kept) for line in lines]
+    table.write_text("\n".join(rows) + "\n")
+    star = "--set", "locked_joints=*"
+    for recording, more in ((bag, options), (table, star)):
+        _, out, said = analyse(recording, *more, "--json", "-")
+        summary = json.loads(out)
+        assert summary["states"] == COUNT and summary["degrees_of_freedom"] == names[:6], said
+        (told,) = (one["text"] for one in summary["findings"] if "are locked" in one["text"])
+        locked = ("panda_finger_joint1=0.01", "panda_joint7=0.2") if recording == bag else ("panda_joint7=0,",)
+        assert all(one in told for one in locked)
+    rec = dd.read_recording(
+        bag, find_urdf("panda"), joint_names={"fer_*": "panda_*"}, parameters={"locked_joints": ["*=0.01"]}
+    )
+    assert rec.model.locked_joints["panda_joint7"] == 0.01 and rec.q.shape == (COUNT, 6)
+    assert "'locked_joints' has '*'" in analyse("--fleet", bag, "--out", tmp_path / "o", *star)[2]
+    foreign = analyse(bag, *star)
+    assert foreign[0] == 2 and "fer_*=panda_*" in foreign[2]
+
+
 def test_topics_and_names_of_one_robot(tmp_path, driven, analyse):
     """An arm and its hand on two topics make the same summary as one topic with the robot's names."""
     names, stamps, *values = driven

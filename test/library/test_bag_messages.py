@@ -402,4 +402,4 @@ def test_followers_are_the_robots(tmp_path):
 
 def test_joints_without_data_are_locked_by_one_list(tmp_path):
     recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving("a")), arm("a", "b", "c"))
-    assert recording.findings[0].text.endswith("--set 'locked_joints=[b=0, c=0]'")
+    assert recording.findings[0].text.endswith("--set locked_joints=b=0,c=0")

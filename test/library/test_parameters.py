@@ -333,6 +333,23 @@ def test_parameters_of_other_nodes(tmp_path):
             parameters_of(node_file(tmp_path, {section: {name: 1}}))
 
 
+@pytest.mark.parametrize(
+    ("assignments", "expected"),
+    [
+        (["locked_joints=a=0, b=0.1"], {"locked_joints": ["a=0", "b=0.1"]}),
+        (["locked_joints=a=0", "armature=c=1", "locked_joints=[b=0.1]"], {"locked_joints": ["a=0", "b=0.1"]}),
+        (["locked_joints=*=0,b=0.1"], {"locked_joints": ["*=0", "b=0.1"]}),
+        (["locked_joints=*"], {"locked_joints": ["*"]}),
+        (["payloads=hand=1, 2"], {"payloads": ["hand=1, 2"]}),
+        (["gravity=[0, 0, 1]", "gravity=[0, 0, 2]"], {"gravity": [0.0, 0.0, 2.0]}),
+    ],
+)
+def test_lists_on_a_command_line(assignments, expected):
+    """Commas separate entries, and repetitions of a list of entries add some."""
+    found = parameters_of((), assignments)
+    assert {name: found[name] for name in expected} == expected
+
+
 @pytest.mark.parametrize("numbers", [{"damping": np.nan}, {"friction": -3.0}, {"armature": -5.0}])
 def test_numbers_of_joints_in_programs_are_checked(numbers):
     with pytest.raises(dd.InputError, match=f"joint 'a': {next(iter(numbers))} is .* expected a finite number >= 0"):

@@ -117,6 +117,10 @@ def test_errors_of_reading(tmp_path, panda):
     write_mcap(path, states)
     refused(r"recording\.mcap", tmp_path / "recordin.mcap")
     refused("robot_description", model=None)
+    refused("path is a RobotModel; expected the path of a recording. The order of", panda, path)
+    urdf = tmp_path / "x.urdf"
+    urdf.write_text("<?xml version='1.0'?><robot/>")
+    refused(r"x\.urdf' is XML; expected a recording. The order of the arguments", urdf, path)
     refused(r"no topic '/joint_state'.*'/joint_states'", topic="/joint_state")
     refused("column map", columns={"time": "t"})
     refused("no parameter 'max_agge'", parameters={"max_agge": 1.0})
