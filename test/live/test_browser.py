@@ -426,7 +426,7 @@ def test_a_report_shows_the_recording(chromium, recording):
         assert f"{summary['contact']['worst'][0]['at']:.3f} s" in words["limits"]
         assert words["collisions"].startswith("1 collision")
         assert "external_torque.threshold" in words["parameters"]
-        tab.page.locator("#collisions button").first.click()
+        tab.page.locator("#collisions .link").first.click()
         tab.until("diag.state.window[1] - diag.state.window[0] < 6 && diag.values.t === diag.state.now")
         assert tab.ask("diag.values.norm[0]") == pytest.approx(summary["collisions"][0]["norm"], rel=1e-3)
         assert len(rows_of(tab)) > 4.0 * recorded_arm.RATE

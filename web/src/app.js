@@ -19,6 +19,7 @@ import { View } from "./view.js";
 
 const PERIODS = { plots: 90, numbers: 120, robot: 33, strip: 1000 }; // [ms] between two drawings
 const PARTS = Object.keys(PERIODS);
+const AROUND = 2; // [s] that a report shows before and after a collision
 const NO_ROWS = { length: 0, first: NaN, last: NaN, held: false, bytes: 0 };
 
 export class App {
@@ -40,6 +41,8 @@ export class App {
       selected: () => this.chosen.dof,
       selectLink: (link) => this.select(link),
       collisions: () => this.source?.collisions ?? [],
+      events: () => this.cards.collisions.events,
+      show: (event) => this.#showEvent(event),
       point: (plot) => this.cards.point(plot),
     };
     this.stage = new Stage({ ...shared, app: this });
@@ -148,6 +151,7 @@ export class App {
       [["ArrowLeft", "ArrowRight"], "previous or next state (Shift: one second)", (event) => this.#step(event)],
       [["Home"], "start", () => view.go(this.rows.first)],
       [["End", "l"], report ? "end" : "live", () => (report ? view.go(this.rows.last) : view.follow())],
+      [["b", "n"], "previous or next collision or contact", ({ key }) => this.cards.collisions.step(key === "n" ? 1 : -1)],
       [["+", "-"], "shorter or longer time window", (event) => view.zoom(view.length * (event.key === "+" ? 0.5 : 2))],
       [["0"], report ? "whole recording" : "time window of 30 s", () => (report ? view.whole() : view.zoom(30))],
       [["1", "2", "3", "4"], "colour links by energy share, link energy, joint torque, external torque", ({ key }) => this.stage.colourBy(key - 1)],
@@ -173,6 +177,11 @@ export class App {
     const step = key === "ArrowRight" ? 1 : -1;
     if (shiftKey) this.view.go(this.view.now() + step);
     else this.view.step(step);
+  }
+
+  #showEvent({ start, end, t }) {
+    if (this.report) this.view.see(start - AROUND, end + AROUND);
+    this.view.go(t);
   }
 
   #nextJoint(step) {
@@ -237,8 +246,10 @@ export class App {
       if (isDue("plots")) this.cards.draw();
       else if (dirty.has("cursor")) this.cards.place();
       if (isDue("numbers")) this.#drawNumbers(i);
-      if (isDue("strip")) this.timeline.draw();
-      else this.timeline.place();
+      if (isDue("strip")) {
+        this.cards.collisions.draw();
+        this.timeline.draw();
+      } else this.timeline.place();
       if (isDue("robot")) this.stage.draw(rows, i);
       for (const part of ["now", "cursor"]) dirty.delete(part);
     }
@@ -251,6 +262,7 @@ export class App {
     this.table.draw(rows, i);
     this.details.draw(rows, i);
     contact?.draw(rows.data, rows.base(i));
+    this.cards.collisions.place();
     this.stage.showContact(contact?.worst ?? null);
     this.update();
   }

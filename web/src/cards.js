@@ -4,11 +4,13 @@
 // The cards: predicted contact, plots, diagnostics, results of a report. All plots share one cursor.
 
 import { el, resized, say } from "./dom.js";
+import { CollisionList } from "./collisions.js";
 import { ContactCard } from "./contact.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
 
+const BEFORE = 4; // plots before the list of collisions on a live page
 const LEVELS = ["good", "warn", "bad", "bad"];
 
 export class Cards {
@@ -19,6 +21,7 @@ export class Cards {
     this.list = el("div", { class: "diagnostics" }, el("p", { class: "none", text: "no diagnostics received yet" }));
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
+    this.collisions = new CollisionList(shared);
     this.chapters = []; // cards of a report
     this.node = el("div", { class: "cards" }, ...(shared.view.live ? [this.words] : [])); // with the reason why there is no robot yet
     resized(this.node, () => this.#fill());
@@ -31,7 +34,10 @@ export class Cards {
     this.contact = layout.size("contact_worst") ? new ContactCard(layout, (link) => this.shared.selectLink(link)) : null;
     const contact = this.contact ? [this.contact.node] : [];
     const [first, ...others] = this.chapters;
-    this.node.replaceChildren(...(first ? [first] : []), ...contact, ...others, ...this.plots.map((plot) => plot.node), ...(this.chapters.length ? [] : [this.words]));
+    const plots = this.plots.map((plot) => plot.node);
+    const list = this.collisions.node;
+    if (first) this.node.replaceChildren(first, list, ...contact, ...others, ...plots);
+    else this.node.replaceChildren(...contact, ...plots.slice(0, BEFORE), list, ...plots.slice(BEFORE), this.words);
     this.#fill();
   }
 

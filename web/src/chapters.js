@@ -6,10 +6,10 @@
 import { breakable, el } from "./dom.js";
 import { number, percent, quantity, span, UNKNOWN } from "./format.js";
 
-// act: go(t) shows a moment, see(start, end) a collision and its largest |r|; both in seconds after the first state.
+// act: go(t) shows a moment, in seconds after the first state.
 export function chapters(content, act) {
   const limits = content.summary.contact ? [contactLimits(content, act)] : [];
-  return [overall(content, act), collisionCard(content, act), ...limits, quality(content), parameters(content)];
+  return [overall(content, act), ...limits, quality(content), parameters(content)];
 }
 
 const card = (id, title, ...children) =>
@@ -49,24 +49,15 @@ function overall({ summary, begin, layout }, act) {
   return card("overall", `${summary.robot}: summary`, el("dl", {}, ...rows), el("p", { text: balance.says ?? "" }));
 }
 
-function collisionCard({ summary, begin, without_full_rate: without }, act) {
-  const { observer, collisions } = summary;
-  const rows = collisions.map((one) => {
-    const [start, end] = [one.start - begin, one.end - begin];
-    return line(
-      el("button", { class: "link", text: `${start.toFixed(3)} s`, title: "show the largest |r|", onclick: () => act.see(start, end) }),
-      `${span(end - start)}, `,
-      ...breakable(one.told ?? `|r| ${quantity(one.norm, "√J/s")} at ${one.joints.join(", ")}`),
-    );
-  });
+// Whether collisions of a report are known, and what there is to say of their thresholds.
+export function collisionNotes({ summary: { observer }, without_full_rate: without }) {
   const known = !observer.missing.length && observer.observed > 0;
   const judged = observer.judged.length ? `Thresholds of ${observer.judged.length} alarms` : `Threshold |r| > ${quantity(observer.threshold, "√J/s")}`;
   const texts = known ? [`${judged}; observer gain ${number(observer.gain)}/s.`] : [];
   if (observer.says) texts.push(observer.says);
   if (observer.missing.includes(GAIN) && observer.observed) texts.push(`${GAIN} is not set; this report uses ${number(observer.gain)}/s.`);
   if (without) texts.push(`The file omits full-rate states around the ${without} weakest collisions.`);
-  const count = collisions.length === 1 ? "1 collision" : `${collisions.length || "No"} collisions`;
-  return card("collisions", known ? count : "Collisions: unknown", ...texts.map((text) => el("p", {}, ...breakable(text))), el("dl", {}, ...rows));
+  return [known, texts];
 }
 
 // Contact limits: how long they were exceeded, and the worst moments.

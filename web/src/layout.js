@@ -15,6 +15,7 @@ export const FLAGS = {
   late: 16,
   receiveTime: 32,
   otherModel: 64,
+  contact: 128,
 };
 
 export class Layout {

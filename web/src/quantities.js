@@ -285,6 +285,10 @@ export function roundUp(x) {
 // Reflected mass [kg] along a velocity v, v·v/|Sv|² with the root S of the mobility; NaN at rest.
 export function massAlong(root, velocity) {
   const speed = Math.hypot(...velocity);
-  const moved = root.map((row) => row.reduce((sum, x, k) => sum + x * velocity[k], 0));
-  return speed > 1e-4 ? (speed / Math.hypot(...moved)) ** 2 : NaN;
+  return speed > 1e-4 ? (speed / lengthOf(root, velocity)) ** 2 : NaN;
+}
+
+// Length of a vector that a matrix has mapped.
+export function lengthOf(matrix, vector) {
+  return Math.hypot(...matrix.map((row) => row.reduce((sum, x, k) => sum + x * vector[k], 0)));
 }

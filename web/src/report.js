@@ -5,13 +5,8 @@
 
 import { Layout } from "./layout.js";
 import { Rows } from "./rows.js";
-import { chapters } from "./chapters.js";
-import { field } from "./quantities.js";
-import { timeOfLargest } from "./sampling.js";
+import { chapters, collisionNotes } from "./chapters.js";
 import { bytesOf, meshOf, rowsOf } from "./tracks.js";
-
-const AROUND = 2; // [s] shown before and after a collision
-const ROUNDING = 1e-6; // [s] of times in the summary
 
 export class Report {
   constructor(app, block) {
@@ -29,16 +24,9 @@ export class Report {
   async begin() {
     const { app, content } = this;
     const layout = new Layout({ ...content.layout, report: true });
-    const rows = await rowsOf(layout, content.tracks);
-    this.rows = rows;
-    app.cards.chapters = chapters(content, {
-      go: (t) => app.view.go(t),
-      see: (start, end) => {
-        const t = timeOfLargest(rows, start - ROUNDING, end + ROUNDING, field(layout, "norm"));
-        app.view.see(start - AROUND, end + AROUND);
-        app.view.go(Number.isFinite(t) ? t : start);
-      },
-    });
+    this.rows = await rowsOf(layout, content.tracks);
+    app.cards.chapters = chapters(content, { go: (t) => app.view.go(t) });
+    app.cards.collisions.setNotes(...collisionNotes(content));
     app.laidOut(layout);
     app.view.end = this.rows.last;
     app.view.moment = this.rows.first;

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The timeline: K over the whole history, collisions, window and moment; dragging moves the moment.
+// The timeline: K over the whole history, collisions and contacts, window and moment; dragging moves the moment.
 
 import { faded } from "./colours.js";
 import { el, resized } from "./dom.js";
 import { envelope } from "./sampling.js";
-import { FLAGS } from "./layout.js";
+import { field } from "./quantities.js";
 
 export class Timeline {
   constructor(shared) {
@@ -45,9 +45,7 @@ export class Timeline {
     const ctx = this.canvas.getContext("2d");
     ctx.setTransform(scale, 0, 0, scale, 0, 0);
     ctx.clearRect(0, 0, width, height);
-    const [at, flags] = [layout.at("K"), layout.at("flags")];
-    const getters = [(d, b) => d[b + at], (d, b) => (d[b + flags] & FLAGS.collision ? 1 : 0)];
-    const [x, energy, collision] = envelope(rows, 0, rows.length, Math.min(600, Math.floor(width / 2)), getters);
+    const [x, energy] = envelope(rows, 0, rows.length, Math.min(600, Math.floor(width / 2)), [field(layout, "K")]);
     const [first, last] = [rows.first, Math.max(rows.last, rows.first + 1e-9)];
     const across = (t) => (width * (t - first)) / (last - first);
     const most = energy.reduce((a, b) => Math.max(a, b ?? 0), 1e-12);
@@ -65,9 +63,8 @@ export class Timeline {
       ctx.fill();
       from = k + 1;
     }
-    ctx.fillStyle = colours.bad;
-    x.forEach((t, k) => collision[k] > 0 && ctx.fillRect(across(t) - 0.75, 0, 2, 5));
-    for (const { start, end } of this.shared.collisions?.() ?? []) {
+    for (const { start, end, kind } of this.shared.events()) {
+      ctx.fillStyle = kind === "collision" ? colours.bad : colours.warn;
       ctx.fillRect(across(start) - 1, 0, Math.max(2, across(end) - across(start)), 5);
     }
     this.place();

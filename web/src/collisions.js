@@ -1,0 +1,134 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+// Collisions and contacts of the stored states: their list, and the force on the touched link.
+
+import { breakable, el, say, toggle } from "./dom.js";
+import { number, percent, quantity, span } from "./format.js";
+import { FLAGS } from "./layout.js";
+import { field, hasThresholds, lengthOf } from "./quantities.js";
+import { timeOfLargest } from "./sampling.js";
+
+const HOLD_OFF = 0.5; // [s]: what rises again within this time belongs to the event before, as in the monitor
+const ROUNDING = 1e-6; // [s] of times in a summary
+const PERIOD = 1e-3; // [s]: events nearer than this to the moment shown are not next or previous
+
+// Touched link at a state, its confidence, and the force at the link's centre of mass [N] with the root of its covariance;
+// null where no link is known. unobserved: directions of the force that the joints do not feel.
+export function touchAt(layout, d, b) {
+  const numbers = (name) => [...d.subarray(b + layout.at(name), b + layout.at(name) + layout.size(name))];
+  const link = layout.has("touched_link") ? (layout.links[numbers("touched_link")[0]] ?? null) : null;
+  if (link === null) return null;
+  const [[confidence], [unobserved], force] = ["touched_confidence", "touch_unobserved", "touch_force"].map(numbers);
+  const root = symmetric(numbers("touch_root"));
+  const size = Math.hypot(...force);
+  const deviation = size > 0 ? lengthOf(root, force.map((x) => x / size)) : NaN; // along the force
+  return { link, confidence, force, root, size, deviation, unobserved };
+}
+
+export const symmetric = ([xx, xy, xz, yy, yz, zz]) => [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+
+// "24.1 ± 1.2 N"; what is unobserved in words.
+export function forceText({ size, deviation, unobserved }) {
+  if (!Number.isFinite(size) || unobserved === 3) return "force not observable";
+  const known = Number.isFinite(deviation) ? `${number(size)} ±\u00a0${quantity(deviation, "N", 2)}` : quantity(size, "N");
+  return unobserved > 0 ? `≥ ${known}, ${unobserved} of 3 directions not observable` : known;
+}
+
+// Events in the order of time. Known collisions are those of a summary, to whose times they are exact; without any, runs of
+// states that are flagged.
+export function eventsOf(rows, layout, collisions = []) {
+  const flags = field(layout, "flags");
+  const runs = [];
+  for (let i = 0; i < rows.length; i++) {
+    const bits = flags(rows.data, rows.base(i)) & (FLAGS.contact | FLAGS.collision);
+    if (!bits) continue;
+    const [last, t] = [runs.at(-1), rows.time(i)];
+    if (last && t - last.end <= HOLD_OFF) Object.assign(last, { end: t, bits: last.bits | bits });
+    else runs.push({ start: t, end: t, bits });
+  }
+  const known = collisions.map((one) => ({ ...one, bits: FLAGS.collision }));
+  const others = runs.filter(({ start, end }) => !known.some((one) => one.start <= end + ROUNDING && one.end >= start - ROUNDING));
+  return [...known, ...others].sort((a, b) => a.start - b.start).map((one) => described(rows, layout, one));
+}
+
+// With the touched link, or the joint with the largest external torque, at the largest |r|.
+function described(rows, layout, { start, end, bits, told = "" }) {
+  const largest = timeOfLargest(rows, start - ROUNDING, end + ROUNDING, field(layout, "norm"));
+  const t = Number.isFinite(largest) ? largest : start;
+  const [d, b] = [rows.data, rows.base(rows.nearest(t))];
+  const torques = layout.dofs.map((_, k) => Math.abs(field(layout, "external_torque", k)(d, b)) || 0);
+  const dof = torques.indexOf(Math.max(...torques));
+  const torque = `${layout.dofs[dof]} ${quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m")}`;
+  const kind = bits & FLAGS.collision ? "collision" : "contact";
+  return { start, end, t, kind, norm: field(layout, "norm")(d, b), touch: touchAt(layout, d, b), text: told || torque };
+}
+
+export class CollisionList {
+  // shared: rows(), layout(), view, collisions() of a summary, show(event)
+  constructor(shared) {
+    Object.assign(this, { shared, events: [], nodes: [], notes: null });
+    const button = (text, step, title) => el("button", { class: "plain", text, title, "aria-label": title, onclick: () => this.step(step) });
+    this.title = el("h2");
+    this.says = el("div");
+    this.body = el("tbody");
+    const tools = el("span", { class: "steps" }, button("‹", -1, "previous collision or contact (b)"), button("›", 1, "next collision or contact (n)"));
+    this.node = el(
+      "section",
+      { class: "card words", id: "collisions" },
+      el("header", {}, this.title, tools),
+      el("div", { class: "text" }, this.says, el("table", { class: "contact" }, this.body)),
+    );
+  }
+
+  // known: whether a report knows its collisions; texts: what it says of them.
+  setNotes(known, texts) {
+    this.notes = { known };
+    this.says.replaceChildren(...texts.map((text) => el("p", {}, ...breakable(text))));
+  }
+
+  draw() {
+    const { shared, notes } = this;
+    const [rows, layout] = [shared.rows(), shared.layout()];
+    this.events = eventsOf(rows, layout, shared.collisions());
+    const count = (kind) => this.events.filter((one) => one.kind === kind).length;
+    const [collisions, contacts] = [count("collision"), count("contact")];
+    const plural = (n, word) => `${n || "No"} ${word}${n === 1 ? "" : "s"}`;
+    const title = plural(collisions, "collision") + (contacts ? `, ${plural(contacts, "contact").toLowerCase()}` : "");
+    say(this.title, notes && !notes.known ? "Collisions: unknown" : title);
+    if (!notes) say(this.says, hasThresholds(layout) ? `in ${span(rows.last - rows.first)}` : "No thresholds are set (diag-dynamics calibrate).");
+    const key = JSON.stringify(this.events.map(({ start, end, t }) => [start, end, t]));
+    if (key === this.key) return;
+    this.key = key;
+    this.nodes = this.events.map((one) => this.#row(one));
+    this.body.replaceChildren(...[...this.nodes].reverse()); // the newest one first
+    this.place();
+  }
+
+  #row(one) {
+    const { view, show } = this.shared;
+    const { touch } = one;
+    const place = touch ? [...breakable(touch.link), ` ${percent(touch.confidence)}`] : [];
+    const peak = touch ? forceText(touch) : `|r| ${quantity(one.norm, "√J/s")}`;
+    const time = el("button", { class: "link", text: view.label(one.start), title: "show the largest |r|" });
+    return el(
+      "tr",
+      { title: `${one.kind}, ${span(one.end - one.start)}`, onclick: () => show(one) },
+      el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}`, title: one.kind }), time),
+      el("td", { class: "words" }, el("div", {}, ...place), el("small", {}, ...breakable(one.text))),
+      el("td", {}, peak, el("small", {}, ` ${span(one.end - one.start)}`)),
+    );
+  }
+
+  // Marks the event of the moment.
+  place() {
+    const now = this.shared.view.now();
+    this.events.forEach(({ start, end }, k) => toggle(this.nodes[k], "chosen", now >= start - PERIOD && now <= end + PERIOD));
+  }
+
+  step(step) {
+    const now = this.shared.view.now();
+    const wanted = step > 0 ? this.events.find(({ t }) => t > now + PERIOD) : this.events.findLast(({ t }) => t < now - PERIOD);
+    if (wanted) this.shared.show(wanted);
+  }
+}

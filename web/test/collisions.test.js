@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: diag_dynamics maintainers
+// SPDX-License-Identifier: Apache-2.0
+
+// Collisions and contacts of stored states, one every 0.1 s.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { CollisionList, eventsOf, forceText, touchAt } from "../src/collisions.js";
+import { FLAGS, Layout } from "../src/layout.js";
+import { Rows } from "../src/rows.js";
+
+const FIELDS = [["norm", 1], ["flags", 1], ["external_torque", 2], ["touched_link", 1], ["touched_confidence", 1]];
+const TOUCH = [["touch_unobserved", 1], ["touch_force", 3], ["touch_root", 6]];
+const layout = new Layout({
+  ...{ dofs: ["turn", "slide"], links: ["base", "upper", "hand"], angular: [true, false], tree: { bodies: [], links: [] } },
+  fields: [...FIELDS, ...TOUCH].map(([name, size]) => ({ name, size, of: "" })),
+});
+const { contact, collision } = FLAGS;
+
+function stored(states) {
+  const rows = new Rows(layout.width, 1000);
+  states.forEach(({ flags = 0, norm = 0, touch = Array(12).fill(NaN) }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch]));
+  return rows;
+}
+
+const quiet = (count) => Array(count).fill({});
+const times = (events) => events.map(({ kind, start, end, t }) => [kind, start, end, t]);
+
+test("runs of flags are events; what rises again within half a second belongs to the one before", () => {
+  const rows = stored([
+    ...[{}, { flags: contact, norm: 1 }, { flags: contact + collision, norm: 9 }, { flags: contact, norm: 2 }, ...quiet(4)],
+    ...[{ flags: contact, norm: 3 }, ...quiet(6), { flags: contact, norm: 4 }],
+  ]);
+  assert.deepEqual(times(eventsOf(rows, layout)), [["collision", 0.1, 0.8, 0.2], ["contact", 1.5, 1.5, 1.5]]);
+  const [first] = eventsOf(rows, layout);
+  assert.deepEqual([first.norm, first.touch, first.text], [9, null, "slide 5.00\u00a0N"]);
+});
+
+test("times and texts of a summary replace the runs that they overlap", () => {
+  const rows = stored([...quiet(2), { flags: collision, norm: 5 }, { flags: collision, norm: 7 }, ...quiet(9), { flags: contact }]);
+  const events = eventsOf(rows, layout, [{ start: 0.15, end: 0.3000004, told: "turn 5 N m > 2" }]);
+  assert.deepEqual(times(events), [["collision", 0.15, 0.3000004, 0.3], ["contact", 1.3, 1.3, 1.3]]);
+  assert.equal(events[0].text, "turn 5 N m > 2");
+  assert.deepEqual(eventsOf(rows, layout, [{ start: 5, end: 6 }])[2].t, 5); // without states
+});
+
+test("the touched link, its force, and the deviation along it", () => {
+  const touch = [2, 0.75, 0, 0, 3, 4, 2, 0, 0, 1, 0, 0.5];
+  const rows = stored([{ touch }, { touch: [-1, ...touch.slice(1)] }]);
+  const found = touchAt(layout, rows.data, rows.base(0));
+  assert.deepEqual([found.link, found.confidence, found.size, found.unobserved], ["hand", 0.75, 5, 0]);
+  assert.ok(Math.abs(found.deviation - Math.hypot(0.6, 0.4)) < 1e-6);
+  assert.equal(forceText(found), "5.00 ±\u00a00.72\u00a0N");
+  assert.equal(touchAt(layout, rows.data, rows.base(1)), null);
+});
+
+test("a direction that is not observed is in the text, and no deviation is invented", () => {
+  assert.equal(forceText({ size: 5, deviation: NaN, unobserved: 1 }), "≥ 5.00\u00a0N, 1 of 3 directions not observable");
+  assert.equal(forceText({ size: 0, deviation: NaN, unobserved: 3 }), "force not observable");
+});
+
+test("next and previous are those of the moment shown", () => {
+  let now = 1;
+  const list = { events: [{ t: 0.5 }, { t: 1 }, { t: 2 }], shared: { view: { now: () => now }, show: ({ t }) => (now = t) } };
+  const seen = [1, 1, -1, -1, -1].map((step) => (CollisionList.prototype.step.call(list, step), now));
+  assert.deepEqual(seen, [2, 2, 1, 0.5, 0.5]);
+});
