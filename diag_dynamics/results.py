@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar, 
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
+from diag_dynamics.arrays import Array, BoolArray
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.sweeps import evaluation, records
+from diag_dynamics.sweeps import evaluation, external, records
 from diag_dynamics.sweeps import workspace as ws
 
 if TYPE_CHECKING:
@@ -402,6 +402,54 @@ class Factors(NamedTuple):
     def to_dict(self) -> dict[str, Array]:
         """Return all factors by name."""
         return self._asdict()
+
+
+class ExternalWrench(NamedTuple):
+    """A wrench estimated from external torque, and how well it is known; of many states with a leading axis T.
+
+    Force comes first, then moment. Arrays are read-only. See docs/external-wrench.md.
+
+    Attributes
+    ----------
+    wrench : ndarray, shape (6,)
+        f̂ [N, N m] of the environment on the robot: zero along the directions that are not observed.
+    covariance : ndarray, shape (6, 6)
+        Of the observed part, [N², N² m, N² m²]: Σ deviation² d dᵀ over the observed directions d.
+    directions : ndarray, shape (6, 6)
+        Rows are wrenches d [N, N m] with independent estimates, orthonormal in units of
+        `max_deviation`. The best known one is the first.
+    deviation : ndarray, shape (6,)
+        Standard deviation of the estimate along each direction, as a fraction of d; inf if no joint
+        moves along it, or if it is not estimated.
+    observed : ndarray of bool, shape (6,)
+        Whether it is at most 1.
+    chi_square : float
+        Squared length of Σ^−½(τ̂ − Jᵀf̂): what the wrench does not explain. For a contact at the point
+        its mean is nv less the number of observed directions.
+    """
+
+    wrench: Array
+    covariance: Array
+    directions: Array
+    deviation: Array
+    observed: BoolArray
+    chi_square: Any
+
+    @classmethod
+    def of_rows(cls, rows: Array) -> ExternalWrench:
+        """Return the results in rows of sweeps.external."""
+        read_only(rows)
+        deviation = rows[..., external.DEVIATION, :]
+        observed = deviation <= 1.0
+        observed.flags.writeable = False
+        return cls(
+            rows[..., external.WRENCH, :],
+            rows[..., external.COVARIANCE : external.DIRECTIONS, :],
+            rows[..., external.DIRECTIONS : external.DEVIATION, :],
+            deviation,
+            observed,
+            rows[..., external.CHI_SQUARE, 0][()],
+        )
 
 
 def reusable(result: Evaluation, memory: Any) -> Any:

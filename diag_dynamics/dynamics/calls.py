@@ -19,12 +19,14 @@ from diag_dynamics.dynamics.arguments import Loads, States
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.links import wrenches_at, wrenches_on_links, wrenches_on_links_of_many
+from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
     batch,
     classical,
     contacts,
     derivatives,
     evaluation,
+    external,
     factorization,
     joints,
     kinematics,
@@ -282,6 +284,17 @@ class SweepCaller:
             body, X = self.model.placement_in_body(link)
             records[k] = body, X[:3, :3].ravel(), X[:3, 3]
         return records
+
+    def wrench(self, at: States, point: Addresses) -> results.ExternalWrench:
+        """Return the external wrench at a point of :func:`noise.point_of_wrench`."""
+        rows = self._empty(at, external.WRENCH_ROWS, 6)
+        inputs = point.at, at.q, at.vectors["external_torque"]
+        if at.threads:
+            single = partial(self.wrench, point=point)
+            self._call_many(external.wrench_each, inputs, (rows,), at, single)
+        else:
+            self.check(external.wrench(self.robot, *inputs, rows), at)
+        return results.ExternalWrench.of_rows(rows)
 
     def contact(self, at: States, points: ContactPoints | Iterable[ContactPoint]) -> Contact:
         """Return contact quantities."""

@@ -10,6 +10,7 @@ from diag_dynamics.sweeps import (
     contacts,
     derivatives,
     evaluation,
+    external,
     factorization,
     factors,
     kinematics,
@@ -46,6 +47,8 @@ METHODS = {
     kinematics.jacobian: "jacobian",
     kinematics.motion: "link_velocity link_acceleration",
     mobilities.mobilities: "mobilities",
+    external.wrench: "wrench",
+    external.wrench_each: "wrench_batch",
     contacts.contacts: "contact",
     contacts.contacts_each: "contact_batch",
 }

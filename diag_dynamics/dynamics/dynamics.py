@@ -26,12 +26,12 @@ from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vec
 from diag_dynamics.contact.impact import Impact, impact
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
-from diag_dynamics.dynamics import calls
+from diag_dynamics.dynamics import calls, noise
 from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, are_vectors
 from diag_dynamics.dynamics.compilation import compile_methods
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, Factors, memory_of
+from diag_dynamics.results import BatchEvaluation, BatchMemory, Evaluation, ExternalWrench, Factors, memory_of
 from diag_dynamics.sweeps import classical, derivatives, evaluation, kinematics, mobilities
 from diag_dynamics.sweeps import factors as factor_sweeps
 from diag_dynamics.sweeps import workspace as ws
@@ -541,6 +541,54 @@ class DiagonalDynamics:
         self._caller.check(mobilities.mobilities(self._robot, at.q, frames, result), at)
         return result
 
+    # --- External contact, from external torque. It is advisory: no result is safety-rated.
+
+    def wrench(
+        self,
+        q: StatesLike,
+        external_torque: StatesLike,
+        link: str,
+        covariance: RowsLike | None = None,
+        *,
+        point: PointLike = ORIGIN,
+        frame: Frame = "link",
+        force_only: bool = False,
+        max_deviation: tuple[float, float] = (10.0, 1.0),
+        threads: int | None = None,
+    ) -> ExternalWrench:
+        """Return the wrench f̂ = (JΣ⁻¹Jᵀ)⁻¹JΣ⁻¹τ̂ at a point of a link that explains external torque τ̂.
+
+        It acts from the environment on the robot. Directions with a standard deviation above
+        `max_deviation` are not estimated: they are zero in the wrench and named in the result.
+
+        Parameters
+        ----------
+        q : array_like, shape (nq,)
+            Positions.
+        external_torque : array_like, shape (nv,)
+            τ̂ = m r [N m, N] of a :class:`DisturbanceObserver`. Of a floating base its six entries
+            count, too.
+        link, point, frame
+            Point of application and axes of the wrench, as of :meth:`jacobian`.
+        covariance : array_like, shape (nv, nv), optional
+            Σ: second moment of m r without contact, in the order of ``model.dof_names``; by default
+            the identity.
+        force_only : bool
+            Whether the moment about the point is zero.
+        max_deviation : tuple of float
+            Standard deviations of a force [N] and of a moment [N m]. Directions are orthogonal in
+            these units.
+        threads : int, optional
+            Number of threads for many states.
+
+        Returns
+        -------
+        ExternalWrench
+        """
+        at = self._arguments.states(q, threads, external_torque=external_torque)
+        where = noise.point_of_wrench(self.model, link, covariance, point, frame, force_only, max_deviation)
+        return self._caller.wrench(at, where)
+
     # --- Contact. It is advisory: no result is safety-rated.
 
     def contact(self, q: StatesLike, qd: StatesLike, points: Points, *, threads: int | None = None) -> Contact:
@@ -599,4 +647,5 @@ class DiagonalDynamics:
     qd_from_nu_batch = qd_from_nu
     epsilon_from_tau_batch = epsilon_from_tau
     tau_from_epsilon_batch = tau_from_epsilon
+    wrench_batch = wrench
     contact_batch = contact

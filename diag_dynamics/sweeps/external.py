@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""External wrench and touched link from external torque τ with noise Σ; W is lower triangular with WᵀW = Σ⁻¹.
+
+With the rows G = S J Wᵀ of a wrench scaled by S, one-sided Jacobi rotations U make the rows of UG orthogonal. The rows
+of US are then directions whose estimates are independent, g·Wτ/|g|² with the standard deviation 1/|g|.
+"""
+
+import math
+
+from diag_dynamics.numerics import kernel as nk
+from diag_dynamics.numerics.tables import Table, array
+from diag_dynamics.sweeps import joints, kinematics, records
+from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps import workspace as ws
+
+MAX_ROUNDS = 30
+"""Maximum rounds of rotations; six rows need three to six."""
+
+ORTHOGONAL, NEARLY_ORTHOGONAL = 1e-28, 1e-15
+"""Squared cosines of two rows: they stay as they are below the first, and one rotation suffices below the second."""
+
+LONGER = 1.0 - 1e-12
+"""Ratio of squared lengths below which two rows change places."""
+
+ROUNDING = 1e-26
+"""Squared length of a row, as a fraction of the longest one's, below which it is rounding error."""
+
+POINT_OF_WRENCH = Table(
+    "PointOfWrench",
+    body=int,
+    point=array(float),  # in the body's axes
+    rotation=array(float),  # row-major, from the body's axes to those of the wrench
+    in_world=int,  # whether these are the root link's; then the rotation is ignored
+    scale=array(float),  # S, shape (6,)
+    whitening=array(float, 2),  # W
+    count=int,  # 6, or 3 for a force alone
+)
+
+WRENCH, COVARIANCE, DIRECTIONS, DEVIATION, CHI_SQUARE, WRENCH_ROWS = 0, 1, 7, 13, 14, 15
+"""First rows of the result, each of six numbers, and their number; χ² is the first entry of its row."""
+
+_point_at = POINT_OF_WRENCH.opened
+
+
+@nk.kernel
+def _dot(x, y):
+    total = 0.0
+    for k in range(len(x)):
+        total += x[k] * y[k]
+    return total
+
+
+@nk.kernel
+def _add_multiple(x, factor, y):
+    for k in range(len(x)):
+        x[k] += factor * y[k]
+
+
+@nk.kernel
+def _rotate(x, y, cosine, sine):
+    for k in range(len(x)):
+        x[k], y[k] = cosine * x[k] - sine * y[k], sine * x[k] + cosine * y[k]
+
+
+@nk.kernel
+def whiten(W, x, result):
+    """W x."""
+    for i in range(len(result)):
+        total = 0.0
+        for j in range(i + 1):
+            total += W[i, j] * x[j]
+        result[i] = total
+
+
+@nk.large_kernel
+def _orthogonalize(rows, along, count):
+    """Rotate rows pairwise until they are orthogonal, the longest first, and the rows of `along` with them."""
+    for _ in range(MAX_ROUNDS):
+        rotated = False
+        for i in range(count - 1):
+            for j in range(i + 1, count):
+                a, b, c = 0.0, 0.0, 0.0
+                for k in range(rows.shape[1]):
+                    x, y = rows[i, k], rows[j, k]
+                    a, b, c = a + x * x, b + y * y, c + x * y
+                if a >= LONGER * b and (c * c <= ORTHOGONAL * a * b or b <= ROUNDING * a):
+                    continue
+                # tan 2φ = 2c/(b − a), |φ| ≤ π/4, and a quarter turn more if the second row is longer.
+                zeta = 0.5 * (b - a)
+                size = abs(zeta) + math.sqrt(zeta * zeta + c * c)
+                t = (c if zeta >= 0.0 else -c) / size
+                cosine = 1.0 / math.sqrt(1.0 + t * t)
+                sine = cosine * t
+                if a < b:
+                    cosine, sine = -sine, cosine
+                _rotate(rows[i], rows[j], cosine, sine)
+                _rotate(along[i], along[j], cosine, sine)
+                rotated = rotated or a < b or c * c > NEARLY_ORTHOGONAL * a * b
+        if not rotated:
+            return
+
+
+@nk.large_kernel
+def _scaled_rows(at, bodies, work, J, rows):
+    """G = S J Wᵀ of the first rows; J is overwritten by its rows in the axes of the wrench."""
+    R = records.matrix_of(at.rotation)
+    if at.in_world:
+        R = joints.pose(bodies, at.body, 0, work).rotation
+    for k in range(J.shape[1]):
+        for first in range(0, at.count, 3):
+            v = sp.apply(R, (J[first, k], J[first + 1, k], J[first + 2, k]))
+            for a in range(3):
+                J[first + a, k] = at.scale[first + a] * v[a]
+    for a in range(at.count):
+        whiten(at.whitening, J[a], rows[a])
+
+
+@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)
+def wrench(robot, point, q, tau, result):
+    """The wrench that explains τ, at the address `point` of a table :data:`POINT_OF_WRENCH`; see :data:`WRENCH`."""
+    if not ws.lengths_match(robot, q, tau, tau):
+        return ws.BAD_LENGTH
+    at, memory = _point_at(point), ws.robot_of(robot)
+    J, rows, rest = memory.scratch[:6], memory.scratch[6:12], memory.scratch[12]
+    if not joints.are_finite(tau) or kinematics.jacobian(robot, q, at.body, at.point, J) != 0:
+        return -1
+    _scaled_rows(at, memory.bodies, memory.work, J, rows)
+    whiten(at.whitening, tau, rest)
+    for k in range(WRENCH_ROWS):
+        ws.clear(result[k])
+    directions, deviation = result[DIRECTIONS:DEVIATION], result[DEVIATION]
+    for k in range(6):
+        directions[k, k], deviation[k] = at.scale[k], math.inf
+    _orthogonalize(rows, directions, at.count)
+    for k in range(at.count):
+        square, longest = _dot(rows[k], rows[k]), _dot(rows[0], rows[0])
+        if not square > ROUNDING * longest:
+            continue
+        deviation[k] = 1.0 / math.sqrt(square)
+        if square < 1.0:  # not observed
+            continue
+        part = _dot(rows[k], rest) / square
+        _add_multiple(result[WRENCH], part, directions[k])
+        _add_multiple(rest, -part, rows[k])
+        for a in range(6):
+            _add_multiple(result[COVARIANCE + a], directions[k, a] / square, directions[k])
+    result[CHI_SQUARE, 0] = _dot(rest, rest)
+    finite = math.isfinite(result[CHI_SQUARE, 0])
+    for k in range(DEVIATION):
+        finite = finite and joints.are_finite(result[k])
+    return 0 if finite else -1
+
+
+@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_STATES, nogil=True)
+def wrench_each(robot, point, Q, TAU, begin, end, results):
+    """:func:`wrench` at states `begin` to `end`."""
+    for t in range(begin, end):
+        if wrench(robot, point, Q[t], TAU[t], results[t]) != 0:
+            return t
+    return end

@@ -1,0 +1,203 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""External wrench from external torque: Pinocchio's Jacobian and NumPy's decompositions, by the definition."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+import robots
+from coupling import NAMED, oracle_of
+from derivative_oracles import jacobian, link_placement
+from diag_dynamics.exceptions import InputError
+
+pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+
+PANDA = robots.robot("panda_description/urdf/panda.urdf")
+ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02})
+UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
+RANDOM = {one.id: one for one in robots.random_robots()}
+TEXTBOOK = {one.id: one for one in robots.textbook_robots()}
+ROBOTS = (
+    ARM,
+    UR5,
+    PANDA._replace(id="panda+coupled", mimic="embed"),
+    NAMED["parallel gripper"]._replace(mimic="embed"),
+    TEXTBOOK["pendulum"],
+    TEXTBOOK["gantry"],
+    RANDOM["random_tree_0"],
+    RANDOM["mobile_tree_20"],
+    RANDOM["geared_tree_10"].floating,
+)
+POINT = (0.1, -0.2, 0.05)
+WIDE = (1e4, 1e4)  # [N, N m]: all directions that move a joint are observed
+
+
+class Case:
+    """A robot, its oracle, one state, a random Σ, and links from the first moving one to the tips."""
+
+    def __init__(self, one, seed=0):
+        self.model = dd.load_urdf(one.urdf, mimic=one.mimic, **one.options)
+        self.oracle, self.dyn = oracle_of(one, self.model.dof_names), dd.DiagonalDynamics(self.model)
+        rng = np.random.default_rng(seed)
+        self.q, n = robots.samples(one.id, self.oracle)[0].q, self.model.nv
+        size = np.exp(rng.uniform(-1.5, 1.0, n))
+        self.covariance = np.cov(rng.normal(size=(n, 4 * n + 4))) * np.outer(size, size) + 1e-3 * np.eye(n)
+        moving = [name for name in self.model.link_names if self.J(name).any()]
+        self.links = [moving[0], moving[len(moving) // 2], moving[-1]]
+        self.tau, self.push = rng.normal(size=n), rng.normal(size=6) * [20, 20, 20, 3, 3, 3]
+
+    def J(self, link, point=(0.0, 0.0, 0.0), frame="link"):
+        return jacobian(self.oracle, self.q, link, point, frame)
+
+    def information(self, J, scale):
+        """S J Σ⁻¹ Jᵀ S of force and moment in units of `scale`."""
+        S = np.diag(np.repeat(scale, 3))
+        return S @ J @ np.linalg.solve(self.covariance, J.T) @ S
+
+
+@pytest.fixture(scope="module", params=ROBOTS, ids=lambda one: one.id)
+def case(request):
+    return Case(request.param)
+
+
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_wrench_is_recovered(case, frame):
+    """τ = Jᵀf returns f along all observed directions, and all of Jᵀf; χ² is zero."""
+    for link in case.links:
+        J = case.J(link, POINT, frame)
+        found = case.dyn.wrench(
+            case.q, J.T @ case.push, link, case.covariance, point=POINT, frame=frame, max_deviation=WIDE
+        )
+        d = found.directions[found.observed]
+        assert found.observed.sum() == np.linalg.matrix_rank(J, 1e-9)
+        np.testing.assert_allclose(d @ found.wrench, d @ case.push, rtol=1e-9, atol=1e-9 * 2e5)
+        np.testing.assert_allclose(J.T @ found.wrench, J.T @ case.push, rtol=1e-9, atol=1e-9)
+        assert found.chi_square < 1e-16
+        if found.observed.all():
+            np.testing.assert_allclose(found.wrench, case.push, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("frame", ["link", "world"])
+def test_estimate_and_covariance(case, frame):
+    """f̂ and its covariance are those of the generalized inverse of JΣ⁻¹Jᵀ over its observed eigenvectors."""
+    for link in case.links:
+        for scale in ((10.0, 1.0), (2.0, 0.3), (100.0, 100.0)):
+            J, S = case.J(link, POINT, frame), np.diag(np.repeat(scale, 3))
+            value, vector = np.linalg.eigh(case.information(J, scale))
+            observed = value >= 1.0
+            inverse = S @ (vector[:, observed] / value[observed]) @ vector[:, observed].T @ S
+            expected = inverse @ J @ np.linalg.solve(case.covariance, case.tau)
+            found = case.dyn.wrench(
+                case.q, case.tau, link, case.covariance, point=POINT, frame=frame, max_deviation=scale
+            )
+            size = np.abs(expected).max() + 1.0
+            np.testing.assert_allclose(found.wrench, expected, rtol=1e-8, atol=1e-9 * size)
+            np.testing.assert_allclose(found.covariance, inverse, rtol=1e-8, atol=1e-9 * (np.abs(inverse).max() + 1))
+            np.testing.assert_array_equal(found.observed, observed[::-1])
+            unexplained = case.tau - J.T @ expected
+            chi_square = unexplained @ np.linalg.solve(case.covariance, unexplained)
+            assert found.chi_square == pytest.approx(chi_square, rel=1e-8, abs=1e-9)
+
+
+def test_directions(case):
+    """Directions are eigenvectors, most precise first, with 1/√eigenvalue; they span what is not observed."""
+    scale = (10.0, 1.0)
+    for link in case.links:
+        B = case.information(case.J(link), scale)
+        value, vector = np.linalg.eigh(B)
+        value, vector = value[::-1], vector[:, ::-1]
+        found = case.dyn.wrench(case.q, case.tau, link, case.covariance, max_deviation=scale)
+        U = found.directions / np.repeat(scale, 3)
+        np.testing.assert_allclose(U @ U.T, np.eye(6), atol=1e-12)
+        size = max(value[0], 1.0)
+        np.testing.assert_allclose(U @ B @ U.T, np.diag(value), atol=1e-11 * size)
+        assert all(a <= b * (1 + 1e-9) for a, b in pairwise(found.deviation))
+        known = value > 1e-9 * size
+        np.testing.assert_allclose(found.deviation[known], value[known] ** -0.5, rtol=1e-6)
+        assert (found.deviation[~known] > 1e4 / np.sqrt(size)).all()
+        hidden, expected = U[~found.observed], vector[:, value < 1.0]
+        np.testing.assert_allclose(hidden.T @ hidden, expected @ expected.T, atol=1e-9 * size)
+        np.testing.assert_allclose(hidden @ (found.wrench / np.repeat(scale, 3)), 0.0, atol=1e-9)
+
+
+def test_force_alone(case):
+    """With force_only the estimate is that of three rows of J; the moment is zero and counts as not observed."""
+    for link in case.links:
+        J = case.J(link, POINT)[:3]
+        tau = J.T @ case.push[:3] + 0.1 * case.tau
+        A = J @ np.linalg.solve(case.covariance, J.T)
+        found = case.dyn.wrench(case.q, tau, link, case.covariance, point=POINT, force_only=True, max_deviation=WIDE)
+        np.testing.assert_array_equal(found.wrench[3:], 0.0)
+        assert not found.observed[3:].any() and found.observed.sum() == np.linalg.matrix_rank(J, 1e-9)
+        assert not found.covariance[3:].any() and not found.covariance[:, 3:].any()
+        inverse = np.linalg.pinv(A, rcond=1e-12, hermitian=True)
+        np.testing.assert_allclose(
+            J.T @ found.wrench[:3], J.T @ inverse @ J @ np.linalg.solve(case.covariance, tau), rtol=1e-6, atol=1e-7
+        )
+
+
+def test_axes_and_units():
+    """World axes rotate the result of link axes; a unit of torque scales wrench, deviation and max_deviation alike."""
+    case = Case(UR5)
+    link = case.links[-1]
+    own, world = (case.dyn.wrench(case.q, case.tau, link, case.covariance, frame=f) for f in ("link", "world"))
+    R = np.kron(np.eye(2), link_placement(case.oracle, case.q, link).rotation)
+    np.testing.assert_allclose(world.wrench, R @ own.wrench, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(world.covariance, R @ own.covariance @ R.T, rtol=1e-8, atol=1e-8)
+    assert 0 < own.observed.sum() < 6
+    scaled = case.dyn.wrench(case.q, 1e3 * case.tau, link, 1e6 * case.covariance, max_deviation=(1e4, 1e3))
+    np.testing.assert_allclose(scaled.wrench, 1e3 * own.wrench, rtol=1e-9)
+    np.testing.assert_allclose(scaled.deviation, own.deviation, rtol=1e-9)
+    unweighted = case.dyn.wrench(case.q, case.tau, link)
+    np.testing.assert_array_equal(unweighted.wrench, case.dyn.wrench(case.q, case.tau, link, np.eye(6)).wrench)
+
+
+def test_batch_has_the_same_bits():
+    """Many states in one thread or two have the bits of single states; results are read-only."""
+    case, rng = Case(PANDA), np.random.default_rng(3)
+    Q, TAU = np.array([case.model.random(rng) for _ in range(600)]), rng.normal(size=(600, case.model.nv))
+    options = {"point": POINT, "frame": "world"}
+    for threads in (1, 2):
+        many = case.dyn.wrench_batch(Q, TAU, "panda_hand", case.covariance, threads=threads, **options)
+        assert many.wrench.shape == (600, 6) and many.chi_square.shape == (600,)
+        for t in range(0, 600, 37):
+            one = case.dyn.wrench(Q[t], TAU[t], "panda_hand", case.covariance, **options)
+            for a, b in zip(one, many, strict=True):
+                np.testing.assert_array_equal(a, b[t])
+    assert not any(array.flags.writeable for array in many)
+    with pytest.raises(InputError, match=r"state 5: external_torque of joint 'panda_joint2' is nan"):
+        TAU[5, 1] = np.nan
+        case.dyn.wrench_batch(Q, TAU, "panda_hand")
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"covariance": np.eye(5)}, r"covariance is .*; expected finite numbers, shape \(6, 6\)"),
+        ({"covariance": np.diag([1, 1, 1, 0, 1, 1.0])}, r"covariance has the eigenvalue 0; expected all of them > 0"),
+        ({"covariance": np.eye(6) + np.eye(6, k=1)}, r"covariance is not symmetric"),
+        ({"covariance": np.full((6, 6), np.nan)}, r"covariance is .*; expected finite numbers"),
+        ({"max_deviation": (1.0, 0.0)}, r"max_deviation is \(1.0, 0.0\), expected two numbers > 0"),
+        ({"frame": "tool"}, r"frame is 'tool', expected one of 'link', 'world'"),
+        ({"point": (1.0, 2.0)}, r"point is \(1.0, 2.0\), expected three finite numbers"),
+        ({"link": "arm"}, r"arm"),
+        ({"external_torque": [np.inf] * 6}, r"external_torque of joint 'shoulder_pan_joint' is inf"),
+        ({"external_torque": [1e300] * 6}, r"external_torque are too large"),
+    ],
+    ids=lambda value: None if isinstance(value, str) else next(iter(value)),
+)
+def test_errors_name_the_argument(change, message):
+    case = Case(UR5)
+    arguments = {"q": case.q, "external_torque": case.tau, "link": "wrist_3_link", "covariance": case.covariance}
+    with pytest.raises(InputError, match=message):
+        case.dyn.wrench(**arguments | change)
+
+
+def test_a_robot_without_joints():
+    model = dd.load_urdf(robots.description("post", robots.link("base", 1.0, inertia=(1, 0, 0, 1, 0, 1))))
+    with pytest.raises(InputError, match="robot 'post' has no moving joint"):
+        dd.DiagonalDynamics(model).wrench([], [], "base")
