@@ -38,6 +38,7 @@ GROUPS = {
         "warn_energy": "Energy thresholds",
         "external_torque.gain": "External torque",
         "alarm.joints": "Collision detection",
+        "reaction.service": "Reaction to a collision",
         "contact.limits_file": "Predicted contact",
         "publish_inverse_factor": "Published messages",
     },
@@ -185,6 +186,13 @@ INTERFACES = {
         ),
         CLOCK,
         *(Interface(OUT, f"~/{topic.name}", topic.type, topic.meaning, topic.condition) for topic in TOPICS),
+        Interface(
+            OUT,
+            "~/collision",
+            "std_msgs/Bool",
+            "whether there is a collision, transient local; published on a change, first at the first judged state",
+            "external_torque.gain",
+        ),
         Interface(
             OUT,
             "/diagnostics",

@@ -122,6 +122,17 @@ _COLLISION = {
     ),
 }
 
+_REACTION = {
+    "reaction.service": Spec("", "Service that the node calls when a collision begins; empty: none. Not safety-rated."),
+    "reaction.type": Spec(
+        "trigger",
+        "Type of reaction.service: std_srvs/Trigger or controller_manager_msgs/SwitchController.",
+        choices=("trigger", "switch_controller"),
+    ),
+    "reaction.deactivate": Spec([""], "Controllers that a call of type switch_controller deactivates."),
+    "reaction.activate": Spec([""], "Controllers that a call of type switch_controller activates."),
+}
+
 PARAMETERS = {
     "robot_description": Spec("", f"{ROBOT}. Empty: the topic robot_description, also when it changes."),
     **SHARED,
@@ -136,6 +147,7 @@ PARAMETERS = {
         [""], "Energy share above which diagnostics report an error, as joint=energy [J]; * for all others."
     ),
     **_COLLISION,
+    **fixed(_REACTION),
     **CONTACT,
     "contact.warn_at": Spec(
         0.8, "Fraction of the allowed speed above which diagnostics warn; above 1 they report an error.", 0.01, 1.0
@@ -214,7 +226,24 @@ class Settings(NamedTuple):
         thresholds = Thresholds(values["warn_energy"], values["error_energy"], *shares)
         thresholds.check_order()
         contact = ContactOptions.from_values(values)
-        return cls(values, _input_options(values), thresholds, _observation(values), contact)
+        settings = cls(values, _input_options(values), thresholds, _observation(values), contact)
+        settings.check_reaction()
+        return settings
+
+    def check_reaction(self):
+        """Reject a service that would never be called, or a call that would change no controller."""
+        values = self.values
+        if values["reaction.service"] and (missing := self.unjudged_without):
+            raise InputError(
+                f"parameter {missing[-1]} is 0, expected a threshold because reaction.service is set. "
+                "Set external_torque.gain and thresholds (docs/collision.md)."
+            )
+        controllers = [*values["reaction.deactivate"], *values["reaction.activate"]]
+        if values["reaction.type"] == "switch_controller" and not any(controllers):
+            raise InputError(
+                "parameter reaction.deactivate is empty, expected controllers because reaction.type is "
+                "switch_controller."
+            )
 
 
 def _input_options(values):

@@ -72,7 +72,7 @@ def keys_in(path):
 
 
 REPORTING = {
-    "monitor": ("input_statistics", "energy", "external_torque", "contact", "monitored_robot", "monitor"),
+    "monitor": ("input_statistics", "energy", "external_torque", "contact", "monitored_robot", "monitor", "reaction"),
     "controller": ("record", "controller"),
     "simulator": ("outputs",),
     "view": ("view",),
@@ -141,6 +141,7 @@ def test_topics_of_the_monitor_agree():
         for one in INTERFACES["monitor"]
         if one.kind == OUT and one.name.startswith("~/")
     }
+    assert listed.pop("~/collision") == "Bool"  # of the reaction, latched, without a rate
     assert listed == {f"~/{name}": kind.__name__ for name, kind in TYPES.items()}
     assert set(TYPES) == set(RATES)
     assert tuple(topic.name for topic in TOPICS if not topic.beside) == ORDER

@@ -18,7 +18,8 @@ class TorqueWatch:
     """A disturbance observer, and a collision detector on its results.
 
     At the last state `seen` is the Disturbance, with the detector's collision, and `begins` whether a
-    collision begins; `cause` describes the last collision of this interval of reports.
+    collision begins; `cause` describes the last collision of this interval of reports. `is_judged` is
+    whether there are thresholds.
     """
 
     def __init__(self, dynamics, observation):
@@ -35,6 +36,7 @@ class TorqueWatch:
             alarms = AlarmThresholds({}, math.inf, threshold, ratio, 0.0, math.inf)
         self._observer = DisturbanceObserver(dynamics, gain, friction=friction, max_gap=max_gap)
         self._detector = AlarmDetector(dynamics.model.dof_names, alarms)
+        self.is_judged = bool(np.isfinite(self._detector.limits).any())
         self.forget()
 
     def forget(self):
@@ -79,6 +81,7 @@ class TorqueWatch:
 
     def report(self, without_effort):
         """Return the status of this interval, given the names of joints without effort."""
+        self._is_reported = bool(self.cause)
         if not self._count:
             return Status("external torque", STALE, "no states since the last report")
         values = {"collisions": self._collisions}
@@ -89,10 +92,8 @@ class TorqueWatch:
             values["|r| [J^0.5/s]"] = f"{self.seen.norm:.6g}"
         level, message = WARN, f"collision: {self.cause}"
         if not self.cause and self._valid:
-            is_judged = np.isfinite(self._detector.limits).any()
-            level, message = OK, "no collision" if is_judged else "observer runs without thresholds"
+            level, message = OK, "no collision" if self.is_judged else "observer runs without thresholds"
         elif not self.cause:
             lacking = without_effort and f"joints without effort: {counted(without_effort)}"
             message = lacking or steady(self.seen.reason)
-        self._is_reported = bool(self.cause)
         return Status("external torque", level, message, values)

@@ -17,6 +17,7 @@ from diag_dynamics.nodes.monitor.energy import numerical_health
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
 from diag_dynamics.nodes.monitor.monitored_robot import NO_PAYLOAD, MonitoredRobot, Refused, model_status
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
+from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
@@ -51,6 +52,7 @@ class MonitorNode(TableNode, Node):
         self._outputs = Outputs(self)
         for topic in TYPES:
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
+        self._reaction = Reaction(self)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
         DynamicsServices(self, self._in_force, self._set_payload)
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
@@ -157,7 +159,9 @@ class MonitorNode(TableNode, Node):
         self._beat = self.time.steady()
 
     def _overloaded(self):
-        return self.time.steady() - self._beat > OVERDUE
+        """Store the time of reception of a message; return whether the heartbeat is overdue."""
+        self._received = self.time.steady()
+        return self._received - self._beat > OVERDUE
 
     def _take_joint_state(self, message):
         counts, robot = self._statistics.counts, self._robot
@@ -242,6 +246,7 @@ class MonitorNode(TableNode, Node):
         """Publish external torque, and a collision at once."""
         watch = robot.torque
         alarm = watch.accept_state(state)
+        self._reaction.accept_state(watch, self._received)
         if watch.begins:
             self.get_logger().warning(plain(f"Collision: {watch.cause}."))
         self._outputs.publish_beside(
@@ -250,7 +255,7 @@ class MonitorNode(TableNode, Node):
             lambda: robot.encoder.external_torque(watch.seen, watch.observation, state, watch.alarming),
         )
         if alarm:
-            self._diagnostics.publish([robot.torque_report()])
+            self._diagnostics.publish([robot.torque_report(), *self._reaction.report()])
 
     def _watch_contact(self, robot, state):
         """Publish predicted contact, and at once that a limit is exceeded."""
@@ -316,7 +321,7 @@ class MonitorNode(TableNode, Node):
             model_status(robot, self._revision, self._refused, self._loader.loading),
             numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
-        return statuses + (robot.report() if robot else [])
+        return statuses + (robot.report() if robot else []) + self._reaction.report()
 
     def _notes(self):
         """Return the publishers of the inputs, and under None their problems."""

@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Reaction to collisions: the topic ~/collision and a service call. Not safety-rated."""
+
+from functools import partial
+
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, Status, shortened
+from diag_dynamics.nodes.support.publishing import connected, latched
+
+RESPONSE_TIMEOUT = 1.0
+"""Time without a response after which diagnostics report an error [s]."""
+
+
+class Reaction:
+    """Publish whether there is a collision, and call the service of the parameters when one begins.
+
+    Both follow valid results of the observer only: without one, the last message stands.
+    """
+
+    def __init__(self, node):
+        self._log, self._steady = node.get_logger(), node.time.steady
+        self._publisher = connected(node.create_publisher, Bool, "~/collision", latched())
+        self._service, self._client = node.values["reaction.service"], None
+        self._published = self._future = None
+        self._calls, self._failures, self._failure, self._latencies = 0, 0, "", {}
+        if self._service:
+            kind, self._request = service_request(node.values)
+            try:
+                self._client = node.create_client(kind, self._service)
+            except Exception as error:  # rclpy does not name the parameter
+                raise InputError(f"parameter 'reaction.service' is '{self._service}': {error}") from error
+
+    def accept_state(self, watch, received):
+        """React to the last state of a TorqueWatch, received at the steady time `received` [s]."""
+        if not (watch.seen.valid and watch.is_judged):
+            return
+        if watch.begins and self._client:
+            self._call(received)
+        if watch.seen.collision != self._published:
+            self._published = watch.seen.collision
+            self._publisher.publish(Bool(data=self._published))
+
+    def _call(self, received):
+        self._calls += 1
+        if self._future:
+            self._client.remove_pending_request(self._future)
+        self._future = None
+        if not self._client.service_is_ready():
+            self._fail("the service is not available")
+            return
+        self._future = self._client.call_async(self._request)
+        self._sent = self._steady()
+        self._measure("call sent", received)
+        self._future.add_done_callback(partial(self._take_response, received))
+
+    def _take_response(self, received, future):
+        """Measure and log the response to the last call."""
+        if future is not self._future:
+            return
+        self._future, response = None, future.result()
+        latency = self._measure("response", received)
+        if getattr(response, "success", getattr(response, "ok", False)):
+            self._failure = ""
+            self._log.info(f"Reaction: response of '{self._service}' {latency:.3g} ms after the joint state.")
+        else:
+            self._fail(f"the response is a failure: {getattr(response, 'message', '')}")
+
+    def _measure(self, what, received):
+        """Store the time since reception [ms] and its maximum; return it."""
+        latency = 1e3 * (self._steady() - received)
+        largest = max(latency, self._latencies.get(what, (0.0, 0.0))[1])
+        self._latencies[what] = latency, largest
+        return latency
+
+    def _fail(self, reason):
+        self._failures, self._failure = self._failures + 1, reason
+        self._log.error(shortened(f"Reaction failed: '{self._service}': {reason}"))
+
+    def report(self):
+        """Return the status of the service in a list; empty without a service."""
+        if not self._client:
+            return []
+        values = {"calls": self._calls, "failed calls": self._failures}
+        for what, (last, largest) in self._latencies.items():
+            values[f"{what} after [ms]"], values[f"{what} after, maximum [ms]"] = f"{last:.3g}", f"{largest:.3g}"
+        message = self._failure and f"last call failed: {self._failure}"
+        if self._future and self._steady() - self._sent > RESPONSE_TIMEOUT:
+            message = f"no response within {RESPONSE_TIMEOUT:g} s"
+        if not self._client.service_is_ready():
+            message = "the service is not available"
+        level = ERROR if message else OK
+        return [Status("reaction", level, f"'{self._service}': {message or 'ready'}", values)]
+
+
+def service_request(values):
+    """Return type and request of the service of `reaction.*`; InputError if its package is not installed."""
+    if values["reaction.type"] == "trigger":
+        return Trigger, Trigger.Request()
+    try:
+        from controller_manager_msgs.srv import SwitchController
+    except ImportError as error:
+        raise InputError(
+            "parameter 'reaction.type' is 'switch_controller'; expected an installed package controller_manager_msgs. "
+            f"Install it ({error})."
+        ) from error
+    request = SwitchController.Request()
+    request.activate_controllers = list(filter(None, values["reaction.activate"]))
+    request.deactivate_controllers = list(filter(None, values["reaction.deactivate"]))
+    request.strictness = request.BEST_EFFORT  # one controller that fails does not keep the others
+    request.activate_asap = True
+    return SwitchController, request

@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Reaction of the monitor to collisions: the topic ~/collision, and one service call with its latency."""
+
+import sys
+from types import SimpleNamespace
+from unittest import mock
+
+import numpy as np
+import pytest
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
+from diag_dynamics.nodes.monitor.reaction import service_request
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK
+from diag_dynamics.wire.definitions import definitions, message_type
+from nodes import LATCHED, PANDA, Monitor, robot
+from pushed import GAIN, Motion, feed, subscribed
+
+REACTION = "reaction"
+"""Name of the entry on diagnostics."""
+THRESHOLDS = {"external_torque.gain": GAIN, "external_torque.friction": False, "alarm.external_torque": 20.0}
+JOINTS = np.array(robot(PANDA).names)
+PUSHED, FREE = (Motion(robot(PANDA), push * (JOINTS == "panda_joint2"), size=0.0)(0) for push in (30.0, 0.0))
+
+
+class Stop:
+    """A service whose calls are counted, with the time that it takes and its response."""
+
+    def __init__(self, peer, name):
+        self.peer, self.calls, self.time, self.response = peer, 0, 0.0, Trigger.Response(success=True)
+        self.service = peer.node.create_service(Trigger, name, self._accept)
+
+    def _accept(self, request, _):
+        self.calls += 1
+        self.peer.graph.skip(self.time)
+        return self.response
+
+
+@pytest.fixture(scope="module")
+def running(peer):
+    """Start a monitor of the Panda that calls a service."""
+    parameters = THRESHOLDS | {"reaction.service": "stop", "robot_description": robot(PANDA).path}
+    with Monitor(peer, "/reacting", outputs=["state"], **parameters) as monitor:
+        monitor.collision = peer.topic(Bool, f"{monitor.name}/collision", LATCHED)
+        yield subscribed(monitor).connect(robot(PANDA))
+
+
+@pytest.fixture
+def monitor(running, peer):
+    """Return the monitor of this file at rest, a service beside it, and no messages yet."""
+    running.stop_service = Stop(peer, "/reacting/stop")
+    feed(running, [FREE] * 300)
+    running.collision.forget()
+    yield running
+    peer.node.destroy_service(running.stop_service.service)
+
+
+def published(monitor):
+    """Return the values on ~/collision since the last call."""
+    values = [message.data for message in monitor.collision.messages]
+    monitor.collision.forget()
+    return values
+
+
+def test_one_call_and_one_message_per_change(monitor):
+    """The state that shows the collision sends both; a standing collision sends none; the next one does again."""
+    found = feed(monitor, [FREE] * 3)
+    assert published(monitor) == [] and not found[-1].collision
+    for number in (1, 2):
+        for _ in range(60):
+            assert monitor.stop_service.calls == number - 1 and not published(monitor)
+            if feed(monitor, [PUSHED])[0].collision:
+                break
+        assert monitor.stop_service.calls == number and published(monitor) == [True]
+        feed(monitor, [PUSHED] * 100)
+        assert monitor.stop_service.calls == number and not published(monitor)
+        assert not feed(monitor, [FREE] * 300)[-1].collision  # longer than alarm.hold_off
+        assert published(monitor) == [False]
+    assert monitor.stop_service.calls == 2
+
+
+def test_late_subscribers_receive_the_present_value(monitor, peer):
+    """The first value is false, although there was no change."""
+    with Monitor(peer, "/late", outputs=["state"], robot_description=robot(PANDA).path, **THRESHOLDS) as other:
+        subscribed(other)
+        values = [peer.topic(Bool, f"{other.name}/collision", LATCHED).messages]
+        feed(other, [FREE])
+        assert values == [[]]  # the observer has no result yet
+        for state, value in ((FREE, False), (PUSHED, True)):
+            feed(other, [state] * 60)
+            values.append(peer.topic(Bool, f"{other.name}/collision", LATCHED).messages)
+            peer.pass_time(0.01)
+            assert [one.data for one in values[-1]] == [value]
+        assert REACTION not in other.next_report().entries  # no service
+
+
+def test_no_message_without_a_result(monitor):
+    """A collision stands while efforts are missing."""
+    q, qd, _ = FREE
+    feed(monitor, [PUSHED] * 60)
+    assert published(monitor) == [True]
+    assert not feed(monitor, [(q, qd, None)] * 10)[-1].valid and not published(monitor)
+    feed(monitor, [FREE] * 100)
+    assert published(monitor) == [False]
+
+
+def test_nothing_without_thresholds(monitor, peer):
+    """An observer alone judges nothing."""
+    parameters = {"external_torque.gain": GAIN, "robot_description": robot(PANDA).path}
+    with Monitor(peer, "/unjudged", outputs=["state"], **parameters) as other:
+        values = peer.topic(Bool, f"{other.name}/collision", LATCHED).messages
+        assert feed(subscribed(other), [PUSHED] * 60)[-1].valid and not values
+
+
+def test_latency(monitor, peer):
+    """From the reception of the joint state to the call, and to the response; of the last call, and the largest."""
+    accept = TorqueWatch.accept_state
+
+    def late(watch, state):
+        peer.graph.skip(0.003)
+        return accept(watch, state)
+
+    for time, largest in ((0.02, "23"), (0.01, "23")):
+        monitor.stop_service.time = time
+        with mock.patch.object(TorqueWatch, "accept_state", late):
+            feed(monitor, [PUSHED] * 60)
+        feed(monitor, [FREE] * 300)
+        entry = monitor.next_report().entries[REACTION]
+        values = {one.key: one.value for one in entry.values}
+        assert (entry.level, entry.message) == (OK, "'stop': ready")
+        assert values["call sent after [ms]"] == values["call sent after, maximum [ms]"] == "3"
+        assert values["response after [ms]"] == f"{1e3 * (time + 0.003):.3g}"
+        assert values["response after, maximum [ms]"] == largest
+    assert "Reaction: response of 'stop' 13 ms after the joint state." in monitor.process.output
+
+
+def test_failures(monitor, peer):
+    """A failed, an absent and a missing response are errors, at once; the node lives, and the next call is made."""
+    stop = monitor.stop_service
+    stop.response = Trigger.Response(success=False, message="brakes are stuck")
+    feed(monitor, [PUSHED] * 60 + [FREE] * 300)
+    assert "Reaction failed: 'stop': the response is a failure: brakes are stuck" in monitor.process.output
+    entry = monitor.next_report().entries[REACTION]
+    assert entry.level == ERROR and "brakes are stuck" in entry.message
+    stop.service.send_response = lambda *_: None
+    feed(monitor, [PUSHED] * 60 + [FREE] * 300)
+    peer.pass_time(1.5)
+    assert monitor.next_report().entries[REACTION].message == "'stop': no response within 1 s"
+    peer.node.destroy_service(stop.service)
+    assert "not available" in monitor.next_report().entries[REACTION].message  # before it is needed
+    count = len(monitor.reports)
+    feed(monitor, [PUSHED] * 60 + [FREE] * 300)
+    at_once = next(one.entries for one in monitor.reports[count:] if REACTION in one.entries)
+    assert at_once[REACTION].level == ERROR and "not available" in at_once[REACTION].message
+    assert "Reaction failed: 'stop': the service is not available" in monitor.process.output
+    monitor.stop_service = Stop(peer, "/reacting/stop")
+    feed(monitor, [PUSHED] * 60 + [FREE] * 300)
+    assert monitor.stop_service.calls == 1 and monitor.next_report().entries[REACTION].level == OK
+
+
+# --- parameters
+
+SWITCH = {"reaction.type": "switch_controller", "reaction.deactivate": ["arm_controller"]}
+DEFINITION = """
+string[] activate_controllers
+string[] deactivate_controllers
+int32 strictness
+bool activate_asap
+builtin_interfaces/Duration timeout
+"""  # the request of controller_manager_msgs/srv/SwitchController without its constants
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"alarm.external_torque": 0.0}, "external_torque.threshold is 0"),
+        ({"reaction.service": "no service"}, "parameter 'reaction.service' is 'no service'"),
+        ({"reaction.type": "switch_controller"}, "reaction.deactivate is empty"),
+        (SWITCH, "controller_manager_msgs"),
+    ],
+)
+def test_wrong_parameters(peer, monkeypatch, values, named):
+    """The node does not start, and the error names the parameter."""
+    monkeypatch.setitem(sys.modules, "controller_manager_msgs.srv", None)
+    values = {"reaction.service": "stop", "robot_description": robot(PANDA).path} | THRESHOLDS | values
+    with pytest.raises(InputError) as error:
+        Monitor(peer, "/wrong", outputs=["state"], **values)
+    assert named in str(error.value)
+
+
+def test_thresholds_stay_while_there_is_a_service(monitor):
+    """A running node rejects values with which it would never call."""
+    result = monitor.set_parameters({"alarm.external_torque": 0.0})
+    assert not result.successful and "reaction.service is set" in result.reason
+
+
+def test_request_of_switch_controller(monkeypatch):
+    """Its fields by a class of the published definition; the package itself is not among the tests' packages."""
+    own = definitions(
+        {"controller_manager_msgs/msg/Request": DEFINITION, "builtin_interfaces/msg/Duration": "int32 sec"}
+    )
+    request = message_type("controller_manager_msgs/msg/Request", own)
+    request.BEST_EFFORT = 1
+    kind = SimpleNamespace(Request=request)
+    monkeypatch.setitem(sys.modules, "controller_manager_msgs", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "controller_manager_msgs.srv", SimpleNamespace(SwitchController=kind))
+    made, sent = service_request(SWITCH | {"reaction.activate": ["hold", ""]})
+    assert made is kind and set(vars(sent)) == set(request.get_fields_and_field_types())
+    assert (sent.deactivate_controllers, sent.activate_controllers) == (["arm_controller"], ["hold"])
+    assert sent.strictness == 1 and sent.activate_asap and sent.timeout.sec == 0
