@@ -243,6 +243,7 @@ def check_outputs(chosen, outputs):
     """Reject outputs that are inputs, two outputs into one file, and folders that do not exist."""
     read = [getattr(chosen, name, None) or () for name in READ]
     read = [path for paths in read for path in ([paths] if isinstance(paths, str) else paths)]
+    read += [part for path in read if "+" in path for part in path.split("+")]  # tables side by side
     taken = {_resolve(split_arguments(path)[0]): f"'{path}' is an input" for path in read}
     for option, path in outputs.items():
         full = None if path in (None, "-") else _resolve(path)

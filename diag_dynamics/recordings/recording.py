@@ -24,7 +24,7 @@ from diag_dynamics.parameters.renamed import current_parameters
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.findings import NOTE, WITHOUT_VALUES, Finding, collect_findings
 from diag_dynamics.recordings.intake import Intake
-from diag_dynamics.recordings.sources import open_source
+from diag_dynamics.recordings.sources import open_source, path_text
 from diag_dynamics.recordings.states import States
 
 SIZE = 20_000
@@ -89,7 +89,7 @@ class Recording:
 
 
 def read_recording(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     model: RobotModel | str | os.PathLike[str] | None = None,
     columns: Any = None,
     *,
@@ -103,8 +103,9 @@ def read_recording(
 
     Parameters
     ----------
-    path : str or Path
-        A rosbag2 folder, ``.mcap``, ``.db3``, a ROS 1 ``.bag``, or a table: CSV, TSV, Parquet, npz.
+    path : str, Path or list of these
+        A rosbag2 folder, ``.mcap``, ``.db3``, a ROS 1 ``.bag``, or a table: CSV, TSV, Parquet, npz. Several tables are read
+        side by side as one, also as ``q.csv+qd.csv+tau.csv``.
     model : RobotModel, str or Path, optional
         The robot, or its URDF; without it, ``robot_description`` of the bag.
     columns : str, Path or dict, optional
@@ -143,7 +144,7 @@ def read_recording(
 
 
 def stream_recording(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     model: RobotModel | str | os.PathLike[str] | None = None,
     columns: Any = None,
     *,
@@ -190,8 +191,7 @@ class Reading:
         self.settings = make_settings(parameters)
         self._span, self._limits = _check_span(start, end), None
         self._locks_rest = any(one.startswith(ALL) for one in self.settings.values["locked_joints"])
-        self._source = open_source(path, columns, topic, joint_names)
-        self._path = os.fspath(path)
+        self._source, self._path = open_source(path, columns, topic, joint_names), path_text(path)
         if isinstance(model, RobotModel):
             require_single_joints(model)
             self.model, self.described = model, None

@@ -26,6 +26,7 @@ from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import JointNames, suggest
 from diag_dynamics.recordings.table_source import TableSource
+from diag_dynamics.recordings.tables import split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
 from diag_dynamics.wire.definitions import read_message
 
@@ -51,19 +52,27 @@ def check_topics(topic):
     return tuple(dict.fromkeys(topics))
 
 
-def open_source(path, columns=None, topic=None, joint_names=None):
-    """Return the BagSource or TableSource of a path; for its arguments see :func:`read_recording`."""
+def path_text(path):
+    """Return the path of a recording as a text; ``a+b`` of a list of tables side by side."""
+    if isinstance(path, list | tuple):
+        return "+".join(map(os.fspath, path))
     if not isinstance(path, str | os.PathLike):
         found = f"path is a {type(path).__name__}; expected the path of a recording"
         raise InputError(f"{found}. The order of the arguments is path, model.")
+    return os.fspath(path)
+
+
+def open_source(path, columns=None, topic=None, joint_names=None):
+    """Return the BagSource or TableSource of a path; for its arguments see :func:`read_recording`."""
     columns = read_column_map(columns)
-    names, path = _make_names(columns, joint_names), Path(os.path.expanduser(os.fspath(path)))
-    if not path.exists():
-        near = suggest(path.name, os.listdir(path.parent) if path.parent.is_dir() else [])
-        raise InputError(f"there is no file or folder '{path}'.{near}")
-    path = path.parent if path.name == METADATA else path
-    if not _is_bag(path):
-        return TableSource(path, columns, names)
+    names, paths = _make_names(columns, joint_names), list(map(Path, split_paths(path_text(path))))
+    for one in paths:
+        if not one.exists():
+            near = suggest(one.name, os.listdir(one.parent) if one.parent.is_dir() else [])
+            raise InputError(f"there is no file or folder '{one}'.{near}")
+    path = paths[0].parent if paths[0].name == METADATA else paths[0]
+    if len(paths) > 1 or not _is_bag(path):
+        return TableSource("+".join(map(str, paths)), columns, names)
     for key, value in columns._asdict().items():
         if key not in ("joint_names", "source") and value != ColumnMap._field_defaults[key]:
             raise InputError(

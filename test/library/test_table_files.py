@@ -749,3 +749,88 @@ def test_arrays_with_a_row_for_each_joint_are_turned(written):
     assert {"qd: transposed, because it has a row for each joint.", "not read: limits."} <= set(notes(recording))
     square = {"t": np.arange(2.0), "q": rng.normal(size=(2, 2)), "qd": rng.normal(size=(2, 2))}
     np.testing.assert_array_equal(read(written(square), joints="ab").qd, square["qd"])
+
+
+# --- A rate in place of times, and files side by side ---
+
+
+def side_by_side(count, seed=5):
+    """Return random positions, velocities and efforts (count, 3) by the name of a file."""
+    numbers = np.random.default_rng(seed).normal(size=(3, count, 3))
+    return dict(zip(("q", "qd", "tau"), numbers, strict=True))
+
+
+def save(folder, name, times, values, names=ARM):
+    """Write a text with a time in the first column, or without; return the path."""
+    header = [*(["t"] if times is not None else []), *names]
+    rows = values if times is None else np.column_stack([times, values])
+    lines = [",".join(map(repr, row.tolist())) for row in rows]
+    path = folder / name
+    path.write_text("\n".join([*([",".join(header)] if names else []), *lines]) + "\n")
+    return path
+
+
+def assert_same(recording, values, rows=slice(None)):
+    for found, name in ((recording.q, "q"), (recording.qd, "qd"), (recording.tau, "tau")):
+        np.testing.assert_array_equal(found, values[name][rows])
+
+
+def test_a_rate_in_place_of_times(written):
+    """Row k is at k / rate; a line that is lost keeps its time. Times in the file are not read."""
+    text = "t,q1\n9,0\n9,1\n9\n9,3\n"
+    recording = read(written(text), {"rate": 400})
+    assert recording.t.tolist() == pytest.approx([0.0025, 0.0075]) and lost(recording)  # the first has no velocity
+    assert recording.q[:, 0].tolist() == [1, 3]
+    content = {"q": np.arange(50_000.0)[:, None], "tau": np.ones((50_000, 1))}  # several pieces
+    recording = read(written(content), {"rate": 1000 / 3})
+    np.testing.assert_array_equal(recording.stamp - recording.offset, np.arange(1, 50_000) * 3_000_000)
+    recording = read(written("0,5\n1,6\n"), {"rate": 2, "position": [1]})
+    assert recording.q[:, 0].tolist() == [6]
+    for rate in (0, -1, "fast", float("inf"), True):
+        with pytest.raises(dd.InputError, match=r"rate is .*, expected a finite number > 0"):
+            read(written(text), {"rate": rate})
+    for both in ({"time": "t"}, {"scale": {"time": "ms"}}):
+        with pytest.raises(dd.InputError, match="both rate and time; expected one"):
+            read(written(text), {"rate": 5} | both)
+    with pytest.raises(dd.InputError, match=r"no column is recognized as time.*need `rate: HZ`"):
+        read(written("q1\n0\n"))
+    with pytest.raises(
+        dd.InputError, match=r"'tau' has shape \(9,\), expected a row for each of the 50000 rows of 'q'"
+    ):
+        read(written(content | {"tau": np.ones(9)}), {"rate": 5, "position": "q", "effort": "tau"})
+
+
+def test_files_side_by_side(tmp_path):
+    """By the number of the row, or by times; of these the shared ones count. Headers may have joints, numbers or nothing."""
+    values, t = side_by_side(30_000), np.arange(30_000) / 500
+    for names, more in ((ARM, {}), (("j1", "j2", "j3"), {}), ((), {"header": False})):
+        paths = [save(tmp_path, f"log_{name}.csv", None, one, names) for name, one in values.items()]
+        recording = read(paths, {"rate": 500} | more, ARM)
+        assert_same(recording, values)
+        assert (recording.t - recording.t[0]).tolist() == pytest.approx(t.tolist()) and not lost(recording)
+    paths = [save(tmp_path, f"{name}.csv", t if name == "q" else None, one) for name, one in values.items()]
+    assert_same(read(paths, None, ARM), values)  # only one has times
+    parts = {"q": slice(0, 29_990), "qd": slice(7, None), "tau": slice(0, None)}
+    paths = [save(tmp_path, f"{name}.csv", t[rows], values[name][rows]) for name, rows in parts.items()]
+    recording = read("+".join(map(str, paths)), None, ARM)
+    assert_same(recording, values, slice(7, 29_990))
+    for name, count in (("q", 7), ("qd", 10), ("tau", 17)):
+        assert any(f"{name}.csv' that not all files have: {count} rows omitted" in text for text in lost(recording))
+    assert recording.path == "+".join(map(str, paths))
+    parquet.write_table(pa.table({"t": t, **dict(zip(ARM, values["qd"].T, strict=True))}), tmp_path / "qd.parquet")
+    mixed = [paths[0], tmp_path / "qd.parquet", paths[2]]
+    assert_same(read(mixed, None, ARM), values, slice(0, 29_990))
+
+
+def test_files_that_are_not_side_by_side(tmp_path):
+    values, t = side_by_side(50), np.arange(50) / 500
+    q, tau = save(tmp_path, "q.csv", t, values["q"]), save(tmp_path, "tau.csv", None, values["tau"][:49])
+    for other, what in (
+        (tau, r"tau\.csv' has 49 rows, and '.*q\.csv' 50; expected the same number"),
+        (save(tmp_path, "qd.csv", t + 0.001, values["qd"]), r"0 of the 50 times in '.*q\.csv' are in all of"),
+        (tmp_path / "none.csv", r"no file or folder '.*none\.csv'"),
+        (save(tmp_path, "qd2.csv", t[:0], values["qd"][:0]), r"qd2\.csv' has no rows"),
+        (save(tmp_path, "q2.csv", t, values["q"]), "are both 'position.{joint}' of 'shoulder'"),
+    ):
+        with pytest.raises(dd.InputError, match=what):
+            read([q, other], None, ARM)

@@ -3,6 +3,7 @@
 
 """Tables of joint states: CSV and the like, Parquet, and npz."""
 
+import os
 from importlib import import_module
 
 from diag_dynamics.exceptions import InputError
@@ -14,7 +15,25 @@ _SOURCES = {b"PAR1": ("arrays", "ParquetSource")} | dict.fromkeys(
 
 
 def open_table(path, columns, joints):
-    """Return the :class:`Table` of a file, by its first bytes; `joints` are the model's, empty if unknown."""
+    """Return the :class:`Table` of a file, or of several ``a+b``; `joints` are the model's, empty if unknown."""
+    paths = split_paths(path)
+    if len(paths) == 1:
+        source = _open_source(path, columns, joints)
+    else:
+        joined = import_module(f"{__name__}.joined")
+        parts = [_open_source(one, columns, joints, joined.take_all) for one in paths]
+        source = joined.JoinedSource(path, parts, columns, joints)
+    return import_module(f"{__name__}.table").Table(source)
+
+
+def split_paths(path):
+    """Return the paths of ``a.csv+b.csv``, tables side by side; a file of that name is one path."""
+    path = os.path.expanduser(path)
+    return [path] if os.path.exists(path) else list(map(os.path.expanduser, path.split("+")))
+
+
+def _open_source(path, columns, joints, *choose):
+    """Return the source of a file by its first bytes; `choose` is another choice of columns than by the map."""
     try:
         with open(path, "rb") as file:
             begin = file.read(8)
@@ -26,5 +45,4 @@ def open_table(path, columns, joints):
         raise InputError(f"'{path}' is a single array without names: write an npz, np.savez(path, time=…, position=…).")
     require("pyarrow", f"'{path}'")
     module, name = _SOURCES.get(begin[:4], ("csv", "CsvSource"))
-    source = getattr(import_module(f"{__name__}.{module}"), name)(path, columns, joints)
-    return import_module(f"{__name__}.table").Table(source)
+    return getattr(import_module(f"{__name__}.{module}"), name)(path, columns, joints, *choose)

@@ -34,7 +34,7 @@ class ParquetSource:
 
     notes, unit = (), "row"
 
-    def __init__(self, path, wanted, joints):
+    def __init__(self, path, wanted, joints, choose=choose):
         self.path = path
         with self._open() as file:
             empty = _flatten(file.schema_arrow.empty_table())
@@ -102,7 +102,7 @@ class NpzSource:
 
     unit = "row"
 
-    def __init__(self, path, wanted, joints):
+    def __init__(self, path, wanted, joints, choose=choose):
         self.path = path
         arrays = _read_arrays(path)
         if not arrays:
@@ -114,16 +114,17 @@ class NpzSource:
         columns = [_make_array_column(name, array, lengths) for name, array in arrays.items()]
         self.choice = choose(columns, wanted, joints, path, texts)
         self._arrays = {k: arrays[self.headers[k]] for k in self.choice.used}
-        used, time = [self.headers[k] for k in self.choice.used], self.headers[self.choice.time[0]]
+        used = [self.headers[k] for k in self.choice.used]
+        first, of = (used[0], "rows of") if not self.choice.time else (self.headers[self.choice.time[0]], "times in")
         self.notes = [f"{name}: transposed, because it has a row for each joint." for name in turned if name in used]
         for name in used:
-            if len(arrays[name]) != len(arrays[time]):
-                what = f"expected a row for each of the {len(arrays[time])} times in '{time}'"
+            if len(arrays[name]) != len(arrays[first]):
+                what = f"expected a row for each of the {len(arrays[first])} {of} '{first}'"
                 raise InputError(f"'{path}': array '{name}' has shape {arrays[name].shape}, {what}.")
 
     def blocks(self, lose):
         """Yield arrays by index of the array, and the number of each row; the arrays that are used are in memory."""
-        count = len(self._arrays[self.choice.time[0]])
+        count = len(self._arrays[self.choice.used[0]])
         for begin in range(0, count, ROWS):
             arrays = {k: _convert(array[begin : begin + ROWS]) for k, array in self._arrays.items()}
             yield arrays, np.arange(begin, min(begin + ROWS, count))

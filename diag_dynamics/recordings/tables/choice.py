@@ -33,8 +33,8 @@ class Choice(NamedTuple):
     """Columns that are read of a table."""
 
     joints: tuple[str, ...]
-    time: tuple[int, ...]  # one column, or two: seconds and nanoseconds
-    time_scale: float | None  # None: nothing says the unit
+    time: tuple[int, ...]  # one column, or two: seconds and nanoseconds; none: rows follow at a rate
+    time_scale: float | None  # None: nothing says the unit; of rows at a rate their interval [s]
     quantities: dict[str, Quantity | None]
     notes: list[str]
     names: names_in_data.RowNames | None  # columns that name the joints of each row
@@ -119,6 +119,9 @@ class _Chooser:
     def _choose_time(self):
         """Return the columns of times and their scale, None if it is not known."""
         scale, wanted = self._wanted.scale.get("time"), self._wanted.time
+        if self._wanted.rate:
+            self._notes.append(f"time: number of the row, at {self._wanted.rate:g} Hz.")
+            return (), 1.0 / self._wanted.rate
         time = self._find_time() if wanted is UNSAID else self._find_columns("time", wanted)
         for k in time:
             self._require_numbers(k, "time")
@@ -144,7 +147,8 @@ class _Chooser:
             found = near if len(near) == 1 else found
         if len(found) != 1:
             what = f"several columns may be the time: {listed(found)}" if found else "no column is recognized as time"
-            raise InputError(f"{what}; columns: {listed(self._headers)}.")
+            rate = "" if found else " Rows at equal intervals need `rate: HZ` only."
+            raise InputError(f"{what}; columns: {listed(self._headers)}.{rate}")
         return next(iter(found.values()))
 
     # --- Joints ---

@@ -22,6 +22,7 @@ class ColumnMap(NamedTuple):
     """A map of columns, checked as far as it can be without its table."""
 
     time: Any = UNSAID  # one column or two (seconds and nanoseconds), by name or number
+    rate: float | None = None  # rows per second [Hz], in place of a time
     position: Any = UNSAID  # a name, a pattern, or a list of names or numbers; None: not read
     velocity: Any = UNSAID
     effort: Any = UNSAID
@@ -49,6 +50,8 @@ def read_column_map(columns):
     given = _parse(columns, _PARSERS, source)
     given["scale"] = _parse(given.get("scale") or {}, _SCALES, f"{source}: scale")
     given = {key: value for key, value in given.items() if value is not None or key in QUANTITIES}
+    if "rate" in given and ("time" in given or "time" in given["scale"]):
+        raise InputError(f"{source} has both rate and time; expected one of them.")
     by_joint = {key: given[key] for key in QUANTITIES if isinstance(given.get(key), Mapping)}
     for key, value in by_joint.items():
         given["joints"] = joints = given.get("joints") or tuple(value)
@@ -96,6 +99,10 @@ def _parse_quantity(value):
     return _parse_list(value)
 
 
+def _parse_rate(value):
+    return _require(not isinstance(value, bool) and 0.0 < float(value) < math.inf, float(value))
+
+
 def _parse_delimiter(value):
     text = {"tab": "\t", "space": " "}.get(value, value)
     valid = len(text) == 1 and text.isascii() and not text.isalnum() and text not in "\"\n\r.+-_#'"
@@ -124,6 +131,7 @@ _COLUMNS = (
 )
 _PARSERS = {
     "time": (lambda value: tuple(_parse_list(value, most=2)), "one column, or two: seconds and nanoseconds"),
+    "rate": (_parse_rate, "a finite number > 0 [Hz]"),
     **dict.fromkeys(QUANTITIES, _COLUMNS),
     "joints": (lambda value: tuple(_parse_list(value, (str,))), "a list of the joints' names, each once"),
     "joint_names": _checked(lambda value: True, ""),  # JointNames checks it

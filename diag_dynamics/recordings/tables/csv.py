@@ -44,7 +44,7 @@ class CsvSource:
 
     notes, unit = (), "line"
 
-    def __init__(self, path, wanted, joints):
+    def __init__(self, path, wanted, joints, choose=choose):
         self.path, self._broken, self._decimal = path, "", wanted.decimal
         _, begin = next(self._read_lines(_BEGINNING), (1, b""))
         lines = [_decode(line) for line in begin.split(b"\n")]
@@ -214,8 +214,9 @@ def _read_header(fields, comment, wanted, path):
     names = _find_echoed_names(first) if wanted.header is None and wanted.position is UNSAID else None
     if wanted.header or (wanted.header is None and not names and "n" not in kinds):
         return [name.strip() for name in first], 1
-    by_numbers = wanted.time is not UNSAID and isinstance(wanted.position, list)
-    by_numbers = by_numbers and all(isinstance(one, int) for one in (*wanted.time, *wanted.position))
+    by_numbers = (wanted.time is not UNSAID or wanted.rate) and isinstance(wanted.position, list)
+    times = () if wanted.rate else wanted.time
+    by_numbers = by_numbers and all(isinstance(one, int) for one in (*times, *wanted.position))
     if wanted.header is None and not names:
         names = comment if comment and len(comment) == len(first) else numbers if by_numbers else None
         if not names or "t" in kinds or [one.strip() for one in first] == numbers != ["0"]:

@@ -120,7 +120,7 @@ def split_unit(header, known=()):
     if match is None:
         return header, None
     stem, space, unit = match[1], match[2], match[3].strip()
-    is_name = unit in known or (_find_quantity(unit.lower()) and not _find_quantity(stem.lower()))
+    is_name = unit in known or (find_quantity(unit.lower()) and not find_quantity(stem.lower()))
     if not is_unit(unit) and (unit.isdigit() or not space or is_name):
         return header, None
     return stem, unit
@@ -180,7 +180,7 @@ def parse_header(column, known):
     name = split_unit(column.name.strip(), known)[0]
     for joint in known:
         place = re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name)
-        if place and (quantity := _find_quantity(_blank(name.lower(), place))):
+        if place and (quantity := find_quantity(_blank(name.lower(), place))):
             before, after = (re.sub(r"\d+", "*", part) for part in (name[: place.start()], name[place.end() :]))
             return quantity.lastgroup, before + JOINT + after, joint
     return _parse_unknown_joint(column, name)
@@ -188,7 +188,7 @@ def parse_header(column, known):
 
 def _parse_unknown_joint(column, name):
     """Parse a header without one of the model's joints: the joint follows or precedes the quantity."""
-    quantity, word = _find_quantity(name.lower()), _UNIT_WORD.search(name.lower())
+    quantity, word = find_quantity(name.lower()), _UNIT_WORD.search(name.lower())
     if quantity is None:
         return None
     text = _blank(name, word) if word else name
@@ -207,7 +207,7 @@ def _parse_unknown_joint(column, name):
     return quantity.lastgroup, name[:begin] + JOINT + name[begin + len(joint) :], joint
 
 
-def _find_quantity(text):
+def find_quantity(text):
     """Return the match of the last word of the only quantity in a header; None for none or two quantities."""
     found = {match.lastgroup: match for match in _QUANTITY.finditer(text)}
     if len(found) > 1:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables.cells import are_blank, read_lists, read_numbers, read_texts, read_times, unify
 from diag_dynamics.recordings.tables.column_map import QUANTITIES
@@ -45,6 +46,7 @@ class Table:
 
     def __init__(self, source):
         self._source, self._choice, self.without_values, self._losses = source, source.choice, 0, {}
+        self._first = None  # number of the first row
         self.joints, self.unit, self.notes = source.choice.joints, source.unit, [*source.choice.notes, *source.notes]
 
     @property
@@ -85,7 +87,7 @@ class Table:
         """Return the rows that have a time and a value."""
         choice, names = self._choice, None
         times = [arrays[k] for k in choice.time]
-        time, stamp = read_times(times[0], choice.time_scale or 1.0)
+        time, stamp = read_times(times[0], choice.time_scale or 1.0) if times else self._count_times(rows)
         for nanoseconds in times[1:]:
             more = read_times(nanoseconds, 1e-9)
             time, stamp = time + more[0], stamp + more[1]
@@ -101,6 +103,12 @@ class Table:
             self._lose_rows(rows, "", "no time, or a time that is no number", LEFT_OUT, lost, example)
         columns, left_out = Columns(time, stamp, *map(values.get, QUANTITIES), rows, names), untimed | empty
         return columns.select(~left_out) if left_out.any() else columns
+
+    def _count_times(self, rows):
+        """Return times and stamps of rows that follow at a rate; lost rows have theirs too."""
+        self._first = int(rows[0]) if self._first is None and len(rows) else self._first
+        time = (rows - (self._first or 0)) * self._choice.time_scale
+        return time, np.rint(time * SECOND).astype(np.int64)
 
     def _read_values(self, quantity, arrays, rows):
         """Return values of a quantity in SI units, (n, k)."""
