@@ -287,6 +287,68 @@ def test_doubts_silence_diagnostics_and_another_robot(live, panda):
 
 
 @pytest.mark.full
+def test_legends_hide_lines_and_fit_the_axis(live):
+    """Hidden lines stay hidden while states come; the axis is that of the shown lines."""
+    chips = live.page.locator("#plot-power .legend button")
+    pressed = "[...document.querySelectorAll('#plot-power .legend button')].map((chip) => chip.ariaPressed === 'true')"
+    before = live.until("diag.plots.power.range")
+    chips.nth(4).click(modifiers=["Shift"])  # dK/dt alone
+    assert live.ask(pressed) == [False] * 4 + [True]
+    live.until(f"diag.plots.power.range[1] < 0.7 * {before[1]!r}")  # torque and gravity are larger
+    live.until(f"diag.state.last > {live.ask('diag.state.last')!r} + 2.5")  # the lines are chosen again every 2 s
+    assert live.ask(pressed) == [False] * 4 + [True]
+    chips.nth(0).focus()
+    live.page.keyboard.press("Space")
+    assert live.ask(pressed) == [True, False, False, False, True]
+    assert not live.ask("diag.state.paused")
+    chips.nth(4).dblclick()
+    chips.nth(4).dblclick()
+    assert live.ask(pressed) == [True] * 5
+
+
+@pytest.mark.full
+def test_cards_are_enlarged_and_chosen(live):
+    page, width = live.page, "document.querySelector('#plot-norm canvas').clientWidth"
+    shown = "[...document.querySelectorAll('.card')].filter((card) => card.offsetWidth).map((card) => card.id)"
+    before, small = live.ask(shown), live.ask(width)
+    page.locator("#plot-norm h2").click()
+    live.until(f"{width} > 2 * {small}")
+    assert live.ask(shown) == ["plot-norm"]
+    assert live.cut_off() == []
+    page.keyboard.press("Escape")
+    page.get_by_text("Cards", exact=True).click()
+    page.get_by_label("Diagnostics").uncheck()
+    page.keyboard.press("Escape")
+    assert live.ask(shown) == [name for name in before if name != "diagnostics"]
+    page.reload(wait_until="domcontentloaded")
+    live.until("diag.state.ready")
+    assert "diagnostics" not in live.ask(shown)
+    page.get_by_text("Cards", exact=True).click()
+    page.get_by_label("Diagnostics").check()
+    page.keyboard.press("Escape")
+    assert live.ask(shown) == before
+
+
+@pytest.mark.full
+def test_the_camera_fits_follows_and_has_views(live):
+    """All links are within the picture at each view and size; a followed link stays at its centre."""
+    for width, height in ((390, 844), (1400, 500), (1280, 720)):
+        live.page.set_viewport_size({"width": width, "height": height})
+        for view in ("Front", "Side", "Top", "Iso"):
+            live.page.get_by_role("button", name=view, exact=True).click()
+            live.until(f"diag.camera === '{view.lower()}' && diag.outside.length === 0")
+    live.page.keyboard.press("g")
+    first = live.ask("diag.target")
+    live.until(f"Math.hypot(...diag.target.map((x, k) => x - {first}[k])) > 0.05")
+    live.page.keyboard.press(" ")
+    live.until("diag.state.paused && diag.values.t === diag.state.now")
+    live.drawn()
+    np.testing.assert_allclose(live.ask("diag.target"), live.ask("diag.origin('panda_hand')"), atol=1e-6)
+    live.page.keyboard.press("Shift+F")
+    live.until("diag.camera === 'iso' && diag.outside.length === 0")
+
+
+@pytest.mark.full
 def test_no_text_is_cut_off(live):
     for width, height in (*SIZES, (1280, 720)):
         live.page.set_viewport_size({"width": width, "height": height})

@@ -37,7 +37,6 @@ export class App {
       view: this.view,
       rows: () => this.rows,
       layout: () => this.layout,
-      select: (dof) => this.selectDof(dof),
       selected: () => this.chosen.dof,
       selectLink: (link) => this.select(link),
       collisions: () => this.source?.collisions ?? [],
@@ -53,7 +52,7 @@ export class App {
     this.tableBox = el("div", { class: "tablebox" });
     this.left = el("div", { class: "left" }, this.stage.node, this.tableBox);
     const foot = el("footer", {}, this.bar.transport, this.timeline.node);
-    body.append(this.bar.node, el("main", {}, this.left, this.cards.node), foot, this.keys.dialog);
+    body.append(this.bar.node, el("main", {}, this.left, this.cards.node), foot, this.keys.dialog, this.cards.menu);
     toggle(body, "report", report);
     this.stage.restyle();
     readOnly(this, errors);
@@ -141,6 +140,7 @@ export class App {
   #show() {
     const { link, dof } = this.chosen;
     this.details.show(link, dof);
+    if (this.stage.following) this.stage.follow(true);
     toggle(this.left, "detailed", link !== null);
   }
 
@@ -156,13 +156,15 @@ export class App {
       [["0"], report ? "whole recording" : "time window of 30 s", () => (report ? view.whole() : view.zoom(30))],
       [["1", "2", "3", "4"], "colour links by energy share, link energy, joint torque, external torque", ({ key }) => this.stage.colourBy(key - 1)],
       [["e"], "show or hide ellipsoid and velocity", () => this.stage.toggleMarks()],
-      [["f"], "fit the robot into the view", () => this.stage.frame()],
+      [["f", "F"], "fit the robot into the view (Shift: reset the view)", ({ key }) => (key === "f" ? this.stage.look() : this.stage.resetView())],
+      [["v"], "next view: iso, front, side, top", () => this.stage.nextView()],
+      [["g"], "follow the selected link, mobile base or end effector", () => this.stage.follow(!this.stage.following)],
       [["j", "k"], "select the next or previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
       [["r"], "next robot", () => this.bar.nextRobot()],
       [["t"], "light or dark theme", () => this.theme.next()],
       ...(this.report ? [] : [[["p"], "push the simulated robot", () => this.source.push()]]),
       [["c"], "download the time window as CSV", () => this.csv()],
-      [["Escape"], "clear the selection", () => this.layout && this.select(null)],
+      [["Escape"], "back from a large card; clear the selection", () => (this.cards.large ? this.cards.show({ large: null }) : this.layout && this.select(null))],
       [["?"], "show this list", () => this.keys.help()],
     ];
   }
@@ -253,7 +255,7 @@ export class App {
       if (isDue("robot")) this.stage.draw(rows, i);
       for (const part of ["now", "cursor"]) dirty.delete(part);
     }
-    this.stage.render();
+    if (!this.cards.large) this.stage.render();
   }
 
   #drawNumbers(i) {

@@ -43,6 +43,7 @@ export class Bar {
     this.transport = el("div", { class: "transport" }, this.go, this.time, ...(app.report ? [] : [this.live]));
     const tools = [
       ...(app.report ? [] : [this.push, this.length]),
+      el("button", { text: "Cards", title: "choose cards", popovertarget: "cardmenu" }),
       button("CSV", "download the time window as CSV (c)", () => app.csv()),
     ];
     this.tools = el("span", { class: "tools" }, ...tools);

@@ -3,8 +3,9 @@
 
 // The cards: predicted contact, plots, diagnostics, results of a report. All plots share one cursor.
 
-import { el, resized, say } from "./dom.js";
 import { CollisionList } from "./collisions.js";
+import { store, stored } from "./colours.js";
+import { el, resized, say, toggle } from "./dom.js";
 import { ContactCard } from "./contact.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
 import { Plot } from "./plot.js";
@@ -17,6 +18,10 @@ export class Cards {
   constructor(shared) {
     this.shared = shared;
     this.plots = [];
+    this.legends = {}; // state of each plot's legend
+    this.hidden = (stored("diag.hidden") ?? "").split(",").filter(Boolean); // names of cards
+    this.large = null; // name of the card that fills the page
+    this.menu = el("div", { class: "menu", id: "cardmenu", popover: "auto", onbeforetoggle: () => this.menu.replaceChildren(...[...this.node.children].map((card) => this.#choice(card))) });
     this.pointer = null; // function of the time below the pointer, or null
     this.list = el("div", { class: "diagnostics" }, el("p", { class: "none", text: "no diagnostics received yet" }));
     this.pulse = el("p", { class: "pulse" });
@@ -30,7 +35,7 @@ export class Cards {
   setLayout(layout) {
     for (const plot of this.plots) plot.remove();
     this.pointer = null;
-    this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared));
+    this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared, (this.legends[spec.id] ??= { hidden: new Set() })));
     this.contact = layout.size("contact_worst") ? new ContactCard(layout, (link) => this.shared.selectLink(link)) : null;
     const contact = this.contact ? [this.contact.node] : [];
     const [first, ...others] = this.chapters;
@@ -38,16 +43,46 @@ export class Cards {
     const list = this.collisions.node;
     if (first) this.node.replaceChildren(first, list, ...contact, ...others, ...plots);
     else this.node.replaceChildren(...contact, ...plots.slice(0, BEFORE), list, ...plots.slice(BEFORE), this.words);
+    for (const card of this.node.children) this.#addButton(card);
+    this.show({});
+  }
+
+  #addButton(card) {
+    if (card.querySelector(".enlarge")) return;
+    const enlarge = () => this.show({ large: this.large ? null : nameOf(card) });
+    card.querySelector("h2").addEventListener("click", enlarge);
+    card.querySelector("header").append(el("button", { class: "plain enlarge", title: "enlarge, and back (Esc)", "aria-label": "enlarge", text: "⤢", onclick: enlarge }));
+  }
+
+  // hidden: names of cards; large: name of the card that fills the page, or null.
+  show({ hidden = this.hidden, large = this.large }) {
+    const cards = [...this.node.children];
+    Object.assign(this, { hidden, large: cards.some((card) => nameOf(card) === large) ? large : null });
+    for (const card of cards) {
+      card.hidden = this.large ? nameOf(card) !== this.large : hidden.includes(nameOf(card));
+      toggle(card, "large", nameOf(card) === this.large);
+    }
+    toggle(document.body, "enlarged", Boolean(this.large));
     this.#fill();
+  }
+
+  #choice(card) {
+    const name = nameOf(card);
+    const onchange = ({ target }) => {
+      const others = this.hidden.filter((other) => other !== name);
+      this.show({ hidden: target.checked ? others : [...others, name] });
+      store("diag.hidden", this.hidden.join());
+    };
+    return el("label", {}, el("input", { type: "checkbox", name, checked: !this.hidden.includes(name), onchange }), card.querySelector("h2").textContent);
   }
 
   // The last card spans the cells that the others leave free.
   #fill() {
-    const cards = [...this.node.children];
+    const cards = [...this.node.children].filter((card) => !card.hidden);
     const last = cards.pop();
     for (const card of this.node.children) card.style.gridColumn = ""; // else a wide one would add columns
     const columns = getComputedStyle(this.node).gridTemplateColumns.split(" ").length;
-    const cells = cards.length + (columns > 1 && this.contact ? 1 : 0); // the contact card has two
+    const cells = cards.length + (columns > 1 && this.contact && !this.contact.node.hidden ? 1 : 0); // the contact card has two
     if (last) last.style.gridColumn = `span ${columns - (cells % columns)}`;
   }
 
@@ -134,6 +169,7 @@ export class Cards {
   }
 
   showDiagnostics() {
+    this.show({ hidden: this.hidden.filter((name) => name !== "diagnostics"), large: null });
     this.words.scrollIntoView({ block: "nearest", behavior: "smooth" });
   }
 
@@ -150,6 +186,8 @@ export class Cards {
     say(this.pulse, parts.join(" · "));
   }
 }
+
+const nameOf = (card) => card.id.replace("plot-", "");
 
 function scrolls(node) {
   return node.scrollHeight > node.clientHeight + 2 || document.documentElement.scrollHeight > innerHeight + 2;

@@ -38,7 +38,7 @@ export function readOnly(app, errors) {
     // Numbers in the legends of plots.
     get plots() {
       const values = (plot) => Object.fromEntries((plot.lines ?? []).map((line, k) => [line.name, plot.values?.[k]]));
-      return Object.fromEntries(app.cards.plots.map((plot) => [plot.spec.id, { values: values(plot) }]));
+      return Object.fromEntries(app.cards.plots.map((plot) => [plot.spec.id, { values: values(plot), range: plot.range }]));
     },
     get colours() {
       return { by: app.stage.colouring, links: Object.fromEntries(app.stage.colours) };
@@ -46,6 +46,17 @@ export function readOnly(app, errors) {
     get marks() {
       return app.stage.shown ? { ...app.stage.shown } : null;
     },
+    get camera() {
+      return app.stage.scene?.pose ?? null;
+    },
+    get target() {
+      return app.stage.scene?.controls.target.toArray() ?? null;
+    },
+    // Links of which a part is outside the picture.
+    get outside() {
+      return app.stage.scene?.outside ?? [];
+    },
+    origin: (link) => app.stage.scene?.origin(link),
     // Where the worst point of contact is drawn; null where it is not.
     get contact() {
       const { point } = app.stage.scene ?? {};

@@ -14,12 +14,13 @@ export class Keys {
       { class: "help", "aria-label": "keyboard shortcuts" },
       el("h2", { text: "Keyboard shortcuts" }),
       el("table", {}, ...actions.map(([keys, what]) => el("tr", {}, el("th", {}, ...keys.map((key) => el("kbd", { text: NAMES[key] ?? key }))), el("td", { text: what })))),
-      el("p", { text: "Click a link or joint to show its quantities. Drag across a plot to zoom into that time. Turn the wheel over a plot to change the time window." }),
+      el("p", { text: "Click a link or joint to show its quantities. Click a line of a legend to hide it, with Shift or twice to show it alone. Drag across a plot to zoom into that time. Turn the wheel over a plot to change the time window." }),
       el("p", {}, "Drag the robot to rotate it. Drag with the right button or two fingers to move it."),
       el("button", { text: "close", onclick: () => this.dialog.close() }),
     );
     for (const [keys, , act] of actions) for (const key of keys) this.actions.set(key, act);
     document.addEventListener("keydown", (event) => this.#press(event));
+    document.addEventListener("click", ({ target, detail }) => detail && target.closest("button, summary")?.blur()); // keys are the page's again
   }
 
   help() {
@@ -28,8 +29,9 @@ export class Keys {
   }
 
   #press(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
-    if (this.dialog.open && event.key !== "?") return;
+    if (event.ctrlKey || event.metaKey || event.altKey || /SELECT|INPUT/.test(event.target.tagName)) return;
+    if (event.key === " " && event.target.matches("button, summary")) return; // it presses the button
+    if ((this.dialog.open && event.key !== "?") || document.querySelector(":popover-open")) return;
     const act = this.actions.get(event.key);
     if (!act) return;
     event.preventDefault();

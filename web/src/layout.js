@@ -41,6 +41,12 @@ export class Layout {
     this.linkOfDof = moved;
   }
 
+  // The link of a base that moves, if there is one.
+  get mobileBase() {
+    const body = this.tree.bodies.findIndex(({ kind }) => kind === "floating" || kind === "planar");
+    return this.links[this.tree.links.findIndex((link) => body >= 0 && link.body === body)];
+  }
+
   dofOfLink(link) {
     return this.dofsOfLink.get(link)?.at(-1) ?? -1;
   }

@@ -6,8 +6,9 @@
 import uPlot from "uplot";
 import { decadeLabel, linearRange, logRange } from "./axes.js";
 import { faded } from "./colours.js";
-import { el, resized, say, toggle } from "./dom.js";
-import { number, powerOfTen, tick } from "./format.js";
+import { el, resized } from "./dom.js";
+import { powerOfTen, tick } from "./format.js";
+import { Legend } from "./legend.js";
 import { chosenLines, othersLine, thresholdsOf } from "./quantities.js";
 import { envelope, largest, stacked } from "./sampling.js";
 
@@ -16,25 +17,25 @@ const CHOICE_PERIOD = 2000; // [ms] between two choices of lines
 const TINY = 1e-20; // smallest value on a logarithmic axis
 
 export class Plot {
-  // shared: theme, view (see view.js), rows(), select(dof), selected()
-  constructor(spec, shared) {
+  // shared: theme, view (see view.js), rows(), selected(); state: of the legend
+  constructor(spec, shared, state) {
     this.spec = spec;
     this.shared = shared;
     this.seen = true;
     this.chosenAt = -Infinity;
-    this.legend = el("div", { class: "legend" });
+    this.legend = new Legend(state, spec.lines.map(({ name }) => name), () => this.restyle());
     this.box = el("div", { class: "plot" });
     this.cursor = el("div", { class: "cursor" });
     this.node = el(
       "section",
       { class: "card", id: `plot-${spec.id}`, title: spec.help },
       el("header", {}, el("h2", { text: spec.title }), el("span", { class: "unit", text: spec.unit })),
-      this.legend,
+      this.legend.node,
       this.box,
     );
     this.observers = [
       resized(this.box, () => this.#resize()),
-      resized(this.legend, () => this.#keepHeight()),
+      this.legend.observer,
       new IntersectionObserver(([entry]) => {
         this.seen = entry.isIntersecting;
         if (this.seen) this.draw();
@@ -50,7 +51,7 @@ export class Plot {
   }
 
   restyle() {
-    this.#rebuild();
+    this.#forget();
     this.draw();
   }
 
@@ -78,6 +79,12 @@ export class Plot {
     this.place();
   }
 
+  // Of the axis on the left.
+  get range() {
+    const { min, max } = this.plot?.scales.y ?? {};
+    return min === undefined ? null : [min, max];
+  }
+
   // Places the cursor, and writes the numbers at it into the legend.
   place() {
     const rows = this.shared.rows();
@@ -85,11 +92,7 @@ export class Plot {
     this.#line();
     const base = rows.base(rows.nearest(this.shared.view.shown()));
     this.values = this.lines.map((line) => line.get(rows.data, base) * (line.factor ?? this.spec.factor ?? 1));
-    this.values.forEach((value, k) => {
-      const line = this.lines[k];
-      say(this.cells[k], number(value));
-      toggle(this.chips[k], "above", line.threshold != null && Math.abs(value) > line.threshold);
-    });
+    this.legend.setValues(this.values);
   }
 
   // By the scale as drawn: uPlot applies a new one later.
@@ -114,33 +117,14 @@ export class Plot {
     if (this.lines && key === this.key) return;
     this.key = key;
     this.lines = shown.map((k) => spec.lines[k]);
-    this.others = others;
     if (others.length && spec.stacked) this.lines.push(othersLine(spec, others));
-    this.#rebuild();
+    this.legend.setLines(this.lines, spec.stacked ? 0 : others.length);
+    this.#forget();
   }
 
-  #rebuild() {
+  #forget() {
     this.plot?.destroy();
     this.plot = null;
-    if (!this.lines) return;
-    this.cells = this.lines.map(() => el("b", { text: "–" }));
-    this.chips = this.lines.map((line, k) => {
-      const chip = el(
-        "span",
-        { class: "chip", title: line.name },
-        el("i", { style: `background:${line.colour}` }),
-        el("span", { text: line.short }),
-        this.cells[k],
-      );
-      if (line.unit) chip.append(el("small", { text: line.unit }));
-      if (line.dof !== undefined) {
-        chip.classList.add("choice");
-        chip.addEventListener("click", () => this.shared.select(line.dof));
-      }
-      return chip;
-    });
-    const rest = this.others.length && !this.spec.stacked ? [el("span", { class: "chip rest", text: `+ ${this.others.length} smaller` })] : [];
-    this.legend.replaceChildren(...this.chips, ...rest);
   }
 
   #build() {
@@ -148,7 +132,8 @@ export class Plot {
     const { theme } = this.shared;
     const selected = this.shared.selected();
     const draws = [];
-    for (const line of this.lines) {
+    this.drawn = this.lines.filter((line) => this.legend.isShown(line));
+    for (const line of this.drawn) {
       const factor = line.factor ?? spec.factor ?? 1;
       const faint = selected >= 0 && line.dof !== undefined && line.dof !== selected && !spec.stacked;
       const get = (d, b) => {
@@ -157,7 +142,7 @@ export class Plot {
       };
       draws.push({ get, series: this.#series(line, faint) });
     }
-    for (const line of this.lines.filter((line) => line.twin)) {
+    for (const line of this.drawn.filter((line) => line.twin)) {
       const factor = line.factor ?? spec.factor ?? 1;
       const faint = selected >= 0 && line.dof !== selected;
       draws.push({
@@ -165,7 +150,7 @@ export class Plot {
         series: { ...this.#series(line, faint), dash: [3, 4], width: 1, stroke: faded(line.colour, faint ? 0.15 : 0.7) },
       });
     }
-    const thresholds = this.lines.flatMap(thresholdsOf);
+    const thresholds = this.drawn.flatMap(thresholdsOf);
     this.getters = draws.map((draw) => draw.get);
     const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const font = `${Math.round(0.72 * size)}px ${getComputedStyle(document.body).fontFamily}`;
@@ -227,7 +212,7 @@ export class Plot {
     ctx.save();
     ctx.lineWidth = devicePixelRatio;
     ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
-    for (const line of this.lines) {
+    for (const line of this.drawn) {
       ctx.strokeStyle = faded(line.colour, 0.55);
       ctx.beginPath();
       for (const y of thresholdsOf(line).map((value) => u.valToPos(value, "y", true))) {
@@ -239,12 +224,6 @@ export class Plot {
     ctx.restore();
   }
 
-  // The legend grows only: else the plot below would change its size with the numbers.
-  #keepHeight() {
-    const { legend } = this;
-    if (legend.offsetHeight > (parseFloat(legend.style.minHeight) || 0)) legend.style.minHeight = `${legend.offsetHeight}px`;
-  }
-
   #size() {
     return { width: this.box.clientWidth, height: this.box.clientHeight };
   }
@@ -252,7 +231,7 @@ export class Plot {
   #resize() {
     if (!this.plot) return this.draw();
     const { width, height } = this.#size();
-    if (width !== this.plot.width) this.legend.style.minHeight = "";
+    if (width !== this.plot.width) this.legend.shrink();
     if (width > 20 && height > 20 && (width !== this.plot.width || height !== this.plot.height)) {
       this.plot.setSize({ width, height });
       this.draw();

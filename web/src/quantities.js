@@ -127,7 +127,7 @@ export function plotsOf(layout) {
     },
     {
       id: "norm",
-      title: "External torque, all joints",
+      title: "External torque norms",
       unit: "√J/s · N m",
       lines: [
         single(layout, "norm", "|r|", "#f28e2b", { threshold: layout.thresholds.norm ?? null, unit: "√J/s" }),
@@ -211,8 +211,7 @@ export function othersLine(plot, others) {
   };
 }
 
-// Quantities that links can be coloured by. `value`: of each link. `end`: of the scale; null: a round number above the largest
-// value of late. `root`: whether colours go by the root of the value: of 32 joints one has some per cent of the energy.
+// Quantities that links can be coloured by. `value`: of each link. `full`: the value that is 100 %; null where there is none. `root`: whether colours go by the root of the value: of 32 joints one has some per cent of the energy.
 // A link has the energy share of all degrees of freedom of its joint, and of its torques the largest.
 export const COLOURINGS = {
   share: {
@@ -223,14 +222,14 @@ export const COLOURINGS = {
       const part = (own) => (d, b) => (total(d, b) > 1e-9 ? (100 * own(d, b)) / total(d, b) : 0);
       return byDof(layout, (k) => part(share(layout, k)), (a, b) => a + b);
     },
-    end: () => null,
+    full: () => 100,
     root: true,
   },
   energy: {
     label: "Link energy",
     unit: () => "J",
     value: (layout) => (link) => field(layout, "link_energy", layout.links.indexOf(link)),
-    end: () => null,
+    full: () => null,
     root: true,
   },
   torque: {
@@ -240,7 +239,7 @@ export const COLOURINGS = {
       const part = (of) => (d, b) => 100 * Math.abs(of(d, b));
       return byDof(layout, (k) => part(ofLimit(layout, "effort", k)), Math.max);
     },
-    end: () => 100,
+    full: () => 100,
   },
   external: {
     label: "External torque",
@@ -250,7 +249,7 @@ export const COLOURINGS = {
       const part = (get) => (d, b) => factor * Math.abs(get(d, b));
       return byDof(layout, (k) => part(own(layout, k)), largestKnown);
     },
-    end: (layout) => (hasThresholds(layout) ? 100 : null),
+    full: (layout) => (hasThresholds(layout) ? 100 : null),
   },
 };
 
@@ -275,11 +274,11 @@ function byDof(layout, getter, together) {
   };
 }
 
-// The next of 1, 2, 5 times a power of ten.
+// The next of 1, 1.5, 2, 3, 4, 5, 6, 8 times a power of ten.
 export function roundUp(x) {
   if (!(x > 0) || !Number.isFinite(x)) return 1;
   const power = 10 ** Math.floor(Math.log10(x));
-  return [1, 2, 5, 10].map((k) => k * power).find((end) => end >= x * 0.999);
+  return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((k) => k * power).find((end) => end >= x * 0.999);
 }
 
 // Reflected mass [kg] along a velocity v, v·v/|Sv|² with the root S of the mobility; NaN at rest.

@@ -112,6 +112,25 @@ export function largest(rows, i0, i1, getters, most = 2000) {
   return found;
 }
 
+// Quantile of known values, between the two nearest ones; NaN if there are none.
+export function quantile(values, fraction) {
+  const known = values.filter(Number.isFinite).sort((a, b) => a - b);
+  const at = fraction * (known.length - 1);
+  const [low, high] = [known[Math.floor(at)], known[Math.ceil(at)]];
+  return known.length ? low + (at % 1) * (high - low) : NaN;
+}
+
+// Quantile over rows of the largest of some quantities.
+export function highEnd(rows, i0, i1, getters, fraction, most = 300) {
+  const step = Math.max(1, Math.ceil((i1 - i0) / most));
+  const values = [];
+  for (let i = i0; i < i1; i += step) {
+    const base = rows.base(i);
+    values.push(getters.reduce((high, get) => Math.max(high, get(rows.data, base) || 0), 0));
+  }
+  return quantile(values, fraction);
+}
+
 // Time of the row from t0 to t1 at which a quantity is largest; NaN if it is known at none of them.
 export function timeOfLargest(rows, t0, t1, getter) {
   let [time, most] = [NaN, -Infinity];

@@ -14,9 +14,10 @@ import { Robot } from "./robot.js";
 
 const SLOW = 60; // [ms] between two pictures, from which on less is drawn
 const MAX_PAUSE = 200; // [ms]
-const FROM = new Vector3(1, -1.25, 0.55).normalize(); // the camera, as seen from the robot
+export const VIEWS = { iso: [1, -1.25, 0.55], front: [1, 0, 0], side: [0, -1, 0], top: [0, -1e-3, 1] }; // from the robot to the camera
 const FRACTION = 0.9; // of the picture that the robot takes
-const HEAD = 4; // [rem] above it, for words
+const [HEAD, FOOT] = [4, 7]; // [rem] above it, for words, and below it, for the legend of colours
+const NARROW = 36; // [rem] of a picture in which this legend is below the robot, not beside it
 const MAX_CELLS = 120; // of the floor, along a side
 const GROWTH_PERIOD = 500; // [ms] between two checks whether the robot has left the picture
 
@@ -34,8 +35,12 @@ export class Scene3D {
     this.camera = new PerspectiveCamera(32, 1, 0.01, 100);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, this.canvas);
-    this.controls.addEventListener("change", () => (this.dirty = true));
-    this.controls.addEventListener("start", () => (this.framed = true));
+    this.from = new Vector3(...VIEWS.iso).normalize();
+    for (const [event, held] of [["start", true], ["end", false]]) this.controls.addEventListener(event, () => (this.held = held));
+    this.controls.addEventListener("change", () => {
+      this.framed ||= this.held; // a click moves nothing
+      this.dirty = true;
+    });
     this.sky = new HemisphereLight(0xffffff, 0x8a8f98, 1.7);
     const [sun, fill] = [new DirectionalLight(0xffffff, 2.2), new DirectionalLight(0xffffff, 0.5)];
     sun.castShadow = true;
@@ -79,7 +84,7 @@ export class Scene3D {
       this.scene.remove(this.robot);
       this.robot.dispose();
     }
-    Object.assign(this, { layout, framed: false, posed: false, root: null });
+    Object.assign(this, { layout, framed: false, posed: false, root: null, followed: null });
     this.showContact(null);
     this.robot = new Robot(layout, this.load, () => {
       if (!this.robot.pending) {
@@ -109,16 +114,48 @@ export class Scene3D {
   // Takes all that links have reached into the picture, until somebody chooses what is in it.
   #grow() {
     const now = performance.now();
-    if (this.framed || now - this.looked < GROWTH_PERIOD) return;
+    if (this.framed || this.followed || now - this.looked < GROWTH_PERIOD) return;
     this.looked = now;
     const reached = this.reached.clone();
     for (const link of this.robot.byName.values()) if (link.children.length) reached.expandByPoint(originOf(link));
     if (!this.reached.equals(reached)) this.#fit(reached, true);
   }
 
+  // Shows the whole robot, from now on at every size of the window; view: of VIEWS, else the direction stays.
+  fit(view) {
+    this.from.copy(view ? new Vector3(...VIEWS[view]) : this.camera.position.clone().sub(this.controls.target)).normalize();
+    this.framed = false;
+    this.frame(true, view ? this.reached : new Box3()); // another view of the same motion
+  }
+
+  // The camera as text: a name of VIEWS while the robot is fitted, else position and target, six numbers.
+  get pose() {
+    const view = Object.keys(VIEWS).find((name) => this.from.angleTo(new Vector3(...VIEWS[name])) < 1e-3);
+    return !this.framed && view ? view : [...this.camera.position, ...this.controls.target].map((x) => Number(x.toFixed(3))).join();
+  }
+
+  // Returns whether the text is one.
+  setPose(text) {
+    if (Object.hasOwn(VIEWS, text)) this.fit(text);
+    const numbers = text.split(",").map(Number);
+    if (numbers.length !== 6 || !numbers.every(Number.isFinite)) return Object.hasOwn(VIEWS, text);
+    this.camera.position.fromArray(numbers);
+    this.controls.target.fromArray(numbers, 3);
+    this.framed = true;
+    this.controls.update();
+    return true;
+  }
+
+  // Keeps the target of the camera at a link; null ends it.
+  follow(link) {
+    Object.assign(this, { followed: link, end: null });
+    if (link && this.posed) this.#follow();
+    this.dirty = true;
+  }
+
   // Camera and floor by the box around the robot; the floor at its lowest point.
-  frame(camera = true) {
-    const bounds = this.robot?.bounds ?? new Box3();
+  frame(camera = true, reached = new Box3()) {
+    const bounds = this.robot?.bounds.union(reached) ?? new Box3();
     if (bounds.isEmpty() || bounds.min.equals(bounds.max)) bounds.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
     this.#fit(bounds, camera);
   }
@@ -129,26 +166,27 @@ export class Scene3D {
     this.size = Math.max(0.05, 0.5 * bounds.getSize(new Vector3()).length());
     if (camera) {
       const distance = this.#distance(bounds);
-      this.camera.position.copy(this.centre).addScaledVector(FROM, distance);
+      this.camera.position.copy(this.centre).addScaledVector(this.from, distance);
       [this.camera.near, this.camera.far] = [distance / 100, distance * 30];
       this.camera.updateProjectionMatrix();
       this.controls.target.copy(this.centre);
       [this.controls.minDistance, this.controls.maxDistance] = [0.1 * this.size, 12 * distance];
       this.controls.update();
+      this.end = null;
     }
     this.#floor();
     this.dirty = true;
   }
 
   // From where all corners of the box are seen, with some room around.
-  #distance({ min, max }) {
+  #distance(bounds) {
     const across = Math.tan((0.5 * this.camera.fov * Math.PI) / 180) * FRACTION;
-    const right = new Vector3().crossVectors(this.camera.up, FROM).normalize();
-    const up = new Vector3().crossVectors(FROM, right);
-    const distances = [...Array(8).keys()].map((n) => {
-      const corner = new Vector3(n & 1 ? max.x : min.x, n & 2 ? max.y : min.y, n & 4 ? max.z : min.z).sub(this.centre);
-      const wide = Math.max(Math.abs(corner.dot(up)) / this.below, Math.abs(corner.dot(right)) / this.camera.aspect);
-      return wide / across + corner.dot(FROM);
+    const right = new Vector3().crossVectors(this.camera.up, this.from).normalize();
+    const up = new Vector3().crossVectors(this.from, right);
+    const distances = cornersOf(bounds).map((place) => {
+      const corner = place.sub(this.centre);
+      const wide = Math.max(Math.abs(corner.dot(up)) / this.free, Math.abs(corner.dot(right)) / this.camera.aspect);
+      return wide / across + corner.dot(this.from);
     });
     return Math.max(0.5 * this.size, ...distances);
   }
@@ -173,16 +211,27 @@ export class Scene3D {
     sun.shadow.normalBias = 0.004 * size;
   }
 
-  // A robot that drives away takes the camera along.
+  // A robot that drives away takes floor and camera along; a link that is followed, the camera.
   #follow() {
     const at = originOf(this.#root());
     this.root ??= at;
-    if (at.distanceTo(this.root) <= 0.3 * this.size) return;
-    const moved = at.clone().sub(this.root).setZ(0);
-    for (const place of [this.camera.position, this.controls.target, this.centre]) place.add(moved);
-    this.reached.translate(moved);
-    this.root = at;
-    this.#floor();
+    if (at.distanceTo(this.root) > 0.3 * this.size) {
+      const moved = at.clone().sub(this.root).setZ(0);
+      this.centre.add(moved);
+      this.reached.translate(moved);
+      if (!this.followed) this.#shift(moved);
+      this.root = at;
+      this.#floor();
+    }
+    const link = this.robot.byName.get(this.followed);
+    if (!link) return;
+    const end = originOf(link);
+    this.#shift(end.clone().sub(this.end ?? this.controls.target));
+    this.end = end;
+  }
+
+  #shift(moved) {
+    for (const place of [this.camera.position, this.controls.target]) place.add(moved);
   }
 
   #root() {
@@ -221,6 +270,17 @@ export class Scene3D {
     this.ray.setFromCamera(new Vector2((2 * x) / this.box.clientWidth - 1, 1 - (2 * y) / this.box.clientHeight), this.camera);
     const [hit] = this.ray.intersectObject(this.robot, true);
     return hit?.object.parent.name ?? null;
+  }
+
+  origin(link) {
+    return originOf(this.robot.byName.get(link)).toArray();
+  }
+
+  // Links with a corner outside the picture.
+  get outside() {
+    const isInside = ({ x, y, z }) => Math.max(Math.abs(x), Math.abs(y), Math.abs(z)) <= 1;
+    const corners = (link) => cornersOf(new Box3().setFromObject(link)).map((corner) => corner.project(this.camera));
+    return this.robot.children.filter((link) => link.children.length && !corners(link).every(isInside)).map(({ name }) => name);
   }
 
   // A place of the page at which a link is seen, or null.
@@ -262,9 +322,11 @@ export class Scene3D {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    const head = Math.min(0.2 * height, HEAD * parseFloat(getComputedStyle(document.documentElement).fontSize));
-    this.below = 1 - head / height; // fraction of the picture that is left
-    this.camera.setViewOffset(width, height, 0, -0.5 * head, width, height);
+    const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    const head = Math.min(0.2 * height, HEAD * rem);
+    const foot = width < NARROW * rem ? Math.min(0.2 * height, FOOT * rem) : 0;
+    this.free = 1 - (head + foot) / height; // fraction of the picture that is left
+    this.camera.setViewOffset(width, height, 0, 0.5 * (foot - head), width, height);
     this.camera.updateProjectionMatrix();
     if (this.robot && !this.framed) this.frame();
     this.dirty = true;
@@ -275,4 +337,8 @@ export class Scene3D {
 
 function originOf(group) {
   return new Vector3().setFromMatrixPosition(group.matrixWorld);
+}
+
+function cornersOf({ min, max }) {
+  return [...Array(8).keys()].map((n) => new Vector3(n & 1 ? max.x : min.x, n & 2 ? max.y : min.y, n & 4 ? max.z : min.z));
 }

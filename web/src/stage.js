@@ -7,10 +7,12 @@ import { COLOURINGS, K, massAlong, placeOf, roundUp, valueAt } from "./quantitie
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
 import { number, quantity } from "./format.js";
-import { largestOf } from "./joints.js";
-import { Scene3D } from "./scene3d.js";
+import { highEnd } from "./sampling.js";
+import { Scene3D, VIEWS } from "./scene3d.js";
 
 const IDS = Object.keys(COLOURINGS);
+const QUANTILE = 0.98; // of the links' largest values in the time window: the end of the colours
+const SCALE_PERIOD = 1000; // [ms] between two choices of this end
 
 export class Stage {
   constructor({ theme, app }) {
@@ -18,11 +20,18 @@ export class Stage {
     this.app = app;
     this.colouring = IDS.includes(stored("diag.colouring")) ? stored("diag.colouring") : "share";
     this.marks = stored("diag.marks") !== "off";
+    this.full = stored("diag.range") === "full"; // whether colours end at 100 %, or at the maximum
+    this.following = false;
     this.marked = null;
     this.colours = new Map();
     this.choice = el("select", { title: "quantity that colours the links (1 to 4)", "aria-label": "colour of links", onchange: () => this.colourBy(this.choice.selectedIndex) }, ...IDS.map((id) => el("option", { value: id, text: COLOURINGS[id].label })));
+    this.range = el("select", { title: "end of the colours", "aria-label": "range of colours", onchange: () => this.#setRange(this.range.selectedIndex === 1) }, el("option", { text: `${100 * QUANTILE} % quantile` }), el("option"));
+    const button = (text, title, onclick) => el("button", { text, title, onclick });
+    this.followButton = button("Follow", "keep the selected link in view, else a mobile base or the end effector (g)", () => this.follow(!this.following));
+    const views = Object.keys(VIEWS).map((view) => button(view[0].toUpperCase() + view.slice(1), `view: ${view} (v: next)`, () => this.look(view)));
+    this.camera = el("div", { class: "camera", role: "group", "aria-label": "camera" }, button("Fit", "fit the robot into the view (f)", () => this.look()), ...views, this.followButton);
     this.ticks = ["0", "", ""].map((text) => el("span", { text }));
-    this.legend = el("div", { class: "ramp" }, this.choice, el("div", { class: "gradient", style: `background-image:${rampGradient()}` }), el("div", { class: "ticks" }, ...this.ticks));
+    this.legend = el("div", { class: "ramp" }, this.camera, el("div", { class: "choices" }, this.choice, this.range), el("div", { class: "gradient", style: `background-image:${rampGradient()}` }), el("div", { class: "ticks" }, ...this.ticks));
     this.energy = el("b");
     this.marksNote = el("div", { class: "marks" });
     this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote);
@@ -30,7 +39,6 @@ export class Stage {
     this.hint = el("div", { class: "hint", hidden: true });
     this.missing = el("small", { class: "missing", hidden: true });
     this.node = el("div", { class: "stage" }, this.head, this.missing, this.legend, this.banner, this.hint);
-    this.ends = {};
     try {
       this.scene = new Scene3D(this.node, { load: (sha) => app.source.mesh(sha), changed: () => this.#missing() });
       this.#listen();
@@ -79,8 +87,8 @@ export class Stage {
   setLayout(layout) {
     this.layout = layout;
     this.marked = layout.json.end_effector; // a report has mobility and velocity of this link only
-    this.ends = {};
     this.scene?.setLayout(layout);
+    this.follow(this.following);
     this.#getters();
     this.#missing();
   }
@@ -98,8 +106,33 @@ export class Stage {
     this.again();
   }
 
-  frame() {
-    this.scene?.frame();
+  // Fits the robot into a view of VIEWS, or into the present one.
+  look(view) {
+    this.scene?.fit(view);
+  }
+
+  nextView() {
+    const views = Object.keys(VIEWS);
+    this.look(views[(views.indexOf(this.scene?.pose) + 1) % views.length]);
+  }
+
+  resetView() {
+    this.follow(false);
+    this.look("iso");
+  }
+
+  // Follows the selected link; where there is none, a mobile base or the end effector.
+  follow(on) {
+    this.following = on;
+    this.followButton.setAttribute("aria-pressed", on);
+    const { layout } = this;
+    this.scene?.follow(on && layout ? (this.app.chosen.link ?? layout.mobileBase ?? layout.json.end_effector) : null);
+  }
+
+  #setRange(full) {
+    this.full = full;
+    store("diag.range", full ? "full" : "quantile");
+    this.again();
   }
 
   again() {
@@ -109,6 +142,8 @@ export class Stage {
   #getters() {
     if (!this.layout) return;
     this.choice.selectedIndex = IDS.indexOf(this.colouring);
+    this.range.options[1].text = COLOURINGS[this.colouring].full(this.layout) ? "0–100 %" : "0–maximum";
+    this.range.selectedIndex = Number(this.full);
     const value = COLOURINGS[this.colouring].value(this.layout);
     this.getters = this.layout.scene.links.map(({ name }) => [name, value(name)]);
   }
@@ -131,17 +166,28 @@ export class Stage {
   #paint(data, base) {
     const colouring = COLOURINGS[this.colouring];
     this.values = new Map(this.getters.map(([name, get]) => [name, get(data, base)]));
-    const seen = Math.max(largestOf([...this.values.values()]), 0.999 * (this.ends[this.colouring] ?? 0));
-    this.ends[this.colouring] = seen;
-    const end = colouring.end(this.layout) ?? roundUp(Math.max(seen, 1e-6));
-    this.end = end;
+    const end = (this.end = this.#scale(colouring));
     const label = (place) => number(valueAt(colouring, place, end));
-    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${label(1)} ${colouring.unit(this.layout)}`));
+    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${this.full ? "" : "≥ "}${label(1)} ${colouring.unit(this.layout)}`));
     for (const [name, value] of this.values) {
       const rgb = ramp(placeOf(colouring, value, end));
       this.colours.set(name, hex(rgb));
       if (this.scene?.robot.paint(name, rgb, name === this.app.chosen.link)) this.scene.dirty = true;
     }
+  }
+
+  // The end of the colours.
+  #scale(colouring) {
+    const full = colouring.full(this.layout);
+    if (this.full && full) return full;
+    const { rows, view } = this.app;
+    const [now, window] = [performance.now(), view.window()];
+    const key = [this.colouring, this.full, this.layout.json.robot, ...(view.following ? [] : window)].join();
+    if (key === this.scaleKey && now < this.scaleDue) return this.end;
+    [this.scaleKey, this.scaleDue] = [key, now + SCALE_PERIOD];
+    const getters = this.getters.map(([, get]) => get);
+    const end = highEnd(rows, ...rows.range(...window), getters, this.full ? 1 : QUANTILE);
+    return roundUp(Math.max(end || 0, full ? 0.05 * full : 1e-6));
   }
 
   #mark(data, base) {

@@ -10,6 +10,7 @@ import { test } from "node:test";
 import { gunzipSync } from "node:zlib";
 import { barLength, columnsOf as tableColumns, largestOf } from "../src/joints.js";
 import { csv, FLAGS, Layout, shortFields } from "../src/layout.js";
+import { clicked } from "../src/legend.js";
 import { chosenLines, COLOURINGS, othersLine, plotsOf, roundUp } from "../src/quantities.js";
 import { exchange, K, massAlong, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
@@ -95,8 +96,8 @@ test("quantities of a frame: shares, exchange, torque in parts of the limit, col
 test("external torque is a fraction of the threshold where one is set", () => {
   const without = new Layout({ ...fixture.layout, thresholds: {} });
   const { external } = COLOURINGS;
-  assert.deepEqual([external.unit(layout), external.end(layout)], ["% of threshold", 100]);
-  assert.deepEqual([external.unit(without), external.end(without)], ["N m", null]);
+  assert.deepEqual([external.unit(layout), external.full(layout)], ["% of threshold", 100]);
+  assert.deepEqual([external.unit(without), external.full(without)], ["N m", null]);
   near(["upper", "lower"].map((link) => external.value(without)(link)(known, 0)), [0.5, 0.25]);
   for (const [expected, ...given] of [[1, 30, 12], [-1, -30, 12], [0, NaN, 12], [0, Infinity, 12], [0, 1, 0], [0.5, 6, 12]]) {
     assert.equal(barLength(...given), expected, String(given));
@@ -153,7 +154,22 @@ test("of many lines the largest and the selected one, and the others' sum", () =
   assert.deepEqual(chosenLines(plot, sizes, 3, 2), { shown: [0, 2], others: [1, 3, 4] });
   const { get, name } = othersLine(plot, [1, 2, 4]);
   assert.deepEqual([get(), name], [4, "3 others"]);
-  assert.deepEqual([0, NaN, 1, 1.0001, 1.1, 3, 7, 0.03, 2e300].map(roundUp), [1, 1, 1, 1, 2, 5, 10, 0.05, 2e300]);
+  assert.deepEqual([0, NaN, 1, 1.0001, 1.1, 3, 7, 0.03, 2e300].map(roundUp), [1, 1, 1, 1, 1.5, 3, 8, 0.03, 2e300]);
+});
+
+test("a click hides a line, or shows it alone", () => {
+  const names = ["a", "b", "c"];
+  const after = (hidden, name, alone) => [...clicked(new Set(hidden), names, name, alone)];
+  assert.deepEqual([after([], "b", false), after(["a"], "b", false), after(["a", "b"], "b", false)], [["b"], ["a", "b"], ["a"]]);
+  assert.deepEqual([after([], "b", true), after(["b"], "b", true), after(["a"], "b", true)], [["a", "c"], ["a", "c"], ["a", "c"]]);
+  assert.deepEqual(after(["a", "c"], "b", true), [], "the line was alone: all are shown");
+  assert.deepEqual(after(["gone"], "a", false), ["gone", "a"], "a line of which the plot has none now stays hidden");
+});
+
+test("a base that moves is found; an arm has none", () => {
+  const tree = { bodies: [{ kind: "fixed", placement: [] }, { kind: "planar", placement: [] }], links: [0, 1, 1].map((body) => ({ body, dofs: [], placement: [] })) };
+  assert.equal(new Layout({ dofs: [], links: ["map", "cart", "mast"], fields: [], tree }).mobileBase, "cart");
+  assert.equal(layout.mobileBase, undefined);
 });
 
 test("mobility at the elbow: 3 kg felt along its motion, none at rest", () => {

@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { Rows } from "../src/rows.js";
-import { envelope, largest, stacked, tellingRows, timeOfLargest } from "../src/sampling.js";
+import { envelope, highEnd, largest, quantile, stacked, tellingRows, timeOfLargest } from "../src/sampling.js";
 import { View } from "../src/view.js";
 
 const value = (d, b) => d[b];
@@ -49,6 +49,16 @@ test("an envelope has every peak, in its order", () => {
   assert.deepEqual(y.slice(12, 14), [99, -99]); // the bucket of rows 300 to 349
   assert.ok(y.every(Number.isFinite) && x.every((t, k) => k === 0 || t > x[k - 1]));
   assert.deepEqual(envelope(stored([0, 1, 2, 3, 4, 5], Array(6).fill(NaN)), 0, 6, 2, [value])[1], [null, null, null, null]);
+});
+
+test("a quantile lies between the two nearest values; the end of colours leaves out short peaks", () => {
+  assert.deepEqual([0, 0.5, 0.9, 1].map((part) => quantile([4, NaN, 1, 2, Infinity, 3], part)), [1, 2.5, 3.7, 4]);
+  assert.deepEqual([quantile([7], 0.98), quantile([NaN], 0.5)], [7, NaN]);
+  const numbers = Array.from({ length: 201 }, (_, k) => (k === 50 ? 99 : k === 51 ? NaN : 1));
+  const rows = stored(numbers.map((_, k) => k), numbers);
+  const getters = [value, (d, b) => -d[b]];
+  assert.deepEqual([0.98, 1].map((part) => highEnd(rows, 0, 201, getters, part)), [1, 99]);
+  assert.equal(highEnd(rows, 60, 201, getters, 1), 1, "of the window only");
 });
 
 test("few states are drawn as they are, infinite ones are not, and no line goes over a gap", () => {
