@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.model.links import wrenches_at
+from diag_dynamics.page.forces import UPPER, Forces
 from diag_dynamics.page.layout import CAUSES, Layout
 from diag_dynamics.sweeps import evaluation, factorization, records
 from diag_dynamics.sweeps import workspace as ws
@@ -18,8 +19,6 @@ GAP = 0.5
 MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
 """Delay above which a state is flagged `late` [s]; relative difference between K and the sum of link energies above which
 the monitor has another model."""
-
-UPPER = np.triu_indices(3)
 
 
 class States(NamedTuple):
@@ -51,6 +50,12 @@ class States(NamedTuple):
     contact_mass: Any = np.nan
     contact_energy: Any = np.nan
     contact_allowed: Any = np.nan
+    contact: Any = False
+    touched_link: Any = np.nan
+    """Index of the touched link, −1 for none; NaN where it is unknown."""
+    touched_confidence: Any = np.nan
+    load_mass: Any = np.nan
+    load_deviation: Any = np.nan
 
     @classmethod
     def of(cls, t, q, qd, effort, s, **others):
@@ -81,15 +86,20 @@ class FrameMaker:
         Used by one thread at a time.
     points : iterable of (str, str)
         Name and link of each point of contact.
+    covariance : ndarray, shape (nv, nv), optional
+        Σ of the external torque, for forces at the touched link and at `links`.
+    links : iterable of str
+        Links with a wrench.
 
     Attributes
     ----------
     layout : Layout
     """
 
-    def __init__(self, dynamics, points=()):
-        model = dynamics.model
-        self._dynamics, self._model, self.layout = dynamics, model, Layout(model, points)
+    def __init__(self, dynamics, points=(), covariance=None, links=()):
+        model, links = dynamics.model, () if covariance is None else links
+        self._dynamics, self._model, self.layout = dynamics, model, Layout(model, points, links)
+        self._forces = Forces(dynamics, covariance, links)
         self._before = np.nan, np.nan  # time and K of the last state
         self._workspace, self._wrenches = ws.Workspace(model.bodies, model.gravity), {}
 
@@ -99,7 +109,8 @@ class FrameMaker:
         frames["t"], x, places = states.t, frames["numbers"], self.layout.places
         x.fill(np.nan)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a page shows infinity as unknown
-            for name, value in (*zip(States._fields, states, strict=True), *self._computed(states).items()):
+            computed = self._computed(states) | self._forces.fields(states)
+            for name, value in (*zip(States._fields, states, strict=True), *computed.items()):
                 if value is not np.nan and name in places:
                     x[:, places[name] if np.ndim(value) == 2 else places[name].start] = value
         return frames
@@ -180,5 +191,6 @@ def _flags(states, same_model):
         "late": np.greater(states.latency, MAX_DELAY),
         "receive_time": states.receive_time,
         "other_model": ~same_model,
+        "contact": states.contact,
     }
     return sum(CAUSES[name] * flag for name, flag in is_set.items())

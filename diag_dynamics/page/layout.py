@@ -15,7 +15,7 @@ from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 CAUSES = {
     **{"velocity_estimated": 1, "effort_missing": 2, "no_external_torque": 4, "collision": 8},
-    **{"late": 16, "receive_time": 32, "other_model": 64},
+    **{"late": 16, "receive_time": 32, "other_model": 64, "contact": 128},
 }
 """Bits of the field `flags`. late: the stamp is more than 1 s behind the clock. receive_time: the source sent no stamp.
 other_model: the monitor has another model than this process, so that values of links are not the monitor's."""
@@ -43,6 +43,11 @@ FIELDS = (
     ("points", 1, "m/s", "contact_speed contact_allowed"),
     ("points", 1, "kg", "contact_mass"),
     ("points", 1, "J", "contact_energy"),
+    ("", 1, "", "touched_link touched_confidence touch_unobserved"),
+    ("", 3, "N", "touch_force"),
+    ("", 6, "N", "touch_root"),
+    ("frames", 6, "N, N m", "wrench wrench_deviation"),
+    ("", 1, "kg", "load_mass load_deviation"),
     ("", 6, "1/kg^0.5", "mobility_root"),
     ("", 3, "m/s", "link_velocity"),
 )
@@ -66,6 +71,8 @@ class Layout:
     model : RobotModel
     points : iterable of (str, str)
         Name and link of each point of contact.
+    frames : iterable of str
+        Links with a wrench.
 
     Attributes
     ----------
@@ -78,10 +85,10 @@ class Layout:
         A frame: `t` [s], float64, and `numbers`, float32 of shape (size,). Little-endian, without padding.
     """
 
-    def __init__(self, model, points=()):
-        self._model, self.points = model, tuple(points)
+    def __init__(self, model, points=(), frames=()):
+        self._model, self.points, self.frames = model, tuple(points), tuple(frames)
         counts = {"": 1, "coordinates": model.nq, "dofs": model.nv, "links": len(model.link_names)}
-        counts |= {"points": len(self.points), "contact": min(1, len(self.points))}
+        counts |= {"points": len(self.points), "contact": min(1, len(self.points)), "frames": len(self.frames)}
         rows = [(name, counts[of] * each, of, unit) for of, each, unit, names in FIELDS for name in names.split()]
         self.fields = tuple(Field(*row) for row in rows)
         ends = [0, *np.cumsum([field.size for field in self.fields]).tolist()]
@@ -110,6 +117,7 @@ class Layout:
             "limits": {"effort": finite(model.effort_limit)},
             "thresholds": thresholds or thresholds_of(none),
             "causes": CAUSES,
+            "frames": list(self.frames),
             "tree": tree_of(model),
             "scene": scene,
             "end_effector": end_effector_link(model),

@@ -46,11 +46,12 @@ class Newest(NamedTuple):
     frame: bytes
 
 
-def compile_frames(dynamics):
+def compile_frames(dynamics, covariance=None, links=()):
     """Compile what frames of a robot need, or load it from the cache."""
     q, zero = dynamics.model.neutral, np.zeros(dynamics.model.nv)
-    maker = FrameMaker(dynamics)
-    maker.frames(States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero)))
+    maker, last = FrameMaker(dynamics, (), covariance, links), len(dynamics.model.link_names) - 1
+    states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
+    maker.frames(states._replace(external_torque=zero[None], touched_link=last))
     maker.chosen(q, zero, dynamics.model.root_link)
 
 
@@ -78,6 +79,7 @@ class RobotStream:
         self.name, self.listeners, self._read, self._notifies = name, set(), read, notifies
         self._lock = threading.RLock()
         self._dynamics = self._scene = self._meshes = self._last = self._rate = None
+        self._forces = None, ()
         self._layout, self._diagnostics, self._number, self._frames = (0, ""), (0, "[]"), 0, {}
         self._waiting, self._worst, self._end_effector = "waiting for a robot", "", ""
         self._counted, self._since = 0, 0.0
@@ -87,10 +89,14 @@ class RobotStream:
         for listener in tuple(self.listeners):
             listener()
 
-    def set_robot(self, dynamics, scene=None, meshes=None):
-        """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on."""
+    def set_robot(self, dynamics, scene=None, meshes=None, covariance=None, links=()):
+        """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on.
+
+        With a covariance of the external torque there are forces at the touched link and at `links`.
+        """
         with self._lock:
             self._dynamics, self._scene, self._meshes = dynamics, scene, meshes
+            self._forces = covariance, links
             self._waiting, self._last, self._end_effector = "", None, end_effector_link(dynamics.model)
             self._lay_out((), ())
 
@@ -142,7 +148,8 @@ class RobotStream:
 
     def _lay_out(self, limits, points):
         """Start a new layout."""
-        self._limits, self._points, self._maker = limits, points, FrameMaker(self._dynamics, points)
+        self._limits, self._points = limits, points
+        self._maker = FrameMaker(self._dynamics, points, *self._forces)
         layout = self._maker.layout.to_json(self._scene, thresholds_of(limits) if limits else None)
         self._layout, self._frames = (self._layout[0] + 1, json.dumps(layout, allow_nan=False)), {}
 

@@ -15,7 +15,8 @@ def tree_of(model):
 
     ``bodies``: parent, kind of the joint (its axis is z), q (index of its first position), multiplier and offset of a mimic
     joint's position, placement in the parent at position 0 (4x4, row by row). A body precedes those that it carries; body 0
-    is the world. ``links``: body, placement in it, dofs that move the link. ``link_of_dof``: see :func:`links_of_dofs`.
+    is the world. ``links``: body, placement in it, dofs that move the link, centre of mass of the body in the link's axes.
+    ``link_of_dof``: see :func:`links_of_dofs`.
     """
     bodies = [_body(body, bool(number)) for number, body in enumerate(model.bodies)]
     links = [_link(model, name) for name in model.link_names]
@@ -27,6 +28,15 @@ def links_of_dofs(model):
     bodies = model.bodies
     own = {int(bodies["dof"][k]): k for k in range(1, len(bodies)) if bodies["leader"][k] == k}
     return [model.link_names[bodies["link"][own[dof]]] for dof in range(model.nv)]
+
+
+def center_of_body(model, name):
+    """Return the centre of mass of all links that are fixed to a link, in its axes [m]; its origin without mass."""
+    number, placement = model.placement_in_body(name)
+    body = model.bodies[number]
+    if not body["mass"] > 0.0:
+        return np.zeros(3)
+    return placement[:3, :3].T @ (body["first_moment"] / body["mass"] - placement[:3, 3])
 
 
 def _body(body, moves):
@@ -44,4 +54,5 @@ def _link(model, name):
     body = model.bodies[number]
     first = int(body["dof"] - body["rank"])
     dofs = list(range(first, first + int(body["dofs"]))) if number else []
-    return {"body": number, "placement": placement.ravel().tolist(), "dofs": dofs}
+    center = center_of_body(model, name).tolist()
+    return {"body": number, "placement": placement.ravel().tolist(), "dofs": dofs, "center": center}

@@ -95,6 +95,10 @@ def value(frame, layout, name):
     return frame["numbers"][..., layout.places[name]]
 
 
+FORCES = "touch_unobserved", "touch_force", "touch_root", "wrench", "wrench_deviation"
+"""Fields of test_page_forces.py."""
+
+
 @pytest.fixture(scope="module")
 def panda():
     return dd.load_urdf(robot_path(PANDA))
@@ -131,6 +135,7 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     r = np.random.default_rng(8).normal(size=model.nv)
     torque, norm, contact = dyn.tau_from_epsilon(q, r), np.linalg.norm(r), dyn.contact_batch(q[None], qd[None], points)
     observed = {"residual": r[None], "external_torque": torque[None], "norm": np.array([norm]), "collision": True}
+    observed |= {"touched_link": 1, "touched_confidence": 0.75, "load_mass": 2.0, "load_deviation": 0.5}
     states = States.of(1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0).with_contact(contact)
     (frame,) = maker.frames(states)
     assert len(frame.tobytes()) == 8 + 4 * maker.layout.size
@@ -143,7 +148,8 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         **{"p_external": qd @ torque, "flags": CAUSES["collision"]},
         **{"contact_worst": contact.worst, "contact_position": contact.position[0, contact.worst[0]]},
         **{"contact_speed": contact.speed, "contact_mass": contact.reflected_mass, "contact_energy": contact.energy},
-        **{"contact_allowed": contact.allowed_speed},
+        **{"contact_allowed": contact.allowed_speed, "touched_link": 1, "touched_confidence": 0.75},
+        **{"load_mass": 2.0, "load_deviation": 0.5},
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():
@@ -154,7 +160,7 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     assert np.isnan(value(frame, maker.layout, "dK"))
     assert 0.0 <= value(frame, maker.layout, "coriolis_work") < 1e-14  # of doubles: floats would leave 1e-8
     assert all(np.isnan(value(frame, maker.layout, name)).all() for name in CHOSEN)
-    assert {field.name for field in maker.layout.fields} == {*expected, "dK", "coriolis_work", *CHOSEN}
+    assert {field.name for field in maker.layout.fields} == {*expected, "dK", "coriolis_work", *CHOSEN, *FORCES}
 
 
 def test_unknown_values_are_nan_and_flagged(panda):

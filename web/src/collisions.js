@@ -4,7 +4,7 @@
 // Collisions and contacts of the stored states: their list, and the force on the touched link.
 
 import { breakable, el, say, toggle } from "./dom.js";
-import { number, percent, quantity, span } from "./format.js";
+import { number, quantity, span } from "./format.js";
 import { FLAGS } from "./layout.js";
 import { field, hasThresholds, lengthOf } from "./quantities.js";
 import { timeOfLargest } from "./sampling.js";
@@ -28,11 +28,20 @@ export function touchAt(layout, d, b) {
 
 export const symmetric = ([xx, xy, xz, yy, yz, zz]) => [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
 
+// "upper (72 %)"
+export const linkText = ({ link, confidence }) => `${link} (${Math.round(100 * confidence)}\u00a0%)`;
+
 // "24.1 ± 1.2 N"; what is unobserved in words.
 export function forceText({ size, deviation, unobserved }) {
   if (!Number.isFinite(size) || unobserved === 3) return "force not observable";
   const known = Number.isFinite(deviation) ? `${number(size)} ±\u00a0${quantity(deviation, "N", 2)}` : quantity(size, "N");
   return unobserved > 0 ? `≥ ${known}, ${unobserved} of 3 directions not observable` : known;
+}
+
+// "load 1.20 ± 0.08 kg"; empty without one.
+export function loadText(layout, d, b) {
+  const [mass, deviation] = ["load_mass", "load_deviation"].map((name) => d[b + layout.at(name)]);
+  return Number.isFinite(mass) ? `load ${number(mass)} ±\u00a0${quantity(deviation, "kg", 2)}` : "";
 }
 
 // Events in the order of time. Known collisions are those of a summary, to whose times they are exact; without any, runs of
@@ -59,7 +68,7 @@ function described(rows, layout, { start, end, bits, told = "" }) {
   const [d, b] = [rows.data, rows.base(rows.nearest(t))];
   const torques = layout.dofs.map((_, k) => Math.abs(field(layout, "external_torque", k)(d, b)) || 0);
   const dof = torques.indexOf(Math.max(...torques));
-  const torque = `${layout.dofs[dof]} ${quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m")}`;
+  const torque = `${layout.short[dof]} ${quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m")}`;
   const kind = bits & FLAGS.collision ? "collision" : "contact";
   return { start, end, t, kind, norm: field(layout, "norm")(d, b), touch: touchAt(layout, d, b), text: told || torque };
 }
@@ -108,14 +117,13 @@ export class CollisionList {
   #row(one) {
     const { view, show } = this.shared;
     const { touch } = one;
-    const place = touch ? [...breakable(touch.link), ` ${percent(touch.confidence)}`] : [];
+    const place = touch ? [...breakable(linkText(touch)), el("br")] : [];
     const peak = touch ? forceText(touch) : `|r| ${quantity(one.norm, "√J/s")}`;
     const time = el("button", { class: "link", text: view.label(one.start), title: "show the largest |r|" });
     return el(
       "tr",
       { title: `${one.kind}, ${span(one.end - one.start)}`, onclick: () => show(one) },
-      el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}`, title: one.kind }), time),
-      el("td", { class: "words" }, el("div", {}, ...place), el("small", {}, ...breakable(one.text))),
+      el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}` }), time, el("div", {}, ...place, el("small", { text: one.text }))),
       el("td", {}, peak, el("small", {}, ` ${span(one.end - one.start)}`)),
     );
   }

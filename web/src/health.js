@@ -64,6 +64,7 @@ export class Health {
   notes(flags, collision = "") {
     const notes = [];
     if (collision || flags & FLAGS.collision) notes.push({ level: "bad", text: collision || "collision" });
+    else if (flags & FLAGS.contact) notes.push({ level: "paused", text: "contact" });
     if (flags & FLAGS.estimated) notes.push({ level: "warn", text: "velocities estimated" });
     if (flags & FLAGS.effortMissing) notes.push({ level: "warn", text: "no joint torques" });
     else if (flags & FLAGS.observerInvalid) notes.push({ level: "warn", text: "external torque invalid" });

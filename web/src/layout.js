@@ -51,6 +51,11 @@ export class Layout {
     return this.dofsOfLink.get(link)?.at(-1) ?? -1;
   }
 
+  // Centre of mass of all that is fixed to a link, in its axes [m].
+  centerOf(link) {
+    return this.json.tree?.links[this.links.indexOf(link)]?.center ?? [0, 0, 0];
+  }
+
   has(name) {
     return this.fields.has(name) && this.fields.get(name).size > 0;
   }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The ellipsoid of J M⁻¹ Jᵀ at a link, and the link's velocity: in the same scale, metres for metres per second.
+// An ellipsoid and an arrow in the same scale: J M⁻¹ Jᵀ at a link and its velocity, or a force and its deviation at its tip.
 
 import {
   BufferGeometry, ConeGeometry, CylinderGeometry, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshStandardMaterial,
@@ -13,13 +13,14 @@ const SIZE = 0.38; // of the ellipsoid, in parts of the robot's
 const [SMALLEST, BIGGEST] = [0.17, 0.7]; // between which the scale stays as it is
 
 export class Marks extends Group {
-  constructor() {
+  constructor(atTip = false) {
     super();
-    const glass = { transparent: true, depthWrite: false, fog: false };
+    this.atTip = atTip;
+    const glass = { transparent: true, depthWrite: false, depthTest: !atTip, fog: false };
     this.ellipsoid = new Mesh(new SphereGeometry(1, 48, 32), new MeshStandardMaterial({ ...glass, opacity: 0.3, roughness: 0.4 }));
     this.rings = new LineSegments(greatCircles(), new LineBasicMaterial({ ...glass, opacity: 0.55 }));
     for (const one of [this.ellipsoid, this.rings]) one.matrixAutoUpdate = false;
-    this.solid = new MeshStandardMaterial({ fog: false, roughness: 0.5 });
+    this.solid = new MeshStandardMaterial({ fog: false, roughness: 0.5, transparent: atTip, depthTest: !atTip }); // a force is seen through the robot
     this.arrow = new Group();
     this.shaft = new Mesh(new CylinderGeometry(1, 1, 1, 20), this.solid);
     this.head = new Mesh(new ConeGeometry(1, 1, 24), this.solid);
@@ -38,23 +39,37 @@ export class Marks extends Group {
     this.solid.color.set(arrow);
   }
 
-  // at: the link's origin; root: symmetric, maps the unit sphere to the ellipsoid [m/s]; size: the robot's [m].
-  place(at, root, velocity, size) {
-    const longest = Math.hypot(...root.flat()) || 1;
+  // at: the arrow's beginning; root: symmetric, maps the unit sphere to the ellipsoid [m/s, N], whose numbers are NaN where it
+  // is unknown: then there is none, and the arrow is faint; size: the robot's [m]. Forces are drawn in the scale of the
+  // largest one yet.
+  place(at, root, vector, size) {
+    const longest = (this.atTip ? Math.hypot(...vector) : Math.hypot(...root.flat())) || 1;
     const drawn = this.ratio * longest;
-    if (!(drawn > SMALLEST * size && drawn < BIGGEST * size)) this.ratio = (SIZE * size) / longest;
+    const isSmall = drawn <= SMALLEST * size && !this.atTip;
+    if (!this.ratio || isSmall || !(drawn < BIGGEST * size)) this.ratio = (SIZE * size) / longest;
+    const known = root.flat().every(Number.isFinite);
+    this.ellipsoid.visible = this.rings.visible = known;
+    this.solid.opacity = known ? 1 : 0.5;
+    this.#ellipsoid(this.atTip ? new Vector3(...vector).multiplyScalar(this.ratio).add(at) : at, root, size);
+    this.#arrow(at, vector, size);
+  }
+
+  #ellipsoid(at, root, size) {
     const columns = root.map((column) => new Vector3(...column).multiplyScalar(this.ratio));
     columns.forEach((column, k) => column.setComponent(k, column.getComponent(k) + 0.004 * size)); // never flat
     const matrix = new Matrix4().makeBasis(...columns).setPosition(at);
     this.ellipsoid.matrix.copy(matrix);
     this.rings.matrix.copy(matrix);
-    const length = Math.min(this.ratio * Math.hypot(...velocity), 1.5 * size);
+  }
+
+  #arrow(at, vector, size) {
+    const length = Math.min(this.ratio * Math.hypot(...vector), 1.5 * size);
     const thick = 0.012 * size;
     this.arrow.visible = length > 2 * thick;
     if (!this.arrow.visible) return;
     const head = Math.min(5 * thick, 0.6 * length);
     this.arrow.position.copy(at);
-    this.arrow.quaternion.copy(new Quaternion().setFromUnitVectors(UP, new Vector3(...velocity).normalize()));
+    this.arrow.quaternion.copy(new Quaternion().setFromUnitVectors(UP, new Vector3(...vector).normalize()));
     this.shaft.scale.set(thick, length - head, thick);
     this.shaft.position.y = 0.5 * (length - head);
     this.head.scale.set(2.4 * thick, head, 2.4 * thick);

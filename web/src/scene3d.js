@@ -56,13 +56,14 @@ export class Scene3D {
     this.ground = new Mesh(new PlaneGeometry(MAX_CELLS, MAX_CELLS), new ShadowMaterial({ opacity: 0.2, fog: true }));
     this.ground.receiveShadow = true;
     this.marks = new Marks();
+    this.force = new Marks(true);
     // The worst point of contact: a ball with a rim, seen through the robot.
     const [ball, seen] = [new SphereGeometry(1, 24, 16), { transparent: true, depthTest: false, fog: false }];
     [this.point, this.rim] = [new Mesh(ball, new MeshBasicMaterial(seen)), new Mesh(ball, new MeshBasicMaterial(seen))];
     this.rim.scale.setScalar(1.3);
     [this.rim.renderOrder, this.point.renderOrder, this.point.visible] = [2, 3, false];
     this.point.add(this.rim);
-    this.scene = new Scene().add(this.sky, this.lights, this.grid, this.ground, this.marks, this.point);
+    this.scene = new Scene().add(this.sky, this.lights, this.grid, this.ground, this.marks, this.force, this.point);
     this.scene.fog = new Fog(0);
     this.ray = new Raycaster();
     resized(box, () => this.#resize());
@@ -73,6 +74,7 @@ export class Scene3D {
     this.scene.fog.color.set(colours.view || colours.page);
     this.sky.intensity = dark ? 2.1 : 2.0;
     this.marks.paint(colours.accent, colours.warn);
+    this.force.paint(colours.bad, colours.bad);
     [this.panel, this.bad] = [colours.panel, colours.bad];
     this.rim.material.color.set(colours.text);
     this.grid.material.color.set(colours.grid3d || colours.line);
@@ -95,6 +97,7 @@ export class Scene3D {
     });
     this.scene.add(this.robot);
     this.marks.forget();
+    this.force.forget();
     this.frame();
   }
 
@@ -245,6 +248,15 @@ export class Scene3D {
     this.dirty ||= visible || this.marks.visible;
     this.marks.visible = visible;
     if (visible) this.marks.place(originOf(group), root, velocity, this.size);
+  }
+
+  // The force at the centre of mass of the touched link, see touchAt; null hides it.
+  showForce(touch) {
+    const group = this.robot?.byName.get(touch?.link);
+    const visible = Boolean(group) && touch.unobserved < 3;
+    this.dirty ||= visible || this.force.visible;
+    this.force.visible = visible;
+    if (visible) this.force.place(new Vector3(...this.layout.centerOf(touch.link)).applyMatrix4(group.matrixWorld), touch.root, touch.force, this.size);
   }
 
   // The contact point with the smallest margin; null hides it.

@@ -3,6 +3,7 @@
 
 // The robot, the legend of its colours, and numbers of the chosen link.
 
+import { forceText, linkText, loadText, symmetric, touchAt } from "./collisions.js";
 import { COLOURINGS, K, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
@@ -34,7 +35,9 @@ export class Stage {
     this.legend = el("div", { class: "ramp" }, this.camera, el("div", { class: "choices" }, this.choice, this.range), el("div", { class: "gradient", style: `background-image:${rampGradient()}` }), el("div", { class: "ticks" }, ...this.ticks));
     this.energy = el("b");
     this.marksNote = el("div", { class: "marks" });
-    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote);
+    this.forceNote = el("div", { class: "marks force" });
+    this.loadNote = el("div", { class: "marks" });
+    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote, this.forceNote, this.loadNote);
     this.banner = el("div", { class: "banner", hidden: true }, (this.state = el("div")), (this.why = el("p")));
     this.hint = el("div", { class: "hint", hidden: true });
     this.missing = el("small", { class: "missing", hidden: true });
@@ -161,6 +164,16 @@ export class Stage {
     this.#paint(data, base);
     this.scene?.place(data, base);
     this.#mark(data, base);
+    this.#force(data, base);
+  }
+
+  // The force on the touched link, and the load.
+  #force(data, base) {
+    const touch = touchAt(this.layout, data, base);
+    this.scene?.showForce(touch);
+    say(this.forceNote, touch ? `${linkText(touch)}: ${forceText(touch)}` : "");
+    this.forceNote.title = "Force that acts on the touched link, at its centre of mass. Ellipsoid: one standard deviation of the calibrated noise.";
+    say(this.loadNote, loadText(this.layout, data, base));
   }
 
   #paint(data, base) {
@@ -200,8 +213,7 @@ export class Stage {
       this.shown = null;
       return;
     }
-    const [xx, xy, xz, yy, yz, zz] = data.subarray(base + a, base + a + 6);
-    const root = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    const root = symmetric(data.subarray(base + a, base + a + 6));
     const velocity = [...data.subarray(base + v, base + v + 3)];
     const speed = Math.hypot(...velocity);
     const mass = massAlong(root, velocity);

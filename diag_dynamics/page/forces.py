@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Forces of the environment on a robot, for frames: at the touched link, and wrenches at links."""
+
+import numpy as np
+
+from diag_dynamics.page.tree import center_of_body
+
+UPPER = np.triu_indices(3)
+"""Entries of a symmetric matrix that a frame has, row by row."""
+
+MIXED = 1e-3
+"""Entry of an unobserved direction [N, N m] above which that component of a wrench is unknown."""
+
+
+class Forces:
+    """Estimate forces from external torque. Without a covariance Σ, shape (nv, nv), there are none.
+
+    `links` are those with a wrench at their origin, in their axes.
+    """
+
+    def __init__(self, dynamics, covariance=None, links=()):
+        self._dynamics, self._names = dynamics, dynamics.model.link_names
+        self._covariance, self._links = covariance, links
+        self._centers = [center_of_body(dynamics.model, name) for name in self._names]
+
+    def fields(self, states):
+        """Return fields of States, by name; NaN where they are unknown."""
+        if self._covariance is None:
+            return {}
+        count, nv = len(states.t), self._dynamics.model.nv
+        torque = np.broadcast_to(states.external_torque, (count, nv))
+        known = np.isfinite(torque).all(axis=1)
+        touched = np.where(known, states.touched_link, np.nan)
+        found = {"touch_force": np.full((count, 3), np.nan), "touch_root": np.full((count, 6), np.nan)}
+        found["touch_unobserved"] = np.full(count, np.nan)
+        for k in np.unique(touched[touched >= 0.0]).astype(int).tolist():
+            rows = np.flatnonzero(touched == k)
+            for name, values in self._at_center(states.q[rows], torque[rows], k).items():
+                found[name][rows] = values
+        if self._links:
+            wrenches = np.full((2, count, len(self._links), 6), np.nan)
+            for n, link in enumerate(self._links):
+                w = self._dynamics.wrench_batch(states.q[known], torque[known], link, self._covariance)
+                wrenches[0, known, n], wrenches[1, known, n] = w.wrench, component_deviations(w)
+            found["wrench"], found["wrench_deviation"] = wrenches.reshape(2, count, -1)
+        return found
+
+    def _at_center(self, q, torque, k):
+        """Return the force on a link at the centre of mass of its body, in the world's axes.
+
+        It has the symmetric root of its covariance, which maps the unit sphere to the ellipsoid of one standard deviation;
+        NaN where a direction of the force is not observed.
+        """
+        where = {"point": self._centers[k], "force_only": True, "frame": "world"}
+        w = self._dynamics.wrench_batch(q, torque, self._names[k], self._covariance, **where)
+        values, axes = np.linalg.eigh(w.covariance[:, :3, :3])
+        root = np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(values, 0.0)), axes)
+        unobserved = 3 - w.observed.sum(axis=1)
+        root[unobserved > 0] = np.nan
+        return {
+            "touch_force": w.wrench[:, :3],
+            "touch_root": root[:, UPPER[0], UPPER[1]],
+            "touch_unobserved": unobserved,
+        }
+
+
+def with_touched_links(states, dynamics, covariance):
+    """Return States with the touched link at those in contact or collision."""
+    index = {name: k for k, name in enumerate(dynamics.model.link_names)}
+    links, confidence = np.full((2, len(states.t)), np.nan)
+    rows = np.flatnonzero((states.contact | states.collision) & np.isfinite(states.norm))
+    if len(rows):
+        found = dynamics.touched_link_batch(states.q[rows], states.external_torque[rows], covariance)
+        links[rows] = [index.get(name, -1) for name in found.link]
+        confidence[rows] = found.confidence
+    return states._replace(touched_link=links, touched_confidence=confidence)
+
+
+def component_deviations(w):
+    """Return the standard deviation of each component of an ExternalWrench [N, N m], of one state or of many.
+
+    It is NaN where an unobserved direction has a part in the component.
+    """
+    mixed = (np.abs(w.directions) > MIXED) & ~w.observed[..., None]
+    return np.where(mixed.any(axis=-2), np.nan, np.sqrt(np.diagonal(w.covariance, axis1=-2, axis2=-1)))

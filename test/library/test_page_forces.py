@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Forces in frames of the page, by Pinocchio's Jacobians and least squares."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import diag_dynamics as dd
+from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.page.forces import UPPER, component_deviations
+from diag_dynamics.page.frames import FrameMaker, States
+from diag_dynamics.page.layout import CAUSES
+
+TOUCHED, FRAME = "wrist_2_link", "wrist_3_link"
+
+
+class Pushed:
+    """A UR5 with noisy external torque of a force, and the estimates that Pinocchio's Jacobians give."""
+
+    def __init__(self):
+        rng = np.random.default_rng(3)
+        self.model = dd.load_robot("ur5")
+        self.dyn = dd.DiagonalDynamics(self.model)
+        self.robot = pin.buildModelFromUrdf(str(find_urdf("ur5")))
+        self.data, self.q = self.robot.createData(), rng.uniform(-1.5, 1.5, 6)
+        pin.computeJointJacobians(self.robot, self.data, self.q)
+        factor = 0.1 * rng.normal(size=(6, 6))
+        self.covariance = factor @ factor.T + 0.01 * np.eye(6)
+        self.tau = self.jacobian().T @ (8.0, -20.0, 5.0) + rng.multivariate_normal(np.zeros(6), self.covariance)
+
+    def jacobian(self, joint=5):
+        """Return the Jacobian of the centre of mass of a joint's body, in the world's axes."""
+        J = pin.getJointJacobian(self.robot, self.data, joint, pin.LOCAL_WORLD_ALIGNED)
+        lever = self.data.oMi[joint].rotation @ self.robot.inertias[joint].lever
+        return J[:3] - pin.skew(lever) @ J[3:]
+
+    def frame(self, link, covariance, frames=(), **others):
+        """Return fields of a frame by name, as doubles."""
+        maker, zero = FrameMaker(self.dyn, (), covariance, frames), np.zeros(6)
+        index = self.model.link_names.index(link) if link else -1
+        observed = {"external_torque": self.tau[None], "residual": zero[None], "norm": np.ones(1)}
+        state = States.of(0.0, self.q, zero, zero, self.dyn.evaluate(self.q, zero, zero), **observed, **others)
+        (one,) = maker.frames(state._replace(touched_link=index))
+        return {name: one["numbers"][place].astype(float) for name, place in maker.layout.places.items()}
+
+
+def least_squares(J, tau, covariance):
+    """Return the estimate and its covariance."""
+    weighted = np.linalg.solve(covariance, J.T).T
+    of_estimate = np.linalg.inv(weighted @ J.T)
+    return of_estimate @ weighted @ tau, of_estimate
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    return Pushed()
+
+
+def test_force_at_the_centre_of_mass_of_the_touched_link(pushed):
+    frame = pushed.frame(TOUCHED, pushed.covariance, contact=True)
+    force, covariance = least_squares(pushed.jacobian(), pushed.tau, pushed.covariance)
+    np.testing.assert_allclose(frame["touch_force"], force, rtol=1e-5)
+    root = np.zeros((3, 3))
+    root[UPPER] = frame["touch_root"]
+    root = root + np.triu(root, 1).T
+    np.testing.assert_allclose(root @ root, covariance, rtol=1e-4, atol=1e-5 * covariance.max())
+    assert frame["touch_unobserved"] == 0 and int(frame["flags"][0]) & CAUSES["contact"]
+    np.testing.assert_allclose(force, (8.0, -20.0, 5.0), atol=4.0)  # the numbers make sense
+
+
+def test_wrench_at_a_frame(pushed):
+    """In the axes of the link, with the standard deviation of each component."""
+    frame = pushed.frame("", pushed.covariance, (FRAME,))
+    J = pin.getJointJacobian(pushed.robot, pushed.data, 6, pin.LOCAL)
+    wrench, covariance = least_squares(J, pushed.tau, pushed.covariance)
+    np.testing.assert_allclose(frame["wrench"], wrench, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(frame["wrench_deviation"], np.sqrt(np.diag(covariance)), rtol=1e-4)
+
+
+def test_directions_without_torque_have_no_ellipsoid(pushed):
+    """One joint moves the first link: two directions of a force on it are not observed."""
+    frame = pushed.frame("shoulder_link", pushed.covariance)
+    (J,) = pushed.jacobian(1).T[:1]
+    assert frame["touch_unobserved"] == (3 if np.linalg.norm(J) < 1e-9 else 2)
+    assert np.isnan(frame["touch_root"]).all() and np.isfinite(frame["touch_force"]).all()
+
+
+def test_without_touch_or_covariance_there_is_no_force(pushed):
+    for frame in (pushed.frame("", pushed.covariance), pushed.frame(TOUCHED, None, (FRAME,))):
+        assert np.isnan(frame["touch_force"]).all() and len(frame["wrench"]) == 0
+
+
+def test_components_with_an_unobserved_part_have_no_deviation():
+    """A force along y is unobserved, and a moment about x with a part of z."""
+    directions, observed = np.diag([10.0, 10.0, 10.0, 1.0, 1.0, 1.0]), np.ones(6, dtype=bool)
+    directions[3, 5] = 0.01
+    observed[[1, 3]] = False
+    w = dd.ExternalWrench(np.zeros(6), np.diag([4.0, 0.0, 9.0, 0.0, 0.25, 1.0]), directions, None, observed, 0.0)
+    np.testing.assert_array_equal(component_deviations(w), [2.0, np.nan, 3.0, np.nan, 0.5, np.nan])
