@@ -176,6 +176,17 @@ def reading_options(chosen):
     return options | {"joint_names": names or None}
 
 
+def expand_recordings(paths):
+    """Return paths of recordings with all episodes of a LeRobot dataset in place of its folder."""
+    from diag_dynamics.recordings.tables import is_dataset
+
+    if not any(map(is_dataset, paths)):
+        return paths
+    from diag_dynamics.recordings.tables.lerobot import expand_episodes
+
+    return expand_episodes(paths)
+
+
 class StreamedRecording:
     """A recording that each call of :meth:`pieces` reads anew; `findings` are those of the last reading."""
 
@@ -201,7 +212,7 @@ class StreamedRecording:
 def stream_recordings(chosen, paths, parameters, robot, progress):
     """Return a StreamedRecording of each path; all are of the robot of the first one."""
     options, found = reading_options(chosen) | {"parameters": parameters}, []
-    for path in paths:
+    for path in expand_recordings(paths):
         found.append(StreamedRecording(path, found[0].model if found else robot, options, progress))
     return found
 

@@ -26,7 +26,7 @@ from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import JointNames, suggest
 from diag_dynamics.recordings.table_source import TableSource
-from diag_dynamics.recordings.tables import split_paths
+from diag_dynamics.recordings.tables import is_dataset, split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
 from diag_dynamics.wire.definitions import read_message
 
@@ -64,8 +64,10 @@ def path_text(path):
 
 def open_source(path, columns=None, topic=None, joint_names=None):
     """Return the BagSource or TableSource of a path; for its arguments see :func:`read_recording`."""
-    columns = read_column_map(columns)
-    names, paths = _make_names(columns, joint_names), list(map(Path, split_paths(path_text(path))))
+    columns, path = read_column_map(columns), os.path.expanduser(path_text(path))
+    names, paths = _make_names(columns, joint_names), list(map(Path, split_paths(path)))
+    if is_dataset(path):
+        return TableSource(path, columns, names)
     for one in paths:
         if not one.exists():
             near = suggest(one.name, os.listdir(one.parent) if one.parent.is_dir() else [])

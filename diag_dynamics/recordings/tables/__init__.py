@@ -4,6 +4,7 @@
 """Tables of joint states: CSV and the like, Parquet, and npz."""
 
 import os
+import re
 from importlib import import_module
 
 from diag_dynamics.exceptions import InputError
@@ -15,15 +16,26 @@ _SOURCES = {b"PAR1": ("arrays", "ParquetSource")} | dict.fromkeys(
 
 
 def open_table(path, columns, joints):
-    """Return the :class:`Table` of a file, or of several ``a+b``; `joints` are the model's, empty if unknown."""
+    """Return the :class:`Table` of a file, an episode of LeRobot, or several files ``a+b``.
+
+    `joints` are the model's, empty if unknown.
+    """
+    require("pyarrow", f"'{path}'")
     paths = split_paths(path)
-    if len(paths) == 1:
+    if is_dataset(path):
+        source = import_module(f"{__name__}.lerobot").LeRobotSource(path, columns, joints)
+    elif len(paths) == 1:
         source = _open_source(path, columns, joints)
     else:
         joined = import_module(f"{__name__}.joined")
         parts = [_open_source(one, columns, joints, joined.take_all) for one in paths]
         source = joined.JoinedSource(path, parts, columns, joints)
     return import_module(f"{__name__}.table").Table(source)
+
+
+def is_dataset(path):
+    """Return whether a path is a dataset of LeRobot, or an episode ``FOLDER#3`` of one."""
+    return os.path.isfile(os.path.join(re.sub(r"#\d+$", "", path), "meta", "info.json"))
 
 
 def split_paths(path):
@@ -43,6 +55,5 @@ def _open_source(path, columns, joints, *choose):
         raise InputError(f"'{path}' is empty: it has 0 bytes.")
     if begin.startswith(b"\x93NUMPY"):
         raise InputError(f"'{path}' is a single array without names: write an npz, np.savez(path, time=…, position=…).")
-    require("pyarrow", f"'{path}'")
     module, name = _SOURCES.get(begin[:4], ("csv", "CsvSource"))
     return getattr(import_module(f"{__name__}.{module}"), name)(path, columns, joints, *choose)
