@@ -452,6 +452,40 @@ class ExternalWrench(NamedTuple):
         )
 
 
+class TouchedLink(NamedTuple):
+    """The link that external torque points to; of many states with a leading axis T.
+
+    Attributes
+    ----------
+    link : str, or ndarray of str, shape (T,)
+        The most probable link; "" if χ² is within the noise.
+    confidence : float
+        Its probability if exactly one link is touched; 0 without a link.
+    probability : ndarray, shape (number of links,)
+        Of each link; they add up to 1, or are all 0 without a link.
+    links : tuple of str
+        Links that may be touched: of those fixed to each other the first one.
+    chi_square : float
+        τ̂ᵀΣ⁻¹τ̂; of noise alone its mean is nv.
+    """
+
+    link: Any
+    confidence: Any
+    probability: Array
+    links: tuple[str, ...]
+    chi_square: Any
+
+    @classmethod
+    def of_rows(cls, links: tuple[str, ...], rows: Array) -> TouchedLink:
+        """Return the results in rows of sweeps.external."""
+        probability = read_only(rows)[..., 1:]
+        confidence = probability.max(axis=-1)
+        names = np.array([*links, ""])[np.where(confidence > 0.0, probability.argmax(axis=-1), -1)]
+        if names.ndim == 0:
+            return cls(str(names), float(confidence), probability, links, float(rows[0]))
+        return cls(names, read_only(confidence), probability, links, rows[:, 0])
+
+
 def reusable(result: Evaluation, memory: Any) -> Any:
     """Return a result in memory that evaluate may write again, filled with NaN."""
     for part in memory:

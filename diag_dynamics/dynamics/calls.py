@@ -296,6 +296,17 @@ class SweepCaller:
             self.check(external.wrench(self.robot, *inputs, rows), at)
         return results.ExternalWrench.of_rows(rows)
 
+    def touched_link(self, at: States, links: tuple[str, ...], table: Addresses) -> results.TouchedLink:
+        """Return the touched link of a table of :func:`noise.candidates`."""
+        rows = self._empty(at, 1 + len(links))
+        inputs = table.at, at.q, at.vectors["external_torque"]
+        if at.threads:
+            single = partial(self.touched_link, links=links, table=table)
+            self._call_many(external.touched_link_each, inputs, (rows,), at, single)
+        else:
+            self.check(external.touched_link(self.robot, *inputs, rows), at)
+        return results.TouchedLink.of_rows(links, rows)
+
     def contact(self, at: States, points: ContactPoints | Iterable[ContactPoint]) -> Contact:
         """Return contact quantities."""
         model = self.model

@@ -49,6 +49,8 @@ METHODS = {
     mobilities.mobilities: "mobilities",
     external.wrench: "wrench",
     external.wrench_each: "wrench_batch",
+    external.touched_link: "touched_link",
+    external.touched_link_each: "touched_link_batch",
     contacts.contacts: "contact",
     contacts.contacts_each: "contact_batch",
 }

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments of estimates from external torque: its covariance, and the point of a wrench."""
+"""Arguments of estimates from external torque: its covariance, the point of a wrench, links that may be touched."""
 
 from __future__ import annotations
 
@@ -15,6 +15,12 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import external
+
+FORCES = 4.0, 12.0, 36.0
+"""Magnitudes of a contact force [N] that are equally probable."""
+
+MARGIN = 0.05
+"""Distance of a link's surface from its frames [m]."""
 
 SYMMETRIC = 1e-6
 """Maximum difference of two entries of a covariance, as a fraction of the deviations of both joints."""
@@ -71,3 +77,46 @@ def point_of_wrench(
         whitening=whitening(model, covariance),
         count=3 if force_only else 6,
     )
+
+
+def candidates(
+    model: RobotModel, covariance: Any, significance: float, forces: PointLike
+) -> tuple[tuple[str, ...], Addresses]:
+    """Return the links that may be touched and their table for sweeps.external.touched_link."""
+    z = checks.number("significance", significance, "a number >= 0", lambda x: x >= 0.0)
+    count = np.size(np.asarray(forces, dtype=object))
+    magnitudes = checks.per_name("forces", forces, [f"{k}" for k in range(max(count, 1))])
+    W, bodies = whitening(model, covariance), model.bodies
+    numbers = 1 + np.flatnonzero(bodies["rank"][1:] == bodies["dofs"][1:] - 1)
+    links = tuple(model.link_names[k] for k in bodies["link"][numbers])
+    records = np.zeros(len(numbers), external.CANDIDATE)
+    for record, number, link in zip(records, numbers, links, strict=True):
+        X = model.placement_in_body(link)[1]
+        R, t = X[:3, :3], X[:3, 3]
+        points = (_points(model, int(number)) - t) @ R
+        low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+        square = (high - low) ** 2 / 12.0  # second moments about the centre
+        record["body"], record["point"] = number, R @ (low + high) / 2.0 + t
+        record["spread"] = (np.sqrt((square.sum() - square) / 3.0)[:, None] * R.T).ravel()
+    # Wilson and Hilferty: the cube root of χ²/nv is nearly normal.
+    part = 2.0 / (9.0 * model.nv)
+    threshold = model.nv * max(1.0 - part + z * part**0.5, 0.0) ** 3
+    table = Addresses(
+        external.CANDIDATES,
+        bodies=records,
+        forces=np.square(magnitudes),
+        threshold=threshold,
+        whitening=W,
+    )
+    return links, table
+
+
+def _points(model: RobotModel, number: int) -> Array:
+    """Return the origins of a body's links and of the joints on it, and its centre of mass."""
+    body = model.bodies[number]
+    placed = [model.placement_in_body(name) for name in model.link_names]
+    points = [X[:3, 3] for where, X in placed if where == number]
+    points.extend(model.bodies["translation"][1:][model.bodies["parent"][1:] == number])
+    if body["mass"] > 0.0:
+        points.append(body["first_moment"] / body["mass"])
+    return np.array(points)

@@ -9,6 +9,8 @@ of US are then directions whose estimates are independent, g·Wτ/|g|² with the
 
 import math
 
+import numpy as np
+
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import joints, kinematics, records
@@ -26,6 +28,8 @@ LONGER = 1.0 - 1e-12
 
 ROUNDING = 1e-26
 """Squared length of a row, as a fraction of the longest one's, below which it is rounding error."""
+
+SQRT_THIRD = math.sqrt(1.0 / 3.0)
 
 POINT_OF_WRENCH = Table(
     "PointOfWrench",
@@ -158,5 +162,109 @@ def wrench_each(robot, point, Q, TAU, begin, end, results):
     """:func:`wrench` at states `begin` to `end`."""
     for t in range(begin, end):
         if wrench(robot, point, Q[t], TAU[t], results[t]) != 0:
+            return t
+    return end
+
+
+# --- Touched link -----------------------------------------------------------------------------------------
+
+CANDIDATE = np.dtype([("body", "i8"), ("point", "f8", 3), ("spread", "f8", 9)], align=True)
+"""A body that may be touched: the mean of its points p, and K, row-major, with KᵀK the mean of p̃p̃ᵀ/3 about it."""
+
+CANDIDATES = Table(
+    "Candidates",
+    bodies=array(CANDIDATE),
+    forces=array(float),  # squares of the magnitudes F
+    threshold=float,  # χ² below which nothing is touched
+    whitening=array(float, 2),  # W
+)
+
+_candidates_at = CANDIDATES.opened
+
+
+@nk.kernel
+def _packed(i, j):
+    """Place of the entry i ≥ j in the lower triangle of a symmetric matrix."""
+    return i * (i + 1) // 2 + j
+
+
+@nk.large_kernel
+def _log_ratio(square, B, b, L, z):
+    """Log of N(y; 0, 1 + F²GᵀG)/N(y; 0, 1) with F² = square, B = GGᵀ and b = Gy; the Cholesky factor goes to L."""
+    determinant, explained = 1.0, 0.0
+    for i in range(6):
+        rest = b[i]
+        for j in range(i + 1):
+            entry = square * B[_packed(i, j)]
+            for k in range(j):
+                entry -= L[_packed(i, k)] * L[_packed(j, k)]
+            if j < i:
+                L[_packed(i, j)] = entry * L[_packed(j, j)]
+                rest -= L[_packed(i, j)] * z[j]
+            else:
+                determinant *= 1.0 + entry
+                L[_packed(i, i)] = 1.0 / math.sqrt(1.0 + entry)
+        z[i] = rest * L[_packed(i, i)]
+        explained += z[i] * z[i]
+    return 0.5 * (square * explained - math.log(determinant))
+
+
+@nk.large_kernel
+def _evidence(at, candidate, bodies, work, memory, y):
+    """Log of the mean ratio over the forces of a force of random direction at a random point of a body."""
+    J, rows = memory[:6], memory[6:12]
+    kinematics.set_jacobian(bodies, candidate.body, candidate.point, work, J)
+    K = records.matrix_of(candidate.spread)
+    for k in range(J.shape[1]):
+        moved = sp.apply(K, (J[3, k], J[4, k], J[5, k]))
+        for a in range(3):
+            J[a, k] *= SQRT_THIRD
+            J[3 + a, k] = moved[a]
+    B, b, L, z = work[0].P, work[0].y, work[0].P_rate, work[0].z  # of the world, which has no inertia
+    for i in range(6):
+        whiten(at.whitening, J[i], rows[i])
+        b[i] = _dot(rows[i], y)
+        for j in range(i + 1):
+            B[_packed(i, j)] = _dot(rows[i], rows[j])
+    largest, total = -math.inf, 0.0
+    for f in range(len(at.forces)):
+        one = _log_ratio(at.forces[f], B, b, L, z)
+        total = total * math.exp(min(largest - one, 0.0)) + math.exp(min(one - largest, 0.0))
+        largest = max(largest, one)
+    return largest + math.log(total)
+
+
+@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def touched_link(robot, candidates, q, tau, result):
+    """χ² of τ, and behind it the probability of each candidate: zeros below the threshold of χ²."""
+    if not ws.lengths_match(robot, q, tau, tau):
+        return ws.BAD_LENGTH
+    at, memory, (bodies, _, work, _) = _candidates_at(candidates), ws.robot_of(robot).scratch, ws.opened(robot)
+    if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
+        return -1
+    y, probability = memory[12], result[1:]
+    whiten(at.whitening, tau, y)
+    ws.clear(result)
+    result[0] = _dot(y, y)
+    if result[0] < at.threshold:
+        return 0
+    joints.update_placements(bodies, q, work)
+    largest, total = -math.inf, 0.0
+    for k in range(len(probability)):
+        probability[k] = _evidence(at, at.bodies[k], bodies, work, memory, y)
+        largest = max(largest, probability[k])
+    for k in range(len(probability)):
+        probability[k] = math.exp(probability[k] - largest)
+        total += probability[k]
+    for k in range(len(probability)):
+        probability[k] /= total
+    return 0 if joints.are_finite(result) else -1
+
+
+@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nogil=True)
+def touched_link_each(robot, candidates, Q, TAU, begin, end, results):
+    """:func:`touched_link` at states `begin` to `end`."""
+    for t in range(begin, end):
+        if touched_link(robot, candidates, Q[t], TAU[t], results[t]) != 0:
             return t
     return end

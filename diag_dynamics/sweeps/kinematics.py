@@ -25,18 +25,12 @@ def placement(robot, q, body, result):
     return 0
 
 
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.COUNT, nk.VECTOR, nk.FILLED_MATRIX)
-def jacobian(robot, q, body, point, J):
-    """J of a point of a body, linear rows first, in the body's axes, shape (6, nv): a walk down the tree.
+@nk.large_kernel
+def set_jacobian(bodies, body, point, work, J):
+    """J of a point of a body, linear rows first, in the body's axes: a walk down the tree of placed bodies.
 
     Each body that carries the point adds its direction, seen from the point; a follower adds to its leader's column.
     """
-    if not ws.positions_match(robot, q):
-        return ws.BAD_LENGTH
-    bodies, _, work, _ = ws.opened(robot)
-    if not joints.are_positions(bodies, q):
-        return -1
-    joints.update_placements(bodies, q, work)
     for row in range(6):
         ws.clear(J[row])
     R, p = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (point[0], point[1], point[2])
@@ -51,6 +45,18 @@ def jacobian(robot, q, body, point, J):
         X = records.placement_of(work[i])
         R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
         i = bodies[i].parent
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.COUNT, nk.VECTOR, nk.FILLED_MATRIX)
+def jacobian(robot, q, body, point, J):
+    """J of a point of a body, linear rows first, in the body's axes, shape (6, nv)."""
+    if not ws.positions_match(robot, q):
+        return ws.BAD_LENGTH
+    bodies, _, work, _ = ws.opened(robot)
+    if not joints.are_positions(bodies, q):
+        return -1
+    joints.update_placements(bodies, q, work)
+    set_jacobian(bodies, body, point, work, J)
     return 0
 
 

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External wrench from external torque: Pinocchio's Jacobian and NumPy's decompositions, by the definition."""
+"""External wrench and touched link from external torque, by definition: Pinocchio's Jacobian, NumPy's decompositions."""
 
-from itertools import pairwise
+import itertools
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
@@ -115,7 +116,7 @@ def test_directions(case):
         np.testing.assert_allclose(U @ U.T, np.eye(6), atol=1e-12)
         size = max(value[0], 1.0)
         np.testing.assert_allclose(U @ B @ U.T, np.diag(value), atol=1e-11 * size)
-        assert all(a <= b * (1 + 1e-9) for a, b in pairwise(found.deviation))
+        assert all(a <= b * (1 + 1e-9) for a, b in itertools.pairwise(found.deviation))
         known = value > 1e-9 * size
         np.testing.assert_allclose(found.deviation[known], value[known] ** -0.5, rtol=1e-6)
         assert (found.deviation[~known] > 1e4 / np.sqrt(size)).all()
@@ -197,7 +198,121 @@ def test_errors_name_the_argument(change, message):
         case.dyn.wrench(**arguments | change)
 
 
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"significance": -1.0}, r"significance is -1.0, expected a number >= 0"),
+        ({"forces": (4.0, 0.0)}, r"forces of '1' is 0.0, expected a finite number > 0"),
+        ({"forces": ()}, r"forces is \(\), expected"),
+        ({"covariance": np.eye(5)}, r"covariance is .*; expected finite numbers, shape \(6, 6\)"),
+        ({"external_torque": [1e300] * 6}, r"external_torque are too large"),
+    ],
+    ids=lambda value: None if isinstance(value, str) else next(iter(value)),
+)
+def test_errors_of_touched_link(change, message):
+    case = Case(UR5)
+    arguments = {"q": case.q, "external_torque": case.tau, "covariance": case.covariance}
+    with pytest.raises(InputError, match=message):
+        case.dyn.touched_link(**arguments | change)
+
+
 def test_a_robot_without_joints():
     model = dd.load_urdf(robots.description("post", robots.link("base", 1.0, inertia=(1, 0, 0, 1, 0, 1))))
     with pytest.raises(InputError, match="robot 'post' has no moving joint"):
         dd.DiagonalDynamics(model).wrench([], [], "base")
+
+
+# --- Touched link
+
+
+def candidates(model, oracle):
+    """Moving links, and of each the corners of its box in its own axes, from Pinocchio's frames and joints."""
+    full = getattr(oracle, "full", oracle)
+    frames = [f for f in full.model.frames if f.type == pin.FrameType.BODY]
+    found = {}
+    for joint in range(1, full.model.njoints):
+        own = [f for f in frames if f.parentJoint == joint]
+        link = min(own, key=lambda f: model.link_names.index(f.name))
+        points = [f.placement.translation for f in own]
+        points += [X.translation for k, X in enumerate(full.model.jointPlacements) if full.model.parents[k] == joint]
+        body = full.model.inertias[joint]
+        points += [body.lever] if body.mass else []
+        points = np.array([link.placement.actInv(p) for p in points])
+        found[link.name] = points.min(axis=0) - 0.05, points.max(axis=0) + 0.05
+    return {name: found[name] for name in model.link_names if name in found}
+
+
+def posterior(case, tau, forces):
+    """The probability of each link by dense Gaussians, the moments of the box's points by quadrature."""
+    node = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # exact for the squares of a uniform distribution
+    evidence = {}
+    for link, (low, high) in candidates(case.model, case.oracle).items():
+        J, parts = case.J(link), []
+        for corner in itertools.product(node, repeat=3):
+            r = 0.5 * (low + high) + 0.5 * (high - low) * corner
+            A = np.vstack([np.eye(3), pin.skew(r)])
+            parts.append(J.T @ A @ A.T @ J / 3.0)
+        logs = []
+        for F in forces:
+            C = case.covariance + F**2 * np.mean(parts, axis=0)
+            logs.append(-0.5 * np.linalg.slogdet(C)[1] - 0.5 * tau @ np.linalg.solve(C, tau))
+        evidence[link] = np.logaddexp.reduce(logs)
+    logs = np.array(list(evidence.values()))
+    p = np.exp(logs - logs.max())
+    return tuple(evidence), p / p.sum()
+
+
+def test_probability_of_each_link(case):
+    """Bayes' rule with the dense Gaussians of the definition; the most probable link is named."""
+    rng = np.random.default_rng(5)
+    L = np.linalg.cholesky(case.covariance)
+    for forces in ((4.0, 12.0, 36.0), (20.0,)):
+        for link in case.links:
+            tau = case.J(link, POINT)[:3].T @ (10.0 * rng.normal(size=3)) + L @ rng.normal(size=case.model.nv)
+            found = case.dyn.touched_link(case.q, tau, case.covariance, significance=0.0, forces=forces)
+            links, p = posterior(case, tau, forces)
+            assert found.chi_square == pytest.approx(tau @ np.linalg.solve(case.covariance, tau), rel=1e-9)
+            if not found.link:
+                continue
+            assert sorted(found.links) == sorted(links)
+            own = [found.links.index(name) for name in links]
+            np.testing.assert_allclose(found.probability[own], p, rtol=1e-6, atol=1e-9)
+            assert found.confidence == found.probability.max()
+            assert found.link == found.links[found.probability.argmax()]
+
+
+def test_noise_alone_touches_no_link():
+    """Below the quantile of χ² there is no link: of normal noise in all but 0.13 % of the samples."""
+    case, rng, count = Case(ARM), np.random.default_rng(8), 40_000
+    noise = rng.normal(size=(count, 7)) @ np.linalg.cholesky(case.covariance).T
+    Q = np.tile(case.q, (count, 1))
+    found = case.dyn.touched_link_batch(Q, noise, case.covariance)
+    assert found.chi_square.mean() == pytest.approx(7.0, rel=0.02)
+    share = (found.link != "").mean()
+    assert 0.0008 < share < 0.0019  # the tail beyond 3 σ is 0.00135
+    np.testing.assert_allclose(found.probability.sum(axis=1), found.link != "", rtol=1e-14)
+    np.testing.assert_array_equal(found.confidence == 0.0, found.link == "")
+    for t in (0, 17, int(np.argmax(found.chi_square))):
+        one = case.dyn.touched_link(Q[t], noise[t], case.covariance)
+        assert (one.link, one.confidence, one.chi_square) == (found.link[t], found.confidence[t], found.chi_square[t])
+        np.testing.assert_array_equal(one.probability, found.probability[t])
+
+
+def test_confidence_is_a_probability():
+    """For contacts that are distributed as the evidence says, the confidence is the share of right links."""
+    case, rng, count = Case(ARM), np.random.default_rng(9), 300
+    Q, TAU, true = [], [], []
+    boxes = candidates(case.model, case.oracle)
+    L = np.linalg.cholesky(case.covariance)
+    for link, (low, high) in boxes.items():
+        for _ in range(count):
+            q, force = case.model.random(rng), rng.choice([4.0, 12.0, 36.0]) / np.sqrt(3.0) * rng.normal(size=3)
+            J = jacobian(case.oracle, q, link, rng.uniform(low, high))
+            Q.append(q), true.append(link), TAU.append(J[:3].T @ force + L @ rng.normal(size=7))
+    found = case.dyn.touched_link_batch(np.array(Q), np.array(TAU), case.covariance)
+    stands_out = found.link != ""
+    right, confidence = (found.link == np.array(true))[stands_out], found.confidence[stands_out]
+    assert right.mean() == pytest.approx(confidence.mean(), abs=0.03)
+    for low in (0.3, 0.5, 0.7, 0.9):
+        some = (confidence >= low) & (confidence < low + 0.2)
+        assert right[some].mean() == pytest.approx(confidence[some].mean(), abs=0.09)
