@@ -62,8 +62,7 @@ def run(chosen):
             _draw(chosen.plots, recordings[-1], model, found)
         write(found.quality | {"shared": shared})
     if not chosen.quiet and chosen.json != "-":
-        first = found.parameters.origin["recordings"][len(recordings) - 1]["start"]
-        print("\n".join(map(plain, format_summary(found, first))))
+        print("\n".join(map(plain, format_summary(found))))
         _report_outputs(chosen, shared)
     return DONE if found.quality["taken"] and found.quality["efforts_judged"] else DOUBTFUL
 
@@ -99,23 +98,18 @@ def _draw(path, recording, model, found):
     shares = ["-" if share is None else f"{share:.2f}" for share in quality["explained_total"]]
     title = (
         f"{model.name}: {', '.join(quality['taken']) or 'no parameter'}. Residual torque (observer gain "
-        f"{common.GAIN:g}/s); held-out part shaded.\n"
+        f"{common.GAIN:g}/s) of the last recording; bars: cross-validation.\n"
         f"Variance explained of d(K + U)/dt: {shares[0]} before, {shares[1]} after."
     )
     time, torques = residual_curves((model, found.model), recording.pieces, common.GAIN)
-    draw_identification(
-        path, title, time, torques, quality["torque_rms"], (time[-1] - quality["held_out_duration"], time[-1])
-    )
+    draw_identification(path, title, time, torques, quality["torque_rms"])
 
 
-def format_summary(found, first):
-    """Return lines on the parameters and the quality on the held-out part; times begin at `first` [s]."""
+def format_summary(found):
+    """Return lines on the parameters and the quality in cross-validation."""
     quality, model = found.quality, found.model
     lines = [f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}"]
-    begin, end = (time - first for time in quality["held_out"])
-    lasts = quality["held_out_duration"]
-    until = f"{end:.1f} s" if end >= begin else f"{end:.1f} s after a restart of time stamps"
-    lines += ["", f"Held-out part from {begin:.1f} to {until} ({lasts:.1f} s), before → after:", ""]
+    lines += ["", f"Held out: {quality['held_out']} ({quality['held_out_duration']:.1f} s), before → after:", ""]
     width = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
         f"  {'joint':{width}}  {'effort error':>17}  {'external torque':>17}   damping  friction    offset  armature"

@@ -44,6 +44,19 @@ class Segment(NamedTuple):
         """Time from the first to the last state [s]."""
         return self.t[-1] - self.t[0]
 
+    def part(self, rows):
+        """Return the segment of consecutive rows, bool; its first state alone is marked as a jump."""
+        states = replace(self.states, jumped=np.cumsum(rows) == 1)
+        return Segment(self.t[rows], states[rows])
+
+
+def portions(segments):
+    """Yield parts of segments, of about SIZE states."""
+    for t, states in segments:
+        edges = [0, *range(SIZE, len(t) - SIZE // 2 + 1, SIZE), len(t)]
+        for part in pairwise(edges):
+            yield Segment(t[slice(*part)], states[slice(*part)])
+
 
 def list_recordings(name, recordings):
     """Return recordings as a list of Recording and of functions that return pieces of one."""
@@ -87,14 +100,15 @@ class Dataset:
         """Time in spans [s]."""
         return sum(end - begin for begin, end in self.spans)
 
-    def portions(self, begin=-np.inf):
-        """Yield parts of segments, of about SIZE states, from a time on [s]."""
-        for t, states in self.segments:
-            first = int(np.searchsorted(t, begin))
-            edges = [first, *range(first + SIZE, len(t) - SIZE // 2 + 1, SIZE), len(t)]
-            for part in pairwise(edges):
-                if first < len(t):
-                    yield Segment(t[slice(*part)], states[slice(*part)])
+    @property
+    def key(self):
+        """Order among recordings that does not depend on how they were given."""
+        first = self.segments[0].states
+        return self.duration, *first.position[0].tolist(), *first.velocity[0].tolist()
+
+    def portions(self):
+        """Return parts of segments, of about SIZE states."""
+        return portions(self.segments)
 
     def _read(self, name, recording, model, max_values):
         """Return the states of a recording, thinned to a number of values."""
@@ -205,6 +219,5 @@ def _shifted(segment, delay):
     t, states = segment
     at = t + delay
     velocity = np.column_stack([np.interp(at, t, column) for column in states.velocity.T])
-    inside = (at >= t[0]) & (at <= t[-1])  # ends have no velocity
-    jumped, known = np.cumsum(inside) == 1, np.ones(len(t), dtype=bool)
-    return Segment(t[inside], replace(states, velocity=velocity, jumped=jumped, effort_known=known)[inside])
+    states = replace(states, velocity=velocity, effort_known=np.ones(len(t), dtype=bool))
+    return Segment(t, states).part((at >= t[0]) & (at <= t[-1]))  # ends have no velocity

@@ -138,7 +138,7 @@ def _fit(layout, rows, free, weight, base):
     for turn in range(MAX_ROUNDS):
         A, b = layout.weighted(rows, variance)
         problem = Problem(A[np.ix_(index, index)], (b - A @ known)[index], bodies, positive, POSITIVE_WEIGHT)
-        x[index], hessian = solve(problem, start[index])
+        x[index], hessian = solve(problem, x[index] if turn else start[index])
         before, variance = variance, np.maximum(layout.mean_squares(rows, x), MIN_VARIANCE * scale)
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):

@@ -25,8 +25,7 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.recordings.recording import Recording
 
 Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]  # in memory, or a function that returns pieces
-HELD_OUT = 1.0 / 3.0  # fraction of the recordings that validates a fit
-MAX_BLOCKS, MIN_BLOCK = 8, 1.0  # of other rows for cross-validation; shortest length: six time constants [s]
+MIN_BLOCKS, MAX_BLOCKS, MIN_BLOCK = 2, 12, 1.0  # of cross-validation, and their length if more: six time constants [s]
 UNASKED_GAIN, MAX_TIPS = 0.3, 3  # gain from which an unasked payload is named; ends of the robot that are tried
 
 
@@ -41,9 +40,9 @@ def identify(
 
     The momentum balance is fitted through a low-pass of 1 Hz, which needs no accelerations. Inertias stay
     physical, and near the model's where the motion does not determine them; friction and rotor inertias
-    stay positive. A step is taken if it reduces the residual of rows that are held out by a tenth; of
-    friction and rotors, for joints whose residual in cross-validation it reduces. All rows are then fitted.
-    See docs/identification.md for the equations.
+    stay positive. A step is taken if it reduces the residual in cross-validation over blocks of all
+    recordings, friction and rotors joint by joint. All rows are then fitted. See docs/identification.md for
+    the equations.
 
     Parameters
     ----------
@@ -87,12 +86,11 @@ def identify(
     data = FitData(model, payloads, recordings, reference, bool(asked))
     payload = payloads[0] if asked else None
     selection = Selection(model, steps, payload, data)
-    last = selection.fit_all() if selection.fit else None
+    last, free = selection.fit_all(), selection.free(selection.taken)
     quality = quality_of(model, selection, data, last)
-    x, free = last.x if last else selection.layout.known, selection.free(selection.taken)
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for
         free &= ~selection.layout.inertial
-    parameters = parameters_of(selection.layout, x, free, _origin(model, data, quality))
+    parameters = parameters_of(selection.layout, last.x, free, _origin(model, data, quality))
     if not asked and "inertias" not in selection.taken:
         quality["warnings"] += _warn_of_payload(selection, payloads)
     return Identification(model.with_parameters(parameters), parameters, quality)
@@ -104,8 +102,8 @@ class FitData:
     `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
     model, `moving` the joints that move enough (bool), `findings` on the others, `duration` the time of all [s].
 
-    Normal equations are those of `blocks` and their sum `fitted`; of the part that is `held_out`, from the time `begin` [s]
-    of the last recording on; and of references, `unloaded`, None without any.
+    Normal equations are those of `blocks`, parts of equal duration, and their sum `fitted`; and of references, `unloaded`,
+    None without any. `parts` are the segments of each block.
     """
 
     def __init__(self, model, payloads, recordings, reference, tolerant):
@@ -119,42 +117,35 @@ class FitData:
         self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
         self.moving, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
         self.duration = sum(one.duration for one in self.datasets)
-        self.begin, early = self._split()
-        parts = self._sum_blocks(early)
-        held_out, self.blocks = parts.pop(MAX_BLOCKS, None), [parts[k] for k in sorted(parts)]
+        self.blocks, self.parts = self._cut_blocks(_in_order(self.loaded))
         self.fitted = sum(self.blocks)
-        self.held_out = 0.0 * self.fitted if held_out is None else held_out
-        segments = (segment for one in unloaded for segment in one.segments)
-        self.unloaded = sum(self.regressors.sum_segment(*one.columns) for one in segments) if unloaded else None
+        sums = (self.regressors.sum_segment(*segment.columns) for segment in _in_order(unloaded))
+        self.unloaded = sum(sums) if unloaded else None
 
-    def _split(self):
-        """Return where the held-out part begins in the last dataset, and the time before it [s]."""
-        last, total = self.loaded[-1], sum(one.duration for one in self.loaded)
-        held = remaining = min(HELD_OUT * total, last.duration if len(self.loaded) > 1 else total)
-        for begin, end in reversed(last.spans):
-            if end - begin >= remaining:
-                return end - remaining, total - held
-            remaining -= end - begin
-        return last.spans[0][0], total - held
-
-    def _sum_blocks(self, early):
-        """Return normal equations by number of the block; MAX_BLOCKS is that of the held-out part."""
-        count, parts, elapsed = int(np.clip(early // MIN_BLOCK, 1, MAX_BLOCKS)), {}, 0.0
-        for dataset, segment in ((one, segment) for one in self.loaded for segment in one.segments):
-            t = segment.t
-            number = np.minimum((elapsed + t - t[0]) // max(early / count, 1e-9), count - 1).astype(int)
-            if dataset is self.loaded[-1]:
-                number[t >= self.begin] = MAX_BLOCKS
+    def _cut_blocks(self, segments):
+        """Return normal equations and segments of blocks, given all segments."""
+        duration, elapsed = sum(segment.duration for segment in segments), 0.0
+        count = int(np.clip(duration // MIN_BLOCK, MIN_BLOCKS, MAX_BLOCKS))
+        blocks, parts = [0.0] * count, [[] for _ in range(count)]
+        for segment in segments:
+            since = elapsed + segment.t - segment.t[0]
+            number = np.minimum(since * count / duration, count - 1).astype(int)
             elapsed += segment.duration
+            for block in np.unique(number).tolist():
+                parts[block].append(segment.part(number == block))
             first = 1
             for rows, weights in self.regressors.filtered_rows(*segment.columns):
                 part = number[first : first + len(rows)]
                 first += len(rows)
                 for block in np.unique(part).tolist():
                     chosen = part == block
-                    sums = self.regressors.sum_rows(rows[chosen], weights[chosen])
-                    parts[block] = parts.get(block, 0.0) + sums
-        return parts
+                    blocks[block] = blocks[block] + self.regressors.sum_rows(rows[chosen], weights[chosen])
+        return blocks, parts
+
+
+def _in_order(datasets):
+    """Return segments of all datasets in an order that does not depend on theirs."""
+    return [segment for one in sorted(datasets, key=lambda one: one.key) for segment in one.segments]
 
 
 def _warn_of_payload(selection, payloads):

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quality of an identification: validation on the part held out, certainty, warnings, and curves of residuals."""
+"""Quality of an identification: cross-validation, certainty, warnings, and curves of residuals."""
 
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.data_checks import DOUBTFUL
-from diag_dynamics.identification.dataset import Dataset
+from diag_dynamics.identification.dataset import Dataset, portions
 from diag_dynamics.identification.result import parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
@@ -20,22 +20,24 @@ MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 MAX_STEPS = 6000  # of a curve: ten times the pixels that they are drawn on
 
 
-def validate(model, dataset, begin):
-    """Return how well a model explains a dataset from a time on [s], by key of the quality; NaN and None are unknown."""
-    dynamics, sums, balance = DiagonalDynamics(model), WindowSums(model.nv), Balance(model.dof_names)
-    observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
-    errors, observed, energies = [], [], []
-    for part in dataset.portions(begin):
-        t, q, qd, tau = part.columns
-        tau = tau - dynamics.friction_torque_batch(qd)  # of rates as they are: that of filtered ones turns later
-        s = dynamics.evaluate_batch(q, qd, tau)
-        balance.add_windows(sums.integrate_states(part.states, s))
-        _, torque, _, valid, _ = observer.observe_batch(part.states, s)
-        observed.append(torque[valid])
-        energies.append(s.kinetic_energy.copy())
-        if part.duration >= MIN_SMOOTHED:
-            q, qd, tau, qdd = smoothed(t, q, qd, tau)
-            errors.append(tau - dynamics.inverse_dynamics_batch(q, qd, qdd))
+def validate(models, parts):
+    """Return how well models explain segments of a block each, by key of the quality; NaN and None are unknown."""
+    model = models[0]
+    sums, balance, errors, observed, energies = WindowSums(model.nv), Balance(model.dof_names), [], [], []
+    for one, segments in zip(models, parts, strict=True):
+        dynamics = DiagonalDynamics(one)
+        observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
+        for part in portions(segments):
+            t, q, qd, tau = part.columns
+            tau = tau - dynamics.friction_torque_batch(qd)  # of rates as they are: that of filtered ones turns later
+            s = dynamics.evaluate_batch(q, qd, tau)
+            balance.add_windows(sums.integrate_states(part.states, s))
+            _, torque, _, valid, _ = observer.observe_batch(part.states, s)
+            observed.append(torque[valid])
+            energies.append(s.kinetic_energy.copy())
+            if part.duration >= MIN_SMOOTHED:
+                q, qd, tau, qdd = smoothed(t, q, qd, tau)
+                errors.append(tau - dynamics.inverse_dynamics_batch(q, qd, qdd))
     unknown, torque = np.full(model.nv, np.nan), np.concatenate(observed)
     return {
         "torque_rms": np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)) if errors else unknown,  # below 5 Hz [N m, N]
@@ -47,24 +49,23 @@ def validate(model, dataset, begin):
 
 
 def quality_of(model, selection, data, last):
-    """Return the quality of what was selected; `last` is the fit to all rows, None if nothing was fitted."""
-    layout, names, dataset = selection.layout, model.dof_names, data.loaded[-1]
-    before = after = validate(model, dataset, data.begin)
-    x, free = selection.fit.x if selection.fit else layout.known, selection.free(selection.taken)
-    if selection.fit:
-        after = validate(model.with_parameters(parameters_of(layout, x, free)), dataset, data.begin)
-    parts = list(dataset.portions(data.begin))
-    stamps = parts[0].states.stamp[0], parts[-1].states.stamp[-1]
+    """Return the quality of what was selected; `last` is the fit to all rows."""
+    layout, names = selection.layout, model.dof_names
+    free, count = selection.free(selection.taken), len(data.blocks)
+    before = after = validate([model] * count, data.parts)
+    if free.any() or layout.without_rotors:
+        models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
+        after = validate(models, data.parts)
     findings = [finding for one in data.datasets for finding in one.findings]
     shares = after["explained"], after["explained_total"]
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
     judged = any(one.judged().any() for one in data.relations)
-    residuals = [np.sqrt(layout.mean_squares(selection.held_out, y)) for y in (layout.known, x)]
+    start = selection.squares_of([layout.known] * count)
     quality = {
-        "held_out": [dataset.origin["start"] + int(stamp - dataset.zero) * 1e-9 for stamp in stamps],
-        "held_out_duration": float(parts[-1].t[-1] - parts[0].t[0]),
+        "held_out": f"each of {count} parts of all recordings, by parameters fitted to the others",
+        "held_out_duration": float(sum(one.duration for one in data.loaded)),
         **{key: _pair(names, before[key], after[key]) for key in before},
-        "row_residual": _pair(names, *residuals),
+        "row_residual": _pair(names, *map(selection.residuals, (start, selection.squares))),
         "taken": selection.named(selection.taken),
         "kept": selection.kept,
         "ladder": selection.ladder,
@@ -116,10 +117,9 @@ def _warnings(quality, without_reference, nothing):
             warnings.append(f"the held-out residual of joint '{name}' increased from {first:.3g} to {then:.3g}")
     for step, joints in quality["kept"].items():
         for name, (without, own) in joints.items():
-            again = "" if own >= without else f"; a repeated attempt must reduce it by {GAIN:.0%}"
             warnings.append(
                 f"{step} of joint '{name}': the model's values are kept. Its cross-validation residual is {own:.3g} with "
-                f"fitted values and {without:.3g} with the model's{again}"
+                f"fitted values and {without:.3g} with the model's; expected a reduction by {GAIN:.0%}"
             )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:

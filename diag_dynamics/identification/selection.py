@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stepwise selection: friction, rotors and inertias are taken where they reduce the residual of other rows."""
+"""Stepwise selection: friction, rotors and inertias are taken where they reduce the residual in cross-validation."""
 
 import copy
 
@@ -14,8 +14,7 @@ from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, R
 WEIGHT, SHORT_WEIGHT, SHORT = 10.0, 30.0, 6.0  # γ of the prior on inertias; for less motion than this [s]
 BY_JOINT = {"friction": (DAMPING, FRICTION, OFFSET), "rotors": (ROTOR,)}  # unknowns that are taken joint by joint
 STEPS = *BY_JOINT, "inertias"  # beside payloads, in the order in which they are tried
-GAIN, ROTOR_GAIN = 0.1, 0.01  # reductions of the held-out residual to take a step, and to leave out the model's rotors
-MIN_BLOCKS = 3  # of rows, for cross-validation
+GAIN, ROTOR_GAIN = 0.03, 0.01  # reductions of the residual to take a step, and to leave out the model's rotors
 
 
 def read_what(what, model):
@@ -34,28 +33,36 @@ def read_what(what, model):
 
 
 class Selection:
-    """Choose steps by rows that are held out, and the joints of a step by cross-validation.
+    """Choose steps, and the joints of a step, by cross-validation over blocks of all recordings.
 
-    `fit` is that of the steps `taken` to the other rows, None if nothing is fitted. `ladder` has the steps
-    that were tried with their scores, `kept` by step and joint that keeps the model's values the residuals
-    with these and with its own.
+    Each block is left out of the fit in turn. A step has to reduce the residual of some joint over all blocks by GAIN, and
+    the geometric mean over joints; friction and rotors are taken at such joints only. `fits` without each block,
+    (blocks, size), and the `squares` of that block's residuals, (blocks, nv), are those of the steps `taken`. `ladder` has
+    the steps that were tried with their scores, `kept` by step and joint that keeps the model's values the residuals with
+    these and with its own.
     """
 
     def __init__(self, model, steps, payload, data):
         self._model, self._payload, self._data = model, payload, data
-        self.layout, self.warnings, self.taken, self.fit = Layout(model, data.regressors, payload), [], [], None
+        self.layout, self.warnings, self.taken = Layout(model, data.regressors, payload), [], []
         self.asks_for_joints = bool(steps)
         self._beside = [] if data.unloaded is None else [(data.unloaded, False)]
-        self._early, self.held_out = [(data.fitted, True)], [(data.held_out, True)]
         self._weight = WEIGHT if data.duration >= SHORT else SHORT_WEIGHT
         self._moving = data.moving if steps else np.zeros(model.nv, dtype=bool)
         if steps and not self._moving.any() and not payload:
             raise InputError(f"no joint moves enough: {data.findings[-1].text}.")
+        efforts = self.layout.squares([(data.fitted, True)], np.zeros(self.layout.size))
+        self._negligible = max(MIN_VARIANCE * efforts.mean(), 1e-300)
         self._own = dict.fromkeys(BY_JOINT, self._moving)
         self.kept = {step: {} for step in BY_JOINT}
         if self.layout.known[self.layout.own(ROTOR)].any():
             self._choose_rotors(steps)
         self._select([step for step in steps if step == "inertias" or self._moving.any()])
+
+    @property
+    def score(self):
+        """Geometric mean over joints of the residual of the steps taken."""
+        return self._score_of(self.squares)
 
     def free(self, steps, **joints):
         """Return which unknowns steps fit, bool; `joints` of a step replace those that were chosen."""
@@ -68,7 +75,7 @@ class Selection:
 
     def fit_all(self):
         """Return the fit of the steps that were taken to all rows."""
-        return self.fit_to([*self._early, *self.held_out], self.free(self.taken))
+        return self._fit_to(self._data.fitted, self.free(self.taken))
 
     def with_payload(self, payload):
         """Return mass and score of a payload that is fitted beside the steps that were taken."""
@@ -77,22 +84,35 @@ class Selection:
         trial.layout.without_rotors = self.layout.without_rotors
         if self.layout.without_rotors:
             trial.layout.known[trial.layout.own(ROTOR)] = 0.0
-        x = trial.fit_to(self._early, trial.free(self.taken)).x
-        return x[trial.layout.robot], trial.score_of(x)
+        trial.fits, trial.squares = trial.cross_validate(trial.free(self.taken))
+        return trial.fits[:, trial.layout.robot].mean(), trial.score
 
     def named(self, steps):
         """Return names of steps, the payload first."""
         return ([f"payload:{self._payload.link}"] if self._payload else []) + list(steps)
 
-    def fit_to(self, rows, free):
-        """Return the fit of the free unknowns to rows and to references."""
-        return fit_rows(self.layout, [*rows, *self._beside], free, self._weight)
+    def residuals(self, squares):
+        """Return the root mean squared residual of each degree of freedom over all blocks."""
+        return np.sqrt(np.maximum(squares.sum(axis=0), self._negligible) / self._data.fitted[-1])
 
-    def score_of(self, x):
-        """Return the geometric mean over joints of the residual of rows held out."""
-        squares = self.layout.mean_squares(self.held_out, x)
-        efforts = self.layout.mean_squares(self.held_out, np.zeros(self.layout.size))
-        return float(np.exp(0.5 * np.log(np.maximum(squares, max(MIN_VARIANCE * efforts.mean(), 1e-300))).mean()))
+    def squares_of(self, fits):
+        """Return squared residuals of each block with its row of unknowns, (blocks, nv)."""
+        return np.array(
+            [self.layout.squares([(block, True)], x) for block, x in zip(self._data.blocks, fits, strict=True)]
+        )
+
+    def _fit_to(self, sums, free):
+        """Return the fit of the free unknowns to normal equations and to those of references."""
+        return fit_rows(self.layout, [(sums, True), *self._beside], free, self._weight)
+
+    def cross_validate(self, free):
+        """Return unknowns fitted without each block in turn, and the squared residuals of that block."""
+        fits = np.array([self._fit_to(self._data.fitted - block, free).x for block in self._data.blocks])
+        return fits, self.squares_of(fits)
+
+    def _score_of(self, squares):
+        """Return the geometric mean over joints of the residual of all blocks."""
+        return float(np.exp(np.log(self.residuals(squares)).mean()))
 
     def _choose_rotors(self, steps):
         """Leave the model's rotor inertias out if the efforts do not contain them, as of torque sensors."""
@@ -101,7 +121,7 @@ class Selection:
         rotors, scores = known[columns], []
         for armature in (0.0, rotors):
             known[columns] = armature
-            scores.append(self.score_of(self.fit_to(self._early, free).x))
+            scores.append(self._score_of(self.cross_validate(free)[1]))
         gain = 1.0 - scores[0] / scores[1]
         self.layout.without_rotors = gain > ROTOR_GAIN
         if self.layout.without_rotors:
@@ -112,59 +132,42 @@ class Selection:
             )
 
     def _select(self, left):
-        """Take each step that reduces the score enough; after it try those again that a larger error has hidden."""
-        if self._payload:
-            self.fit = self.fit_to(self._early, self.free([]))
-        self.score, refused = self.score_of(self.fit.x if self.fit else self.layout.known), {}
-        self.ladder = [{"steps": self.named([]), "score": self.score, "taken": True}]
+        """Take each step that reduces the residual enough; after it try those again that a larger error has hidden."""
+        self.fits, self.squares = self.cross_validate(self.free([]))
+        self.ladder, refused = [{"steps": self.named([]), "score": self.score, "taken": True}], {}
         ahead = list(left)
         while ahead:
             step = ahead.pop(0)
             refused[step] = self._try_step(step)
             if not refused[step]:
+                for one in [one for one in self.taken if one != step and self.kept.get(one)]:
+                    self._try_step(one)
                 left.remove(step)
                 ahead = list(left)
         self.warnings += filter(None, refused.values())
         self.kept = {step: joints for step, joints in self.kept.items() if step in self.taken and joints}
 
     def _try_step(self, step):
-        """Take a step if it reduces the score enough; else return why not."""
-        steps = [one for one in STEPS if one in self.taken or one == step]
-        if step in BY_JOINT:
-            self._choose_joints(step)
-        fit = self.fit_to(self._early, self.free(steps))
-        score = self.score_of(fit.x)
-        gain = 1.0 - score / max(self.score, 1e-300)
-        better = bool(score <= (1.0 - GAIN) * self.score)
-        self.ladder.append({"steps": self.named(steps), "score": score, "taken": better})
-        if not better:
-            return (
-                f"{step}: the model's values are kept, because the held-out residual would be only {max(0.0, gain):.1%} "
-                f"smaller; expected at least {GAIN:.0%}"
-            )
-        self.taken, self.fit = steps, fit
-        before = sum(own.sum() for own in self._own.values())
-        for one in BY_JOINT:
-            if one in steps and one != step and self.kept[one]:
-                self._choose_joints(one)
-        if sum(own.sum() for own in self._own.values()) > before:
-            self.fit = self.fit_to(self._early, self.free(steps))
-        self.score = self.score_of(self.fit.x)
-        return ""
-
-    def _choose_joints(self, step):
-        """Choose joints of which a step reduces the residual of blocks that are left out of the fit in turn."""
-        blocks, fitted = self._data.blocks, self._data.fitted
-        if len(blocks) < MIN_BLOCKS:
-            self._own[step] = self._moving
-            return
-        again = step in self.taken
-        before, steps, squares = self._own[step] & again, [*self.taken, step], np.zeros((2, self._model.nv))
-        for block in blocks:
-            for total, joints in zip(squares, (before, self._moving), strict=True):
-                x = self.fit_to([(fitted - block, True)], self.free(steps, **{step: joints})).x
-                total += self.layout.squares([(block, True)], x)
-        without, own = np.sqrt(squares / max(fitted[-1], 1e-300))
-        self._own[step] = before | (self._moving & (own < (1.0 - GAIN * again) * without))
-        kept = np.flatnonzero(self._moving & ~self._own[step])
-        self.kept[step] = {self._model.dof_names[k]: [float(without[k]), float(own[k])] for k in kept}
+        """Take a step if it reduces the residual enough, at joints where it does; else return why not."""
+        again, steps = step in self.taken, [one for one in STEPS if one in self.taken or one == step]
+        candidates = self._moving & ~(self._own[step] & again) if step in BY_JOINT else np.ones_like(self._moving)
+        joints = {step: self._moving} if step in BY_JOINT else {}
+        found = self.cross_validate(self.free(steps, **joints))
+        without, own = self.residuals(self.squares), self.residuals(found[1])
+        gains = np.where(candidates, 1.0 - own / without, -np.inf)
+        if joints:
+            kept = np.flatnonzero(candidates & (gains < GAIN))
+            self.kept[step] = {self._model.dof_names[k]: [float(without[k]), float(own[k])] for k in kept}
+            joints = {step: self._moving & ~np.isin(np.arange(len(gains)), kept)}
+            found = self.cross_validate(self.free(steps, **joints)) if 0 < len(kept) < candidates.sum() else found
+        score = self._score_of(found[1])
+        better = bool(gains.max() >= GAIN and score < self.score)
+        if better or not again:
+            self.ladder.append({"steps": self.named(steps), "score": score, "taken": better})
+        if better:
+            self.taken, (self.fits, self.squares), self._own = steps, found, self._own | joints
+            return ""
+        change = f"would be {gains.max():.1%} smaller at a joint, but {score / self.score - 1.0:.1%} larger over all"
+        if gains.max() < GAIN:
+            change = f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint; expected {GAIN:.0%}"
+        return "" if again else f"{step}: the model's values are kept, because the cross-validation residual {change}"

@@ -14,7 +14,7 @@ from diag_dynamics.text import plain
 
 Pairs = Mapping[str, tuple[float, float]]
 
-BEFORE, AFTER, HELD_OUT = "#b9bcc2", "#0b6fb8", "#fff3d6"
+BEFORE, AFTER = "#b9bcc2", "#0b6fb8"
 
 
 def draw_identification(
@@ -23,7 +23,6 @@ def draw_identification(
     time: Array,
     torques: tuple[Array, Array],
     torque_rms: Pairs,
-    held_out: tuple[float, float],
 ) -> None:
     """Draw the picture into an image file (format by its suffix).
 
@@ -36,9 +35,7 @@ def draw_identification(
     torques : pair of ndarray, shape (T, nv)
         External torque of the observer without contact, before and after [N m, N].
     torque_rms : dict
-        Before and after, by joint, on the held-out part [N m, N].
-    held_out : pair of float
-        Begin and end of that part [s].
+        Before and after, by joint, in cross-validation [N m, N].
     """
     from matplotlib.figure import Figure  # slow to import, and seldom needed
 
@@ -51,7 +48,6 @@ def draw_identification(
         axes = figure.add_subplot(grid[k // 2, k % 2], sharex=axes)
         for torque, color, label in zip(torques, (BEFORE, AFTER), ("before", "after"), strict=True):
             axes.plot(time, torque[:, k], color=color, linewidth=0.8, label=label)
-        axes.axvspan(*held_out, color=HELD_OUT, linewidth=0, zorder=0)
         axes.axhline(0.0, color="#444444", linewidth=0.5)
         axes.set_title(plain(name), loc="left", fontsize=9, parse_math=False)
         axes.margins(x=0)
@@ -66,7 +62,7 @@ def draw_identification(
 
 
 def _draw_bars(axes: Any, torque_rms: Pairs) -> None:
-    """Draw the error of each joint on the held-out part."""
+    """Draw the error of each joint in cross-validation."""
     at, pairs = np.arange(len(torque_rms)), np.array(list(torque_rms.values()), dtype=float)
     for column, color, label in ((0, BEFORE, "before"), (1, AFTER, "after")):
         axes.bar(at + 0.38 * (column - 0.5), pairs[:, column], 0.36, color=color, label=label)
