@@ -3,6 +3,8 @@
 
 """Forces of the environment on a robot, for frames: at the touched link, and wrenches at links."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from diag_dynamics.page.tree import center_of_body
@@ -14,15 +16,23 @@ MIXED = 1e-3
 """Entry of an unobserved direction [N, N m] above which that component of a wrench is unknown."""
 
 
+class ForceOptions(NamedTuple):
+    """What forces are estimated with; none without a covariance Σ of the external torque, shape (nv, nv)."""
+
+    covariance: Any = None
+    links: tuple[str, ...] = ()
+    """Links with a wrench at their origin, in their axes."""
+    max_deviation: tuple[float, float] = (10.0, 1.0)
+    """Standard deviations above which a direction is not observed [N, N m]."""
+
+
 class Forces:
-    """Estimate forces from external torque. Without a covariance Σ, shape (nv, nv), there are none.
+    """Estimate forces from external torque, with :class:`ForceOptions`."""
 
-    `links` are those with a wrench at their origin, in their axes.
-    """
-
-    def __init__(self, dynamics, covariance=None, links=()):
+    def __init__(self, dynamics, options):
         self._dynamics, self._names = dynamics, dynamics.model.link_names
-        self._covariance, self._links = covariance, links
+        self._covariance, self._links = options.covariance, options.links
+        self._options = {"covariance": options.covariance, "max_deviation": options.max_deviation}
         self._centers = [center_of_body(dynamics.model, name) for name in self._names]
 
     def fields(self, states):
@@ -42,7 +52,7 @@ class Forces:
         if self._links:
             wrenches = np.full((2, count, len(self._links), 6), np.nan)
             for n, link in enumerate(self._links):
-                w = self._dynamics.wrench_batch(states.q[known], torque[known], link, self._covariance)
+                w = self._dynamics.wrench_batch(states.q[known], torque[known], link, **self._options)
                 wrenches[0, known, n], wrenches[1, known, n] = w.wrench, component_deviations(w)
             found["wrench"], found["wrench_deviation"] = wrenches.reshape(2, count, -1)
         return found
@@ -54,7 +64,7 @@ class Forces:
         NaN where a direction of the force is not observed.
         """
         where = {"point": self._centers[k], "force_only": True, "frame": "world"}
-        w = self._dynamics.wrench_batch(q, torque, self._names[k], self._covariance, **where)
+        w = self._dynamics.wrench_batch(q, torque, self._names[k], **where, **self._options)
         values, axes = np.linalg.eigh(w.covariance[:, :3, :3])
         root = np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(values, 0.0)), axes)
         unobserved = 3 - w.observed.sum(axis=1)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.model.links import wrenches_at
-from diag_dynamics.page.forces import UPPER, Forces
+from diag_dynamics.page.forces import UPPER, ForceOptions, Forces
 from diag_dynamics.page.layout import CAUSES, Layout
 from diag_dynamics.sweeps import evaluation, factorization, records
 from diag_dynamics.sweeps import workspace as ws
@@ -19,6 +19,9 @@ GAP = 0.5
 MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
 """Delay above which a state is flagged `late` [s]; relative difference between K and the sum of link energies above which
 the monitor has another model."""
+
+NO_FORCES = ForceOptions()
+"""Without a covariance of the external torque."""
 
 
 class States(NamedTuple):
@@ -86,20 +89,17 @@ class FrameMaker:
         Used by one thread at a time.
     points : iterable of (str, str)
         Name and link of each point of contact.
-    covariance : ndarray, shape (nv, nv), optional
-        Σ of the external torque, for forces at the touched link and at `links`.
-    links : iterable of str
-        Links with a wrench.
+    forces : ForceOptions
 
     Attributes
     ----------
     layout : Layout
     """
 
-    def __init__(self, dynamics, points=(), covariance=None, links=()):
-        model, links = dynamics.model, () if covariance is None else links
+    def __init__(self, dynamics, points=(), forces=NO_FORCES):
+        model, links = dynamics.model, () if forces.covariance is None else forces.links
         self._dynamics, self._model, self.layout = dynamics, model, Layout(model, points, links)
-        self._forces = Forces(dynamics, covariance, links)
+        self._forces = Forces(dynamics, forces)
         self._before = np.nan, np.nan  # time and K of the last state
         self._workspace, self._wrenches = ws.Workspace(model.bodies, model.gravity), {}
 

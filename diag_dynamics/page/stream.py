@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.page.frames import FrameMaker, States
+from diag_dynamics.page.frames import NO_FORCES, FrameMaker, States
 from diag_dynamics.page.layout import thresholds_of
 
 STALE = 1.0
@@ -46,10 +46,10 @@ class Newest(NamedTuple):
     frame: bytes
 
 
-def compile_frames(dynamics, covariance=None, links=()):
+def compile_frames(dynamics, forces=NO_FORCES):
     """Compile what frames of a robot need, or load it from the cache."""
     q, zero = dynamics.model.neutral, np.zeros(dynamics.model.nv)
-    maker, last = FrameMaker(dynamics, (), covariance, links), len(dynamics.model.link_names) - 1
+    maker, last = FrameMaker(dynamics, (), forces), len(dynamics.model.link_names) - 1
     states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
     maker.frames(states._replace(external_torque=zero[None], touched_link=last))
     maker.chosen(q, zero, dynamics.model.root_link)
@@ -79,7 +79,7 @@ class RobotStream:
         self.name, self.listeners, self._read, self._notifies = name, set(), read, notifies
         self._lock = threading.RLock()
         self._dynamics = self._scene = self._meshes = self._last = self._rate = None
-        self._forces = None, ()
+        self._forces = NO_FORCES
         self._layout, self._diagnostics, self._number, self._frames = (0, ""), (0, "[]"), 0, {}
         self._waiting, self._worst, self._end_effector = "waiting for a robot", "", ""
         self._counted, self._since = 0, 0.0
@@ -89,14 +89,10 @@ class RobotStream:
         for listener in tuple(self.listeners):
             listener()
 
-    def set_robot(self, dynamics, scene=None, meshes=None, covariance=None, links=()):
-        """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on.
-
-        With a covariance of the external torque there are forces at the touched link and at `links`.
-        """
+    def set_robot(self, dynamics, scene=None, meshes=None, forces=NO_FORCES):
+        """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on."""
         with self._lock:
-            self._dynamics, self._scene, self._meshes = dynamics, scene, meshes
-            self._forces = covariance, links
+            self._dynamics, self._scene, self._meshes, self._forces = dynamics, scene, meshes, forces
             self._waiting, self._last, self._end_effector = "", None, end_effector_link(dynamics.model)
             self._lay_out((), ())
 
@@ -149,7 +145,7 @@ class RobotStream:
     def _lay_out(self, limits, points):
         """Start a new layout."""
         self._limits, self._points = limits, points
-        self._maker = FrameMaker(self._dynamics, points, *self._forces)
+        self._maker = FrameMaker(self._dynamics, points, self._forces)
         layout = self._maker.layout.to_json(self._scene, thresholds_of(limits) if limits else None)
         self._layout, self._frames = (self._layout[0] + 1, json.dumps(layout, allow_nan=False)), {}
 

@@ -9,7 +9,7 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.model.catalog import find_urdf
-from diag_dynamics.page.forces import UPPER, component_deviations
+from diag_dynamics.page.forces import UPPER, ForceOptions, component_deviations, with_touched_links
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import CAUSES
 
@@ -38,7 +38,7 @@ class Pushed:
 
     def frame(self, link, covariance, frames=(), **others):
         """Return fields of a frame by name, as doubles."""
-        maker, zero = FrameMaker(self.dyn, (), covariance, frames), np.zeros(6)
+        maker, zero = FrameMaker(self.dyn, (), ForceOptions(covariance, frames)), np.zeros(6)
         index = self.model.link_names.index(link) if link else -1
         observed = {"external_torque": self.tau[None], "residual": zero[None], "norm": np.ones(1)}
         state = States.of(0.0, self.q, zero, zero, self.dyn.evaluate(self.q, zero, zero), **observed, **others)
@@ -99,3 +99,19 @@ def test_components_with_an_unobserved_part_have_no_deviation():
     observed[[1, 3]] = False
     w = dd.ExternalWrench(np.zeros(6), np.diag([4.0, 0.0, 9.0, 0.0, 0.25, 1.0]), directions, None, observed, 0.0)
     np.testing.assert_array_equal(component_deviations(w), [2.0, np.nan, 3.0, np.nan, 0.5, np.nan])
+
+
+def test_the_touched_link_of_states_in_contact(pushed):
+    """It is that of dyn.touched_link; states without contact or without a result have none."""
+    count, zero = 4, np.zeros((4, 6))
+    observed = {"external_torque": np.tile(pushed.tau, (count, 1)), "norm": np.array([1.0, 1.0, np.nan, 1.0])}
+    observed["external_torque"][3] = 1e-3
+    batch = pushed.dyn.evaluate_batch(q := np.tile(pushed.q, (count, 1)), zero, zero)
+    states = States.of(np.arange(4.0), q, zero, zero, batch, residual=zero, **observed)
+    states = states._replace(contact=np.array([True, False, True, False]), collision=np.array([False] * 3 + [True]))
+    states = with_touched_links(states, pushed.dyn, pushed.covariance)
+    found = pushed.dyn.touched_link(pushed.q, pushed.tau, pushed.covariance)
+    assert found.link and 0.2 < found.confidence < 1.0
+    index = pushed.model.link_names.index(found.link)
+    np.testing.assert_array_equal(states.touched_link, [index, np.nan, np.nan, -1])
+    np.testing.assert_array_equal(states.touched_confidence, [found.confidence, np.nan, np.nan, 0.0])

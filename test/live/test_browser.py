@@ -20,11 +20,13 @@ from bags import odometry, write_floating
 from browser import Tab, browser
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
 from diag_dynamics.page.stream import Received, RobotStream
+from diag_dynamics.page.tree import center_of_body
 from hostile import START, Driver
 from moving_robot import MovingRobot
 from recorded_arm import ARM, WATCHED, Recording
@@ -373,6 +375,45 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
         tab.until("document.querySelector('.details h2').textContent.includes('<img src=x')")
         assert tab.ask("document.querySelectorAll('img').length") == 0
         assert tab.cut_off() == []
+        assert tab.said == []
+
+
+@pytest.mark.full
+def test_force_on_the_touched_link(chromium, serve):
+    """From the centre of mass of the link's body along the force; the list names link, force and confidence."""
+    urdf, link, noise = str(find_urdf("ur5")), "wrist_2_link", ForceOptions(0.01 * np.eye(6), ("wrist_3_link",))
+    robot = Robot(dd.load_urdf(urdf))
+    dyn, links = dd.DiagonalDynamics(robot.model), robot.model.link_names
+    center = center_of_body(robot.model, link)
+
+    def read(dynamics):
+        received = robot.take(dynamics)
+        if received is None:
+            return None
+        pushed = (received.states.t[0] % 2.0) < 1.5
+        J = dyn.jacobian(received.states.q[0], link, center, frame="world")[:3]
+        touch = {"external_torque": (np.array([0.0, 20.0, -10.0]) @ J)[None], "contact": pushed, "collision": False}
+        touch |= {"touched_link": links.index(link) if pushed else -1, "touched_confidence": 0.7}
+        return received._replace(states=received.states._replace(**touch))
+
+    stream = RobotStream("/pushed", read)
+    stream.set_robot(dd.DiagonalDynamics(robot.model), scene_of(robot.model, urdf), None, noise)
+    with Tab(chromium) as tab:
+        tab.open(serve(stream).address)
+        tab.until("diag.force && document.querySelector('#collisions .link')")
+        tab.page.keyboard.press(" ")
+        tab.page.keyboard.press("b")
+        tab.until("diag.state.paused && diag.values.t === diag.state.now")
+        tab.drawn()
+        values, force = tab.ask("diag.values"), tab.ask("diag.force")
+        X, arrow = dyn.placement(robot.at(values["t"])[0], link), np.subtract(force["tip"], force["from"])
+        np.testing.assert_allclose(force["from"], X[:3, :3] @ center + X[:3, 3], atol=1e-3)
+        np.testing.assert_allclose(arrow / np.linalg.norm(arrow), np.array([0.0, 2.0, -1.0]) / 5**0.5, atol=1e-3)
+        said = " ".join(tab.page.locator(".force").inner_text().split())
+        assert force["ellipsoid"] and said.startswith(f"{link} (70 %): 22.4 ±")
+        words = " ".join(tab.page.locator("#collisions tr.chosen").inner_text().split())
+        assert f"{link} (70 %)" in words and "22.4 ±" in words
+        assert tab.page.locator("#collisions h2").inner_text().startswith("No collisions, ")
         assert tab.said == []
 
 

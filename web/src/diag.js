@@ -62,6 +62,13 @@ export function readOnly(app, errors) {
       const { point } = app.stage.scene ?? {};
       return point?.visible ? point.position.toArray() : null;
     },
+    // Arrow of the force on the touched link; null where none is drawn.
+    get force() {
+      const { force } = app.stage.scene ?? {};
+      if (!force?.visible) return null;
+      const tip = force.ellipsoid.matrix.elements.slice(12, 15);
+      return { from: force.arrow.position.toArray(), tip, ellipsoid: force.ellipsoid.visible };
+    },
     get missing() {
       return app.stage.scene?.robot?.missing ?? 0;
     },
