@@ -26,6 +26,7 @@ _NAMES = {
     "simulation": "CompliantLimits EnergyAudit Simulation",
     "control.laws": "GravityCompensation JointTracking PoseRegulation RateDamping",
     "control.limits": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter PositionRepulsion",
+    "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
     "collision.detector": "AlarmDetector AlarmThresholds",
     "collision.calibration": "Calibration",
@@ -61,6 +62,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.limits import EffortSaturation as EffortSaturation
     from diag_dynamics.control.limits import EnergyLimiter as EnergyLimiter
     from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion
+    from diag_dynamics.control.load import LoadEstimator as LoadEstimator
     from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver
     from diag_dynamics.dynamics import DiagonalDynamics as DiagonalDynamics
     from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError

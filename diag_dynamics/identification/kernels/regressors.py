@@ -15,23 +15,14 @@ from diag_dynamics.numerics.kernel import (
     ROBOT,
     VECTOR,
     entry_kernel,
-    kernel,
     large_kernel,
 )
-from diag_dynamics.sweeps import joints, records
+from diag_dynamics.sweeps import records
 from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps.regressors import coefficients, propagate_motions
 from diag_dynamics.sweeps.workspace import clear, opened
 
 PARAMETERS = 10  # of a body's inertia
-
-
-@kernel
-def coefficients(S, V):
-    """Return the coefficients of a body's parameters in SᵀI V, S and V in the body's frame."""
-    a, b, v, w = S.linear, S.angular, V.linear, V.angular
-    h = sp.add(sp.cross(a, w), sp.cross(v, b))
-    xy, xz, yz = b[0] * w[1] + b[1] * w[0], b[0] * w[2] + b[2] * w[0], b[1] * w[2] + b[2] * w[1]
-    return sp.dot(a, v), h[0], h[1], h[2], b[0] * w[0], xy, b[1] * w[1], xz, yz, b[2] * w[2]
 
 
 @large_kernel
@@ -41,13 +32,10 @@ def propagate_directions(bodies, gravity, q, qd, work, directions):
     ``directions[i, k]`` has S_k, a mimic joint's times its multiplier, and V_k × S_k in the frame of
     body i, V_k that of the joint's last body.
     """
-    joints.set_base_at_rest(work)
-    joints.set_base_acceleration(gravity, 1.0, work)
+    propagate_motions(bodies, len(bodies) - 1, gravity, q, qd, work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
-        X = joints.update_placement(body, q, w)
-        V = joints.update_velocity(body, qd, work, w)
-        records.set_motion(w.acceleration, sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration)))
+        X, V = records.placement_of(w), records.motion_of(w.V)
         a = body.parent
         while a > 0:
             for half in range(0, 12, 6):

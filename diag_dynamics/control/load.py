@@ -1,0 +1,220 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Live estimate of a load from the external torque, and whether the torque is that of a load."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
+from diag_dynamics.checks import instance, number, numbers, positive, vector
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model import Payload
+from diag_dynamics.rigid_body import RigidBody
+from diag_dynamics.sweeps.mobilities import FRAME
+from diag_dynamics.sweeps.regressors import LOAD, update_load
+
+PRIOR = 3.0, 0.3  # standard deviations of mass [kg] and first moment [kg m] without any state
+MODEL_ERRORS = 5.0  # number of states that count as one beside those within the observer's memory
+MIN_ENERGY = 2.0  # of m r in that of its noise: below it there is nothing to explain
+MIN_SIGNIFICANCE = 2.0  # mass of a load in standard deviations
+MAX_DISTANCE = 0.4  # of the centre of a load from the link's origin [m]
+
+
+class Load(NamedTuple):
+    """Result of the estimator for one state: a point-like body on the link, beside the model's payload."""
+
+    valid: bool  # False for the first state and after a reset
+    reason: str  # why there is no result; empty otherwise
+    mass: float = 0.0  # [kg]
+    center: Array = np.zeros(3)  # centre of mass in the link's axes [m], shape (3,); 0 if the mass is not significant
+    covariance: Array = np.diag([PRIOR[0], *3 * [PRIOR[1]]]) ** 2  # of mass and first moment [kg, kg m], shape (4, 4)
+    explained: float = 0.0  # fraction of the weighted energy of m r beyond its noise that the load explains
+    is_load: bool = False  # whether m r has been that of a load for the hold time
+
+    @property
+    def mass_deviation(self) -> float:
+        """Standard deviation of the mass [kg]."""
+        return math.sqrt(self.covariance[0, 0])
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the mass is above two standard deviations."""
+        return self.mass > MIN_SIGNIFICANCE * self.mass_deviation
+
+    @property
+    def center_deviation(self) -> Array:
+        """Standard deviations of the centre [m], shape (3,); inf if the mass is not significant."""
+        if not self.is_significant:
+            return np.full(3, np.inf)
+        J = np.column_stack([-self.center, np.eye(3)]) / self.mass
+        deviation: Array = np.sqrt(np.diag(J @ self.covariance @ J.T))
+        return deviation
+
+
+class LoadEstimator:
+    """Recursive least squares of mass and first moment of a load on a link, from the external torque m r of an observer.
+
+    The torque of a load π = (m, mc) on the robot is −[d/dt(Y_p π) + (Y_g − Y_∂)π], linear in π. The estimator filters these
+    columns as an observer that settles on torque filters the external torque, without accelerations:
+
+        m r = −Φπ,   Φ = K_O(Y_p − F Y_p) + F(Y_g − Y_∂),   F = K_O/(s + K_O)
+
+    Older states are forgotten with the time constant `memory`. The noise of m r is correlated over 1/K_O, and errors of the
+    model longer. Therefore a state counts dt·K_O/10. A load explains m r while the arm moves; a push does not.
+
+    `is_load` is set after `hold` seconds with all of these: the load explains `min_explained` of the energy of m r beyond
+    its noise, this energy is above twice that of the noise, the mass is above two standard deviations, and the centre is
+    within 0.4 m of the link's origin. A push of more than `hold` may count as a load. Use an estimator in one thread.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+        The observer's.
+    link : str
+        Link that carries the load.
+    gain : float
+        K_O of the observer [1/s], which settles on torque.
+    covariance : array_like, shape (nv, nv)
+        Second moment of m r without contact [N m, N of prismatic joints], of :func:`calibrate`.
+    memory, hold : float
+        Time constant of forgetting, and time that the conditions must hold [s].
+    min_explained : float
+        Minimum of `explained`, from 0 to 1.
+    """
+
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        link: str,
+        gain: float,
+        covariance: MatrixLike,
+        *,
+        memory: float = 0.7,
+        hold: float = 0.6,
+        min_explained: float = 0.9,
+    ) -> None:
+        instance("dynamics", dynamics, DiagonalDynamics)
+        self.link, self.gain = link, positive("gain", gain, "[1/s]")
+        self.memory, self.hold = positive("memory", memory, "[s]"), positive("hold", hold, "[s]")
+        self.min_explained = number("min_explained", min_explained, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)
+        nv = dynamics.model.nv
+        whitening = _whitening(covariance, nv)
+        self._whitening, self._prior = whitening, np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
+        self._columns, self._matrices = np.zeros((5, nv, LOAD)), np.zeros((3, LOAD + 1, LOAD + 1))
+        update_load.compile()
+        self.use(dynamics)
+
+    def use(self, dynamics: DiagonalDynamics) -> None:
+        """Reset, and use another model of the same degrees of freedom, one with the accepted payload for instance."""
+        body, placement = dynamics.model.placement_in_body(self.link)
+        if body == 0:
+            raise InputError(f"link is '{self.link}'; expected a link that a joint moves.")
+        self.dynamics, self._frames = dynamics, np.zeros(1, FRAME)
+        self._frames["body"], self._frames["rotation"] = body, placement[:3, :3].ravel()
+        self._frames["translation"] = placement[:3, 3]
+        self._robot = dynamics.model.workspace.robot
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all states; the next one is the first."""
+        self._time: float | None = None
+        self._since = math.inf  # time from which on the conditions hold
+        self._matrices[:] = 0.0
+        self._count = 0.0
+        self._last = Load(False, "no state since the reset")
+
+    def update(self, time: float, q: VectorLike, qd: VectorLike, external_torque: VectorLike | None) -> Load:
+        """Update the estimate by a state and the observer's result for it.
+
+        Parameters
+        ----------
+        time : float
+            [s]; a time before the last one resets, a state at the last time is ignored.
+        q, qd : array_like, shapes (nq,) and (nv,)
+            Positions and rates.
+        external_torque : array_like, shape (nv,), or None
+            m r [N m, N]. None resets: the observer has restarted at this state. Do not pass states that it has skipped.
+        """
+        time, model = number("time", time, "a finite number [s]"), self.dynamics.model
+        q, qd = vector("q", q, model.coordinate_names), vector("qd", qd, model.dof_names)
+        if external_torque is None or self._time is None or time < self._time:
+            reason = "the observer has no result" if external_torque is None else "first state"
+            self.reset()
+            interval, torque = 0.0, np.zeros(model.nv)
+            self._last = Load(False, reason)
+        else:
+            interval, torque = time - self._time, vector("external_torque", external_torque, model.dof_names)
+            if interval == 0.0:
+                return self._last
+        weight = min(1.0, 0.5 * self.gain * interval) / MODEL_ERRORS
+        rates = np.array([interval, self.gain, 1.0 / self.memory, weight])
+        if update_load(
+            self._robot, q, qd, self._frames, torque, self._whitening, self._prior, rates, self._columns, self._matrices
+        ):
+            self.reset()
+            raise InputError("q, qd or external_torque is too large: the estimate overflows.")
+        self._time = time
+        self._count = self._count * math.exp(-interval / self.memory) + weight
+        if interval:
+            self._last = self._result(time)
+        return self._last
+
+    def _result(self, time: float) -> Load:
+        swept, energy = self._matrices[1], float(self._matrices[0, LOAD, LOAD])
+        mass, covariance = float(swept[0, LOAD]), -swept[:LOAD, :LOAD]
+        noise = len(self._whitening) * self._count
+        unexplained = max(0.0, float(swept[LOAD, LOAD]) - noise)
+        explained = 1.0 - unexplained / (energy - noise) if energy > noise else 0.0
+        load = Load(True, "", mass, np.zeros(3), covariance, explained)
+        if load.is_significant:
+            load = load._replace(center=swept[1:LOAD, LOAD] / mass)
+        holds = (
+            load.is_significant
+            and explained >= self.min_explained
+            and energy > MIN_ENERGY * noise
+            and float(load.center @ load.center) < MAX_DISTANCE**2
+        )
+        self._since = min(self._since, time) if holds else math.inf
+        return load._replace(is_load=time - self._since >= self.hold)
+
+    def payload(self) -> Payload:
+        """Return the payload of the link with the estimated load: the model's, and a point at the estimated centre.
+
+        Raises
+        ------
+        InputError
+            The mass of the estimate is not significant.
+        """
+        load = self._last
+        if not load.is_significant:
+            found = f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg" if load.valid else f"unknown: {load.reason}"
+            raise InputError(
+                f"load on link '{self.link}' is {found}; expected a mass above two standard deviations. "
+                "Move the arm with the load."
+            )
+        body = RigidBody(load.mass, load.center, np.zeros((3, 3)))
+        known = self.dynamics.model.payloads.get(self.link)
+        if known is not None:
+            own = RigidBody(known.mass, np.asarray(known.com, float), np.asarray(known.inertia, float))
+            body = RigidBody.union(own, body)
+        return Payload(body.mass, body.centre, body.inertia)
+
+
+def _whitening(covariance: MatrixLike, nv: int) -> Array:
+    """Return the inverse of the lower factor of a covariance."""
+    expected = f"{nv} x {nv} finite numbers, symmetric and positive definite [N² m², …]"
+    given = numbers("covariance", covariance, (nv, nv), expected)
+    try:
+        factor = np.linalg.cholesky(given)
+    except np.linalg.LinAlgError:
+        factor = np.zeros((nv, nv))
+    if not factor.any() or np.abs(given - given.T).max(initial=0.0) > 1e-9 * np.abs(given).max():
+        raise InputError(f"covariance is {given.tolist()!r:.200}; expected {expected}. Calibrate with moving joints.")
+    inverse: Array = np.ascontiguousarray(np.linalg.inv(factor))
+    return inverse

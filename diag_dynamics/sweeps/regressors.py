@@ -1,0 +1,152 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Columns of momentum, ∂K/∂q and gravity, linear in inertial parameters, and the load that they explain.
+
+Parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its frame's origin. With the columns Y_p of
+momentum, Y_∂ of ∂K/∂q and Y_g of gravity, parameters π need the torque d/dt(Y_p π) + (Y_g − Y_∂)π.
+"""
+
+import math
+
+from diag_dynamics.numerics import kernel as nk
+from diag_dynamics.sweeps import joints, records
+from diag_dynamics.sweeps import spatial as sp
+from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps.mobilities import FRAMES
+
+LOAD = 4
+"""Parameters of a load: m and mc. Its inertia is that of a point."""
+
+
+@nk.kernel
+def coefficients(S, V):
+    """Return the coefficients of a body's parameters in SᵀI V, S and V in the body's frame."""
+    a, b, v, w = S.linear, S.angular, V.linear, V.angular
+    h = sp.add(sp.cross(a, w), sp.cross(v, b))
+    xy, xz, yz = b[0] * w[1] + b[1] * w[0], b[0] * w[2] + b[2] * w[0], b[1] * w[2] + b[2] * w[1]
+    return sp.dot(a, v), h[0], h[1], h[2], b[0] * w[0], xy, b[1] * w[1], xz, yz, b[2] * w[2]
+
+
+@nk.kernel
+def propagate_motions(bodies, last, gravity, q, qd, work):
+    """Compute X, V and −g of the bodies up to `last`."""
+    joints.set_base_at_rest(work)
+    joints.set_base_acceleration(gravity, 1.0, work)
+    for i in range(1, last + 1):
+        body, w = bodies[i], work[i]
+        X = joints.update_placement(body, q, w)
+        joints.update_velocity(body, qd, work, w)
+        records.set_motion(w.acceleration, sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration)))
+
+
+@nk.kernel
+def _load_columns(bodies, frame, work, momentum, bias):
+    """Fill Y_p and Y_g − Y_∂ of a load on a frame, (nv, 4) each, by a walk from the frame to the base."""
+    for k in range(len(momentum)):
+        ws.clear(momentum[k])
+        ws.clear(bias[k])
+    R, p = records.matrix_of(frame.rotation), records.vector_of(frame.translation)
+    i = frame.body
+    V = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].V))
+    up = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
+    while i > 0:
+        body, T = bodies[i], sp.Placement(R, p)
+        S = sp.motion_along(body.direction, body.multiplier)
+        moving = records.motion_of(work[i - body.rank + body.dofs - 1].V)
+        turning = sp.motion_to_child(T, sp.cross_motion(moving, S))
+        S = sp.motion_to_child(T, S)
+        own, gravity, kinetic = coefficients(S, V), coefficients(S, up), coefficients(turning, V)
+        for j in range(LOAD):
+            momentum[body.dof, j] += own[j]
+            bias[body.dof, j] += gravity[j] - kinetic[j]
+        X = records.placement_of(work[i])
+        R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
+        i = body.parent
+
+
+@nk.kernel
+def _filter_columns(columns, share, interval):
+    """Low-pass d/dt Y_p + Y_g − Y_∂ as the observer does: its mean over the interval is spread evenly."""
+    before, bias_before, momentum, bias, filtered = columns[0], columns[1], columns[2], columns[3], columns[4]
+    for k in range(len(momentum)):
+        for j in range(LOAD):
+            mean = (momentum[k, j] - before[k, j]) / interval + 0.5 * (bias_before[k, j] + bias[k, j])
+            filtered[k, j] += share * (mean - filtered[k, j])
+            before[k, j], bias_before[k, j] = momentum[k, j], bias[k, j]
+
+
+@nk.kernel
+def _add_rows(whitening, filtered, torque, weight, decay, information, row):
+    """Add the whitened rows [−Φ, m r] to the information matrix, which decays."""
+    for a in range(LOAD + 1):
+        for b in range(LOAD + 1):
+            information[a, b] *= decay
+    for k in range(len(torque)):
+        ws.clear(row)
+        for i in range(k + 1):  # the whitening is a lower triangle
+            for j in range(LOAD):
+                row[j] -= whitening[k, i] * filtered[i, j]
+            row[LOAD] += whitening[k, i] * torque[i]
+        for a in range(LOAD + 1):
+            for b in range(LOAD + 1):
+                information[a, b] += weight * row[a] * row[b]
+
+
+@nk.kernel
+def _solve(information, prior, result):
+    """Sweep the parameters out of the information: −covariance, estimate, and the energy that remains."""
+    for a in range(LOAD + 1):
+        for b in range(LOAD + 1):
+            result[a, b] = information[a, b]
+        result[a, a] += prior[a]
+    for k in range(LOAD):
+        pivot = result[k, k]
+        for a in range(LOAD + 1):
+            for b in range(LOAD + 1):
+                if a != k and b != k:
+                    result[a, b] -= result[a, k] * result[k, b] / pivot
+        for a in range(LOAD + 1):
+            if a != k:
+                result[a, k] /= pivot
+                result[k, a] /= pivot
+        result[k, k] = -1.0 / pivot
+
+
+@nk.entry_kernel(
+    nk.ROBOT,
+    nk.VECTOR,
+    nk.VECTOR,
+    FRAMES,
+    nk.VECTOR,
+    nk.MATRIX,
+    nk.VECTOR,
+    nk.VECTOR,
+    nk.FILLED_STATES,
+    nk.FILLED_STATES,
+)
+def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, matrices):
+    """Add a state to the least squares m r = −Φπ of a load π = (m, mc) on a frame.
+
+    `rates` are the interval since the last state [s], which is 0 for the first one, the filter's and the forgetting
+    rate [1/s], and the weight of a state. `columns`, (5, nv, 4), are Y_p and Y_g − Y_∂ of the last state and of this one,
+    and Φ, their low-pass. `matrices`, (3, 5, 5), are the information of [π, m r], what is left when π is swept out of it,
+    and memory. `whitening` is the inverse of the lower factor of the covariance of m r, `prior` the prior's information.
+    """
+    bodies, gravity, work, _ = ws.opened(robot)
+    if not (ws.lengths_match(robot, q, qd, torque) and joints.are_positions(bodies, q) and joints.are_finite(qd)):
+        return -1
+    propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
+    interval, gain, forgetting, weight = rates[0], rates[1], rates[2], rates[3]
+    _load_columns(bodies, frames[0], work, columns[2], columns[3])
+    if interval == 0.0:
+        for k in range(len(torque)):
+            ws.copy(columns[2, k], columns[0, k])
+            ws.copy(columns[3, k], columns[1, k])
+            ws.clear(columns[4, k])
+        return 0
+    _filter_columns(columns, -math.expm1(-gain * interval), interval)
+    decay = math.exp(-forgetting * interval)
+    _add_rows(whitening, columns[4], torque, weight, decay, matrices[0], matrices[2, 0])
+    _solve(matrices[0], prior, matrices[1])
+    return 0 if math.isfinite(matrices[1, LOAD, LOAD]) else -1

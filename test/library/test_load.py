@@ -1,0 +1,160 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The estimator of loads: on external torques of Pinocchio's bodies and forces, low-passed with noise."""
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+import robots
+from coupling import Coupled
+from described import subject
+from diag_dynamics.exceptions import InputError
+from loads import GAIN, STEP, Arm, low_pass
+
+RANDOM = {robot.id: robot for robot in robots.random_robots()}
+TREES = {r.id: r for r in (RANDOM["geared_tree_10"], RANDOM["mobile_tree_20"], RANDOM["random_tree_0"].floating)}
+CENTER = (0.04, 0.02, -0.05)
+TILTED = (3.0, -2.0, -9.0)
+
+
+def no_inertia(mass):
+    """Inertia about the centre of a body that has none about the link's origin, as the estimator assumes."""
+    c = np.array(CENTER)
+    return mass * (np.outer(c, c) - c @ c * np.eye(3))
+
+
+def estimates(estimator, motion, seen):
+    """The results for states STEP apart, of which the observer has no result for the first."""
+    torques = [None, *seen[1:]]
+    return [estimator.update(k * STEP, q, qd, torques[k]) for k, (q, qd) in enumerate(zip(*motion[:2], strict=True))]
+
+
+def estimator_of(arm, **options):
+    return dd.LoadEstimator(arm.dynamics, arm.link, GAIN, np.diag(arm.deviation**2), **options)
+
+
+def check_counts(count, seed=0):
+    """Of loads and pushes of both arms, 95 % of the loads and no push of 0.3 s are recognized as loads in time."""
+    for name in ("panda", "ur5"):
+        arm, rng = Arm(name), np.random.default_rng(seed)
+        moving = [link for link in arm.dynamics.model.link_names if arm.dynamics.model.placement_in_body(link)[0] > 1]
+        loads, pushes, errors = [], [], []
+        for _ in range(count):
+            mass, center = rng.uniform(0.2, 3.0), rng.uniform(-0.1, 0.1, 3)
+            motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
+            found = estimates(estimator_of(arm), motion, arm.observed(rng, arm.load_torque(motion, mass, center)))
+            loads.append(any(one.is_load for one in found))
+            errors.append((found[-1].mass - mass) / found[-1].mass_deviation)
+            time, force = np.arange(0.0, 2.0, STEP), rng.normal(size=3)
+            force *= rng.uniform(10.0, 60.0) / np.linalg.norm(force)
+            motion, during = arm.motion(rng, time), (time >= 0.5) & (time < 0.8)
+            push = arm.push_torque(motion[0], rng.choice(moving), rng.uniform(-0.1, 0.1, 3), during[:, None] * force)
+            found = estimates(estimator_of(arm), motion, arm.observed(rng, push))
+            pushes.append(any(one.is_load for one in found))
+        assert np.mean(loads) >= 0.95, (name, np.mean(loads))
+        assert not any(pushes), name
+        assert np.sqrt(np.mean(np.square(errors))) < 1.0, name  # the deviation leaves room for errors of the model
+
+
+def test_loads_are_recognized_and_pushes_are_not():
+    check_counts(6)
+
+
+@pytest.mark.full
+def test_many_loads_are_recognized_and_pushes_are_not():
+    check_counts(150, seed=1)
+
+
+@pytest.mark.parametrize("name, gravity", [("panda", TILTED), ("ur5", (0.0, 0.0, -9.81))])
+def test_mass_and_center_are_exact_without_noise(name, gravity):
+    arm, rng = Arm(name, gravity), np.random.default_rng(2)
+    motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
+    seen = low_pass(arm.load_torque(motion, 1.3, CENTER, no_inertia(1.3)))
+    covariance = 1e-6 * np.eye(arm.dynamics.model.nv)
+    last = estimates(dd.LoadEstimator(arm.dynamics, arm.link, GAIN, covariance), motion, seen)[-1]
+    assert last.is_load and last.explained > 1.0 - 1e-6
+    assert last.mass == pytest.approx(1.3, rel=2e-4)
+    np.testing.assert_allclose(last.center, CENTER, atol=1e-4)
+
+
+@pytest.mark.parametrize("id", TREES)
+def test_any_tree_carries_a_load(id):
+    """Mimic joints, planar joints and a floating base, at constant rates."""
+    s, rng = subject(TREES[id]), np.random.default_rng(3)
+    model, oracle = s.dyn.model, s.oracle
+    link = max(model.link_names, key=lambda name: model.placement_in_body(name)[0])
+    start, rate = oracle.moved(oracle.neutral, rng.uniform(-0.8, 0.8, model.nv)), rng.normal(size=model.nv)
+    still, count, step = np.zeros(model.nv), 400, 0.5 * STEP
+    q = np.array([oracle.moved(start, k * step * rate) for k in range(count)])
+    torque = np.array([oracle.inverse_dynamics(one, rate, still) for one in q])
+    loaded = Coupled(
+        TREES[id].urdf, model.dof_names, payloads={link: (0.8, CENTER, no_inertia(0.8))}, **TREES[id].options
+    )
+    torque -= [loaded.inverse_dynamics(one, rate, still) for one in q]
+    estimator = dd.LoadEstimator(s.dyn, link, GAIN, 1e-8 * np.eye(model.nv))
+    seen = low_pass(torque, step)
+    for k in range(count):
+        last = estimator.update(k * step, q[k], rate, seen[k] if k else None)
+    assert last.mass == pytest.approx(0.8, rel=1e-3)
+    np.testing.assert_allclose(last.center, CENTER, atol=1e-3)
+
+
+def test_load_ends_when_it_is_put_down():
+    arm, rng = Arm("panda"), np.random.default_rng(4)
+    motion = arm.motion(rng, np.arange(0.0, 4.0, STEP))
+    torque = arm.load_torque(motion, 1.5, (0.0, 0.0, 0.1))
+    torque[500:] = 0.0  # after 2 s
+    found = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
+    assert found[490].is_load and not any(one.is_load for one in found[700:])
+    assert found[490].mass == pytest.approx(1.5, abs=3.0 * found[490].mass_deviation)
+    assert (np.abs(found[490].center - (0.0, 0.0, 0.1)) < 3.0 * found[490].center_deviation).all()
+
+
+def test_accepted_payload_takes_the_load_off():
+    """The estimate and the payload that was there are one payload; the model with it needs no external torque."""
+    arm, rng = Arm("ur5"), np.random.default_rng(5)
+    motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
+    seen = low_pass(arm.load_torque(motion, 2.0, CENTER, no_inertia(2.0)))
+    model = arm.dynamics.model.with_payload(arm.link, 0.5, (0.0, 0.0, 0.02), 1e-3 * np.eye(3))
+    dynamics, covariance = dd.DiagonalDynamics(model), 1e-6 * np.eye(6)
+    estimator = dd.LoadEstimator(dynamics, arm.link, GAIN, covariance)
+    with pytest.raises(InputError, match="unknown"):
+        estimator.payload()
+    estimates(estimator, motion, seen)
+    mass, center, _ = estimator.payload()
+    assert mass == pytest.approx(2.5, rel=1e-3)
+    np.testing.assert_allclose(center, np.multiply(CENTER, 0.8) + np.array([0.0, 0.0, 0.004]), atol=1e-3)
+    after = dd.DiagonalDynamics(model.with_payload(arm.link, *estimator.payload()))
+    q, still = motion[0][-1], np.zeros(6)  # at rest, where the inertia does not matter
+    added = after.gravity_torque(q) - dynamics.gravity_torque(q)
+    needed = -arm.load_torque((q[None], still[None], still[None]), 2.0, CENTER)[0]
+    np.testing.assert_allclose(added, needed, atol=0.01)
+    estimator.use(after)
+    assert not estimator.update(0.0, q, still, still).valid
+    with pytest.raises(InputError, match="unknown: first state"):
+        estimator.payload()
+
+
+def test_reset_and_wrong_arguments():
+    arm, rng = Arm("ur5"), np.random.default_rng(6)
+    q, qd, _ = arm.motion(rng, np.arange(0.0, 0.1, STEP))
+    estimator, torque = estimator_of(arm), np.full(6, 0.5)
+    assert not estimator.update(0.0, q[0], qd[0], torque).valid
+    second = estimator.update(STEP, q[1], qd[1], torque)
+    assert second.valid and estimator.update(STEP, q[1], qd[1], 2.0 * torque) is second
+    assert not estimator.update(0.5 * STEP, q[1], qd[1], torque).valid  # time went back
+    assert estimator.update(2.0 * STEP, q[2], qd[2], torque).valid
+    assert not estimator.update(3.0 * STEP, q[3], qd[3], None).valid
+    estimator.update(4.0 * STEP, q[4], qd[4], torque)
+    with pytest.raises(InputError, match="external_torque"):
+        estimator.update(5.0 * STEP, q[5], qd[5], [np.nan] * 6)
+    with pytest.raises(InputError, match="covariance"):
+        dd.LoadEstimator(arm.dynamics, arm.link, GAIN, np.zeros((6, 6)))
+    with pytest.raises(InputError, match="covariance"):
+        dd.LoadEstimator(arm.dynamics, arm.link, GAIN, np.eye(5))
+    with pytest.raises(InputError, match="base_link"):
+        dd.LoadEstimator(arm.dynamics, "base_link", GAIN, np.eye(6))
+    with pytest.raises(InputError, match="'hook' is not a link"):
+        dd.LoadEstimator(arm.dynamics, "hook", GAIN, np.eye(6))
