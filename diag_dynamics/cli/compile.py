@@ -30,6 +30,7 @@ UNITS = {
     "sweeps.classical": 2,
     "sweeps.factors": 2,
     "sweeps.mobilities": 1,
+    "sweeps.alarms": 1,
     "sweeps.kinematics": 1,
     "sweeps.configuration": 1,
     "identification.kernels.regressors": 1,

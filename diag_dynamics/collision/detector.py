@@ -15,6 +15,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, BoolArray, IntArray, VectorLike
 from diag_dynamics.checks import instance, mapping, not_negative, number, positive, vector
 from diag_dynamics.entries import ALL, by_name
+from diag_dynamics.sweeps.alarms import judge_states
 
 SECOND = 1_000_000_000  # [ns]
 RELEASE, HOLD_OFF, STANDING = 0.7, 0.5, 2.0  # defaults of :class:`AlarmThresholds`
@@ -129,16 +130,17 @@ class AlarmDetector:
         self.detectors = (*self._names, TORQUE, NORM)
         self.limits = thresholds.limits(self._names)
         self._release = thresholds.release * self.limits
-        self._hold_off, self._standing = thresholds.hold_off * SECOND, thresholds.standing * SECOND
+        self._times = np.array([thresholds.hold_off, thresholds.standing]) * SECOND
+        judge_states.compile()  # or the first alarm would wait
         self.reset()
 
     def reset(self) -> None:
         """Clear alarms and offset, as before the first state."""
         self._active: BoolArray = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
-        self._at_rest = True  # no detector is active, and the offset is zero
         self._last: int | None = None  # stamp of the last state
-        self._begin, self._end = 0, -math.inf  # stamps of the first and the last state of the alarm
+        # Stamps of the first and the last state of the alarm, and whether there was one:
+        self._alarm: IntArray = np.zeros(3, dtype=np.int64)
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -208,52 +210,20 @@ class AlarmDetector:
         restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
-        candidates = np.flatnonzero(restart | (values >= self._release).any(axis=1))
-        k = 0
-        while k < len(x):
-            if self._at_rest:  # other states change nothing
-                following = int(np.searchsorted(candidates, k))
-                if following == len(candidates):
-                    break
-                k = int(candidates[following])
-            if restart[k]:
-                self.reset()
-            if valid[k]:
-                alarm[k], begins[k] = self._step(int(stamps[k]), int(elapsed[k]), x[k], values[k])
-                joints[k] = self._active[:-2]
-            k += 1
+        if len(x) and not (self._is_at_rest() and (values < self._release).all()):
+            judge_states(
+                *(np.ascontiguousarray(stamps), elapsed, x, np.ascontiguousarray(valid), restart),
+                *(np.array([self.limits, self._release]), self._times, values),
+                *(self._active, self._offset, self._alarm, alarm, begins, joints),
+            )
+        elif restart.any():
+            self.reset()
         if len(x):
             self._last = int(stamps[-1])
         return Judged(alarm, begins, joints, values)
 
-    def _step(self, stamp: int, elapsed: int, x: Array, values: Array) -> tuple[bool, bool]:
-        """Process a state and lower `values` by the offset in place; return whether an alarm is on and begins."""
-        released = bool((values < self._release).all())
-        standing = bool(self._offset.any())
-        if standing:
-            np.minimum(values, detector_values((x - self._offset)[None])[0], out=values)
-        was_on = bool(self._active.any())
-        self._active = (values > self.limits) | (self._active & (values >= self._release))
-        on = bool(self._active.any())
-        begins = on and not was_on and stamp - self._end > self._hold_off
-        if begins:
-            self._begin = stamp
-        if on:
-            self._end = stamp
-        if on and stamp - self._begin > self._standing:
-            self._move_offset(x, elapsed)
-        elif released:
-            self._offset = np.zeros_like(x)
-        elif standing:
-            nearer = np.sign(x) * np.minimum(np.abs(x), np.abs(self._offset))
-            self._move_offset(np.where(x * self._offset > 0.0, nearer, 0.0), elapsed)
-        self._at_rest = not on and not self._offset.any()
-        return on, begins
-
-    def _move_offset(self, target: Array, elapsed: int) -> None:
-        """Approach a target with the time constant standing / 2, over the elapsed time [ns]."""
-        pace = -math.expm1(-2.0 * elapsed / self._standing)
-        self._offset = self._offset + pace * (target - self._offset)
+    def _is_at_rest(self) -> bool:
+        return not (self._active.any() or self._offset.any())
 
 
 def detector_values(x: Array) -> Array:
