@@ -16,6 +16,11 @@ NOTE = "note"  # cause of findings about how a file was understood, of which not
 OTHER_TOPICS = "(--topic reads several)"  # in the note about topics of joint states that are not read
 WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no value of any joint
 
+CURRENTS = (
+    "efforts are {} in A, not torques in N m: all results of efforts are in A. Set effort_scale to the torque constant times "
+    "the gear ratio [N m/A], or let diag-dynamics identify find it"
+)
+
 TEXTS = {
     "incomplete": None,
     "foreign": None,
@@ -68,6 +73,8 @@ def collect_findings(intake, source):
     found, rejected, units = [], counts[f"rejected: {IMPLAUSIBLE}"], intake.units.text()
     if units and rejected > MIN_REJECTED * counts["received"]:
         found.append(Finding(UNITS, rejected, units))
+    if source.currents and (intake.assembler.efforts.factors == 1.0).any():
+        found.append(Finding("motor currents", 1, CURRENTS.format(source.currents)))
     found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in source.unread]
     first = {one.cause: one.text for one in reversed(intake.rejections)}
     causes = dict.fromkeys(one.cause for one in intake.rejections)

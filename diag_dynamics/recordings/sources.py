@@ -9,7 +9,7 @@ A source, BagSource or TableSource, has
   of log times [ns] between which messages are read;
 * `joints(model)`, names of the robot's joints in the messages;
 * `description()`, the robot_description; `names`, JointNames or None; `start`, the first log time [ns], None if unknown;
-* when all batches are read, `offset`, `without_values`, `unread` and `notes` for findings.
+* when all batches are read, `offset`, `without_values`, `currents`, `unread` and `notes` for findings.
 """
 
 import os
@@ -110,7 +110,7 @@ def _is_bag(path):
 class BagSource:
     """Messages of a bag: joint states of one robot on some topics, merged by log time, and odometry."""
 
-    offset = without_values = 0  # as of TableSource
+    offset, without_values, currents = 0, 0, ""  # as of TableSource
 
     def __init__(self, path, topic=None, names=None):
         self.names, self._path, self._bag = names, path, Bag(path)

@@ -42,6 +42,11 @@ class TableSource:
         return self._table.without_values if self._table else 0
 
     @property
+    def currents(self):
+        """Columns of efforts that are motor currents [A]; empty for torques."""
+        return self._table.currents if self._table else ""
+
+    @property
     def notes(self):
         """How columns and times were understood: a list of str."""
         beyond = (

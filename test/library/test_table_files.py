@@ -340,7 +340,7 @@ def test_columns_by_their_names(in_columns, header):
 
 IGNORED = (
     *("target", "desired", "des", "command", "commanded", "cmd", "reference", "ref", "setpoint", "goal", "error"),
-    *("err", "planned", "external", "ext", "limit", "limits", "acceleration", "accelerations", "acc"),
+    *("err", "planned", "external", "ext", "limit", "limits", "acceleration", "accelerations", "acc", "tcp"),
 )
 
 
@@ -500,7 +500,7 @@ HEADERS = {
     "t,q1,q2,q4": "has 1, 2, 4, but there are 3 joints: shoulder, elbow, wrist",
     "t,q_hip,q_knee": "has hip, knee, none of which is one of the 3 joints: shoulder, elbow, wrist",
     "t,q1,q2,q3,qd1,qd2 [ticks],qd3": r"column 'qd2 \[ticks\]' has the unit 'ticks'",
-    "t,q_deg_1,q_deg_2,q_deg_3,current_1,current_2,current_3": "has the unit 'A'.* or omit the column by `effort: null`",
+    "t,q1,q2,q3,current_1 [%],current_2,current_3": "has the unit '%'.* or omit the column by `effort: null`",
     "x,q1,q2,q3": "no column is recognized as time; columns: x, q1, q2, q3",
     "t [furlongs],q1,q2,q3": r"column 't \[furlongs\]' has the unit 'furlongs'",
 }
@@ -749,6 +749,50 @@ def test_arrays_with_a_row_for_each_joint_are_turned(written):
     assert {"qd: transposed, because it has a row for each joint.", "not read: limits."} <= set(notes(recording))
     square = {"t": np.arange(2.0), "q": rng.normal(size=(2, 2)), "qd": rng.normal(size=(2, 2))}
     np.testing.assert_array_equal(read(written(square), joints="ab").qd, square["qd"])
+
+
+# --- Universal Robots ---
+
+UR = tuple(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"))
+RTDE = (
+    *(
+        "target_q",
+        "target_qd",
+        "target_qdd",
+        "target_current",
+        "target_moment",
+        "actual_q",
+        "actual_qd",
+        "actual_current",
+    ),
+    *("joint_control_output", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force", "target_TCP_speed"),
+    *("joint_temperatures", "actual_joint_voltage", "joint_mode"),
+)
+
+
+@pytest.mark.parametrize("delimiter", [" ", ","])
+def test_logs_of_universal_robots(written, delimiter):
+    """Measured columns are read without a map. Currents stay in A, which a finding tells until a scale is set."""
+    singles = "robot_mode", "speed_scaling", "actual_momentum", "actual_main_voltage", "actual_robot_current"
+    header = ["timestamp", *(f"{name}_{k}" for name in RTDE for k in range(6)), *singles, "tool_output_current"]
+    values = np.random.default_rng(2).normal(size=(30, len(header)))
+    values[:, 0] = 1000 + np.arange(30) / 500
+    lines = [delimiter.join(header), *(delimiter.join(map(repr, row)) for row in values.tolist())]
+    path, at = written("\n".join(lines) + "\n"), {name: header.index(f"{name}_0") for name in RTDE}
+    recording = read(path, None, UR)
+    for found, name in ((recording.q, "actual_q"), (recording.qd, "actual_qd"), (recording.tau, "actual_current")):
+        np.testing.assert_array_equal(found, values[:, at[name] : at[name] + 6])
+    assert [one.text for one in recording.findings if one.cause == "motor currents"] == [
+        "efforts are 'actual_current_{joint}' in A, not torques in N m: all results of efforts are in A. Set effort_scale to "
+        "the torque constant times the gear ratio [N m/A], or let diag-dynamics identify find it"
+    ]
+    scaled = dd.read_recording(path, robot(*UR), parameters=FREE | {"effort_scale": ["*=11.5"]})
+    np.testing.assert_allclose(scaled.tau, 11.5 * recording.tau)
+    by_map = read(path, {"scale": {"effort": 11.5}}, UR)
+    np.testing.assert_allclose(by_map.tau, scaled.tau)
+    assert not any(one.cause == "motor currents" for one in (*scaled.findings, *by_map.findings))
+    milli = read(written("t,q1,effort1 [mA]\n0,0,500\n0.01,0,250\n"))
+    assert milli.tau[-1] == 0.25 and any(one.cause == "motor currents" for one in milli.findings)
 
 
 # --- A rate in place of times, and files side by side ---

@@ -38,6 +38,7 @@ class Choice(NamedTuple):
     quantities: dict[str, Quantity | None]
     notes: list[str]
     names: names_in_data.RowNames | None  # columns that name the joints of each row
+    currents: str = ""  # columns of efforts that are currents in A
 
     @property
     def values(self):
@@ -88,7 +89,7 @@ class _Chooser:
         self._known = wanted.joints or model_joints
         self._by_map = bool(wanted.joints) or isinstance(wanted.position, list)
         self._row_names = names_in_data.find_row_names(columns, model_joints)
-        self._groups, self._notes = self._group_columns(), []
+        self._groups, self._notes, self._currents = self._group_columns(), [], ""
 
     def choose(self):
         """Return the :class:`Choice`."""
@@ -109,7 +110,7 @@ class _Chooser:
                 chosen[quantity] = self._make_quantity(quantity, *one, joints, rows)
             elif quantity in self._wanted.scale:
                 raise InputError(f"there is a scale of {quantity}, but no column of it.")
-        choice = Choice(joints, time, scale, chosen, self._notes, rows)
+        choice = Choice(joints, time, scale, chosen, self._notes, rows, self._currents)
         if unused := [name or "''" for k, name in enumerate(self._headers) if k not in choice.used]:
             self._notes.append(f"not read: {listed(unused)}.")
         return choice
@@ -341,6 +342,9 @@ class _Chooser:
             labels = {k: joint for joint, k in group.members.items()}
             default = "A" if quantity == "effort" and group in self._groups.get("current", []) else None
             units = {k: headers.unit_of(self._columns[k], labels[k]) or default for k in columns if k is not None}
+            if quantity == "effort" and units and None not in map(headers.amperes_of, units.values()):
+                self._currents = group.pattern
+                return [1.0 if k is None else headers.amperes_of(units[k]) for k in columns]
             return [1.0 if k is None else _factor(quantity, units[k], self._headers[k]) for k in columns]
         if isinstance(scale, float):
             return [scale]

@@ -40,6 +40,8 @@ UNITS = {
     for quantity, table in _UNITS.items()
 }
 """Factor to SI by quantity and unit, in lower case without spaces and signs of multiplication."""
+AMPERES = dict.fromkeys(("a", "amp", "amps", "ampere", "amperes"), 1.0) | {"ma": 1e-3}
+"""Factors to A of motor currents, which are efforts in another unit."""
 _WITHOUT_FACTOR = re.compile("a|ma|amps?|amperes?|v|volts?|%|percent|ticks|counts|steps")
 _BRACKETS = re.compile(r"(.+?)(\s*)[\[(]([^\[\]()]*[^\[\]()\s][^\[\]()]*)[\])]\s*$")
 _UNIT_WORD = re.compile(
@@ -52,7 +54,7 @@ _UNIT_WORD = re.compile(
 
 _IGNORED = re.compile(
     r"(?<![a-z])(?:target|desired|des|command|commanded|cmd|reference|ref|setpoint|goal|error|err"
-    r"|planned|external|ext|limits?|accelerations?|acc)(?![a-z])"
+    r"|planned|external|ext|limits?|accelerations?|acc|tcp)(?![a-z])"
 )
 _DESIRED = re.compile(r"(?<![a-z])(?:d?q|qd|tau|tau_j)_d(?![a-z0-9])")  # of libfranka
 _QUANTITY = re.compile(
@@ -109,6 +111,11 @@ def is_unit(text):
 def factor_of(quantity, unit):
     """Return the factor of a unit to SI; None if the quantity has no such unit."""
     return UNITS[quantity].get(_normalized(unit))
+
+
+def amperes_of(unit):
+    """Return the factor of a unit of currents to A; None for others."""
+    return None if unit is None else AMPERES.get(_normalized(unit))
 
 
 def split_unit(header, known=()):

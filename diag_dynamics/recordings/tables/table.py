@@ -46,7 +46,7 @@ class Table:
 
     def __init__(self, source):
         self._source, self._choice, self.without_values, self._losses = source, source.choice, 0, {}
-        self._first = None  # number of the first row
+        self.currents, self._first = source.choice.currents, None  # number of the first row
         self.joints, self.unit, self.notes = source.choice.joints, source.unit, [*source.choice.notes, *source.notes]
 
     @property
