@@ -29,6 +29,7 @@ UNITS = {
     "sweeps.evaluation": 2,
     "sweeps.classical": 2,
     "sweeps.factors": 2,
+    "sweeps.external": 1,
     "sweeps.mobilities": 1,
     "sweeps.alarms": 1,
     "sweeps.kinematics": 1,
