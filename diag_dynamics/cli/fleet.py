@@ -9,6 +9,7 @@ from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet import analyse_fleet, describe_collisions, printable
+from diag_dynamics.recordings.summary import count_collisions
 from diag_dynamics.text import Progress
 
 ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads", "start", "end"
@@ -103,11 +104,11 @@ def _quantile(histogram, part):
 
 def format_table(summaries, failed):
     """Return a line for each recording, of these summaries and paths that failed."""
-    rows = [("states", "s", "K max [J]", "explained", "residual [W]", "rejected", "recording")]
+    rows = [("states", "s", "K max [J]", "explained", "residual [W]", "collisions", "rejected", "recording")]
     for one in summaries:
         numbers = [one["states"], one["duration"], one["kinetic_energy"]["max"], one["explained"]]
-        numbers += [one["residual_power"], sum(one["rejected"].values())]
-        formats = zip(numbers, ("d", ".6g", ".4g", ".3f", ".3g", "d"), strict=True)
+        numbers += [one["residual_power"], count_collisions(one), sum(one["rejected"].values())]
+        formats = zip(numbers, ("d", ".6g", ".4g", ".3f", ".3g", "d", "d"), strict=True)
         rows.append((*("-" if x is None else format(x, form) for x, form in formats), one["recording"]))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
     lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]) for row in rows]

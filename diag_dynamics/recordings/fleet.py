@@ -34,7 +34,7 @@ from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading, make_settings
 from diag_dynamics.recordings.sources import check_topics
-from diag_dynamics.recordings.summary import describe_faults, summarize
+from diag_dynamics.recordings.summary import count_collisions, describe_faults, summarize
 from diag_dynamics.threads import cores
 
 COLUMNS = {
@@ -49,10 +49,7 @@ COLUMNS = {
     "explained_with_potential": ("float64", itemgetter("explained_with_potential")),
     "residual_power": ("float64", itemgetter("residual_power")),
     "external_torque_max": ("float64", lambda one: one["peaks"].get("external_torque", {}).get("value")),
-    "collisions": (
-        "int64",  # unknown without a threshold or a result
-        lambda one: len(one["collisions"]) if one["observer"]["observed"] and not one["observer"]["missing"] else None,
-    ),
+    "collisions": ("int64", count_collisions),
     "rejected": ("int64", lambda one: sum(one["rejected"].values())),
     "unread": ("int64", lambda one: sum(finding["cause"] == "unread" for finding in one["findings"])),
     "warnings": ("int64", lambda one: len(one["warnings"])),

@@ -113,6 +113,12 @@ def _exceeded(alarm):
     return {"first": alarm.first, "exceeded": exceeded, "told": alarm.describe()}
 
 
+def count_collisions(summary):
+    """Return the number of collisions; None if they are unknown, without a threshold or a result."""
+    observer = summary["observer"]
+    return len(summary["collisions"]) if observer["observed"] and not observer["missing"] else None
+
+
 def describe_faults(summary):
     """Return what is wrong with a recording or its robot, in words: the causes of exit status 1."""
     efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]

@@ -435,3 +435,6 @@ def test_a_map_of_names_applies_to_names_in_rows(read, writer):
     with pytest.raises(dd.InputError, match=r"name left_.*expected joints of the robot.*--joint-names 'left_\*=\*'"):
         read(content)
     require_expected(read(content, joint_names={"left_*": "*"}))
+    require_expected(read(content, columns={"joints": {"left_*": "*"}}))
+    with pytest.raises(dd.InputError, match="has joint_names and a mapping joints; expected one of them"):
+        read(content, columns={"joints": {"left_*": "*"}, "joint_names": {"a": "b"}})

@@ -47,6 +47,10 @@ def read_column_map(columns):
     if not isinstance(columns, Mapping):
         keys = ", ".join(_PARSERS)
         raise InputError(f"{source} is {columns!r:.80}, expected the path of a YAML file or a dict with {keys}.")
+    if isinstance(columns.get("joints"), Mapping):  # names in the data: names of the robot
+        if columns.get("joint_names") is not None:
+            raise InputError(f"{source} has joint_names and a mapping joints; expected one of them.")
+        columns = {**columns, "joints": None, "joint_names": columns["joints"]}
     given = _parse(columns, _PARSERS, source)
     given["scale"] = _parse(given.get("scale") or {}, _SCALES, f"{source}: scale")
     given = {key: value for key, value in given.items() if value is not None or key in QUANTITIES}
