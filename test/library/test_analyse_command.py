@@ -375,7 +375,7 @@ def test_several_recordings_say_what_they_share_once(tmp_path, table, analyse):
     every = json.loads((tmp_path / "out" / "all.json").read_text())["recordings"]
     ones = [json.loads(path.read_text()) for path in (tmp_path / "out").iterdir() if path.name != "all.json"]
     assert len(ones) == 2 and all(one in every for one in ones)
-    threshold = "--set", "external_torque.threshold=1e-3", "--gain", 25
+    threshold = "--set", "external_torque.threshold=0.001", "--gain", 25
     found = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
     for options, count in (((), "-"), (threshold, str(found))):  # unknown without a threshold
         head, *rows = analyse(table, tmp_path / "b.csv", *options)[1].splitlines()[-3:]
