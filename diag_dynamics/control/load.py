@@ -18,6 +18,7 @@ from diag_dynamics.model import Payload
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.sweeps.mobilities import FRAME
 from diag_dynamics.sweeps.regressors import LOAD, update_load
+from diag_dynamics.sweeps.workspace import Workspace
 
 PRIOR = 3.0, 0.3  # standard deviations of mass [kg] and first moment [kg m] without any state
 MODEL_ERRORS = 5.0  # number of states that count as one beside those within the observer's memory
@@ -108,18 +109,21 @@ class LoadEstimator:
         self._whitening, self._prior = whitening, np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
         self._columns, self._matrices = np.zeros((5, nv, LOAD)), np.zeros((3, LOAD + 1, LOAD + 1))
         update_load.compile()
+        self.dynamics = dynamics
+        self.reset()
         self.use(dynamics)
 
     def use(self, dynamics: DiagonalDynamics) -> None:
-        """Reset, and use another model of the same degrees of freedom, one with the accepted payload for instance."""
+        """Use another model of the same degrees of freedom, and reset unless it differs in gravity alone."""
         body, placement = dynamics.model.placement_in_body(self.link)
         if body == 0:
             raise InputError(f"link is '{self.link}'; expected a link that a joint moves.")
-        self.dynamics, self._frames = dynamics, np.zeros(1, FRAME)
+        before, self.dynamics, self._frames = self.dynamics, dynamics, np.zeros(1, FRAME)
         self._frames["body"], self._frames["rotation"] = body, placement[:3, :3].ravel()
         self._frames["translation"] = placement[:3, 3]
-        self._robot = dynamics.model.workspace.robot
-        self.reset()
+        self._workspace = Workspace(dynamics.model.bodies, dynamics.model.gravity)
+        if dynamics.model.bodies is not before.model.bodies:
+            self.reset()
 
     def reset(self) -> None:
         """Forget all states; the next one is the first."""
@@ -155,7 +159,16 @@ class LoadEstimator:
         weight = min(1.0, 0.5 * self.gain * interval) / MODEL_ERRORS
         rates = np.array([interval, self.gain, 1.0 / self.memory, weight])
         if update_load(
-            self._robot, q, qd, self._frames, torque, self._whitening, self._prior, rates, self._columns, self._matrices
+            self._workspace.robot,
+            q,
+            qd,
+            self._frames,
+            torque,
+            self._whitening,
+            self._prior,
+            rates,
+            self._columns,
+            self._matrices,
         ):
             self.reset()
             raise InputError("q, qd or external_torque is too large: the estimate overflows.")

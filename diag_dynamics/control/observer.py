@@ -73,7 +73,7 @@ class DisturbanceObserver:
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
         choice("effort", effort, ("sampled", "held"))
-        self._names = dynamics.model.dof_names
+        self._dynamics, self._names = dynamics, dynamics.model.dof_names
         self.gain = per_name("gain", gain, self._names, "a finite number > 0 [1/s]")
         self.threshold = _threshold("threshold", threshold)
         self.release = 0.5 * self.threshold if release is None else _threshold("release", release)
@@ -81,16 +81,18 @@ class DisturbanceObserver:
             raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}.")
         self.max_gap = positive("max_gap", max_gap, "[s]")
         self._held, self._friction = effort == "held", bool(friction)
+        self.reset()
         self.use(dynamics)
 
     def use(self, dynamics: DiagonalDynamics) -> None:
-        """Reset, and use another model of the same degrees of freedom, one with a payload for instance."""
+        """Use another model of the same degrees of freedom, and reset unless it differs in gravity alone."""
         if dynamics.model.dof_names != self._names:
             others, own = (", ".join(names) for names in (dynamics.model.dof_names, self._names))
             raise InputError(f"dynamics have the degrees of freedom {others}, expected {own}.")
-        self._dynamics = dynamics
+        before, self._dynamics = self._dynamics, dynamics
         dynamics.compile("evaluate", "tau_from_epsilon", "epsilon_from_tau")
-        self.reset()
+        if dynamics.model.bodies is not before.model.bodies:
+            self.reset()
 
     def reset(self) -> None:
         """Reset r to zero; the next sample is the first one."""

@@ -33,6 +33,18 @@ _FIXED = {
     ),
 }
 
+_GRAVITY = {
+    "gravity_frame": Spec(
+        "",
+        "Frame of tf whose z axis points up: its orientation turns gravity in the axes of the root link. Empty: none.",
+    ),
+    "gravity_imu": Spec("", "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; empty: none."),
+    "gravity_timeout": Spec(1.0, "Age of the direction of gravity above which states are rejected [s].", 0.01, 1000.0),
+    "gravity_filter_time": Spec(
+        0.5, "Time constant of the low-pass of an IMU's specific force, used without orientation [s].", 0.0, 100.0
+    ),
+}
+
 _INPUTS = {
     "odom_timeout": Spec(0.5, "Maximum difference between odometry and joint state stamps [s]; 0 disables.", 0.0),
     "joint_timeout": Spec(0.5, "Maximum age of a joint's values relative to the newest joint [s]; 0 disables.", 0.0),
@@ -136,7 +148,7 @@ _REACTION = {
 PARAMETERS = {
     "robot_description": Spec("", f"{ROBOT}. Empty: the topic robot_description, also when it changes."),
     **SHARED,
-    **fixed(_FIXED),
+    **fixed(_FIXED | _GRAVITY),
     **_INPUTS,
     "warn_energy": Spec(0.0, "Kinetic energy above which diagnostics warn [J]; 0 disables.", 0.0),
     "error_energy": Spec(0.0, "Kinetic energy above which diagnostics report an error [J]; 0 disables.", 0.0),
@@ -220,6 +232,12 @@ class Settings(NamedTuple):
             if reason := wrong(name, value, PARAMETERS):
                 raise InputError(f"{reason}.")
         payloads_of(values["payloads"])
+        sources = [name for name in ("gravity_frame", "gravity_imu") if values[name]]
+        if sources and (values["floating_base"] or len(sources) > 1):
+            raise InputError(
+                f"parameter '{sources[-1]}' is '{values[sources[-1]]}'; expected empty because "
+                f"'{'floating_base' if values['floating_base'] else sources[0]}' is set."
+            )
         for name in ("locked_joints", "armature"):
             assignments(name, [one for one in values[name] if one != ALL])
         shares = [assignments(name, values[name], minimum=0.0) for name in ("warn_energy_share", "error_energy_share")]

@@ -39,6 +39,11 @@ class TorqueWatch:
         self.is_judged = bool(np.isfinite(self._detector.limits).any())
         self.forget()
 
+    def use_gravity(self, dynamics):
+        """Use a model that differs in gravity alone, without a restart."""
+        self.dynamics = dynamics
+        self._observer.use(dynamics)
+
     def forget(self):
         """Restart at the next state, for example after a jump of time."""
         self._observer.reset()

@@ -9,11 +9,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected
 from diag_dynamics.nodes.monitor.energy import numerical_health
+from diag_dynamics.nodes.monitor.gravity import GravitySource
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
 from diag_dynamics.nodes.monitor.monitored_robot import NO_PAYLOAD, MonitoredRobot, Refused, model_status
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
@@ -56,6 +57,7 @@ class MonitorNode(TableNode, Node):
         self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
         DynamicsServices(self, self._in_force, self._set_payload)
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
+        self._gravity = GravitySource(self, lambda: self._robot)
         self._subscribe()
         judge(self, PARAMETERS, self._take_parameters)
         self.time.on_jump(self._take_clock_jump)
@@ -67,6 +69,8 @@ class MonitorNode(TableNode, Node):
         sources = [(JointState, "joint_states", self._take_joint_state)]
         if self.values["floating_base"]:
             sources.append((Odometry, "odom", self._take_odometry))
+        if self._gravity.topic:
+            sources.append((Imu, self._gravity.topic, self._gravity.accept_imu))
         self._inputs = [
             connected(
                 self.create_subscription,
@@ -227,6 +231,8 @@ class MonitorNode(TableNode, Node):
         """Evaluate a state, publish it where there are subscribers, and watch it."""
         outputs = self._outputs
         outputs.look()
+        robot.position = state.position
+        self._gravity.check()
         s, state = robot.evaluate(state)
         stamp = state.newest
         if robot.torque:  # a collision is reported before anything else
@@ -321,7 +327,7 @@ class MonitorNode(TableNode, Node):
             model_status(robot, self._revision, self._refused, self._loader.loading),
             numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
-        return statuses + (robot.report() if robot else []) + self._reaction.report()
+        return statuses + self._gravity.report() + (robot.report() if robot else []) + self._reaction.report()
 
     def _notes(self):
         """Return the publishers of the inputs, and under None their problems."""

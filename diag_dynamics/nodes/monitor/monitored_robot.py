@@ -82,7 +82,7 @@ class MonitoredRobot:
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self.base)
         self.energy = EnergyWatch(model, settings.thresholds)
         self.contact = ContactWatch()
-        self.settings = self.dynamics = self.revision = self.torque = self.state = None
+        self.settings = self.dynamics = self.revision = self.torque = self.state = self.position = None
         self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
         compile_dynamics()
@@ -150,6 +150,12 @@ class MonitoredRobot:
             inputs, inputs_before = map(_values_by, (settings.inputs, before.inputs))
             if (self.dynamics, wanted, inputs) != (self.torque.dynamics, before.observation, inputs_before):
                 self.torque.use(self.dynamics, wanted)
+
+    def use_gravity(self, gravity):
+        """Turn gravity [m/s²] in the axes of the root link; neither watches nor messages restart."""
+        self.dynamics = DiagonalDynamics(self.model.with_gravity(gravity))
+        if self.torque:
+            self.torque.use_gravity(self.dynamics)
 
     def torque_report(self):
         """Status of external torque, where it is observed."""

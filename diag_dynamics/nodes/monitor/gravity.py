@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Direction of gravity from tf or an IMU, for arms on vehicles."""
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Imu
+
+from diag_dynamics.checks import unit
+from diag_dynamics.exceptions import InputError, RejectedError
+from diag_dynamics.joint_states.stamps import SECOND
+from diag_dynamics.nodes.support.clocks import steady_clock
+from diag_dynamics.nodes.support.diagnostics import OK, WARN, Status
+from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.rotations import from_quaternion
+
+PERIOD = 0.019
+"""Minimum time between two changes of the gravity of the model [s]: of 50 Hz with jitter, each message counts."""
+
+MIN_FORCE, MAX_FORCE = 0.5, 2.0
+"""Bounds of a specific force that shows the direction of gravity, as multiples of gravity."""
+
+
+class GravitySource:
+    """Turn the gravity of the robot in force by the parameter gravity_frame or gravity_imu; keep its magnitude.
+
+    `current` returns the MonitoredRobot or None. Without these parameters nothing changes.
+    """
+
+    def __init__(self, node, current):
+        values, self._current, self._time = node.values, current, node.time
+        self._frame, self.topic = values["gravity_frame"], values["gravity_imu"]
+        self._timeout, self._filter_time = values["gravity_timeout"], values["gravity_filter_time"]
+        self._robot, self._fault = None, ""
+        if self._frame:
+            self._buffer, self._listener, self._latest = _tf_buffer(node)
+            node.create_timer(PERIOD, lambda: self._accept(self._read_frame), clock=steady_clock())
+
+    def check(self):
+        """Raise RejectedError while the direction is unknown or old."""
+        if problem := self._problem():
+            raise RejectedError("gravity unknown", problem)
+
+    def _problem(self):
+        if not (self._frame or self.topic):
+            return ""
+        source = f"direction of gravity from '{self._frame or self.topic}'"
+        if self._robot is None or self._robot is not self._current() or self._up is None:
+            return f"{source} is unknown: {self._fault or 'no message'}"
+        age = self._time.steady() - self._received
+        return f"{source} is {age:.3g} s old; {self._fault or 'no message'}" if age > self._timeout else ""
+
+    def accept_imu(self, message):
+        """Use the bytes of a sensor_msgs/Imu."""
+        self._accept(self._read_imu, message)
+
+    def _accept(self, read, *arguments):
+        """Use the vector that `read` returns, up in the axes of the root link, and its filter time."""
+        robot = self._current()
+        if robot is None:
+            return
+        if robot is not self._robot:
+            self._robot, self._up, self._received, self._changed = robot, None, 0.0, -np.inf
+        found, fault = attempt(read, robot, *arguments)
+        self._fault = fault.reason if fault else ""
+        if fault:
+            return
+        (up, filter_time), now = found, self._time.steady()
+        if self._up is not None and filter_time:
+            up = self._up - np.expm1(-(now - self._received) / filter_time) * (up - self._up)
+        self._up, self._received = unit("direction of gravity", up), now
+        if now - self._changed >= PERIOD:
+            self._changed = now
+            robot.use_gravity(-float(np.linalg.norm(robot.settings.values["gravity"])) * self._up)
+
+    def _read_imu(self, robot, message):
+        imu = deserialize_message(message, Imu)
+        model, link = robot.model, imu.header.frame_id
+        body, placement = model.placement_in_body(link)
+        if body:
+            if robot.position is None:
+                raise InputError(f"no joint state yet, which places link '{link}' of the IMU")
+            placement = robot.dynamics.placement(robot.position, link)
+        o, a = imu.orientation, imu.linear_acceleration
+        if imu.orientation_covariance[0] != -1.0:
+            up, filter_time = from_quaternion(*unit_quaternion(o))[2], 0.0  # the third row: the world's z in its axes
+        else:
+            up, filter_time = np.array([a.x, a.y, a.z]), self._filter_time
+            size, g = np.linalg.norm(up), np.linalg.norm(robot.settings.values["gravity"])
+            if imu.linear_acceleration_covariance[0] == -1.0 or not MIN_FORCE * g < size < MAX_FORCE * g:
+                raise InputError(f"linear_acceleration is {size:.3g} m/s²; expected about {g:.3g} m/s² at rest")
+            up /= size
+        return placement[:3, :3] @ up, filter_time
+
+    def _read_frame(self, robot):
+        found = self._buffer.lookup_transform(robot.model.root_link, self._frame, self._latest)
+        stamp = found.header.stamp.sec * SECOND + found.header.stamp.nanosec
+        age = 1e-9 * (self._time.now() - stamp)
+        if stamp and age > self._timeout:  # transforms that never change have no stamp
+            raise InputError(f"the transform is {age:.3g} s old")
+        return from_quaternion(*unit_quaternion(found.transform.rotation))[:, 2], 0.0
+
+    def report(self):
+        """Return the status of the direction in a list; empty without a source."""
+        if not (self._frame or self.topic):
+            return []
+        problem, values = self._problem(), {}
+        if self._robot is not None and self._up is not None:
+            values["up in the axes of the root link"] = " ".join(f"{x:.4f}" for x in self._up)
+        return [Status("gravity", WARN if problem else OK, problem or "direction is known", values)]
+
+
+def unit_quaternion(q):
+    """Return x, y, z and w of a message's quaternion; InputError if its length is not 1."""
+    numbers = np.array([q.x, q.y, q.z, q.w])
+    if not abs(numbers @ numbers - 1.0) < 0.01:
+        raise InputError(f"orientation is {numbers.tolist()}; expected a quaternion of length 1")
+    return numbers
+
+
+def _tf_buffer(node):
+    """Return a buffer of tf, its listener and the time of the latest transform; InputError without tf2_ros."""
+    try:
+        from rclpy.time import Time
+        from tf2_ros import Buffer, TransformListener
+    except ImportError as error:
+        raise InputError(
+            f"parameter 'gravity_frame' is '{node.values['gravity_frame']}'; expected an installed package tf2_ros. "
+            f"Install it or set gravity_imu ({error})."
+        ) from error
+    buffer = Buffer()
+    return buffer, TransformListener(buffer, node), Time()

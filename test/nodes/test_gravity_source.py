@@ -1,0 +1,181 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Direction of gravity from an IMU or tf: gravity of the published state, against Pinocchio with another gravity."""
+
+import sys
+from types import ModuleType, SimpleNamespace
+from unittest import mock
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from sensor_msgs.msg import Imu
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.diagnostics import OK, WARN
+from nodes import MS, PANDA, Monitor, S, joint_state, robot
+from pushed import GAIN, Motion, feed, subscribed
+
+G = 9.81
+TILT = pin.rpy.rpyToMatrix(0.3, -0.2, 0.5)
+"""Axes of the root link in the world: the vehicle's."""
+
+
+class Carried(Monitor):
+    """A monitor of a Panda on a vehicle, and its IMU."""
+
+    def __init__(self, peer, name, **parameters):
+        super().__init__(peer, name, outputs=["coriolis"], robot_description=robot(PANDA).path, **parameters)
+        self.imu, self.node = peer.publisher(Imu, f"{name}/imu"), self.process.node
+        self.state = robot(PANDA).samples[1]
+        peer.pass_time(0.1)
+
+    def send(self, frame="panda_link0", orientation=None, force=None):
+        """Publish a rotation of the IMU in the world, or a specific force in its axes."""
+        message = Imu()
+        message.header.frame_id = frame
+        if orientation is None:
+            message.orientation_covariance[0] = -1.0
+            a = message.linear_acceleration
+            a.x, a.y, a.z = map(float, force)
+        else:
+            o = message.orientation
+            o.x, o.y, o.z, o.w = pin.Quaternion(orientation).coeffs()
+        self.imu.publish(message)
+        self.peer.pass_time(0.03)
+
+    def gravity(self):
+        """Return ε_g of the state, which is published now; None if it is rejected."""
+        stamp = self.tick(20 * MS)
+        self.publish(joint_state(robot(PANDA).names, self.state.q, self.state.qd, (), stamp))
+        found = self.topics["coriolis"].at(stamp)
+        return None if found is None else np.array(found.gravity)
+
+
+def expected(rotation, state):
+    """Return ε_g where the root link has this rotation in the world."""
+    oracle = robot(PANDA).make_oracle(robot(PANDA).urdf, gravity=tuple(-G * rotation[2]))
+    return oracle.at(state.q, state.qd).gravity
+
+
+def hand_in_root(q):
+    """Return the rotation of the hand in the root link."""
+    oracle = robot(PANDA).oracle.full
+    model, data = oracle.model, oracle.model.createData()
+    pin.framesForwardKinematics(model, data, oracle.configuration(robot(PANDA).oracle.q_full(q)))
+    return data.oMf[model.getFrameId("panda_hand")].rotation
+
+
+def test_orientation_and_timeout(peer):
+    """States are rejected before the first message and after a second without one."""
+    with Carried(peer, "/tilted", gravity_imu="imu") as monitor:
+        assert monitor.gravity() is None
+        report = monitor.next_report()
+        assert report.entries["gravity"].level == WARN and "no message" in report.entries["gravity"].message
+        assert report.count("rejected: gravity unknown") == 1
+        for rotation in (TILT, np.eye(3), TILT @ TILT):
+            monitor.send(orientation=rotation)
+            np.testing.assert_allclose(monitor.gravity(), expected(rotation, monitor.state), atol=1e-9)
+        assert monitor.next_report().entries["gravity"].level == OK
+        peer.pass_time(1.1)
+        assert monitor.gravity() is None
+        assert "s old" in monitor.next_report().entries["gravity"].message
+        monitor.send(orientation=TILT)
+        np.testing.assert_allclose(monitor.gravity(), expected(TILT, monitor.state), atol=1e-9)
+
+
+def test_specific_force_on_a_moving_link(peer):
+    """The first one counts at once, later ones through the low-pass; a blow is ignored."""
+    with Carried(peer, "/shaken", gravity_imu="imu", gravity_filter_time=0.1) as monitor:
+        hand = hand_in_root(monitor.state.q)
+        monitor.gravity()  # a position for the placement of the hand
+        monitor.send("panda_hand", force=G * hand.T @ TILT[2])
+        np.testing.assert_allclose(monitor.gravity(), expected(TILT, monitor.state), atol=1e-6)
+        monitor.send("panda_hand", force=50.0 * hand.T @ np.array([1.0, 0.0, 0.0]))
+        np.testing.assert_allclose(monitor.gravity(), expected(TILT, monitor.state), atol=1e-6)
+        assert "linear_acceleration is 50" in monitor.node._gravity._fault
+        monitor.send("panda_hand", force=G * hand.T @ np.array([0.0, 0.0, 1.0]))
+        between = monitor.gravity()
+        full = expected(np.eye(3), monitor.state) - expected(TILT, monitor.state)
+        share = (between - expected(TILT, monitor.state)) @ full / (full @ full)
+        assert 0.2 < share < 0.8
+        for _ in range(100):
+            monitor.send("panda_hand", force=G * hand.T @ np.array([0.0, 0.0, 1.0]))
+        np.testing.assert_allclose(monitor.gravity(), expected(np.eye(3), monitor.state), atol=1e-6)
+
+
+def test_observer_goes_on(peer):
+    """The efforts of a tilted arm are explained while it tilts; nothing restarts and no revision changes."""
+    parameters = {"external_torque.gain": GAIN, "external_torque.friction": False, "gravity_imu": "imu"}
+    with Carried(peer, "/rolling", **parameters) as monitor:
+        subscribed(monitor)
+        for k in range(60):
+            tilt = pin.rpy.rpyToMatrix(0.005 * k, 0.0, 0.0)
+            motion = Motion(robot(PANDA), size=0.0, gravity=tuple(-G * tilt[2]))
+            monitor.send(orientation=tilt)
+            (found,) = feed(monitor, [motion(0)])
+            assert found.valid == (k > 0)
+        assert np.abs(found.external_torque).max() < 1e-6
+        assert monitor.node._revision == 1
+
+
+def test_wrong_messages_are_faults(peer):
+    with Carried(peer, "/wrong", gravity_imu="imu") as monitor:
+        for send, text in (
+            ({"frame": "camera", "orientation": TILT}, "'camera' is not a link"),
+            ({"frame": "panda_hand", "orientation": TILT}, "no joint state yet"),
+            ({"force": (0.0, 0.0, 1.0)}, "linear_acceleration is 1"),
+        ):
+            monitor.send(**send)
+            assert monitor.gravity() is None
+            assert text in monitor.next_report().entries["gravity"].message
+            monitor.node._robot.position = None
+        monitor.imu.publish(Imu())  # a quaternion of zeros
+        monitor.node._gravity.accept_imu(b"no message")
+        assert monitor.gravity() is None and monitor.process.alive()
+
+
+class Buffer:
+    """What the monitor needs of tf2_ros, which is not installed with the tests: one transform."""
+
+    transform = None
+
+    def lookup_transform(self, target, source, time):
+        assert (target, source) == ("panda_link0", "world")
+        if self.transform is None:
+            raise LookupError("'world' passed to lookupTransform does not exist")
+        return self.transform
+
+
+def test_frame_of_tf(peer):
+    """By a fake of tf2_ros; a transform without a stamp is static."""
+    module = ModuleType("tf2_ros")
+    module.Buffer, module.TransformListener = Buffer, lambda buffer, node: None
+    with mock.patch.dict(sys.modules, tf2_ros=module), Carried(peer, "/framed", gravity_frame="world") as monitor:
+        assert monitor.gravity() is None
+        x, y, z, w = map(float, pin.Quaternion(TILT.T).coeffs())  # of the world in the root link
+        stamp = SimpleNamespace(sec=0, nanosec=0)
+        transform = SimpleNamespace(rotation=SimpleNamespace(x=x, y=y, z=z, w=w))
+        monitor.node._gravity._buffer.transform = SimpleNamespace(
+            header=SimpleNamespace(stamp=stamp), transform=transform
+        )
+        peer.pass_time(0.03)
+        np.testing.assert_allclose(monitor.gravity(), expected(TILT, monitor.state), atol=1e-9)
+        stamp.sec = peer.now() // S - 5
+        peer.pass_time(1.1)
+        assert monitor.gravity() is None
+        assert "the transform is" in monitor.next_report().entries["gravity"].message
+
+
+@pytest.mark.parametrize(
+    ("parameters", "text"),
+    [
+        ({"gravity_frame": "world"}, "tf2_ros"),
+        ({"gravity_frame": "world", "gravity_imu": "imu"}, "'gravity_imu' is 'imu'; expected empty"),
+        ({"gravity_imu": "imu", "floating_base": True}, "'floating_base' is set"),
+    ],
+)
+def test_parameters_that_do_not_go_together(peer, parameters, text):
+    with mock.patch.dict(sys.modules, tf2_ros=None), pytest.raises(InputError, match=text):
+        peer.start("monitor", robot_description=robot(PANDA).path, **parameters)
