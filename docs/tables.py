@@ -38,6 +38,7 @@ GROUPS = {
         "warn_energy": "Energy thresholds",
         "external_torque.gain": "External torque",
         "alarm.joints": "Collision detection",
+        "external_wrench.frames": "External wrench",
         "reaction.service": "Reaction to a collision",
         "contact.limits_file": "Predicted contact",
         "publish_inverse_factor": "Published messages",
@@ -337,7 +338,9 @@ def conditions(interface):
     return " or ".join(f"`{name}`" for name in interface.condition.split(" or "))
 
 
-FIELD = re.compile(r"(?P<type>[\w/]+(?:\[\])?)\s+(?P<name>\w+)(?:\s*=\s*(?P<value>\w+))?\s*(?:#\s*(?P<meaning>.*))?$")
+FIELD = re.compile(
+    r"(?P<type>[\w/]+(?:\[\d*\])?)\s+(?P<name>\w+)(?:\s*=\s*(?P<value>\w+))?\s*(?:#\s*(?P<meaning>.*))?$"
+)
 
 
 def fields_of(lines):

@@ -18,7 +18,8 @@ from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, payloads_of
 from diag_dynamics.parameters.spec import Spec, fixed, wrong
 
-_OF_EVERY_STATE = "total_joint_rates", "working_moments", "coriolis", "kinetic_energy", "state", "external_torque"
+_OF_EVERY_STATE = "total_joint_rates", "working_moments", "coriolis", "kinetic_energy", "state"
+_OF_EVERY_STATE += "external_torque", "external_wrench", "external_wrench_estimates"
 
 RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | {"mass_matrix_factors": 50.0, "joint_space_dynamics": 50.0}
 RATES |= {"contact": 50.0, "markers": 20.0}
@@ -134,6 +135,18 @@ _COLLISION = {
     ),
 }
 
+_WRENCH = {
+    "external_wrench.frames": Spec(
+        [""], "Links at whose origin and in whose axes the external wrench is published; requires external_torque.gain."
+    ),
+    "external_wrench.max_force_deviation": Spec(
+        10.0, "Standard deviation of a force above which its direction counts as unobserved [N].", 1e-6, 1e6
+    ),
+    "external_wrench.max_torque_deviation": Spec(
+        1.0, "Standard deviation of a torque above which its direction counts as unobserved [N m].", 1e-6, 1e6
+    ),
+}
+
 _REACTION = {
     "reaction.service": Spec("", "Service that the node calls when a collision begins; empty: none. Not safety-rated."),
     "reaction.type": Spec(
@@ -159,6 +172,7 @@ PARAMETERS = {
         [""], "Energy share above which diagnostics report an error, as joint=energy [J]; * for all others."
     ),
     **_COLLISION,
+    **_WRENCH,
     **fixed(_REACTION),
     **CONTACT,
     "contact.warn_at": Spec(
@@ -219,6 +233,11 @@ class Settings(NamedTuple):
     contact: ContactOptions
 
     @property
+    def frames(self):
+        """Links at which the external wrench is published."""
+        return tuple(dict.fromkeys(filter(None, self.values["external_wrench.frames"])))
+
+    @property
     def unjudged_without(self):
         """Parameters without which no collision is reported; none where collisions are."""
         if self.observation and self.observation.alarms:
@@ -245,6 +264,10 @@ class Settings(NamedTuple):
         thresholds.check_order()
         contact = ContactOptions.from_values(values)
         settings = cls(values, _input_options(values), thresholds, _observation(values), contact)
+        if settings.frames and not settings.observation:
+            raise InputError(
+                "parameter external_torque.gain is 0, expected a number above 0 because external_wrench.frames is set."
+            )
         settings.check_reaction()
         return settings
 

@@ -31,6 +31,7 @@ _PRIMITIVES = {
 }
 
 _SEQUENCE = re.compile(r"sequence<(\w+)>")
+_ARRAY = re.compile(r"(\w+)\[\d+\]")
 
 
 class Template:
@@ -38,7 +39,7 @@ class Template:
 
     `numbers` are views of numbers by path, such as ``header.stamp.sec``, without empty sequences; `data` all bytes;
     `doubles` those after the encapsulation, as float64. InputError for a message without fields, or fields other than
-    numbers, strings, sequences of these, and messages.
+    numbers, strings, arrays of numbers, sequences of numbers or strings, and messages.
     """
 
     def __init__(self, message):
@@ -97,6 +98,8 @@ class Template:
             self._add_text(value)
         elif hasattr(value, "get_fields_and_field_types"):
             self._add(value, f"{path}.")
+        elif (items := _ARRAY.fullmatch(kind)) and items[1] in _PRIMITIVES:
+            self._add_numbers(value, items[1], path)
         elif (items := _SEQUENCE.fullmatch(kind)) and items[1] in (*_PRIMITIVES, "string"):
             self._add_count(len(value))
             if items[1] == "string":

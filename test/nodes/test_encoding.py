@@ -84,6 +84,9 @@ def contents(kind):
             fields[field] = VALUES[name]
         elif name.startswith("sequence<"):
             fields[field] = st.lists(VALUES[name[len("sequence<") : -1]], max_size=5)
+        elif name.endswith("]"):
+            numbers, count = VALUES[name.partition("[")[0]], int(name[:-1].partition("[")[2])
+            fields[field] = st.lists(numbers, min_size=count, max_size=count)
         else:
             fields[field] = contents(type(getattr(sample, field)))
     return st.builds(kind, **fields)
@@ -94,8 +97,8 @@ def write(message, path, values):
     *outer, field = path.split(".")
     for name in outer:
         message = getattr(message, name)
-    is_sequence = message.get_fields_and_field_types()[field].startswith("sequence")
-    setattr(message, field, values.tolist() if is_sequence else values[0].item())
+    is_list = message.get_fields_and_field_types()[field].endswith(("]", ">"))
+    setattr(message, field, values.tolist() if is_list else values[0].item())
 
 
 def same(raw, message):
@@ -179,7 +182,6 @@ def test_padding(kind):
 @pytest.mark.parametrize(
     ("kind", "field", "named"),
     [
-        (Odometry, "Odometry.pose.covariance", "double[36]"),
         (DiagnosticArray, "DiagnosticArray.status", "sequence<diagnostic_msgs/DiagnosticStatus>"),
         (DiagnosticStatus, "DiagnosticStatus.level", "octet"),
         (Byte, "Byte.data", "octet"),
@@ -251,6 +253,10 @@ def arguments(name, moment):
     points = _points(
         name, model, tuple(rows) if moment.inverse else tuple(rows[-1:]), limits if moment.inverse else None
     )
+    links, scale = model.link_names, 10.0 ** rng.integers(-1, 2)
+    found = None
+    if moment.effort and model.nv:
+        found = dyn.wrench(q, tau, links[moment.seed % len(links)], max_deviation=(10.0 * scale, scale))
     seen = Disturbance(True, "", r, tau, float(np.linalg.norm(r)), moment.estimated)
     seen = seen if moment.effort else Disturbance(False, "")
     observation = Observation(1.0, INF if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1)
@@ -261,7 +267,8 @@ def arguments(name, moment):
         "joint_space_dynamics": (dyn.mass_matrix(q), dyn.bias(q, qd), dyn.gravity_torque(q), state),
         "contact": (dyn.contact(q, moment.effort * qd, points), state),
         "external_torque": (seen, observation, state, alarming),
-    }
+        "external_wrench_estimates": (links[moment.seed % len(links)], found, state),
+    } | ({"external_wrench": (links[0], found, state)} if found else {})
 
 
 _POINTS = {}

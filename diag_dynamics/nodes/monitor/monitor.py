@@ -53,6 +53,7 @@ class MonitorNode(TableNode, Node):
         self._outputs = Outputs(self)
         for topic in TYPES:
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
+        self._outputs.use_frames(self._settings.frames)
         self._reaction = Reaction(self)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
         DynamicsServices(self, self._in_force, self._set_payload)
@@ -260,6 +261,8 @@ class MonitorNode(TableNode, Node):
             state.newest,
             lambda: robot.encoder.external_torque(watch.seen, watch.observation, state, watch.alarming),
         )
+        if robot.settings.frames:
+            self._outputs.publish_wrenches(state.newest, robot.wrench, robot.encoder, state)
         if alarm:
             self._diagnostics.publish([robot.torque_report(), *self._reaction.report()])
 
@@ -291,6 +294,8 @@ class MonitorNode(TableNode, Node):
             except DiagDynamicsError:
                 if not self._refused:  # whose robot they may fit
                     raise
+        if settings.frames != self._settings.frames:
+            self._outputs.use_frames(settings.frames)
         self._settings, self.values = settings, settings.values
         waiting = self._loader.loading or (self._refused and self._refused.description)
         if description := changed.get("robot_description") or waiting:

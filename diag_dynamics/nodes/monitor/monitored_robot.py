@@ -119,6 +119,10 @@ class MonitoredRobot:
         link = settings.values["markers.link"]
         if link and link not in model.link_names:
             raise InputError(f"parameter 'markers.link' is '{link}', expected a link of robot '{model.name}'.")
+        if wrong := [frame for frame in settings.frames if frame not in model.link_names or not model.nv]:
+            raise InputError(
+                f"parameter 'external_wrench.frames' has '{wrong[0]}', expected links of robot '{model.name}' with joints."
+            )
         if settings.observation and settings.observation.alarms:
             settings.observation.alarms.limits(model.dof_names)
         others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
@@ -213,6 +217,14 @@ class MonitoredRobot:
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
         self.state = state
         return s, state
+
+    def wrench(self, frame):
+        """Return the ExternalWrench at a link at the last state; None without a result of the observer."""
+        seen, values = self.torque.seen, self.settings.values
+        if not seen.valid:
+            return None
+        most = values["external_wrench.max_force_deviation"], values["external_wrench.max_torque_deviation"]
+        return self.dynamics.wrench(self.state.position, seen.external_torque, frame, max_deviation=most)
 
     def friction_power(self, s):
         """Return the power q̇·τ_fric of friction [W] at an Evaluation."""

@@ -3,8 +3,10 @@
 
 """Publishers of the monitor: a message is made only for subscribers, and no more often than its rate limit allows."""
 
+import re
 from importlib import import_module
 
+from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile
 
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
@@ -41,7 +43,7 @@ class Outputs:
     """
 
     def __init__(self, node):
-        self._steady, self._limits = node.time.steady, {}
+        self._node, self._steady, self._limits, self._frames = node, node.time.steady, {}, {}
         self._publishers = {
             topic: connected(node.create_publisher, kind, f"~/{topic}", QoSProfile(depth=10))
             for topic, kind in TYPES.items()
@@ -87,6 +89,36 @@ class Outputs:
         if publisher.get_subscription_count() and self._due(topic, stamp):
             publisher.publish(make())
 
+    def use_frames(self, frames):
+        """Have a topic for the external wrench at each of these links: the first one is ~/external_wrench."""
+        for publisher in [*self._frames.values()][1:]:
+            self._node.destroy_publisher(publisher)
+        topics = [f"~/external_wrench/{frame_token(frame)}" for frame in frames[1:]]
+        further = [
+            connected(self._node.create_publisher, WrenchStamped, topic, QoSProfile(depth=10)) for topic in topics
+        ]
+        self._frames = dict(zip(frames, [self._publishers["external_wrench"], *further], strict=False))
+
+    def publish_wrenches(self, stamp, estimate, encoder, state):
+        """Publish the external wrench at each frame, which `estimate` returns, None without a result."""
+        heard = {frame for frame, publisher in self._frames.items() if publisher.get_subscription_count()}
+        if not (heard and self._due("external_wrench", stamp)):
+            heard = ()
+        estimates = self._publishers["external_wrench_estimates"]
+        in_detail = estimates.get_subscription_count() and self._due("external_wrench_estimates", stamp)
+        for frame in self._frames if in_detail else heard:
+            found = estimate(frame)
+            if frame in heard and found:  # a controller must not receive a wrench that nothing has measured
+                self._frames[frame].publish(encoder.external_wrench(frame, found, state))
+            if in_detail:
+                estimates.publish(encoder.external_wrench_estimates(frame, found, state))
+
     def _due(self, topic, stamp):
         limit = self._limits.get(topic)
         return limit is None or limit.due(stamp)
+
+
+def frame_token(frame):
+    """Return the name of a link as a part of a topic, of letters, digits and underscores."""
+    token = re.sub(r"\W", "_", frame, flags=re.ASCII)
+    return f"link_{token}" if token[0].isdigit() else token

@@ -6,10 +6,12 @@
 import math
 import struct
 from array import array
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
@@ -20,6 +22,7 @@ from diag_dynamics.msg import (
     CoriolisTerm,
     DiagonalizedState,
     ExternalTorque,
+    ExternalWrench,
     JointSpaceDynamics,
     KineticEnergy,
     MassMatrixFactors,
@@ -140,16 +143,18 @@ class MessageMaker:
         texts : dict
             Fields that are the same for all states.
         values : dict
-            Numbers and arrays by field; None for those that are unknown, which are empty or zero.
+            Numbers and arrays by the path of their field; None for those that are unknown, which are empty or zero.
         shape : tuple
             What tells apart messages of this topic that have other texts, or other fields that are empty.
         """
-        message = kind(header=Header(stamp=to_time(state.newest), frame_id=self._frame), **texts)
-        for field, value in values.items():
+        message = kind(**({"header": Header(frame_id=self._frame)} | texts))
+        message.header.stamp = to_time(state.newest)
+        for path, value in values.items():
+            *parts, field = path.split(".")
             if isinstance(value, np.ndarray):
                 value = value.ravel().tolist() if value.dtype == bool else doubles(value)
             if value is not None:
-                setattr(message, field, value)
+                setattr(reduce(getattr, parts, message), field, value)
         return message
 
     def evaluated(self, topic, s, state):
@@ -210,6 +215,22 @@ class MessageMaker:
         values |= alarming.fields(seen.valid) if alarming else {}
         return self.make("external_torque", ExternalTorque, state, self._dofs, values, (seen.valid, alarming is None))
 
+    def external_wrench(self, frame, found, state):
+        """Return a dynamics.ExternalWrench at the origin of a link, in its axes."""
+        texts = {"header": Header(frame_id=frame)}
+        return self.make("external_wrench", WrenchStamped, state, texts, _wrench_values(found.wrench), (frame,))
+
+    def external_wrench_estimates(self, frame, found, state):
+        """Return the same with its covariance; None: no result."""
+        values, count = _flags(state) | {"valid": found is not None}, 0
+        if found:
+            unobserved = found.directions[~found.observed]
+            values |= _wrench_values(found.wrench) | {"covariance": found.covariance.ravel()}
+            values |= {"unobserved": unobserved.ravel(), "chi_square": float(found.chi_square)}
+            count = len(unobserved)
+        texts, shape = {"header": Header(frame_id=frame)}, (frame, found is None, count)
+        return self.make("external_wrench_estimates", ExternalWrench, state, texts, values, shape)
+
     def contact(self, contact, state):
         """Contact at the points of a robot, and the RobotState it came from."""
         texts = {"point_names": list(contact.names), "link_names": list(contact.links)}
@@ -231,6 +252,11 @@ class MessageMaker:
 
 def _flags(state):
     return {field: getattr(state, field) for field in FLAGS}
+
+
+def _wrench_values(wrench):
+    paths = [f"wrench.{part}.{axis}" for part in ("force", "torque") for axis in "xyz"]
+    return dict(zip(paths, wrench.tolist(), strict=True))
 
 
 class BytesMaker(MessageMaker):

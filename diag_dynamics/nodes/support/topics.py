@@ -37,6 +37,21 @@ TOPICS = (
         beside=True,
     ),
     Topic(
+        "external_wrench",
+        "geometry_msgs/WrenchStamped",
+        "wrench of the environment on the robot at the first of external_wrench.frames; at further frames on "
+        "`~/external_wrench/<frame>`",
+        condition="external_wrench.frames",
+        beside=True,
+    ),
+    Topic(
+        "external_wrench_estimates",
+        "ExternalWrench",
+        "wrench at each frame with its covariance and unobserved directions, also without a result",
+        condition="external_wrench.frames",
+        beside=True,
+    ),
+    Topic(
         "contact",
         "Contact",
         "predicted contact at the worst point of each link: speed, mass, energy, force, margin",

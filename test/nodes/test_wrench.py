@@ -1,0 +1,180 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""External wrench of the monitor as a force-torque sensor: value, sign, frame, rate and validity, against Pinocchio."""
+
+import numpy as np
+import pytest
+from diag_dynamics.msg import ExternalWrench
+from geometry_msgs.msg import WrenchStamped
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.monitor.outputs import frame_token
+from nodes import PANDA, Monitor, S, joint_state, nanoseconds, robot
+from pushed import GAIN, STEP, Motion
+
+HAND, FOREARM = "panda_hand", "panda_link4"
+FORCE = np.array([8.0, -15.0, 11.0, 0.7, -1.2, 0.4])
+"""Wrench on the hand, in its axes at its origin [N, N m]."""
+LIMITS = 10.0, 1.0
+"""Standard deviations of a useful force [N] and torque [N m]."""
+WIDE = {"external_wrench.max_force_deviation": 1e3, "external_wrench.max_torque_deviation": 1e3}
+"""Limits with which all directions count at the hand, unweighted."""
+TORQUE = {"external_torque.gain": GAIN, "external_torque.friction": False}
+ARM = robot(PANDA)
+
+
+def pushed(wrench, link=HAND):
+    """Return the state of an arm at rest on whose link a wrench acts."""
+    still = Motion(ARM, size=0.0)
+    return Motion(ARM, still.oracle.effort_of(still.middle, {link: wrench}, "link"), size=0.0)
+
+
+def jacobian(link):
+    """Return Pinocchio's J at the pose of :func:`pushed`, column by column of Jᵀ."""
+    still = Motion(ARM, size=0.0)
+    return np.array([still.oracle.effort_of(still.middle, {link: one}, "link") for one in np.eye(6)])
+
+
+class Frames:
+    """A monitor with wrenches at two frames."""
+
+    def __init__(self, monitor):
+        self.monitor, self.peer = monitor, monitor.peer
+        self.hand = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench")
+        self.forearm = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench/{FOREARM}")
+        self.estimates = self.peer.topic(ExternalWrench, f"{monitor.name}/external_wrench_estimates")
+
+    def feed(self, *states):
+        """Publish states and forget earlier messages; return the stamps."""
+        for topic in (self.hand, self.forearm, self.estimates):
+            topic.forget()
+        stamps = []
+        for q, qd, tau in states:
+            stamps.append(self.monitor.tick(STEP))
+            self.monitor.publish(joint_state(ARM.names, q, qd, () if tau is None else tau, stamps[-1]))
+        return stamps
+
+    def at(self, frame):
+        """Return the estimates at a frame."""
+        return [one for one in self.estimates.messages if one.header.frame_id == frame]
+
+
+@pytest.fixture(scope="module")
+def running(peer):
+    """Start a monitor of the Panda with two frames."""
+    values = TORQUE | {"external_wrench.frames": f"[{HAND}, {FOREARM}]", "robot_description": ARM.path}
+    with Monitor(peer, "/wrench", outputs=["state"], **values) as monitor:
+        yield Frames(monitor.connect(ARM))
+
+
+@pytest.fixture
+def frames(running):
+    """Let time pass, so that the next state is the first one."""
+    running.monitor.tick(10 * S)
+    return running
+
+
+def vector(wrench):
+    """Return a Wrench as six numbers."""
+    f, n = wrench.force, wrench.torque
+    return np.array([f.x, f.y, f.z, n.x, n.y, n.z])
+
+
+def test_wrench_on_the_hand(frames):
+    """Every state has one message: the wrench of the environment on the robot, in the axes of its frame at its origin."""
+    with frames.monitor.having(**WIDE):
+        stamps = frames.feed(*[pushed(FORCE)(0)] * 400)
+    assert frames.hand.stamps == stamps[1:]  # the observer starts at the second state
+    last = frames.hand.messages[-1]
+    assert last.header.frame_id == HAND
+    np.testing.assert_allclose(vector(last.wrench), FORCE, rtol=1e-6)
+    J = jacobian(HAND)
+    estimate = frames.at(HAND)[-1]
+    assert estimate.valid and not estimate.unobserved and estimate.chi_square < 1e-6
+    assert estimate.wrench == last.wrench and nanoseconds(estimate.header.stamp) == stamps[-1]
+    np.testing.assert_allclose(np.reshape(estimate.covariance, (6, 6)), np.linalg.inv(J @ J.T), atol=1e-9)
+
+
+def test_directions_without_observation(frames):
+    """Six numbers name each; the wrench has nothing along them, and is the best fit along the others."""
+    frames.feed(*[pushed(FORCE)(0)] * 400)
+    estimate, scale = frames.at(FOREARM)[-1], np.repeat(LIMITS, 3)
+    J, wrench = jacobian(FOREARM) * scale[:, None], vector(estimate.wrench) / scale
+    values, vectors = np.linalg.eigh(J @ J.T)
+    unobserved = np.reshape(estimate.unobserved, (-1, 6)) / scale
+    assert len(unobserved) == (values < 1.0).sum() >= 2
+    np.testing.assert_allclose(unobserved @ unobserved.T, np.eye(len(unobserved)), atol=1e-9)
+    seen = vectors[:, values >= 1.0]
+    np.testing.assert_allclose(unobserved @ seen, 0.0, atol=1e-9)
+    best = seen @ np.linalg.solve(seen.T @ J @ J.T @ seen, seen.T @ J @ (jacobian(HAND).T @ FORCE))
+    np.testing.assert_allclose(wrench, best, atol=1e-6)
+    assert frames.forearm.messages[-1].wrench == estimate.wrench and estimate.chi_square > 1.0
+    assert frames.forearm.messages[-1].header.frame_id == FOREARM
+
+
+def test_no_wrench_without_a_result(frames):
+    """A controller receives nothing; the estimates say so, with zeros."""
+    state = pushed(FORCE)(0)
+    frames.feed(*[state] * 10)
+    frames.feed(*[(*state[:2], None)] * 3)
+    assert not frames.hand.messages and not frames.forearm.messages
+    for one in frames.at(HAND) + frames.at(FOREARM):
+        assert not one.valid and not vector(one.wrench).any() and not np.any(one.covariance)
+        assert not one.unobserved and one.chi_square == 0.0
+    assert len(frames.at(HAND)) == len(frames.at(FOREARM)) == 3
+    frames.feed(state)
+    assert frames.hand.messages and frames.at(HAND)[0].valid
+
+
+def test_rates(frames):
+    """Each topic has a rate of its own, which all frames share."""
+    rates = {"max_rate.external_wrench": 100.0, "max_rate.external_wrench_estimates": 50.0}
+    with frames.monitor.having(**rates):
+        frames.feed(*[pushed(FORCE)(0)] * 101)
+    assert set(np.diff(frames.hand.stamps)) == {5 * STEP} and frames.hand.stamps == frames.forearm.stamps
+    assert set(np.diff([nanoseconds(one.header.stamp) for one in frames.at(HAND)])) == {10 * STEP}
+    assert len(frames.at(HAND)) == len(frames.at(FOREARM))
+
+
+def test_frames_of_a_running_node(frames):
+    """The first frame has the topic without a name; links of another robot are an error."""
+    name = "external_wrench.frames"
+    with frames.monitor.having(**{name: [FOREARM, HAND]}, **WIDE):
+        hand = frames.peer.topic(WrenchStamped, f"{frames.monitor.name}/external_wrench/{HAND}")
+        frames.feed(*[pushed(FORCE)(0)] * 400)
+        np.testing.assert_allclose(vector(hand.messages[-1].wrench), FORCE, rtol=1e-6)
+        assert frames.hand.messages[-1].header.frame_id == FOREARM and not frames.forearm.messages
+    result = frames.monitor.set_parameters({name: ["tool0"]})
+    assert not result.successful
+    assert "parameter 'external_wrench.frames' has 'tool0', expected links of robot 'panda'" in result.reason
+    with frames.monitor.having(**{name: [""]}):
+        frames.feed(*[pushed(FORCE)(0)] * 10)
+        assert not frames.hand.messages and not frames.estimates.messages
+
+
+def test_limits_of_the_deviation(frames):
+    """Tighter limits make a direction unobserved, looser ones observed."""
+    frames.feed(*[pushed(FORCE)(0)] * 10)
+    counts = [len(frames.at(FOREARM)[-1].unobserved) // 6]
+    for force, torque in ((0.1, 0.01), (1e4, 1e4)):
+        values = {"external_wrench.max_force_deviation": force, "external_wrench.max_torque_deviation": torque}
+        with frames.monitor.having(**values):
+            frames.feed(*[pushed(FORCE)(0)] * 10)
+            counts.append(len(frames.at(FOREARM)[-1].unobserved) // 6)
+            scale = np.repeat((force, torque), 3)
+            J = jacobian(FOREARM) * scale[:, None]
+            assert counts[-1] == (np.linalg.eigvalsh(J @ J.T) < 1.0).sum()
+    assert counts[1] > counts[0] >= counts[2]
+
+
+def test_frames_without_an_observer(peer):
+    """The error names both parameters."""
+    with pytest.raises(InputError, match=r"external_torque\.gain is 0.*external_wrench\.frames"):
+        Monitor(peer, "/lone", outputs=["state"], robot_description=ARM.path, **{"external_wrench.frames": f"[{HAND}]"})
+
+
+@pytest.mark.parametrize(("frame", "token"), [("tool-0", "tool_0"), ("7/é", "link_7__"), (HAND, HAND)])
+def test_names_of_topics(frame, token):
+    """Characters that no topic has are replaced."""
+    assert frame_token(frame) == token
