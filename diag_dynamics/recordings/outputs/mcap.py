@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MCAP: messages of the monitor about every state, by the library mcap."""
+"""MCAP: messages of the monitor about every state."""
 
 from contextlib import suppress
-from io import BufferedWriter, FileIO
+from importlib import import_module
 
 import numpy as np
 
@@ -67,20 +67,17 @@ class McapOutput:
         for topic in topics:
             if topic not in TOPICS:
                 raise InputError(f"topics has '{topic}'; expected any of {', '.join(TOPICS)}.")
-        library, definitions = require("mcap.writer", "writing MCAP"), our_definitions()
+        for library in ("mcap", "lz4.frame"):
+            require(library, "writing MCAP")
+        chunks, definitions = import_module("diag_dynamics.recordings.outputs.chunks"), our_definitions()
         self._target, self._count = AtomicFile(path), 0
         with self._target.errors():
-            self._file = CountedFile(self._target.name)
-            self._writer = library.Writer(self._file, compression=library.CompressionType.LZ4)
-            self._writer.start("ros2", f"diag_dynamics {diag_dynamics.__version__}")
+            self._file = chunks.ChunkedFile(self._target.name, f"diag_dynamics {diag_dynamics.__version__}")
         self._topics = {}  # by channel
         for topic in topics:
             rows = TopicRows(topic, reading, friction)
             definition = definition_with_parts(rows.type, definitions).encode()
-            schema = self._writer.register_schema(rows.type, "ros2msg", definition)
-            # Releases of rosbag2 write QoS profiles in two ways; all read none.
-            metadata = {"offered_qos_profiles": ""}
-            self._topics[self._writer.register_channel(f"{NODE}/{topic}", "cdr", schema, metadata)] = rows
+            self._topics[self._file.register(f"{NODE}/{topic}", rows.type, definition)] = rows
 
     def write(self, piece):
         """Write messages about a piece."""
@@ -89,18 +86,13 @@ class McapOutput:
         self._count += len(times)
         for channel, topic in self._topics.items():
             for which, rows in topic.make_rows(piece):
-                data, size = memoryview(rows.reshape(-1)), rows.shape[1]
-                columns = range(0, len(data), size), times[which].tolist(), numbers[which].tolist()
                 with self._target.errors():
-                    for at, time, number in zip(*columns, strict=True):
-                        message = data[at : at + size]
-                        self._writer.add_message(channel, time, message, time, number)
+                    self._file.write_messages(channel, times[which], numbers[which], rows)
 
     def close(self, _summary=None):
         """Complete the file and give it its name."""
         with self._target.errors():
-            self._writer.finish()
-            self._file.close()
+            self._file.finish()
         self._target.commit()
 
     def drop(self):
@@ -108,23 +100,6 @@ class McapOutput:
         with suppress(OSError):  # the disk may be full
             self._file.close()
         self._target.discard()
-
-
-class CountedFile(BufferedWriter):
-    """A file that counts its bytes, because a pipe cannot tell its position."""
-
-    def __init__(self, path):
-        super().__init__(FileIO(path, "wb"))
-        self._size = 0
-
-    def write(self, data):
-        """Write bytes and count them."""
-        self._size += len(data)
-        return super().write(data)
-
-    def tell(self):
-        """Return the number of bytes that were written."""
-        return self._size
 
 
 class TopicRows:
