@@ -4,6 +4,7 @@
 """Many states at once, on several threads."""
 
 import os
+import time
 from collections import deque
 
 import numpy as np
@@ -36,13 +37,18 @@ def chosen(cases, pinocchios):
 
 def rows(pairs, size, rounds):
     """Lines of the table: time per state on all processors, against the peer's and of large batches against small ones."""
-    found = {name: {} for name in ("ours", "reused", "kept")}
+    found = {name: {} for name in ("ours", "reused", "kept", "wrench", "touched")}
     for case, pinocchio in pairs:
         times = interleaved(_calls(case, pinocchio, size, cores()), rounds, seconds=0.03, pause=PAUSE)
         for name in ("ours", "reused"):
             found[name][case.label] = ratio(times[name], times["theirs"])
         times = interleaved(_kept(case, pinocchio, cores()), rounds, seconds=0.03, pause=PAUSE)
         found["kept"][case.label] = ratio(times["ours"], times["theirs"])
+        calls = _external(case, pinocchio, size, cores())
+        times = interleaved(calls, rounds, seconds=0.03, pause=PAUSE)
+        for name in ("wrench", "touched"):
+            label = f"{case.label}, {1e6 * _cpu_time(calls[name]) / size:.2g} µs of CPU time"
+            found[name][label] = ratio(times[name], times["theirs"])
     peer = "`pin.abaInParallel`, same threads"
     case, _ = pairs[0]
     calls = {count: _call(case, count, cores()) for count in (10 * size, size)}
@@ -52,6 +58,8 @@ def rows(pairs, size, rounds):
         Row("`evaluate_batch` per state, all cores", peer, COMPARED, targets(0.45, 0.4, 0.36), found["ours"]),
         Row("`evaluate_batch` with `out=` per state, all cores", peer, COMPARED, None, found["reused"]),
         Row(f"`evaluate_batch` of {KEPT} states, all results kept", peer, COMPARED, None, found["kept"]),
+        Row("`wrench_batch` at the last link per state, all cores", peer, COMPARED, None, found["wrench"]),
+        Row("`touched_link_batch` in contact per state, all cores", peer, COMPARED, None, found["touched"]),
         Row(f"`evaluate_batch` per state, {10 * size:,} states", f"{size:,} states", case.label, 1.25, growth),
     ]
 
@@ -90,5 +98,23 @@ def _kept(case, pinocchio, count):
     kept, evaluate, (Q, QD, TAU) = deque(maxlen=100), case.dynamics.evaluate_batch, case.states(KEPT)
     return {
         "ours": lambda: kept.append(evaluate(Q, QD, TAU, threads=count)),
+        "theirs": Parallel(pinocchio, count, Q, QD, TAU),
+    }
+
+
+def _cpu_time(call):
+    """Least CPU-seconds of a call."""
+    starts = [(time.process_time(), call(), time.process_time()) for _ in range(5)]
+    return min(end - start for start, _, end in starts)
+
+
+def _external(case, pinocchio, size, count):
+    """Wrench and touched link of external torque that always stands out of its noise."""
+    dynamics, (Q, QD, TAU) = case.dynamics, case.states(size)
+    covariance = 0.04 * np.eye(dynamics.model.nv) + 0.01
+    link = dynamics.model.link_names[int(dynamics.model.bodies["link"][-1])]
+    return {
+        "wrench": lambda: dynamics.wrench_batch(Q, TAU, link, covariance, threads=count),
+        "touched": lambda: dynamics.touched_link_batch(Q, TAU, covariance, significance=0.0, threads=count),
         "theirs": Parallel(pinocchio, count, Q, QD, TAU),
     }

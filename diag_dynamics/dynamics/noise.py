@@ -27,7 +27,7 @@ SYMMETRIC = 1e-6
 
 
 def whitening(model: RobotModel, covariance: Any) -> Array:
-    """Return W of a covariance Σ, lower triangular with WᵀW = Σ⁻¹; the identity of None."""
+    """Return W of a covariance Σ, upper triangular with WᵀW = Σ⁻¹; the identity of None."""
     count = model.nv
     if not count:
         raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
@@ -41,7 +41,8 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
     if (np.abs(array - array.T) > SYMMETRIC * size).any():
         raise InputError("covariance is not symmetric; expected the second moment of external torque.")
     try:
-        return np.tril(np.linalg.inv(np.linalg.cholesky(array)))
+        reversed_factor = np.linalg.cholesky(array[::-1, ::-1])
+        return np.triu(np.linalg.inv(reversed_factor)[::-1, ::-1])
     except np.linalg.LinAlgError:
         smallest = np.linalg.eigvalsh(array)[0]
         raise InputError(

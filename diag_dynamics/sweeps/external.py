@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External wrench and touched link from external torque τ with noise Σ; W is lower triangular with WᵀW = Σ⁻¹.
+"""External wrench and touched link from external torque τ with noise Σ; W is upper triangular with WᵀW = Σ⁻¹.
 
-With the rows G = S J Wᵀ of a wrench scaled by S, one-sided Jacobi rotations U make the rows of UG orthogonal. The rows
-of US are then directions whose estimates are independent, g·Wτ/|g|² with the standard deviation 1/|g|.
+The rows G = S J Wᵀ of a wrench scaled by S are LQ, with orthonormal rows of Q and rank columns of L, the longest first.
+One-sided Jacobi rotations V make the columns z of LV orthogonal. Along their directions estimates are independent: p/|z|
+with p of VᵀQWτ, and with the standard deviation 1/|z|.
 """
 
 import math
@@ -63,33 +64,61 @@ def _add_multiple(x, factor, y):
 
 
 @nk.kernel
-def _rotate(x, y, cosine, sine):
+def _scale(x, factor):
     for k in range(len(x)):
-        x[k], y[k] = cosine * x[k] - sine * y[k], sine * x[k] + cosine * y[k]
+        x[k] *= factor
 
 
 @nk.kernel
-def whiten(W, x, result):
-    """W x."""
-    for i in range(len(result)):
+def _whiten(W, x, width, result):
+    """Wx of a vector whose entries from `width` on are zero: so are those of the result, which is not written there."""
+    for i in range(width):
         total = 0.0
-        for j in range(i + 1):
+        for j in range(i, width):
             total += W[i, j] * x[j]
         result[i] = total
 
 
 @nk.large_kernel
-def _orthogonalize(rows, along, count):
-    """Rotate rows pairwise until they are orthogonal, the longest first, and the rows of `along` with them."""
+def _decompose(G, y, count, Z, p):
+    """L and p = Qy of G = LQ, the columns of L as rows of Z; return their number. G is overwritten, y keeps y − Qᵀp."""
+    longest = 0.0
+    for rank in range(count):
+        pivot, square = 0, -1.0
+        for i in range(count):
+            length = _dot(G[i], G[i])
+            if length > square:
+                pivot, square = i, length
+        longest = max(longest, square)
+        if square < 0.0:  # no number
+            y[0] = math.nan
+        if not square > ROUNDING * longest:
+            return rank
+        root = math.sqrt(square)
+        Q = G[pivot]
+        p[rank] = _dot(Q, y) / root
+        _add_multiple(y, -p[rank] / root, Q)
+        for i in range(count):
+            Z[rank, i] = _dot(G[i], Q) / root
+        for i in range(count):
+            if i != pivot:
+                _add_multiple(G[i], -Z[rank, i] / root, Q)
+        ws.clear(Q)
+    return count
+
+
+@nk.large_kernel
+def _orthogonalize(Z, p, count):
+    """Rotate rows pairwise until they are orthogonal, the longest first, and the entries of p with them."""
     for _ in range(MAX_ROUNDS):
         rotated = False
         for i in range(count - 1):
             for j in range(i + 1, count):
                 a, b, c = 0.0, 0.0, 0.0
-                for k in range(rows.shape[1]):
-                    x, y = rows[i, k], rows[j, k]
+                for k in range(6):
+                    x, y = Z[i, k], Z[j, k]
                     a, b, c = a + x * x, b + y * y, c + x * y
-                if a >= LONGER * b and (c * c <= ORTHOGONAL * a * b or b <= ROUNDING * a):
+                if a >= LONGER * b and c * c <= ORTHOGONAL * a * b:
                     continue
                 # tan 2φ = 2c/(b − a), |φ| ≤ π/4, and a quarter turn more if the second row is longer.
                 zeta = 0.5 * (b - a)
@@ -99,26 +128,62 @@ def _orthogonalize(rows, along, count):
                 sine = cosine * t
                 if a < b:
                     cosine, sine = -sine, cosine
-                _rotate(rows[i], rows[j], cosine, sine)
-                _rotate(along[i], along[j], cosine, sine)
+                for k in range(6):
+                    Z[i, k], Z[j, k] = cosine * Z[i, k] - sine * Z[j, k], sine * Z[i, k] + cosine * Z[j, k]
+                p[i], p[j] = cosine * p[i] - sine * p[j], sine * p[i] + cosine * p[j]
                 rotated = rotated or a < b or c * c > NEARLY_ORTHOGONAL * a * b
         if not rotated:
             return
 
 
 @nk.large_kernel
-def _scaled_rows(at, bodies, work, J, rows):
-    """G = S J Wᵀ of the first rows; J is overwritten by its rows in the axes of the wrench."""
+def _estimate(Z, p, rank, rest, result):
+    """Wrench, covariance and χ² in scaled units from the observed rows; they become unit vectors, p their deviations."""
+    chi_square = _dot(rest, rest)
+    for k in range(rank):
+        part, square = p[k], _dot(Z[k], Z[k])
+        p[k] = 1.0 / math.sqrt(square)
+        _scale(Z[k], p[k])
+        if square < 1.0:  # not observed
+            chi_square += part * part
+            continue
+        _add_multiple(result[WRENCH], part * p[k], Z[k])
+        for a in range(6):
+            _add_multiple(result[COVARIANCE + a], Z[k, a] / square, Z[k])
+    result[CHI_SQUARE, 0] = chi_square
+
+
+@nk.large_kernel
+def _complete(U, rank, count):
+    """Unit vectors in the rows from `rank` to `count` that are orthogonal to the unit vectors before them."""
+    for k in range(rank, count):
+        axis, largest = 0, -1.0
+        for a in range(count):
+            rest = 1.0
+            for i in range(k):
+                rest -= U[i, a] * U[i, a]
+            if rest > largest:
+                axis, largest = a, rest
+        ws.clear(U[k])
+        U[k, axis] = 1.0
+        for i in range(k):
+            _add_multiple(U[k], -U[i, axis], U[i])
+        _scale(U[k], 1.0 / math.sqrt(_dot(U[k], U[k])))
+
+
+@nk.large_kernel
+def _scaled_rows(at, bodies, work, J, width, rows):
+    """Columns of G = S J Wᵀ before `width`; J is overwritten by its rows in the axes of the wrench."""
     R = records.matrix_of(at.rotation)
     if at.in_world:
         R = joints.pose(bodies, at.body, 0, work).rotation
-    for k in range(J.shape[1]):
+    for k in range(width):
         for first in range(0, at.count, 3):
             v = sp.apply(R, (J[first, k], J[first + 1, k], J[first + 2, k]))
             for a in range(3):
                 J[first + a, k] = at.scale[first + a] * v[a]
     for a in range(at.count):
-        whiten(at.whitening, J[a], rows[a])
+        _whiten(at.whitening, J[a], width, rows[a])
 
 
 @nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)
@@ -126,31 +191,30 @@ def wrench(robot, point, q, tau, result):
     """The wrench that explains τ, at the address `point` of a table :data:`POINT_OF_WRENCH`; see :data:`WRENCH`."""
     if not ws.lengths_match(robot, q, tau, tau):
         return ws.BAD_LENGTH
-    at, memory = _point_at(point), ws.robot_of(robot)
-    J, rows, rest = memory.scratch[:6], memory.scratch[6:12], memory.scratch[12]
-    if not joints.are_finite(tau) or kinematics.jacobian(robot, q, at.body, at.point, J) != 0:
+    at, memory, (bodies, _, work, _) = _point_at(point), ws.robot_of(robot).scratch, ws.opened(robot)
+    if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
         return -1
-    _scaled_rows(at, memory.bodies, memory.work, J, rows)
-    whiten(at.whitening, tau, rest)
+    joints.update_placements(bodies, q, work)
+    width = kinematics.set_jacobian(bodies, at.body, at.point, work, memory[:6])
+    rows, rest = memory[6:12, :width], memory[12]
+    _scaled_rows(at, bodies, work, memory[:6], width, rows)
+    _whiten(at.whitening, tau, len(tau), rest)
     for k in range(WRENCH_ROWS):
         ws.clear(result[k])
-    directions, deviation = result[DIRECTIONS:DEVIATION], result[DEVIATION]
-    for k in range(6):
-        directions[k, k], deviation[k] = at.scale[k], math.inf
-    _orthogonalize(rows, directions, at.count)
-    for k in range(at.count):
-        square, longest = _dot(rows[k], rows[k]), _dot(rows[0], rows[0])
-        if not square > ROUNDING * longest:
-            continue
-        deviation[k] = 1.0 / math.sqrt(square)
-        if square < 1.0:  # not observed
-            continue
-        part = _dot(rows[k], rest) / square
-        _add_multiple(result[WRENCH], part, directions[k])
-        _add_multiple(rest, -part, rows[k])
+    U, p = result[DIRECTIONS:DEVIATION], result[DEVIATION]
+    rank = _decompose(rows, rest[:width], at.count, U, p)
+    _orthogonalize(U, p, rank)
+    _estimate(U, p, rank, rest, result)
+    _complete(U, rank, at.count)
+    for k in range(rank, 6):
+        p[k] = math.inf
+    for k in range(at.count, 6):
+        U[k, k] = 1.0
+    for k in range(DEVIATION):
         for a in range(6):
-            _add_multiple(result[COVARIANCE + a], directions[k, a] / square, directions[k])
-    result[CHI_SQUARE, 0] = _dot(rest, rest)
+            result[k, a] *= at.scale[a]
+            if COVARIANCE <= k < DIRECTIONS:
+                result[k, a] *= at.scale[k - COVARIANCE]
     finite = math.isfinite(result[CHI_SQUARE, 0])
     for k in range(DEVIATION):
         finite = finite and joints.are_finite(result[k])
@@ -210,19 +274,20 @@ def _log_ratio(square, B, b, L, z):
 
 
 @nk.large_kernel
-def _evidence(at, candidate, bodies, work, memory, y):
-    """Log of the mean ratio over the forces of a force of random direction at a random point of a body."""
-    J, rows = memory[:6], memory[6:12]
-    kinematics.set_jacobian(bodies, candidate.body, candidate.point, work, J)
+def _evidence(at, candidate, bodies, work, memory):
+    """Log of the mean over forces of :func:`_log_ratio` for a body; y is the thirteenth vector of the memory."""
+    J = memory[:6]
+    width = kinematics.set_jacobian(bodies, candidate.body, candidate.point, work, J)
     K = records.matrix_of(candidate.spread)
-    for k in range(J.shape[1]):
+    for k in range(width):
         moved = sp.apply(K, (J[3, k], J[4, k], J[5, k]))
         for a in range(3):
             J[a, k] *= SQRT_THIRD
             J[3 + a, k] = moved[a]
     B, b, L, z = work[0].P, work[0].y, work[0].P_rate, work[0].z  # of the world, which has no inertia
+    rows, y = memory[6:12, :width], memory[12, :width]
     for i in range(6):
-        whiten(at.whitening, J[i], rows[i])
+        _whiten(at.whitening, J[i], width, rows[i])
         b[i] = _dot(rows[i], y)
         for j in range(i + 1):
             B[_packed(i, j)] = _dot(rows[i], rows[j])
@@ -243,7 +308,7 @@ def touched_link(robot, candidates, q, tau, result):
     if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
         return -1
     y, probability = memory[12], result[1:]
-    whiten(at.whitening, tau, y)
+    _whiten(at.whitening, tau, len(tau), y)
     ws.clear(result)
     result[0] = _dot(y, y)
     if result[0] < at.threshold:
@@ -251,7 +316,7 @@ def touched_link(robot, candidates, q, tau, result):
     joints.update_placements(bodies, q, work)
     largest, total = -math.inf, 0.0
     for k in range(len(probability)):
-        probability[k] = _evidence(at, at.bodies[k], bodies, work, memory, y)
+        probability[k] = _evidence(at, at.bodies[k], bodies, work, memory)
         largest = max(largest, probability[k])
     for k in range(len(probability)):
         probability[k] = math.exp(probability[k] - largest)

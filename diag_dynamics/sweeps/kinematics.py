@@ -29,14 +29,17 @@ def placement(robot, q, body, result):
 def set_jacobian(bodies, body, point, work, J):
     """J of a point of a body, linear rows first, in the body's axes: a walk down the tree of placed bodies.
 
-    Each body that carries the point adds its direction, seen from the point; a follower adds to its leader's column.
+    Each body that carries the point adds its direction, seen from the point; a follower adds to its leader's column. Returns
+    the number of columns up to the last one that is not zero.
     """
     for row in range(6):
         ws.clear(J[row])
+    width = 0
     R, p = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (point[0], point[1], point[2])
     i = body
     while i > 0:
         S, k = sp.motion_along(bodies[i].direction, bodies[i].multiplier), bodies[i].dof
+        width = max(width, k + 1)
         linear = sp.apply_transposed(R, sp.add(S.linear, sp.cross(S.angular, p)))
         angular = sp.apply_transposed(R, S.angular)
         for axis in range(3):
@@ -45,6 +48,7 @@ def set_jacobian(bodies, body, point, work, J):
         X = records.placement_of(work[i])
         R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
         i = bodies[i].parent
+    return width
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.COUNT, nk.VECTOR, nk.FILLED_MATRIX)
