@@ -16,7 +16,7 @@ __version__ = "0.2.0"
 _NAMES = {
     "model": "JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
-    "results": "BatchEvaluation Evaluation ExternalWrench Factors TouchedLink",
+    "results": "BatchEvaluation Evaluation ExternalWrench Factors Momentum TouchedLink",
     "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError "
     "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
     "contact.geometry": "link_geometry",
@@ -98,6 +98,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.results import Evaluation as Evaluation
     from diag_dynamics.results import ExternalWrench as ExternalWrench
     from diag_dynamics.results import Factors as Factors
+    from diag_dynamics.results import Momentum as Momentum
     from diag_dynamics.results import TouchedLink as TouchedLink
     from diag_dynamics.simulation import CompliantLimits as CompliantLimits
     from diag_dynamics.simulation import EnergyAudit as EnergyAudit

@@ -399,6 +399,21 @@ class Factors(NamedTuple):
     unit: Array
     D: Array
 
+
+class Momentum(NamedTuple):
+    """Generalized momentum and its rate without efforts, for one state or a row for each: ṗ = τ + rate.
+
+    Attributes
+    ----------
+    p : ndarray, shape (nv,) or (T, nv)
+        M q̇ [N m s, N s].
+    rate : ndarray, shape (nv,) or (T, nv)
+        C_sᵀq̇ − g [N m, N].
+    """
+
+    p: Array
+    rate: Array
+
     def to_dict(self) -> dict[str, Array]:
         """Return all factors by name."""
         return self._asdict()

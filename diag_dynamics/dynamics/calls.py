@@ -42,11 +42,14 @@ class VectorSweep(NamedTuple):
     number: int
     gravity: tuple[float, ...] = ()
     """Factor of gravity, an argument of inverse dynamics alone."""
+    vectors: int = 1
+    """Vectors in the result, one after another."""
 
 
 FORWARD_DYNAMICS = VectorSweep(classical.forward_dynamics, batch.FORWARD)
 INVERSE_DYNAMICS = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (1.0,))
 WITHOUT_GRAVITY = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (0.0,))
+MOMENTUM = VectorSweep(classical.momentum, batch.MOMENTUM, vectors=2)
 NU_FROM_QD = VectorSweep(factorization.nu_from_qd, batch.NU_FROM_QD)
 QD_FROM_NU = VectorSweep(factorization.qd_from_nu, batch.QD_FROM_NU)
 EPSILON_FROM_TAU = VectorSweep(factorization.epsilon_from_tau, batch.EPSILON_FROM_TAU)
@@ -67,7 +70,7 @@ class SweepCaller:
 
     def vector(self, sweep: VectorSweep, at: States, problem: str = "") -> Array:
         """Return the vector of a sweep; `problem` is its error, by default that of an argument."""
-        result, vectors = self._empty(at, self.nv), at.vectors.values()
+        result, vectors = self._empty(at, sweep.vectors * self.nv), at.vectors.values()
         if at.threads:
             A, B = (*vectors, self._zeros)[:2]
             inputs = sweep.number, at.q, A, B, sum(sweep.gravity)

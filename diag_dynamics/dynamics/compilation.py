@@ -25,10 +25,11 @@ METHODS = {
     batch.effort_of_wrenches_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch",
     batch.sweep_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch bias_batch "
     "gravity_torque_batch nu_from_qd_batch qd_from_nu_batch epsilon_from_tau_batch "
-    "tau_from_epsilon_batch",
+    "tau_from_epsilon_batch momentum_batch",
     factors.factors: "factors",
     classical.forward_dynamics: "forward_dynamics",
     classical.inverse_dynamics: "inverse_dynamics bias gravity_torque",
+    classical.momentum: "momentum",
     classical.effort_of_wrenches: "evaluate forward_dynamics inverse_dynamics",
     classical.mass_matrix: "mass_matrix",
     factorization.nu_from_qd: "nu_from_qd impact",

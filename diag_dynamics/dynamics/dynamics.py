@@ -37,6 +37,7 @@ from diag_dynamics.results import (
     Evaluation,
     ExternalWrench,
     Factors,
+    Momentum,
     TouchedLink,
     memory_of,
 )
@@ -326,6 +327,16 @@ class DiagonalDynamics:
         """Return g(q) [N m, N], shape (nv,): the effort that balances gravity at rest."""
         at = self._arguments.states(q, threads, qd=self._zero, qdd=self._zero)
         return self._caller.vector(calls.INVERSE_DYNAMICS, at)
+
+    def momentum(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Momentum:
+        """Return p = M q̇ and C_sᵀq̇ − g, its rate without efforts, as :class:`Momentum`, in O(N) without M.
+
+        ṗ = τ + C_sᵀq̇ − g with Ṁ = C_s + C_sᵀ. The rate is ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of
+        the components in body axes for joints of several degrees of freedom.
+        """
+        at = self._arguments.states(q, threads, qd=qd)
+        both = self._caller.vector(calls.MOMENTUM, at)
+        return Momentum(both[..., : self._nv], both[..., self._nv :])
 
     # --- The four sweeps
 
@@ -686,6 +697,7 @@ class DiagonalDynamics:
     friction_torque_batch = friction_torque
     bias_batch = bias
     gravity_torque_batch = gravity_torque
+    momentum_batch = momentum
     nu_from_qd_batch = nu_from_qd
     qd_from_nu_batch = qd_from_nu
     epsilon_from_tau_batch = epsilon_from_tau

@@ -278,7 +278,7 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
 
 # --- Other sweeps ---
 
-FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = range(6)
+FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON, MOMENTUM = range(7)
 """Sweeps of :func:`sweep_each`."""
 
 
@@ -297,6 +297,8 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
             status = factorization.qd_from_nu(robot, q, a, result)
         elif which == EPSILON_FROM_TAU:
             status = factorization.epsilon_from_tau(robot, q, a, result)
+        elif which == MOMENTUM:
+            status = classical.momentum(robot, q, a, result)
         else:
             status = factorization.tau_from_epsilon(robot, q, a, result)
         if status != 0:

@@ -150,6 +150,41 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     return 0 if joints.are_finite(tau) else -1
 
 
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def momentum(robot, q, qd, result):
+    """Momentum p = M q̇, then its rate without efforts C_sᵀq̇ − g: Sᵀh and Sᵀ(F − V ×* h) of a joint.
+
+    h and F are momentum and weight of all bodies outboard, in the axes of the joint.
+    """
+    bodies, gravity, work, _ = ws.opened(robot)
+    if not (joints.are_positions(bodies, q) and joints.are_finite(qd)):
+        return -1
+    nv = len(qd)
+    ws.clear(result)
+    joints.set_base_at_rest(work)
+    joints.set_base_acceleration(gravity, -1.0, work)
+    for i in range(1, len(bodies)):
+        body, w = bodies[i], work[i]
+        X = joints.update_placement(body, q, w)
+        V = joints.update_velocity(body, qd, work, w)
+        g = sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
+        records.set_motion(w.acceleration, g)
+        records.set_force(w.y, joints.momentum(body, V))
+        records.set_force(w.z, joints.momentum(body, g))
+        result[body.dof] += body.multiplier * (body.armature * body.multiplier * qd[body.dof])
+    for i in range(len(bodies) - 1, 0, -1):
+        body, w = bodies[i], work[i]
+        V = records.motion_of(work[i + body.dofs - 1 - body.rank].V)  # of the whole joint
+        h, F = records.force_of(w.y), records.force_of(w.z)
+        along = sp.along(body.direction, sp.subtract_force(F, sp.cross_force(V, h)))
+        result[body.dof] += body.multiplier * sp.along(body.direction, h)
+        result[nv + body.dof] += body.multiplier * along
+        if body.parent > 0:
+            records.add_to_force(work[body.parent].y, joints.force_inboard(body, w, h))
+            records.add_to_force(work[body.parent].z, joints.force_inboard(body, w, F))
+    return 0 if joints.are_finite(result) else -1
+
+
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, records.WRENCHES, nk.FLAG, nk.FILLED_VECTOR)
 def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world, by walks down the tree."""

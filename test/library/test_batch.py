@@ -107,6 +107,8 @@ def test_other_batches_equal_single_calls(dyn, threads):
         expected = [getattr(dyn, name)(*state) for state in zip(*columns, strict=True)]
         options = {"threads": threads} if name in arguments else {}
         np.testing.assert_array_equal(getattr(dyn, f"{name}_batch")(*columns, **options), expected, err_msg=name)
+    expected = [dyn.momentum(*state) for state in zip(Q, QD, strict=True)]
+    np.testing.assert_array_equal(dyn.momentum_batch(Q, QD, threads=threads), np.swapaxes(expected, 0, 1))
 
 
 def test_methods_take_one_state_or_rows(dyn):

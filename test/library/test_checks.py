@@ -102,6 +102,7 @@ WRONG = [
     (lambda d: d.mass_matrix(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.gravity_torque(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.bias(Z, NAN), "qd of joint 'elbow' is nan"),
+    (lambda d: d.momentum(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.nu_from_qd(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.qd_from_nu(Z, NAN), "nu of joint 'elbow' is nan"),
     (lambda d: d.epsilon_from_tau(Z, NAN), "tau of joint 'elbow' is nan"),

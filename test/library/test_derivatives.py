@@ -270,6 +270,15 @@ def coriolis_product(c):
         assert_close(actual, bias / c.unit, 1e-12, scale * norm(c.t.qd * c.unit))
 
 
+def momentum(c):
+    """M q̇, and C_sᵀq̇ − g, with Pinocchio's M, C_s and g."""
+    p, rate = c.dyn.momentum(c.t.q, c.t.qd)
+    size = norm(c.t.qd * c.unit)
+    assert_close(p / c.unit, c.t.M @ c.t.qd / c.unit, 1e-12, size)
+    scale = c.weight * size + norm(c.t.g / c.unit)
+    assert_close(rate / c.unit, (c.t.C_s.T @ c.t.qd - c.t.g) / c.unit, 1e-12, scale)
+
+
 def coriolis_product_is_skew(c):
     """Ṁ − 2C_s is skew: C_s + C_sᵀ = Ṁ, both of the library, C_s column by column."""
     weigh = np.outer(c.unit, c.unit)
@@ -434,6 +443,7 @@ LAWS = (
     mass_matrix_rate_sums_partial_derivatives,
     mass_matrix_ignores_what_is_inboard,
     coriolis_product,
+    momentum,
     coriolis_product_is_skew,
     rates_vanish_at_rest,
     inertia_rate,

@@ -97,6 +97,7 @@ def everything(dyn, sample) -> dict:
         **{name: getattr(dyn, name)(q, qd) for name in ("nu_from_qd", "qd_from_nu")},
         **{name: getattr(dyn, name)(q, qd, qdd) for name in ("m_rate_transposed", "coriolis_bracket")},
         **{name: getattr(dyn, name)(q, qd, qdd) for name in ("mass_matrix_rate_times", "coriolis_product")},
+        "momentum": np.concatenate(dyn.momentum(q, qd)),
         "forward_dynamics": dyn.forward_dynamics(q, qd, tau),
         "inverse_dynamics": dyn.inverse_dynamics(q, qd, qdd),
         "wrench_factor": dyn.wrench_factor(q, tip, **at),
