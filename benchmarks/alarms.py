@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Alarms by the observer on total joint rates beside those by the classical one on momenta: calibrated and judged alike.
+"""Alarms by an observer that settles on the torque beside those by one that settles on its working moment, calibrated alike.
 
 `python benchmarks/alarms.py` in the sourced environment writes alarms.md into results; with --short it pushes less often and
 writes into a folder that is given.
@@ -10,24 +10,24 @@ Real recordings without contact (../shared/recordings) have pushes put into thei
 a push is what the efforts are short of. One half of a recording calibrates, the other one is pushed. The simulated arm is
 pushed indeed, under a tracking law, and has other friction than the observers know of.
 
-The classical observer (De Luca and Mattone, 2003) is r = K_O[p − p₀ − ∫(τ + C_sᵀq̇ − g + r)dt] with p = Mq̇, here with
-Pinocchio's matrices. Its r is what m r is of the other, √(rᵀM⁻¹r) what |r| is. All see the same samples, integrated alike.
+The first is the classical observer (De Luca and Mattone, 2003) in other coordinates: m r is its residual.
 """
 
 import argparse
 import os
 import tempfile
 import xml.etree.ElementTree as ET
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 import diag_dynamics as dd
 from diag_dynamics.collision.calibration import calibrate_residuals, format_rate
 from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.residuals import Residuals
+from diag_dynamics.control.observer import SETTLES_ON
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.observer import Observed
 
@@ -65,10 +65,6 @@ class Robot:
         self.model = dd.load_urdf(str(urdf), **options)
         self.dyn = dd.DiagonalDynamics(self.model)
         self.friction = friction  # viscous, Coulomb, offset of each joint, taken out of the efforts of both
-        full = pin.buildModelFromUrdf(str(urdf))
-        held = [full.getJointId(j) for j in full.names[1:] if j not in self.model.dof_names]
-        self.pin = pin.buildReducedModel(full, held, pin.neutral(full)) if held else full
-        assert tuple(self.pin.names[1:]) == self.model.dof_names
 
     def without_friction(self, states):
         """Efforts less those of friction that is known, and of offsets."""
@@ -78,33 +74,11 @@ class Robot:
         known = viscous * states.qd + coulomb * np.tanh(states.qd / 5e-3) + offset
         return states._replace(tau=states.tau - known)
 
-    def on_total_rates(self, states):
-        """What the library's observer sees."""
-        observer = dd.DisturbanceObserver(self.dyn, GAIN)
+    def observed(self, states, settles_on):
+        """What an observer sees."""
+        observer = dd.DisturbanceObserver(self.dyn, GAIN, settles_on=settles_on)
         results = [observer.update(1e-9 * (t - states.stamps[0]), *row) for t, *row in zip(*states, strict=True)]
         return _observed(states, [(x.residual, x.external_torque) if x.valid else None for x in results])
-
-    def on_momenta(self, states):
-        """What the classical observer sees."""
-        model, data = self.pin, self.pin.createData()
-        r, last, rows = np.zeros(model.nv), None, []
-        for stamp, q, qd, tau in zip(*states, strict=True):
-            if last is not None and stamp == last[0]:
-                rows.append(rows[-1])
-                continue
-            M = np.triu(pin.crba(model, data, q))
-            M += np.triu(M, 1).T
-            C_s, g = pin.computeCoriolisMatrix(model, data, q, qd), pin.computeGeneralizedGravity(model, data, q)
-            now = stamp, M @ qd, tau + C_s.T @ qd - g
-            if last is None:
-                rows.append(None)
-            else:
-                dt = 1e-9 * (stamp - last[0])
-                external = (now[1] - last[1]) / dt - 0.5 * (now[2] + last[2])
-                r = r - np.expm1(-GAIN * dt) * (external - r)
-                rows.append((np.linalg.solve(np.linalg.cholesky(M), r), r))
-            last = now
-        return _observed(states, rows)
 
 
 def _observed(states, rows):
@@ -114,7 +88,7 @@ def _observed(states, rows):
     return Observed(1e-9 * states.stamps, residual, torque, norm, valid, np.zeros(len(rows), dtype=bool))
 
 
-OBSERVERS = {"total rates": Robot.on_total_rates, "momenta": Robot.on_momenta}
+OBSERVERS = {x.replace("_", " "): partial(Robot.observed, settles_on=x) for x in SETTLES_ON}
 
 
 class Push(NamedTuple):
@@ -260,6 +234,7 @@ class Row(NamedTuple):
     duration: float  # [s] calibrated with
     held_out: str
     false: str  # alarms of the trial without a push, per minute
+    spread: float  # rms of m r in it [N m]
     seen: dict  # by force: of all, of which seen
     median: float  # delay [s] of pushes that are seen, of all forces
     common: float  # the same of those that both observers see
@@ -272,7 +247,7 @@ def judge(name, names, quiet, trials):
         residuals = Residuals(len(names))
         stamps, observed = free[0]
         residuals.add_states(stamps, observed.residual, observed.external_torque, observed.valid)
-        found = calibrate_residuals(residuals, names, GAIN, FALSE_ALARMS, AlarmThresholds({}))
+        found = calibrate_residuals(residuals, names, FALSE_ALARMS, AlarmThresholds({}), gain=GAIN, friction=False)
         which = {
             "all": found,
             "joints alone": AlarmThresholds(found.joints),
@@ -294,6 +269,7 @@ def judge(name, names, quiet, trials):
             rows.append(
                 Row(
                     name, observer, label, found.duration, f"{found.held_out}", f"{false} in {60 * minutes:.0f} s",
+                    float(np.sqrt(np.nanmean(observed.external_torque**2))),
                     {force: (len(lags), int(np.isfinite(lags).sum())) for force, lags in seen.items()},
                     float(np.median([x for x in late if np.isfinite(x)] or [np.nan])), np.nan,
                 )
@@ -388,14 +364,15 @@ def table(rows):
                 "",
                 f"Calibrated on {row.duration:.0f} s.",
                 "",
-                f"| detectors | observer | held out | false | {' | '.join(heads)} | median delay | common |",
-                "|---" * (6 + len(heads)) + "|",
+                "| detectors | settles on | held out | false | rms m r [N m] "
+                f"| {' | '.join(heads)} | median delay | common |",
+                "|---" * (7 + len(heads)) + "|",
             ]
         seen = [f"{part} of {whole}" for whole, part in row.seen.values()]
-        cells = [row.detectors.replace("|", r"\|"), row.observer, row.held_out, row.false, *seen]
+        cells = [row.detectors.replace("|", r"\|"), row.observer, row.held_out, row.false, f"{row.spread:.3g}", *seen]
         cells += ["none" if np.isnan(late) else f"{1e3 * late:.0f} ms" for late in (row.median, row.common)]
         lines.append(f"| {' | '.join(cells)} |")
-        if row.detectors == "|r| alone" and row.observer == "momenta":
+        if row.detectors == "|r| alone" and row.observer == "working moment":
             lines.append("")
     return "\n".join(lines)
 

@@ -114,7 +114,7 @@ class Arm:
 
     def on_total_rates(self, stream, gain):
         """Residuals of the library's observer, and τ_ext ≈ m r."""
-        observer = dd.DisturbanceObserver(self.dyn, gain, np.inf, effort="held")
+        observer = dd.DisturbanceObserver(self.dyn, gain, np.inf, effort="held", settles_on="working_moment")
         results = [observer.update(k * PERIOD, *sample) for k, sample in enumerate(zip(*stream[:3], strict=True))]
         zero = np.zeros(self.model.nv)
         return (

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Disturbance observer on total joint rates: external torque without the derivative of M."""
+"""Disturbance observer: external torque without accelerations, and its working moment ℓτ_ext."""
 
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from diag_dynamics.control.laws import Gain
 from diag_dynamics.control.limits import names_where
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+
+SettlesOn = Literal["torque", "working_moment"]
+SETTLES_ON: tuple[SettlesOn, ...] = "torque", "working_moment"
+"""What an observer settles on; the first is the default."""
 
 
 class Disturbance(NamedTuple):
@@ -38,20 +42,24 @@ class Disturbance(NamedTuple):
 class _Sample(NamedTuple):
     time: float  # [s]
     q: Array
-    nu: Array
-    resisting: Array  # C + ε_g + ε_fric
-    epsilon: Array
+    momentum: Array  # ν, or p = M q̇
+    resisting: Array  # C + ε_g + ε_fric, or g − C_sᵀq̇ + τ_fric
+    applied: Array  # ε, or τ
 
 
 class DisturbanceObserver:
-    """Observer ṙ = K_O(ε_ext − r) of working moments beyond ε = ℓτ, from r = K_O[ν − ν₀ − ∫(ε − C − ε_g − ε_fric + r)dt].
+    """Observer of the external torque τ_ext, and of its working moment r = ℓτ_ext. |r|² has one unit for all joints.
 
-    It needs no acceleration and no derivative of M. Each component of r is a first-order filter of its own. |r|² has the same
-    unit for all joints, so that one threshold serves them. A constant τ_ext on a moving arm is a varying ε_ext, which r
-    follows with a lag of 1/K_O.
+    It needs no acceleration. `settles_on` is what each component follows as a first-order filter:
 
-    The impulse of ε_ext between two samples is Δν − ∫(ε − C − ε_g − ε_fric)dt by the trapezoidal rule. r is the exact
-    response to it spread evenly: stable for any K_O dt, where an Euler step needs K_O dt < 0.5.
+    * "torque" (default): (m r)˙ = K_O(τ_ext − m r), from ṗ = τ + τ_ext + C_sᵀq̇ − g − τ_fric with p = M q̇. It settles on a
+      constant torque, also on a moving arm. In total joint rates this is ṙ = K_O(ε_ext − r) − ℓṁ r.
+    * "working_moment": ṙ = K_O(ε_ext − r), from ν̇ = ε + ε_ext − C − ε_g − ε_fric. A constant τ_ext on a moving arm is a
+      varying ε_ext, which r follows with a lag of 1/K_O.
+
+    The mean of τ_ext or ε_ext between two samples is the change of p or ν over the interval, minus the mean of the other
+    terms by the trapezoidal rule. The filter's response to it is exact: stable for any K_O dt, where an Euler step
+    requires K_O dt < 0.5.
 
     The gain is K_O > 0 [1/s], one for all components or one for each. `collision` is set above the threshold of |r| [J^½/s],
     by default never, and reset below `release`, by default half of it. Efforts are "sampled" with the state, or "held" on the
@@ -70,9 +78,12 @@ class DisturbanceObserver:
         effort: Literal["sampled", "held"] = "sampled",
         friction: bool = True,
         max_gap: float = 0.1,
+        settles_on: SettlesOn = "torque",
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
         choice("effort", effort, ("sampled", "held"))
+        choice("settles_on", settles_on, SETTLES_ON)
+        self.settles_on = settles_on
         self._dynamics, self._names = dynamics, dynamics.model.dof_names
         self.gain = per_name("gain", gain, self._names, "a finite number > 0 [1/s]")
         self.threshold = _threshold("threshold", threshold)
@@ -90,14 +101,15 @@ class DisturbanceObserver:
             others, own = (", ".join(names) for names in (dynamics.model.dof_names, self._names))
             raise InputError(f"dynamics have the degrees of freedom {others}, expected {own}.")
         before, self._dynamics = self._dynamics, dynamics
-        dynamics.compile("evaluate", "tau_from_epsilon", "epsilon_from_tau")
+        on_torque = "momentum", "epsilon_from_tau"
+        dynamics.compile(*(on_torque if self._on_torque else ("evaluate", "tau_from_epsilon", "epsilon_from_tau")))
         if dynamics.model.bodies is not before.model.bodies:
             self.reset()
 
     def reset(self) -> None:
         """Reset r to zero; the next sample is the first one."""
         self._sample: _Sample | None = None
-        self._residual: Array = np.zeros(len(self._names))
+        self._filtered: Array = np.zeros(len(self._names))  # m r, or r
         self._collision = False
         self._last = Disturbance(False, "no sample since the reset")
 
@@ -123,10 +135,7 @@ class DisturbanceObserver:
         interval = 0.0 if before is None else time - before.time
         if before and interval == 0.0:
             return self._last
-        dynamics = self._dynamics
-        s = dynamics.evaluate(q, qd, effort, friction=self._friction and dynamics.model.has_friction)
-        resisting, applied = s.coriolis + s.gravity, cast(Array, s.epsilon)  # there are efforts
-        resisting += 0.0 if s.friction is None else s.friction
+        sample = self._sample_at(time, q, qd, effort)
         reason = "" if before else "first sample"
         if interval < 0.0:
             reason = f"time went back by {-interval:g} s"
@@ -136,23 +145,50 @@ class DisturbanceObserver:
             self.reset()
             self._last = Disturbance(False, reason)
         else:
-            epsilon = dynamics.epsilon_from_tau(before.q, effort) if self._held else before.epsilon
-            mean = 0.5 * (epsilon + applied - before.resisting - resisting)
-            external = (s.nu - before.nu) / interval - mean
-            self._residual = self._residual - np.expm1(-self.gain * interval) * (external - self._residual)
+            applied = before.applied
+            if self._held:
+                applied = sample.applied if self._on_torque else self._dynamics.epsilon_from_tau(before.q, effort)
+            mean = 0.5 * (applied + sample.applied - before.resisting - sample.resisting)
+            external = (sample.momentum - before.momentum) / interval - mean
+            self._filtered = self._filtered - np.expm1(-self.gain * interval) * (external - self._filtered)
             self._last = self._result(q)
-        self._sample = _Sample(time, q, s.nu, resisting, applied)
+        self._sample = sample
         return self._last
 
+    @property
+    def _on_torque(self) -> bool:
+        return self.settles_on == "torque"
+
+    def _sample_at(self, time: float, q: Array, qd: VectorLike, effort: Any) -> _Sample:
+        dynamics, friction = self._dynamics, self._friction and self._dynamics.model.has_friction
+        if self._on_torque:
+            applied = vector("tau", effort, self._names)
+            qd = vector("qd", qd, self._names)
+            p, rate = dynamics.momentum(q, qd)
+            return _Sample(time, q, p, (dynamics.friction_torque(qd) if friction else 0.0) - rate, applied)
+        s = dynamics.evaluate(q, qd, effort, friction=friction)
+        resisting = s.coriolis + s.gravity
+        resisting += 0.0 if s.friction is None else s.friction
+        return _Sample(time, q, s.nu, resisting, cast(Array, s.epsilon))  # there are efforts
+
     def _result(self, q: Array) -> Disturbance:
-        r = self._residual
-        with np.errstate(over="ignore", invalid="ignore"):
-            norm = math.sqrt(r @ r)
+        x, dynamics = self._filtered, self._dynamics
+        norm = _norm(x)
+        if self._on_torque and math.isfinite(norm):
+            r, torque = dynamics.epsilon_from_tau(q, x), x.copy()
+            norm = _norm(r)
         if not math.isfinite(norm):  # an overflow does not recover
             self.reset()
             return Disturbance(False, "the residual was larger than any number")
+        if not self._on_torque:
+            r, torque = x.copy(), dynamics.tau_from_epsilon(q, x)
         self._collision = norm >= self.release if self._collision else norm > self.threshold
-        return Disturbance(True, "", r.copy(), self._dynamics.tau_from_epsilon(q, r), norm, self._collision)
+        return Disturbance(True, "", r, torque, norm, self._collision)
+
+
+def _norm(x: Array) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        return math.sqrt(x @ x)
 
 
 def _threshold(name: str, value: float) -> float:

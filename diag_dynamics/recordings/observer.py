@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, VectorLike
-from diag_dynamics.checks import instance, per_name, positive
+from diag_dynamics.checks import choice, instance, per_name, positive
+from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.findings import explain_missing_efforts
@@ -66,6 +67,7 @@ def observe(
     release: float | None = None,
     friction: bool = True,
     max_gap: float = 0.1,
+    settles_on: SettlesOn = "torque",
     threads: int | None = None,
 ) -> Observed:
     """Observe external torque over a recording, as :class:`DisturbanceObserver` does from state to state.
@@ -75,7 +77,7 @@ def observe(
     dynamics : DiagonalDynamics
         Of the recording's robot.
     recording : Recording
-    gain, threshold, release, max_gap
+    gain, threshold, release, max_gap, settles_on
         As of :class:`DisturbanceObserver`.
     friction : bool
         Whether friction that the model has is no external torque.
@@ -95,7 +97,8 @@ def observe(
     require_same_robot(dynamics, recording)
     if recording.tau is None:
         require_efforts(len(recording) > 0, recording.counts)
-    observer = Observer(dynamics, gain, threshold, release, friction=friction, max_gap=max_gap, threads=threads)
+    options = {"friction": friction, "max_gap": max_gap, "settles_on": settles_on, "threads": threads}
+    observer = Observer(dynamics, gain, threshold, release, **options)
     batches = [columns for _, columns in observer.observe_states(recording.states)]
     return Observed(recording.t, *map(np.concatenate, zip(*batches, strict=True)))
 
@@ -120,13 +123,26 @@ def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
 class Observer:
     """Observe states batch by batch; arguments are those of :func:`observe`."""
 
-    def __init__(self, dynamics, gain, threshold=np.inf, release=None, *, friction, max_gap=0.1, threads=None):
+    def __init__(
+        self,
+        dynamics,
+        gain,
+        threshold=np.inf,
+        release=None,
+        *,
+        friction,
+        max_gap=0.1,
+        settles_on="torque",
+        threads=None,
+    ):
         names, count = dynamics.model.dof_names, dynamics.model.nv
         gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
         self._threshold = np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
         self._release = 0.5 * self._threshold if release is None else positive("release", release, "[J^½/s]")
         if self._release > self._threshold:
             raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}.")
+        choice("settles_on", settles_on, SETTLES_ON)
+        self._on_torque = settles_on == "torque"
         self._dynamics, self._friction, self._threads = dynamics, friction, threads
         self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
         self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
@@ -137,14 +153,15 @@ class Observer:
         """Evaluate and observe states; yield stamps [ns] and :class:`ObservedStates` of batches."""
         for first in range(0, len(states), SIZE):
             part = states[first : first + SIZE]
-            columns = part.position, part.velocity, np.nan_to_num(part.effort)
-            s = self._dynamics.evaluate_batch(*columns, threads=self._threads, friction=self._friction)
+            s, columns = None, (part.position, part.velocity, np.nan_to_num(part.effort))
+            if not self._on_torque:
+                s = self._dynamics.evaluate_batch(*columns, threads=self._threads, friction=self._friction)
             yield part.stamp, self.observe_batch(part, s)
 
     def observe_batch(self, states, s):
-        """Return :class:`ObservedStates`, given the BatchEvaluation of states."""
+        """Return :class:`ObservedStates`, given the BatchEvaluation of states, which "torque" does not require."""
         samples = self._chain.select(states)
-        results = self._observe_samples(samples, states.position[samples.rows], s)
+        results = self._observe_samples(samples, states, s)
         if not isinstance(samples.rows, slice):  # not every state is a sample
             for k, (last, column) in enumerate(zip(self._last, results, strict=True)):
                 results[k] = np.zeros((len(states.stamp), *column.shape[1:]), column.dtype)
@@ -156,18 +173,31 @@ class Observer:
             column[invalid] = np.nan
         return ObservedStates(*results)
 
-    def _observe_samples(self, samples, positions, s):
-        """Return residual, external torque, norm, whether they are valid, and collision of the samples."""
-        rows, interval = samples.rows, samples.interval
+    def _balance(self, rows, states, s):
+        """Return momentum, resisting and applied terms of samples, as DisturbanceObserver has them."""
+        if self._on_torque:
+            rates = states.velocity[rows]
+            p, rate = self._dynamics.momentum_batch(states.position[rows], rates, threads=self._threads)
+            friction = self._dynamics.friction_torque_batch(rates) if self._friction else 0.0
+            return np.ascontiguousarray(p), friction - rate, states.effort[rows]
         resisting = s.coriolis[rows] + s.gravity[rows]
         if self._friction:
             resisting += s.friction[rows]
-        residual, norm = np.empty_like(resisting), np.empty(len(resisting))
-        nu, epsilon = s.nu[rows], s.epsilon[rows]
-        observe_samples(self._gain, interval, nu, resisting, epsilon, self._sample, residual, norm)
+        return s.nu[rows], resisting, s.epsilon[rows]
+
+    def _observe_samples(self, samples, states, s):
+        """Return residual, external torque, norm, whether they are valid, and collision of the samples."""
+        rows, interval, threads = samples.rows, samples.interval, {"threads": self._threads}
+        terms, positions = self._balance(rows, states, s), states.position[rows]
+        x, norm = np.empty_like(terms[1]), np.empty(len(interval))
+        observe_samples(self._gain, interval, *terms, self._sample, x, norm)
         valid = (interval > 0.0) & np.isfinite(norm)
-        residual[~valid], norm[~valid] = 0.0, 0.0
-        torque = self._dynamics.tau_from_epsilon_batch(positions, residual, threads=self._threads)
+        x[~valid], norm[~valid] = 0.0, 0.0
+        if self._on_torque:
+            residual, torque = self._dynamics.epsilon_from_tau_batch(positions, x, **threads), x
+            norm = np.sqrt((residual * residual).sum(axis=1))
+        else:
+            residual, torque = x, self._dynamics.tau_from_epsilon_batch(positions, x, **threads)
         above = norm > self._threshold
         changes = np.append(True, above | ~valid | (norm < self._release))
         last_change = np.maximum.accumulate(np.where(changes, np.arange(len(changes)), 0))

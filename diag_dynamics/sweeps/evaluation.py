@@ -364,22 +364,22 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
 @nk.entry_kernel(
     nk.VECTOR, nk.VECTOR, *[nk.MATRIX] * 3, nk.FILLED_MATRIX, nk.FILLED_MATRIX, nk.FILLED_VECTOR, nogil=True
 )
-def observe_samples(gain, interval, nu, resisting, epsilon, last, residual, norm):
-    """Write r, ṙ = K (ε_ext − r) as DisturbanceObserver has it, and |r| of samples.
+def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm):
+    """Write x, m r or r of DisturbanceObserver, and |x| of samples.
 
-    `last` has r, ν, ε_g + C + ε_fric and ε of the sample before, and then of the last one.
+    `last` has x, momentum, resisting and applied terms of the sample before, and then of the last one.
     """
     for t in range(len(interval)):
         square = 0.0
         for k in range(len(gain)):
-            r = 0.0
+            filtered = 0.0
             if interval[t] > 0.0:
-                mean = 0.5 * (last[3, k] + epsilon[t, k] - last[2, k] - resisting[t, k])
-                external = (nu[t, k] - last[1, k]) / interval[t] - mean
-                r = last[0, k] - math.expm1(-gain[k] * interval[t]) * (external - last[0, k])
-            residual[t, k] = r
-            square += r * r
-            last[0, k], last[1, k], last[2, k], last[3, k] = r, nu[t, k], resisting[t, k], epsilon[t, k]
+                mean = 0.5 * (last[3, k] + applied[t, k] - last[2, k] - resisting[t, k])
+                external = (momentum[t, k] - last[1, k]) / interval[t] - mean
+                filtered = last[0, k] - math.expm1(-gain[k] * interval[t]) * (external - last[0, k])
+            x[t, k] = filtered
+            square += filtered * filtered
+            last[0, k], last[1, k], last[2, k], last[3, k] = filtered, momentum[t, k], resisting[t, k], applied[t, k]
         norm[t] = math.sqrt(square)
         if not math.isfinite(norm[t]):
             for k in range(len(gain)):

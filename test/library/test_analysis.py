@@ -245,12 +245,13 @@ def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
 # --- Observer and contact ---
 
 
-def test_observer_is_that_of_single_states(tmp_path, ur5, motion):
+@pytest.mark.parametrize("settles_on", ["torque", "working_moment"])
+def test_observer_is_that_of_single_states(tmp_path, ur5, motion, settles_on):
     """To the last bit, over gaps, lost efforts, jumps and repeated stamps."""
     recording = dd.read_recording(write_columns(tmp_path / "x.npz", *broken(motion)), ur5)
     dynamics, states = dd.DiagonalDynamics(ur5), recording.states
-    seen = dd.observe(dynamics, recording, 30.0, threshold=0.4)
-    single = dd.DisturbanceObserver(dynamics, 30.0, 0.4, friction=True)
+    seen = dd.observe(dynamics, recording, 30.0, threshold=0.4, settles_on=settles_on)
+    single = dd.DisturbanceObserver(dynamics, 30.0, 0.4, friction=True, settles_on=settles_on)
     for k, row in enumerate(zip(states.position, states.velocity, states.effort, strict=True)):
         if states.jumped[k]:
             single.reset()
