@@ -40,6 +40,8 @@ def add_arguments(parser):
     common.add_recording(parser, "recordings without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
     text = "accepted rate of false alarms, all detectors together: N/s, N/min or N/h (default: %(default)s)"
     parser.add_argument("--false-alarms", metavar="N/min", default="1/min", help=text)
+    text = "accepted rate of false contacts, for the lower thresholds (default: ten times that of false alarms)"
+    parser.add_argument("--false-contacts", metavar="N/min", help=text)
     for option, default, text in (
         ("--gain", common.GAIN, "gain of the disturbance observer [1/s]"),
         ("--release", RELEASE, "fraction of its threshold below which a detector releases"),
@@ -55,25 +57,26 @@ def add_arguments(parser):
 
 def run(chosen):
     """Calibrate; return the exit status."""
-    rate, parameters = parse_rate(chosen.false_alarms), common.chosen_parameters(chosen)
+    rate, parameters = parse_rate("--false-alarms", chosen.false_alarms), common.chosen_parameters(chosen)
+    contacts = chosen.false_contacts and parse_rate("--false-contacts", chosen.false_contacts)
     with Progress(chosen.quiet) as progress:
         robot = common.chosen_robot(chosen)
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
-        friction, max_gap = (
-            parameters.get(name, PARAMETERS[name].default)
-            for name in ("external_torque.friction", "external_torque.max_gap")
-        )
+        names = [f"external_torque.{name}" for name in ("friction", "max_gap", "settles_on")]
+        friction, max_gap, settles_on = (parameters.get(name, PARAMETERS[name].default) for name in names)
         found = calibrate(
             [one.pieces() for one in recordings],
             DiagonalDynamics(model),
             chosen.gain,
             rate,
+            contacts,
             release=chosen.release,
             hold_off=chosen.hold_off,
             standing=chosen.standing or math.inf,
             friction=friction and model.has_friction,
             max_gap=max_gap,
+            settles_on=settles_on,
             threads=chosen.threads,
         )
     found.save(chosen.output, _notes(chosen))
@@ -93,33 +96,35 @@ def _notes(chosen):
     return notes
 
 
-def parse_rate(text):
-    """Return the rate of a text such as ``1/min`` [1/s]."""
+def parse_rate(option, text):
+    """Return the rate of an option's text such as ``1/min`` [1/s]."""
     match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*/\s*(s|min|h)\s*", text)
     try:
         rate = float(match[1]) / SECONDS[match[2]] if match else math.nan
     except ValueError:
         rate = math.nan
     if not 0.0 < rate < math.inf:
-        raise InputError(f"--false-alarms is {text!r}; expected a number > 0 per time: N/s, N/min or N/h.")
+        raise InputError(f"{option} is {text!r}; expected a number > 0 per time: N/s, N/min or N/h.")
     return rate
 
 
 def _summary(found, model, path, findings):
-    rate, low, high = (format_rate(one, found.asked) for one in (found.rate, *found.rate_interval))
+    contact = found.contact
     width = max(len("|m r|"), *map(len, found.joints))
     units = {name: "N" if slides else "N m" for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)}
     return [
         f"{found.duration:.4g} s without contact, observer gain {found.gain:g}/s, "
         f"{'with' if found.friction else 'without'} friction of the model",
         f"Requested false alarms: {format_rate(found.asked)}, all detectors together",
-        f"Held-out parts: {found.held_out} alarm{'s' * (found.held_out != 1)}, {rate} "
-        f"(95 % interval: {low} to {high}); with the final thresholds: {found.alarms}",
+        f"  {found.describe_rate()} With the final thresholds: {found.alarms}",
+        f"Requested false contacts: {format_rate(contact.asked)}",
+        f"  {contact.describe_rate()} With the final thresholds: {contact.alarms}",
         "",
-        f"Thresholds, {METHODS[found.method].format(found.peaks)}",
-        *(f"  {name:{width}}  {value:.4g} {units[name]}" for name, value in found.joints.items()),
-        f"  {'|m r|':{width}}  {found.external_torque:.4g} N m",
-        f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s",
+        f"Thresholds of collision, {METHODS[found.method].format(found.peaks)}, "
+        f"and of contact, {METHODS[contact.method].format(contact.peaks)}",
+        *(f"  {name:{width}}  {x:.4g} {units[name]}  {contact.joints[name]:.4g}" for name, x in found.joints.items()),
+        f"  {'|m r|':{width}}  {found.external_torque:.4g} N m  {contact.external_torque:.4g}",
+        f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s  {contact.norm:.4g}",
         *(["", "Warnings"] if found.warnings or findings else []),
         *(f"  {text}" for text in (*found.warnings, *findings)),
         "",

@@ -7,20 +7,31 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from diag_dynamics.arrays import Array
 from diag_dynamics.checks import positive
-from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds, Judged
-from diag_dynamics.collision.residuals import Level, Residuals, Rows, block_maxima, find_level, poisson_interval
+from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, AlarmThresholds, Judged
+from diag_dynamics.collision.residuals import (
+    Level,
+    Residuals,
+    Rows,
+    block_maxima,
+    find_level,
+    poisson_interval,
+    singular_joint,
+)
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.yaml_files import yaml_text
 
 FOLDS = 5  # parts, each held out once
+CONTACT_RATIO = 10.0  # default rate of false contacts per rate of false alarms
 SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
 MAX_ALARM_TIME = 0.05  # fraction of the held-out time
 UNSEEN = -math.log(0.05)  # expected number of alarms that are none with a probability of 5 %
@@ -38,6 +49,8 @@ class Calibration(AlarmThresholds):
         Of the observer [1/s].
     friction : bool
         Whether the observer subtracts the friction of the model.
+    settles_on : str
+        Of the observer: ``torque`` or ``working_moment``.
     asked : float
         Requested rate of false alarms, of all detectors together [1/s].
     duration : float
@@ -53,10 +66,17 @@ class Calibration(AlarmThresholds):
         Number of peaks that the thresholds are based on.
     warnings : tuple of str
         Why the thresholds may be wrong.
+    contact : Calibration
+        Lower thresholds, for contact, and how far they can be trusted; None in those themselves.
+    covariance : ndarray, shape (nv, nv)
+        Noise of m r: its second moment about zero over all states [N² m², N² of prismatic joints].
+    names : tuple of str
+        Degrees of freedom, in the order of `covariance`.
     """
 
     gain: float
     friction: bool
+    settles_on: str = "torque"
     asked: float
     duration: float
     alarms: int
@@ -64,6 +84,9 @@ class Calibration(AlarmThresholds):
     method: str
     peaks: int
     warnings: tuple[str, ...] = ()
+    contact: Calibration | None = None
+    covariance: Array | None = field(default=None, compare=False)
+    names: tuple[str, ...] = ()
 
     @property
     def rate(self) -> float:
@@ -75,6 +98,12 @@ class Calibration(AlarmThresholds):
         """Confidence interval of that rate, 95 % [1/s]."""
         low, high = poisson_interval(self.held_out)
         return low / self.duration, high / self.duration
+
+    def describe_rate(self) -> str:
+        """Return the rate of false alarms in held-out parts in words."""
+        rate, low, high = (format_rate(one, self.asked) for one in (self.rate, *self.rate_interval))
+        alarms = f"{self.held_out} alarm{'s' * (self.held_out != 1)} in {self.duration:.4g} s"
+        return f"Held-out parts: {alarms}, {rate} (95 % interval: {low} to {high})."
 
     @property
     def vouched(self) -> float:
@@ -89,29 +118,44 @@ class Calibration(AlarmThresholds):
         InputError
             It cannot be written.
         """
-        rate, low, high = (format_rate(one, self.asked) for one in (self.rate, *self.rate_interval))
         head = [
             f"Thresholds for {format_rate(self.asked)} false alarms, all detectors together.",
-            f"Held-out parts: {self.held_out} alarms in {self.duration:.4g} s, {rate} (95 %: {low} to {high}).",
+            self.describe_rate(),
+        ]
+        if self.contact:
+            head.append(f"Contact: {format_rate(self.contact.asked)} requested. {self.contact.describe_rate()}")
+        head += [
             *self.warnings,
             *notes,
             "Units: gain 1/s; joints and external_torque N m, of prismatic joints N; norm J^0.5/s; times s.",
         ]
         alarm = {
-            "joints": [f"{name}={_rounded_up(value)!r}" for name, value in self.joints.items()],
-            "external_torque": _rounded_up(self.external_torque),
-            "norm": _rounded_up(self.norm),
+            **_entries(self),
             "release": float(self.release),
             "hold_off": float(self.hold_off),
             "standing": 0.0 if self.standing == math.inf else float(self.standing),
         }
-        torque = {"gain": float(self.gain), "friction": bool(self.friction)}
+        if self.contact:
+            alarm |= {f"contact_{name}": value for name, value in _entries(self.contact).items()}
+        torque = {"gain": float(self.gain), "friction": bool(self.friction), "settles_on": self.settles_on}
+        if self.covariance is not None and not singular_joint(self.names, self.covariance):
+            numbers = [float(f"{x:.10g}") for x in self.covariance.ravel().tolist()]
+            torque |= {"covariance_joints": list(self.names), "covariance": numbers}
         lines = [f"# {' '.join(note.split())}\n" for note in head]
         content = yaml_text({"/**": {"ros__parameters": {"external_torque": torque, "alarm": alarm}}})
         try:
             Path(path).expanduser().write_text("".join([*lines, content]), encoding="utf-8")
         except OSError as error:
             raise InputError(f"'{os.fspath(path)}' cannot be written: {error.strerror}.") from error
+
+
+def _entries(thresholds: AlarmThresholds) -> dict[str, Any]:
+    """Return the parameters of thresholds."""
+    return {
+        "joints": [f"{name}={_rounded_up(value)!r}" for name, value in thresholds.joints.items()],
+        TORQUE: _rounded_up(thresholds.external_torque),
+        NORM: _rounded_up(thresholds.norm),
+    }
 
 
 def _rounded_up(value: float) -> float:
@@ -133,24 +177,55 @@ def format_rate(rate: float, unit_of: float | None = None) -> str:
 def calibrate_residuals(
     residuals: Residuals,
     names: Sequence[str],
-    gain: float,
     false_alarms: float,
     template: AlarmThresholds,
-    friction: bool = False,
     warnings: Sequence[str] = (),
+    *,
+    false_contacts: float | None = None,
+    **observer: Any,
 ) -> Calibration:
-    """Return the Calibration of residuals, with release, hold-off and `standing` of a template."""
+    """Return the Calibration of residuals of an observer, with release, hold-off and `standing` of a template."""
     rate, rows = positive("false_alarms", false_alarms, "[1/s]"), residuals.rows()
-    time = rows.time
-    duration = float(time[-1]) if len(time) else 0.0
-    if duration == 0.0:
+    contacts = CONTACT_RATIO * rate if false_contacts is None else positive("false_contacts", false_contacts, "[1/s]")
+    if contacts < rate:
+        raise InputError(
+            f"false_contacts is {contacts:g} 1/s, expected at least {rate:g} 1/s (false_alarms): contact has the lower "
+            "thresholds."
+        )
+    if not len(rows.stamps) or rows.time[-1] == 0.0:
         raise InputError("external torque is missing: the recordings have no efforts, or too long gaps.")
+    found = _calibrate_rows(rows, names, rate, template, observer)
+    lower = _calibrate_rows(rows, names, contacts, template, observer, found)
+    joint = singular_joint(names, residuals.covariance)
+    singular = [f"external torque of '{joint}' has no noise of its own: the file gets no covariance"] * bool(joint)
+    return replace(
+        found,
+        warnings=(*warnings, *found.warnings, *singular),
+        contact=lower,
+        covariance=residuals.covariance,
+        names=tuple(names),
+    )
+
+
+def _calibrate_rows(
+    rows: Rows,
+    names: Sequence[str],
+    rate: float,
+    template: AlarmThresholds,
+    observer: Mapping[str, Any],
+    upper: AlarmThresholds | None = None,
+) -> Calibration:
+    """Return thresholds for a rate, no higher than `upper`, with the alarms of held-out parts."""
+    time = rows.time
+    duration = float(time[-1])
     thresholds, level = _fit(rows, names, rate, template)
     if level is None:
         raise InputError(
             f"the recordings have {duration:.3g} s with fewer than four separate peaks, too few for a "
             "threshold. Record a longer motion."
         )
+    if upper and thresholds.norm > upper.norm:  # all thresholds have one factor
+        thresholds = replace(thresholds, joints=upper.joints, external_torque=upper.external_torque, norm=upper.norm)
     held_out, alarm_time = 0, 0.0
     for low, high in pairwise([*np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf]):
         inside = (time >= low) & (time < high)
@@ -163,8 +238,7 @@ def calibrate_residuals(
             alarm_time += float(judged.alarm.mean() * part.time[-1])
     result = Calibration(
         **vars(thresholds),
-        gain=gain,
-        friction=friction,
+        **observer,
         asked=rate,
         duration=duration,
         alarms=int(_detect(rows, names, thresholds).begins.sum()),
@@ -172,7 +246,7 @@ def calibrate_residuals(
         method=level.method,
         peaks=level.peaks,
     )
-    return replace(result, warnings=(*warnings, *_warnings(result, alarm_time / duration)))
+    return replace(result, warnings=tuple(_warnings(result, alarm_time / duration)))
 
 
 def _fit(

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ CELL = 20_000_000  # only the largest values within this time are kept [ns]
 MIN_PEAKS, MAX_PEAKS = 10, 50  # fewest and most peaks from which alarms are counted or a tail is fitted
 PEAK_PERIOD = 4.0  # time of the data for each peak, between these bounds [s]
 MIN_FITTED = 4  # fewest peaks of a tail
+MIN_NOISE = 1e-9  # smallest deviation of a joint relative to the largest, and smallest eigenvalue of correlations
 CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
 
 Segments = list[tuple[IntArray, Array]]  # stamps [ns] and values of rows without a gap
@@ -69,20 +71,28 @@ class Residuals:
         self._parts = [Rows(none, none, np.empty((0, 2 * width)), np.empty((0, width + 2)))]
         self._count = self._segment = self._reduced = 0  # states, number of the segment, parts that are cells
         self._last: int | None = None
+        self._moment = np.zeros((width, width))
 
     def add_states(self, stamps: IntArray, residual: Array, torque: Array, valid: BoolArray) -> None:
         """Add states in order: stamps [ns], r, m r, and whether there is a result."""
-        stamps, x = stamps[valid], np.concatenate([torque, residual], axis=1)[valid]
+        torque = torque[valid]
+        stamps, x = stamps[valid], np.concatenate([torque, residual[valid]], axis=1)
         if not len(stamps):
             return
         steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
         segment = self._segment + np.cumsum((steps < 0) | (steps > self._max_gap))
         self._last, self._segment = int(stamps[-1]), int(segment[-1])
         self._count += len(stamps)
+        self._moment += torque.T @ torque
         self._parts.append(Rows(stamps, segment, x, detector_values(x)))
         if self._count > self._max_states:
             self._parts[self._reduced :] = [_reduce(self._parts[self._reduced :])]
             self._reduced += 1
+
+    @property
+    def covariance(self) -> Array:
+        """Second moment of m r about zero over all states with a result, shape (nv, nv)."""
+        return self._moment / max(1, self._count)
 
     def rows(self) -> Rows:
         """Return the rows of all segments that have two or more."""
@@ -101,6 +111,18 @@ def _reduce(parts: list[Rows]) -> Rows:
     high, low = np.maximum.reduceat(rows.x, first), np.minimum.reduceat(rows.x, first)
     x, values = np.where(high >= -low, high, low), np.maximum.reduceat(rows.values, first)
     return Rows(rows.stamps[first], rows.segment[first], x, values)
+
+
+def singular_joint(names: Sequence[str], covariance: Array) -> str:
+    """Return the joint without noise of its own, at which a covariance is not positive definite; empty if it is."""
+    if not len(names):
+        return ""
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    least = int(np.argmin(deviation))
+    if deviation[least] <= MIN_NOISE * deviation.max():
+        return names[least]
+    values, vectors = np.linalg.eigh(covariance / np.outer(deviation, deviation))
+    return names[int(np.argmax(np.abs(vectors[:, 0])))] if values[0] <= MIN_NOISE else ""
 
 
 def poisson_interval(count: int) -> tuple[float, float]:

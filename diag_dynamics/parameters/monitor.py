@@ -7,7 +7,11 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
+import numpy as np
+
+from diag_dynamics.collision.detector import HOLD_OFF, NORM, RELEASE, STANDING, TORQUE, AlarmThresholds
+from diag_dynamics.collision.residuals import singular_joint
+from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import Options
@@ -116,6 +120,15 @@ _COLLISION = {
         0.0, "Residual norm below which a collision ends [J^0.5/s]; 0: half of the threshold.", 0.0
     ),
     "external_torque.friction": Spec(True, "Whether the observer model includes damping and friction."),
+    "external_torque.settles_on": Spec(
+        SETTLES_ON[0],
+        "What each component of the observer follows: a constant torque also in motion, or its working moment.",
+        choices=SETTLES_ON,
+    ),
+    "external_torque.covariance_joints": Spec([""], "Joints of external_torque.covariance, in order."),
+    "external_torque.covariance": Spec(
+        [0.0], "Noise of m r: rows of its second moment without contact [N^2 m^2, N^2 of prismatic joints]; 0: unknown."
+    ),
     "external_torque.max_gap": Spec(
         0.1, "Maximum time between states [s]; the observer restarts after a longer one.", 1e-6, 100.0
     ),
@@ -126,6 +139,11 @@ _COLLISION = {
     "alarm.norm": Spec(
         0.0, "Norm |r| that raises an alarm, in place of external_torque.threshold [J^0.5/s]; 0 disables.", 0.0
     ),
+    "alarm.contact_joints": Spec(
+        [""], "External torque |m r| of a contact, as joint=threshold [N m, N]; * for all others. 0 disables."
+    ),
+    "alarm.contact_external_torque": Spec(0.0, "Norm of m r of a contact [N m]; 0 disables.", 0.0),
+    "alarm.contact_norm": Spec(0.0, "Norm |r| of a contact [J^0.5/s]; 0 disables.", 0.0),
     "alarm.release": Spec(RELEASE, "Hysteresis: an alarm ends below this fraction of its threshold.", 0.01, 1.0),
     "alarm.hold_off": Spec(
         HOLD_OFF, "Hold-off [s]: a rise within this time after an alarm is part of that alarm.", 0.0, 1000.0
@@ -221,6 +239,22 @@ class Observation(NamedTuple):
     friction: bool
     max_gap: float
     alarms: AlarmThresholds | None = None
+    settles_on: SettlesOn = SETTLES_ON[0]
+    covariance_joints: tuple[str, ...] = ()
+    covariance: tuple[float, ...] = ()  # of m r without contact, row by row
+    contact: AlarmThresholds | None = None  # lower thresholds of a second AlarmDetector
+
+    def covariance_of(self, names):
+        """Return the covariance in the order of a model's degrees of freedom; None if it is unknown."""
+        if not self.covariance:
+            return None
+        if missing := [name for name in names if name not in self.covariance_joints]:
+            raise InputError(
+                f"parameter external_torque.covariance_joints lacks '{missing[0]}', expected all degrees of freedom. "
+                "Calibrate again."
+            )
+        k = [self.covariance_joints.index(name) for name in names]
+        return np.array(self.covariance).reshape(2 * [len(self.covariance_joints)])[np.ix_(k, k)]
 
 
 class Settings(NamedTuple):
@@ -322,13 +356,14 @@ def _observation(values):
             f"parameter external_torque.release_threshold is {release:g} J^0.5/s, expected at most {threshold:g} "
             "(external_torque.threshold)."
         )
-    alarms = _alarms(values)
+    alarms, contact = _alarms(values), _alarms(values, "contact_")
+    _check_contact_order(alarms, contact)
     if alarms and threshold:
         raise InputError(
             f"parameter external_torque.threshold is {threshold:g} J^0.5/s, expected 0 because alarm.* are set. "
             "Set alarm.norm instead."
         )
-    if alarms and not gain:
+    if (alarms or contact) and not gain:
         raise InputError("parameter external_torque.gain is 0, expected a number above 0 because alarm.* are set.")
     if not gain:
         return None
@@ -336,14 +371,49 @@ def _observation(values):
     release = release or 0.5 * threshold
     if alarms:
         threshold, release = alarms.norm, alarms.release * alarms.norm
-    friction, max_gap = values["external_torque.friction"], values["external_torque.max_gap"]
-    return Observation(gain, threshold, release, friction, max_gap, alarms)
+    friction, max_gap, settles_on = (values[f"external_torque.{x}"] for x in ("friction", "max_gap", "settles_on"))
+    covariance = _covariance(values)
+    return Observation(gain, threshold, release, friction, max_gap, alarms, settles_on, *covariance, contact)
 
 
-def _alarms(values):
-    """Return the thresholds of alarms; None without any."""
-    joints = assignments("alarm.joints", values["alarm.joints"], minimum=0.0)
-    torque, norm = values["alarm.external_torque"], values["alarm.norm"]
+def _covariance(values):
+    """Return joints and entries of the covariance, both empty if it is unknown."""
+    names = tuple(filter(None, values["external_torque.covariance_joints"]))
+    numbers = tuple(values["external_torque.covariance"]) if names or any(values["external_torque.covariance"]) else ()
+    if len(numbers) != len(names) ** 2 or len({*names}) != len(names):
+        raise InputError(
+            f"parameter external_torque.covariance has {len(numbers)} numbers for {len(names)} covariance_joints, "
+            f"expected {len(names)} x {len(names)}, each joint once."
+        )
+    matrix = np.array(numbers).reshape(2 * [len(names)])
+    if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0.0):
+        raise InputError("parameter external_torque.covariance is not symmetric, expected a symmetric matrix.")
+    if joint := singular_joint(names, matrix):
+        raise InputError(
+            f"parameter external_torque.covariance is singular at '{joint}', expected a positive definite matrix. "
+            "Calibrate with a recording that has noise of each joint."
+        )
+    return names, numbers
+
+
+def _check_contact_order(alarms, contact):
+    """Reject thresholds of contact above those of a collision."""
+    if not (alarms and contact):
+        return
+    names = [*dict.fromkeys([*alarms.joints, *contact.joints, ALL])]
+    limits = zip([*names, TORQUE, NORM], contact.limits(names), alarms.limits(names), strict=True)
+    for name, low, high in limits:
+        if high < low < math.inf:
+            raise InputError(
+                f"threshold of contact for '{name}' is {low:g} (alarm.contact_*), expected at most {high:g} (alarm.*)."
+            )
+
+
+def _alarms(values, kind=""):
+    """Return the thresholds of alarms or of contacts; None without any."""
+    parameter = f"alarm.{kind}joints"
+    joints = assignments(parameter, values[parameter], minimum=0.0)
+    torque, norm = (values[f"alarm.{kind}{name}"] for name in (TORQUE, NORM))
     if not (torque or norm or any(joints.values())):
         return None
     return AlarmThresholds(

@@ -10,7 +10,10 @@ from diag_dynamics.entries import LARGEST
 
 
 class Spec(NamedTuple):
-    """One parameter: default, description with unit, range of a float or of ±`maximum` for a list, and when it may change."""
+    """One parameter: default, description with unit, range of a float or of ±`maximum` for a list, and when it may change.
+
+    A list has the length of its default, or any if the default is a single number.
+    """
 
     default: Any
     description: str
@@ -42,7 +45,7 @@ def wrong(name, value, specs):
         expected = f"one of {', '.join(map(str, spec.choices))}"
     elif any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
         expected = "finite numbers"
-    elif is_list and len(numbers) != len(spec.default):
+    elif is_list and len(numbers) != len(spec.default) > 1:
         expected = f"{len(spec.default)} numbers"
     elif is_list and any(abs(number) > spec.maximum for number in numbers):
         expected = f"numbers within ±{spec.maximum:g}"

@@ -185,7 +185,7 @@ def external_torque(
     """
     options: dict[str, Any] = {"gain": gain}
     if isinstance(thresholds, Calibration):
-        options = {"gain": thresholds.gain, "friction": thresholds.friction}
+        options = {name: getattr(thresholds, name) for name in ("gain", "friction", "settles_on")}
     elif not isinstance(thresholds, AlarmThresholds):
         thresholds = AlarmThresholds(thresholds or {})
     if isinstance(of, Recording):

@@ -73,8 +73,8 @@ class Analysis:
         self.gain, self.threshold = gain, threshold
         self.missing = tuple(settings.unjudged_without)  # parameters without which no collision is reported
         self._dynamics, self._windows = DiagonalDynamics(model), WindowSums(model.nv, self.friction)
-        friction, max_gap = self.friction and values["external_torque.friction"], values["external_torque.max_gap"]
-        options = {"friction": friction, "max_gap": max_gap, "threads": threads}
+        options = {name: values[f"external_torque.{name}"] for name in ("friction", "max_gap", "settles_on")}
+        options |= {"friction": self.friction and options["friction"], "threads": threads}
         self._observer = Observer(self._dynamics, gain, threshold, release, **options)
         self._detector = AlarmDetector(names, alarms) if alarms else None
         self.collisions = Alarms(self._detector) if alarms else NormCollisions(names)

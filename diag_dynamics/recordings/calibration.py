@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from diag_dynamics.checks import instance, positive
+from diag_dynamics.checks import choice, instance, positive
 from diag_dynamics.collision.calibration import Calibration, calibrate_residuals
 from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
 from diag_dynamics.collision.residuals import Residuals, poisson_interval
+from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
@@ -24,12 +25,14 @@ def calibrate(
     dynamics: DiagonalDynamics,
     gain: float = 25.0,
     false_alarms: float = 1 / 60,
+    false_contacts: float | None = None,
     *,
     release: float = RELEASE,
     hold_off: float = HOLD_OFF,
     standing: float = STANDING,
     friction: bool | None = None,
     max_gap: float = 0.1,
+    settles_on: SettlesOn = "torque",
     threads: int | None = None,
 ) -> Calibration:
     """Return the thresholds of an :class:`AlarmDetector` for a rate of false alarms.
@@ -48,12 +51,16 @@ def calibrate(
         Of the observer [1/s].
     false_alarms : float
         Rate of all detectors together [1/s].
+    false_contacts : float, optional
+        Rate of the lower thresholds, for contact [1/s]; by default ten times that of false alarms.
     release, hold_off, standing
         As of :class:`AlarmThresholds`.
     friction : bool, optional
         Whether the observer subtracts the friction of the model; by default if the model has any.
     max_gap : float
         Longest interval that the observer integrates over [s].
+    settles_on : str
+        As of :class:`DisturbanceObserver`.
     threads : int, optional
         For evaluation, by default one for each processor.
 
@@ -70,6 +77,7 @@ def calibrate(
     """
     poisson_interval(0)  # without SciPy fail before hours are read
     names = instance("dynamics", dynamics, DiagonalDynamics).model.dof_names
+    choice("settles_on", settles_on, SETTLES_ON)
     gain = positive("gain", gain, "[1/s]")
     if friction is None:
         friction = dynamics.model.has_friction
@@ -79,7 +87,7 @@ def calibrate(
     many, faults = [recordings] if isinstance(recordings, Recording) else recordings, {}
     for one in many:
         motion = MotionSample(dynamics.model)
-        observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
+        observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, settles_on=settles_on, threads=threads)
         states, with_efforts, counts, findings = 0, False, {}, []
         for piece in [one] if isinstance(one, Recording) else one:
             require_same_robot(dynamics, piece)
@@ -102,4 +110,14 @@ def calibrate(
     still = "" if efforts.moved else "no joint moves: the thresholds hold for a robot at rest"
     warnings = [unmeasured] if unmeasured else list(faults)
     warnings += [still] * bool(still)
-    return calibrate_residuals(residuals, names, gain, false_alarms, template, friction, warnings)
+    return calibrate_residuals(
+        residuals,
+        names,
+        false_alarms,
+        template,
+        warnings,
+        false_contacts=false_contacts,
+        gain=gain,
+        friction=friction,
+        settles_on=settles_on,
+    )

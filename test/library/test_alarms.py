@@ -190,13 +190,13 @@ def noise(rng, seconds, heavy=False, jerks=()):
     return np.arange(count) * (10**9 // HZ), x * R_SPREAD, x * TORQUE_SPREAD
 
 
-def calibrate(stamps, r, torque, rate=1 / 60, part=20_000):
+def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, **options):
     """Return the Calibration of residuals that come in parts."""
     collected, valid = residuals.Residuals(len(FOUR)), np.ones(len(stamps), dtype=bool)
     for first in range(0, len(stamps), part):
         rows = slice(first, first + part)
         collected.add_states(stamps[rows], r[rows], torque[rows], valid[rows])
-    return calibrate_residuals(collected, FOUR, 25.0, rate, dd.AlarmThresholds())
+    return calibrate_residuals(collected, FOUR, rate, dd.AlarmThresholds(), gain=25.0, friction=False, **options)
 
 
 @pytest.mark.parametrize(
@@ -272,24 +272,96 @@ def test_residuals_in_parts(max_numbers, monkeypatch):
         assert calibrate(stamps, r, torque, part=part) == whole
 
 
+def test_contact_has_lower_thresholds():
+    """Those of its own rate, by default ten times that of false alarms; each with alarms of held-out parts."""
+    stamps, r, torque = noise(np.random.default_rng(3), 300)
+    found, other = calibrate(stamps, r, torque), calibrate(stamps, r, torque, rate=1 / 6)
+    contact = found.contact
+    assert contact == replace(other, contact=None, covariance=None, names=(), warnings=contact.warnings)
+    assert contact.asked == pytest.approx(1 / 6) and found.asked == pytest.approx(1 / 60)
+    assert (contact.limits(FOUR) < found.limits(FOUR)).all() and contact.held_out > found.held_out
+    assert calibrate(stamps, r, torque, false_contacts=1 / 60).contact.norm == found.norm
+    with pytest.raises(InputError, match=r"false_contacts is 0\.01"):
+        calibrate(stamps, r, torque, false_contacts=0.01)
+
+
+def test_the_covariance_is_the_second_moment(monkeypatch):
+    """About zero, over all states with a result, also where only maxima of cells are kept."""
+    stamps, r, torque = noise(np.random.default_rng(4), 120)
+    torque = torque @ np.random.default_rng(5).normal(size=(4, 4)) + [0.0, 3.0, 0.0, -1.0]
+    expected = sum(np.outer(x, x) for x in torque) / len(torque)
+    for max_numbers in (10**6, 10**4):
+        monkeypatch.setattr(residuals, "MAX_NUMBERS", max_numbers)
+        for part in (77, 20_000):
+            found = calibrate(stamps, r, torque, part=part)
+            np.testing.assert_allclose(found.covariance, expected, rtol=1e-10, atol=1e-12)
+    assert found.names == FOUR and not any("covariance" in text for text in found.warnings)
+
+
 def test_poisson():
     """Garwood's limits as tables have them."""
     for count, limits in ((0, (0.0, 3.689)), (1, (0.0253, 5.572)), (10, (4.795, 18.390)), (1000, (938.97, 1063.96))):
         assert poisson_interval(count) == pytest.approx(limits, rel=5e-5, abs=1e-3)
 
 
+def settings(values):
+    """Return the Observation of parameters."""
+    return Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | values).observation
+
+
+@pytest.mark.parametrize(
+    ("values", "key"),
+    [
+        ({"external_torque.covariance": [1.0, 0.0, 1.0]}, "3 numbers for 2 covariance_joints"),
+        ({"external_torque.covariance": [1.0, 0.2, 0.3, 1.0]}, "not symmetric"),
+        ({"external_torque.covariance": [1.0, 0.0, 0.0, 0.0]}, "singular at 'b'"),
+        ({"external_torque.covariance": [1.0, 2.0, 2.0, 3.0]}, "singular at '[ab]'"),
+        ({"external_torque.covariance_joints": ["a", "a"]}, "each joint once"),
+        ({"external_torque.covariance_joints": [""]}, "4 numbers for 0"),
+        ({"alarm.contact_joints": ["*=1", "a=3"]}, "contact for 'a' is 3 .*at most 2"),
+        ({"alarm.contact_joints": ["*=2.5"]}, r"contact for '\*' is 2.5"),
+        ({"alarm.contact_norm": 5.0}, "contact for 'norm' is 5 .*at most 4"),
+        ({"external_torque.gain": 0.0, "alarm.joints": [""], "alarm.norm": 0.0}, "gain"),
+    ],
+)
+def test_parameters_of_noise_and_contact(values, key):
+    """Wrong ones are named, with the joint; right ones are the Observation's."""
+    right = {"external_torque.gain": 25.0, "alarm.joints": ["*=2"], "alarm.norm": 4.0, "alarm.contact_joints": ["a=1"]}
+    right |= {"external_torque.covariance_joints": ["a", "b"], "external_torque.covariance": [1.0, 0.5, 0.5, 2.0]}
+    seen = settings(right)
+    assert seen.covariance_of(["b", "a"]).tolist() == [[2.0, 0.5], [0.5, 1.0]]
+    assert seen.contact.limits(["a", "b"]).tolist() == [1.0, math.inf, math.inf, math.inf]
+    with pytest.raises(InputError, match=key):
+        settings(right | values)
+
+
 def test_the_file_is_the_monitors(tmp_path):
-    """The monitor reads the file and has thresholds no lower than the calibration's; a joint without residuals has none."""
+    """The monitor reads the file: thresholds no lower than the calibration's, and the covariance in any order of joints.
+
+    A joint without residuals has no threshold, and then the file has no covariance.
+    """
     stamps, r, torque = noise(np.random.default_rng(7), 60)
+    found = calibrate(stamps, r, torque, settles_on="working_moment")
+    found.save(tmp_path / "all.yaml")
+    seen = settings(parameters_of([tmp_path / "all.yaml"]))
+    assert seen.settles_on == "working_moment"
+    for k in ([0, 1, 2, 3], [2, 0, 3]):
+        names = [FOUR[one] for one in k]
+        np.testing.assert_allclose(seen.covariance_of(names), found.covariance[np.ix_(k, k)], rtol=1e-9)
+    lower = seen.contact.limits(FOUR)
+    assert (lower >= found.contact.limits(FOUR) * (1 - 1e-9)).all() and (lower < seen.alarms.limits(FOUR)).all()
+    with pytest.raises(InputError, match="covariance_joints lacks 'e'"):
+        seen.covariance_of(["a", "e"])
     torque[:, 2] = 0.0
     found = calibrate(stamps, r, torque)
     assert set(found.joints) == {"a", "b", "d"}
+    assert any("external torque of 'c' has no noise" in text for text in found.warnings)
     for rate in (0.0, math.nan):
         with pytest.raises(InputError, match="false_alarms"):
             calibrate(stamps, r, torque, rate=rate)
     found.save(tmp_path / "alarms.yaml")
-    values = parameters_of([tmp_path / "alarms.yaml"])
-    seen = Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | values).observation
+    seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
+    assert seen.covariance_of(FOUR) is None and seen.settles_on == "torque"
     limits, least = seen.alarms.limits(FOUR), found.limits(FOUR)
     assert limits.tolist() == pytest.approx(least.tolist(), rel=1e-3) and (limits >= least * (1 - 1e-9)).all()
     with pytest.raises(InputError, match="nowhere"):
@@ -335,7 +407,10 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "20/min" in printed and "Held-out" in printed and all(name in printed for name in ur5.dof_names)
     found = dd.calibrate(dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), false_alarms=1 / 3)
-    assert f"Thresholds, {METHODS[found.method].format(found.peaks)}\n" in printed
+    contact = found.contact
+    methods = [METHODS[one.method].format(one.peaks) for one in (found, contact)]
+    assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]}\n" in printed
+    assert printed.count(contact.describe_rate()) == 1 and f"{contact.norm:.4g}" in printed
     options = ["--urdf", "ur5", "--alarms", str(alarms), "--quiet", "--json", str(out)]
     main(["analyse", str(tables / "pushed.csv"), *options])
     summary = json.loads(out.read_text())
@@ -388,6 +463,8 @@ def test_wrong_efforts_of_one_recording_are_a_warning(ur5, tables):
     [
         (["--false-alarms", "often"], "often"),
         (["--gain", "0"], "gain"),
+        (["--false-contacts", "1/week"], "--false-contacts is '1/week'"),
+        (["--false-contacts", "1/h"], "false_contacts"),  # fewer than alarms
         (["--release", "2"], "release"),
         (["-o", "FREE"], "is an input"),  # nothing is written over the recording
     ],

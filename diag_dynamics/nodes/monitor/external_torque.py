@@ -30,11 +30,12 @@ class TorqueWatch:
     def use(self, dynamics, observation):
         """Restart with another model or other parameters."""
         self.dynamics, self.observation = dynamics, observation
-        gain, threshold, release, friction, max_gap, alarms = observation
+        gain, threshold, release, friction, max_gap, alarms, settles_on = observation[:7]
         if alarms is None:
             ratio = release / threshold if threshold < math.inf else RELEASE
             alarms = AlarmThresholds({}, math.inf, threshold, ratio, 0.0, math.inf)
-        self._observer = DisturbanceObserver(dynamics, gain, friction=friction, max_gap=max_gap)
+        options = {"friction": friction, "max_gap": max_gap, "settles_on": settles_on}
+        self._observer = DisturbanceObserver(dynamics, gain, **options)
         self._detector = AlarmDetector(dynamics.model.dof_names, alarms)
         self.is_judged = bool(np.isfinite(self._detector.limits).any())
         self.forget()
