@@ -26,6 +26,10 @@ class ForceOptions(NamedTuple):
     """Standard deviations above which a direction is not observed [N, N m]."""
 
 
+NO_FORCES = ForceOptions()
+"""Without a covariance of the external torque."""
+
+
 class Forces:
     """Estimate forces from external torque, with :class:`ForceOptions`."""
 
@@ -33,7 +37,6 @@ class Forces:
         self._dynamics, self._names = dynamics, dynamics.model.link_names
         self._covariance, self._links = options.covariance, options.links
         self._options = {"covariance": options.covariance, "max_deviation": options.max_deviation}
-        self._centers = [center_of_body(dynamics.model, name) for name in self._names]
 
     def fields(self, states):
         """Return fields of States, by name; NaN where they are unknown."""
@@ -63,8 +66,7 @@ class Forces:
         It has the symmetric root of its covariance, which maps the unit sphere to the ellipsoid of one standard deviation;
         NaN where a direction of the force is not observed.
         """
-        where = {"point": self._centers[k], "force_only": True, "frame": "world"}
-        w = self._dynamics.wrench_batch(q, torque, self._names[k], **where, **self._options)
+        w = force_at_center(self._dynamics, q, torque, self._names[k], "world", **self._options)
         values, axes = np.linalg.eigh(w.covariance[:, :3, :3])
         root = np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(values, 0.0)), axes)
         unobserved = 3 - w.observed.sum(axis=1)
@@ -74,6 +76,12 @@ class Forces:
             "touch_root": root[:, UPPER[0], UPPER[1]],
             "touch_unobserved": unobserved,
         }
+
+
+def force_at_center(dynamics, q, torque, link, frame, covariance, max_deviation=NO_FORCES.max_deviation):
+    """Return the ExternalWrench of a force without a moment, at the centre of mass of the body of a link."""
+    options = {"point": center_of_body(dynamics.model, link), "force_only": True, "max_deviation": max_deviation}
+    return dynamics.wrench(q, torque, link, covariance, frame=frame, **options)
 
 
 def with_touched_links(states, dynamics, covariance):

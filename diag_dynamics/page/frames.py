@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.model.links import wrenches_at
-from diag_dynamics.page.forces import UPPER, ForceOptions, Forces
+from diag_dynamics.page.forces import NO_FORCES, UPPER, Forces
 from diag_dynamics.page.layout import CAUSES, Layout
 from diag_dynamics.sweeps import evaluation, factorization, records
 from diag_dynamics.sweeps import workspace as ws
@@ -19,9 +19,6 @@ GAP = 0.5
 MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
 """Delay above which a state is flagged `late` [s]; relative difference between K and the sum of link energies above which
 the monitor has another model."""
-
-NO_FORCES = ForceOptions()
-"""Without a covariance of the external torque."""
 
 
 class States(NamedTuple):
@@ -57,6 +54,8 @@ class States(NamedTuple):
     touched_link: Any = np.nan
     """Index of the touched link, −1 for none; NaN where it is unknown."""
     touched_confidence: Any = np.nan
+    load_link: Any = np.nan
+    """Index of the link with a load."""
     load_mass: Any = np.nan
     load_deviation: Any = np.nan
 

@@ -43,7 +43,7 @@ FIELDS = (
     ("points", 1, "m/s", "contact_speed contact_allowed"),
     ("points", 1, "kg", "contact_mass"),
     ("points", 1, "J", "contact_energy"),
-    ("", 1, "", "touched_link touched_confidence touch_unobserved"),
+    ("", 1, "", "touched_link touched_confidence touch_unobserved load_link"),
     ("", 3, "N", "touch_force"),
     ("", 6, "N", "touch_root"),
     ("frames", 6, "N, N m", "wrench wrench_deviation"),

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.page.frames import NO_FORCES, FrameMaker, States
+from diag_dynamics.page.forces import NO_FORCES
+from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import thresholds_of
 
 STALE = 1.0

@@ -135,7 +135,7 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     r = np.random.default_rng(8).normal(size=model.nv)
     torque, norm, contact = dyn.tau_from_epsilon(q, r), np.linalg.norm(r), dyn.contact_batch(q[None], qd[None], points)
     observed = {"residual": r[None], "external_torque": torque[None], "norm": np.array([norm]), "collision": True}
-    observed |= {"touched_link": 1, "touched_confidence": 0.75, "load_mass": 2.0, "load_deviation": 0.5}
+    observed |= {"touched_link": 1, "touched_confidence": 0.75, "load_link": 2, "load_mass": 2.0, "load_deviation": 0.5}
     states = States.of(1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0).with_contact(contact)
     (frame,) = maker.frames(states)
     assert len(frame.tobytes()) == 8 + 4 * maker.layout.size
@@ -149,7 +149,7 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         **{"contact_worst": contact.worst, "contact_position": contact.position[0, contact.worst[0]]},
         **{"contact_speed": contact.speed, "contact_mass": contact.reflected_mass, "contact_energy": contact.energy},
         **{"contact_allowed": contact.allowed_speed, "touched_link": 1, "touched_confidence": 0.75},
-        **{"load_mass": 2.0, "load_deviation": 0.5},
+        **{"load_link": 2, "load_mass": 2.0, "load_deviation": 0.5},
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():

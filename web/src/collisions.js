@@ -38,38 +38,40 @@ export function forceText({ size, deviation, unobserved }) {
   return unobserved > 0 ? `≥ ${known}, ${unobserved} of 3 directions not observable` : known;
 }
 
-// "load 1.20 ± 0.08 kg"; empty without one.
+// "load 1.20 ± 0.08 kg at tool0"; empty without one.
 export function loadText(layout, d, b) {
-  const [mass, deviation] = ["load_mass", "load_deviation"].map((name) => d[b + layout.at(name)]);
-  return Number.isFinite(mass) ? `load ${number(mass)} ±\u00a0${quantity(deviation, "kg", 2)}` : "";
+  const [mass, deviation, link] = ["load_mass", "load_deviation", "load_link"].map((name) => d[b + layout.at(name)]);
+  return Number.isFinite(mass) ? `load ${number(mass)} ±\u00a0${quantity(deviation, "kg", 2)} at ${layout.links[link]}` : "";
 }
 
-// Events in the order of time. Known collisions are those of a summary, to whose times they are exact; without any, runs of
-// states that are flagged.
-export function eventsOf(rows, layout, collisions = []) {
+// Collisions, and contacts without one, in the order of time. Known ones are those of a summary, whose times are exact;
+// others are runs of states that are flagged.
+export function eventsOf(rows, layout, known = []) {
   const flags = field(layout, "flags");
   const runs = [];
   for (let i = 0; i < rows.length; i++) {
     const bits = flags(rows.data, rows.base(i)) & (FLAGS.contact | FLAGS.collision);
     if (!bits) continue;
     const [last, t] = [runs.at(-1), rows.time(i)];
-    if (last && t - last.end <= HOLD_OFF) Object.assign(last, { end: t, bits: last.bits | bits });
-    else runs.push({ start: t, end: t, bits });
+    const kind = bits & FLAGS.collision || (last && t - last.end <= HOLD_OFF && last.kind === "collision") ? "collision" : "contact";
+    if (last && t - last.end <= HOLD_OFF) Object.assign(last, { end: t, kind });
+    else runs.push({ start: t, end: t, kind });
   }
-  const known = collisions.map((one) => ({ ...one, bits: FLAGS.collision }));
-  const others = runs.filter(({ start, end }) => !known.some((one) => one.start <= end + ROUNDING && one.end >= start - ROUNDING));
-  return [...known, ...others].sort((a, b) => a.start - b.start).map((one) => described(rows, layout, one));
+  const beside = (all) => ({ start, end }) => !all.some((one) => one.start <= end + ROUNDING && one.end >= start - ROUNDING);
+  const collisions = known.filter(({ kind }) => kind === "collision");
+  const contacts = known.filter(({ kind }) => kind === "contact").filter(beside(collisions));
+  const others = runs.filter(beside(known));
+  return [...collisions, ...contacts, ...others].sort((a, b) => a.start - b.start).map((one) => described(rows, layout, one));
 }
 
 // With the touched link, or the joint with the largest external torque, at the largest |r|.
-function described(rows, layout, { start, end, bits, told = "" }) {
+function described(rows, layout, { start, end, kind, told = "" }) {
   const largest = timeOfLargest(rows, start - ROUNDING, end + ROUNDING, field(layout, "norm"));
   const t = Number.isFinite(largest) ? largest : start;
   const [d, b] = [rows.data, rows.base(rows.nearest(t))];
   const torques = layout.dofs.map((_, k) => Math.abs(field(layout, "external_torque", k)(d, b)) || 0);
   const dof = torques.indexOf(Math.max(...torques));
   const torque = `${layout.short[dof]} ${quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m")}`;
-  const kind = bits & FLAGS.collision ? "collision" : "contact";
   return { start, end, t, kind, norm: field(layout, "norm")(d, b), touch: touchAt(layout, d, b), text: told || torque };
 }
 
@@ -86,7 +88,7 @@ export class CollisionList {
       "section",
       { class: "card words", id: "collisions" },
       el("header", {}, this.title, tools),
-      el("div", { class: "text" }, this.says, el("table", { class: "contact" }, this.body)),
+      (this.box = el("div", { class: "text" }, this.says, el("table", { class: "contact" }, this.body))),
     );
   }
 
@@ -137,6 +139,9 @@ export class CollisionList {
   step(step) {
     const now = this.shared.view.now();
     const wanted = step > 0 ? this.events.find(({ t }) => t > now + PERIOD) : this.events.findLast(({ t }) => t < now - PERIOD);
-    if (wanted) this.shared.show(wanted);
+    if (!wanted) return;
+    this.shared.show(wanted);
+    const row = this.nodes[this.events.indexOf(wanted)];
+    if (row) this.box.scrollTop = row.offsetTop - this.box.clientHeight / 2; // the card alone, not the page
   }
 }

@@ -18,7 +18,8 @@ export class Report {
     this.robots = [];
     this.robot = null;
     const { begin, summary } = this.content;
-    this.collisions = summary.collisions.map((one) => ({ ...one, start: one.start - begin, end: one.end - begin }));
+    const events = (kind, all) => (all ?? []).map((one) => ({ ...one, kind, start: one.start - begin, end: one.end - begin }));
+    this.collisions = [...events("collision", summary.collisions), ...events("contact", summary.contacts)];
   }
 
   async begin() {

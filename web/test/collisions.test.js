@@ -5,12 +5,12 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { CollisionList, eventsOf, forceText, touchAt } from "../src/collisions.js";
+import { CollisionList, eventsOf, forceText, loadText, touchAt } from "../src/collisions.js";
 import { FLAGS, Layout } from "../src/layout.js";
 import { Rows } from "../src/rows.js";
 
 const FIELDS = [["norm", 1], ["flags", 1], ["external_torque", 2], ["touched_link", 1], ["touched_confidence", 1]];
-const TOUCH = [["touch_unobserved", 1], ["touch_force", 3], ["touch_root", 6]];
+const TOUCH = [["touch_unobserved", 1], ["touch_force", 3], ["touch_root", 6], ["load_mass", 1], ["load_deviation", 1], ["load_link", 1]];
 const layout = new Layout({
   ...{ dofs: ["turn", "slide"], links: ["base", "upper", "hand"], angular: [true, false], tree: { bodies: [], links: [] } },
   fields: [...FIELDS, ...TOUCH].map(([name, size]) => ({ name, size, of: "" })),
@@ -19,7 +19,7 @@ const { contact, collision } = FLAGS;
 
 function stored(states) {
   const rows = new Rows(layout.width, 1000);
-  states.forEach(({ flags = 0, norm = 0, touch = Array(12).fill(NaN) }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch]));
+  states.forEach(({ flags = 0, norm = 0, touch = Array(12).fill(NaN), load = [NaN, NaN, NaN] }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch, ...load]));
   return rows;
 }
 
@@ -38,10 +38,13 @@ test("runs of flags are events; what rises again within half a second belongs to
 
 test("times and texts of a summary replace the runs that they overlap", () => {
   const rows = stored([...quiet(2), { flags: collision, norm: 5 }, { flags: collision, norm: 7 }, ...quiet(9), { flags: contact }]);
-  const events = eventsOf(rows, layout, [{ start: 0.15, end: 0.3000004, told: "turn 5 N m > 2" }]);
-  assert.deepEqual(times(events), [["collision", 0.15, 0.3000004, 0.3], ["contact", 1.3, 1.3, 1.3]]);
+  const events = eventsOf(rows, layout, [
+    { kind: "collision", start: 0.15, end: 0.3000004, told: "turn 5 N m > 2" },
+    ...[{ kind: "contact", start: 0.1, end: 0.4 }, { kind: "contact", start: 1.1, end: 1.15 }],
+  ]);
+  assert.deepEqual(times(events), [["collision", 0.15, 0.3000004, 0.3], ["contact", 1.1, 1.15, 1.1], ["contact", 1.3, 1.3, 1.3]]);
   assert.equal(events[0].text, "turn 5 N m > 2");
-  assert.deepEqual(eventsOf(rows, layout, [{ start: 5, end: 6 }])[2].t, 5); // without states
+  assert.deepEqual(eventsOf(rows, layout, [{ kind: "collision", start: 5, end: 6 }])[2].t, 5); // without states
 });
 
 test("the touched link, its force, and the deviation along it", () => {
@@ -59,9 +62,14 @@ test("a direction that is not observed is in the text, and no deviation is inven
   assert.equal(forceText({ size: 0, deviation: NaN, unobserved: 3 }), "force not observable");
 });
 
+test("a load with its deviation and link", () => {
+  const rows = stored([{ load: [1.2, 0.08, 2] }, {}]);
+  assert.deepEqual([0, 1].map((i) => loadText(layout, rows.data, rows.base(i))), ["load 1.20 ±\u00a00.080\u00a0kg at hand", ""]);
+});
+
 test("next and previous are those of the moment shown", () => {
   let now = 1;
-  const list = { events: [{ t: 0.5 }, { t: 1 }, { t: 2 }], shared: { view: { now: () => now }, show: ({ t }) => (now = t) } };
+  const list = { events: [{ t: 0.5 }, { t: 1 }, { t: 2 }], nodes: [], shared: { view: { now: () => now }, show: ({ t }) => (now = t) } };
   const seen = [1, 1, -1, -1, -1].map((step) => (CollisionList.prototype.step.call(list, step), now));
   assert.deepEqual(seen, [2, 2, 1, 0.5, 0.5]);
 });
