@@ -29,7 +29,7 @@ from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.residuals import Residuals
 from diag_dynamics.control.observer import SETTLES_ON
 from diag_dynamics.model.catalog import find_urdf
-from diag_dynamics.recordings.observer import Observed
+from diag_dynamics.recordings.observer import ObservedStates
 
 RESULTS = Path(__file__).resolve().parent / "results"
 RECORDINGS = Path(
@@ -85,7 +85,7 @@ def _observed(states, rows):
     n, valid = states.q.shape[1], np.array([row is not None for row in rows])
     residual, torque = (np.array([np.full(n, np.nan) if row is None else row[k] for row in rows]) for k in range(2))
     norm = np.linalg.norm(residual, axis=1)
-    return Observed(1e-9 * states.stamps, residual, torque, norm, valid, np.zeros(len(rows), dtype=bool))
+    return ObservedStates(residual, torque, norm, valid, np.zeros(len(rows), dtype=bool))
 
 
 OBSERVERS = {x.replace("_", " "): partial(Robot.observed, settles_on=x) for x in SETTLES_ON}

@@ -501,6 +501,24 @@ class TouchedLink(NamedTuple):
         return cls(names, read_only(confidence), probability, links, rows[:, 0])
 
 
+_Result = TypeVar("_Result", "ExternalWrench", "TouchedLink")
+
+
+def expand(result: _Result, rows: BoolArray) -> _Result:
+    """Return results of the true rows as results of all: NaN, False or "" in the others, read-only."""
+
+    def expanded(x: Any) -> Any:
+        if isinstance(x, tuple):
+            return x
+        empty: Any = {"b": False, "U": ""}.get(x.dtype.kind, np.nan)
+        full = np.full((len(rows), *x.shape[1:]), empty, x.dtype)
+        full[rows] = x
+        full.flags.writeable = False
+        return full
+
+    return type(result)(*map(expanded, result))
+
+
 def reusable(result: Evaluation, memory: Any) -> Any:
     """Return a result in memory that evaluate may write again, filled with NaN."""
     for part in memory:

@@ -12,6 +12,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, IntArray
 from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, Judged
+from diag_dynamics.results import TouchedLink
 
 LABELS = {TORQUE: ("|m r|", "N m"), NORM: ("|r|", "J^0.5/s")}
 NAMED_SHARE = 0.5  # fraction of the largest |m r|: a push at a link loads several joints
@@ -46,6 +47,19 @@ class Alarm(NamedTuple):
     norm: float  # largest |r| [J^½/s]
     first: str = ""  # detector that rose first; of several, the one with the largest ratio
     exceeded: tuple[Exceeded, ...] = ()  # all detectors that rose, the largest ratio first
+    link: str = ""  # touched, at the largest χ² of m r; "" if it is unknown
+    confidence: float = 0.0  # its probability
+    chi_square: float = 0.0
+
+    def at_link(self, touched: TouchedLink | None, rows: IntArray) -> Alarm:
+        """Return the collision with the link of the largest χ² of some states, if that is above the one before."""
+        if touched is None or not np.isfinite(touched.chi_square[rows]).any():
+            return self
+        k = rows[int(np.nanargmax(touched.chi_square[rows]))]
+        link, confidence, chi_square = touched.link[k], touched.confidence[k], touched.chi_square[k]
+        if chi_square <= self.chi_square:
+            return self
+        return self._replace(link=str(link), confidence=float(confidence), chi_square=float(chi_square))
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
@@ -61,13 +75,14 @@ class Alarms:
         self.judged = tuple(np.array(self._detectors)[np.isfinite(self._limits)].tolist())
         self.found: list[Alarm] = []
 
-    def add_states(self, stamps: IntArray, norm: Array, judged: Judged) -> None:
-        """Add states: stamps [ns], |r| and the results of the detector."""
+    def add_states(self, stamps: IntArray, norm: Array, judged: Judged, touched: TouchedLink | None = None) -> None:
+        """Add states: stamps [ns], |r|, the results of the detector, and touched links if these are known."""
         on = np.flatnonzero(judged.alarm)
         for rows in np.split(on, np.flatnonzero(judged.begins[on])):
             if len(rows):
                 begins = bool(judged.begins[rows[0]]) or not self.found
                 self._add_alarm(stamps[rows], norm[rows], judged.values[rows], begins)
+                self.found[-1] = self.found[-1].at_link(touched, rows)
 
     def _add_alarm(self, stamps: IntArray, norm: Array, values: Array, begins: bool) -> None:
         """Add states of one alarm, which begins, or continues the last one."""
@@ -97,14 +112,25 @@ class NormCollisions:
         self.judged: tuple[str, ...] = ()
         self.found: list[Alarm] = []
 
-    def add_states(self, stamps: IntArray, torque: Array, norm: Array, collision: BoolArray) -> None:
-        """Add states: stamps [ns], m r, |r|, and whether the observer reports a collision."""
+    def add_states(
+        self,
+        stamps: IntArray,
+        torque: Array,
+        norm: Array,
+        collision: BoolArray,
+        touched: TouchedLink | None = None,
+    ) -> None:
+        """Add states: stamps [ns], m r, |r|, whether the observer reports a collision, and touched links."""
         edges = np.flatnonzero(np.diff(collision.astype(np.int8), prepend=0, append=0))
         for first, end in edges.reshape(-1, 2).tolist():
             k = first + int(np.argmax(norm[first:end]))  # the joints are those pushed most at the largest |r|
             one = Alarm(int(stamps[first]), int(stamps[end - 1]), most_pushed(self._names, torque[k]), float(norm[k]))
+            one = one.at_link(touched, np.arange(first, end))
             if first == 0 and self._goes_on:
                 before = self.found.pop()
-                one = (before if before.norm >= one.norm else one)._replace(start=before.start, end=one.end)
+                touch = max(before, one, key=lambda x: x.chi_square)
+                end, one = one.end, before if before.norm >= one.norm else one
+                one = one._replace(start=before.start, end=end, link=touch.link, confidence=touch.confidence)
+                one = one._replace(chi_square=touch.chi_square)
             self.found.append(one)
         self._goes_on = bool(collision[-1])

@@ -20,7 +20,7 @@ from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
-from diag_dynamics.results import BatchEvaluation
+from diag_dynamics.results import BatchEvaluation, expand
 
 BINS_PER_DECADE, LOWEST_BIN, BINS = 10, -3300, 6500
 """Histogram of the kinetic energy: bin k begins at 10^(k/10) J; numbers of the first bin, and of bins."""
@@ -77,6 +77,7 @@ class Analysis:
         options |= {"friction": self.friction and options["friction"], "threads": threads}
         self._observer = Observer(self._dynamics, gain, threshold, release, **options)
         self._detector = AlarmDetector(names, alarms) if alarms else None
+        self._covariance = wanted.covariance_of(names) if wanted else None
         self.collisions = Alarms(self._detector) if alarms else NormCollisions(names)
         points = reading.contact_points[0] if settings.contact.limits is not None else None
         self._points = points if points and points.limited.any() else None
@@ -114,10 +115,11 @@ class Analysis:
         residual, torque, norm, valid, collision = observed
         if self._detector:
             judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
-            self.collisions.add_states(states.stamp, norm, judged)
+            self.collisions.add_states(states.stamp, norm, judged, self._touched_links(states, observed, judged.alarm))
             observed = observed._replace(collision=judged.alarm)
         else:
-            self.collisions.add_states(states.stamp, torque, norm, collision)
+            touched = self._touched_links(states, observed, collision)
+            self.collisions.add_states(states.stamp, torque, norm, collision, touched)
         self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)
         self.balance.add_windows(self._windows.integrate_states(states, s))
         self.balance.moved = self.efforts.moved
@@ -129,6 +131,14 @@ class Analysis:
             self.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
         return Piece(states, s, observed, judged)
+
+    def _touched_links(self, states, observed, collision):
+        """Return the TouchedLink of states during a collision, empty in the others; None without a covariance."""
+        rows = collision & observed.valid
+        if self._covariance is None or not rows.any():
+            return None
+        columns = states.position[rows], observed.external_torque[rows], self._covariance
+        return expand(self._dynamics.touched_link_batch(*columns, threads=self._threads), rows)
 
     def _add_figures(self, states, s, observed):
         (_, torque, norm, valid, _), names, energy = observed, self.model.dof_names, s.kinetic_energy

@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, BoolArray, VectorLike
+from diag_dynamics.arrays import Array, BoolArray, RowsLike, VectorLike
 from diag_dynamics.checks import choice, instance, per_name, positive
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -18,6 +18,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
+from diag_dynamics.results import ExternalWrench, TouchedLink, expand
 from diag_dynamics.sweeps.evaluation import observe_samples
 
 
@@ -38,6 +39,10 @@ class Observed(NamedTuple):
         Whether there is a result: not at the first state, after a gap, or without efforts.
     collision : ndarray of bool, shape (T,)
         Whether the norm has risen above the threshold, and not fallen below the release threshold since.
+    q : ndarray, shape (T, nq)
+        Positions [rad, m].
+    dynamics : DiagonalDynamics
+        Of the robot.
     """
 
     t: Array
@@ -46,6 +51,24 @@ class Observed(NamedTuple):
     norm: Array
     valid: BoolArray
     collision: BoolArray
+    q: Array
+    dynamics: DiagonalDynamics
+
+    def wrench(self, link: str, covariance: RowsLike | None = None, **options: Any) -> ExternalWrench:
+        """Return the external wrench at a link in all states; NaN and not observed where there is no result.
+
+        Arguments are those of :meth:`DiagonalDynamics.wrench`.
+        """
+        rows = self.q[self.valid], self.external_torque[self.valid]
+        return expand(self.dynamics.wrench_batch(*rows, link, covariance, **options), self.valid)
+
+    def touched_link(self, covariance: RowsLike | None, **options: Any) -> TouchedLink:
+        """Return the touched link in all states; "" and NaN where there is no result.
+
+        Arguments are those of :meth:`DiagonalDynamics.touched_link`.
+        """
+        rows = self.q[self.valid], self.external_torque[self.valid]
+        return expand(self.dynamics.touched_link_batch(*rows, covariance, **options), self.valid)
 
 
 class ObservedStates(NamedTuple):
@@ -100,7 +123,8 @@ def observe(
     options = {"friction": friction, "max_gap": max_gap, "settles_on": settles_on, "threads": threads}
     observer = Observer(dynamics, gain, threshold, release, **options)
     batches = [columns for _, columns in observer.observe_states(recording.states)]
-    return Observed(recording.t, *map(np.concatenate, zip(*batches, strict=True)))
+    columns = ObservedStates(*map(np.concatenate, zip(*batches, strict=True)))
+    return Observed(recording.t, *columns, recording.q, dynamics)
 
 
 def require_same_robot(dynamics: DiagonalDynamics, recording: Recording) -> None:

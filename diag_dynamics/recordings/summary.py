@@ -57,6 +57,7 @@ def summarize(analysis):
         "collisions": [
             {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
             | _exceeded(one)
+            | ({"link": one.link, "confidence": one.confidence} if one.chi_square else {})
             for one in analysis.collisions.found
         ],
         "contact": analysis.exposure.summary(time) if analysis.exposure else None,
@@ -252,6 +253,7 @@ def _about_collisions(summary):
     lines = [
         f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, "
         + (one.get("told") or f"|r| {one['norm']:.3g}, {', '.join(one['joints'])}")
+        + (f", touched {one['link']} ({one['confidence']:.0%})" if one.get("link") else "")
         for one in found
     ]
     yield from _some(lines, "more")

@@ -418,6 +418,7 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     assert joint in found["joints"] and found["norm"] > 0.0 and joint in summary["observer"]["judged"]
     assert found["exceeded"][joint]["value"] > 8.0 > found["exceeded"][joint]["threshold"]
     assert len(summary["collisions"]) < 15
+    assert found["link"] in ur5.link_names and 0.0 < found["confidence"] <= 1.0
 
 
 def test_the_library_and_the_command_write_the_same(ur5, tables, tmp_path):

@@ -196,11 +196,12 @@ def leaves(value):
 
 
 @pytest.mark.parametrize("size", [1, 100])
-def test_batches_do_not_matter(analysed, motion, monkeypatch, tmp_path, size):
+def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, size):
     """Windows, observer, neighbours, collisions and the worst contacts go on from batch to batch."""
     columns = [x if size > 1 else x[np.r_[600:920, 1450:1600]] for x in broken(motion)]
     (tmp_path / "limits.yaml").write_text("regions: {any: {energy: 0.5}}")
     options = ["external_torque.gain=25", "external_torque.threshold=1", f"contact.limits_file={tmp_path}/limits.yaml"]
+    options += noise_parameters(ur5, 0.1)
     whole, *_ = analysed(*columns, parameters=options)
     pieces = Reading.pieces
 
@@ -217,6 +218,7 @@ def test_batches_do_not_matter(analysed, motion, monkeypatch, tmp_path, size):
         del summary["contact"]["worst"][1:]  # one that hid others may give way to a later one
     for one, other in zip(leaves(parts), leaves(whole), strict=True):
         assert one == (pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other)
+    assert any(one["link"] for one in whole["collisions"])
     assert whole["collisions"] and whole["balance"]["windows"] > 4 and whole["quality"]["repeated_stamps"] == 1
     assert whole["quality"]["joints"]["shoulder_pan_joint"]["clipped"] == ["effort"]
 
@@ -280,6 +282,52 @@ def test_observe_needs_efforts_and_the_same_robot(tmp_path, ur5, motion):
     for model, one, what in ((ur5, without, "efforts"), (ur5, nothing, "no states"), (panda, recording, "panda")):
         with pytest.raises(dd.InputError, match=what):
             dd.observe(dd.DiagonalDynamics(model), one)
+
+
+def noise_parameters(ur5, deviation=0.5):
+    """Parameters of a covariance without correlations."""
+    joints, numbers = ",".join(ur5.dof_names), (deviation**2 * np.eye(6)).ravel().tolist()
+    return [f"external_torque.covariance_joints=[{joints}]", f"external_torque.covariance={numbers}"]
+
+
+def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
+    """Rows are those of single states; without a result they are NaN, not observed, and no link."""
+    recording = dd.read_recording(write_columns(tmp_path / "x.npz", *broken(motion)), ur5)
+    dynamics, covariance = dd.DiagonalDynamics(ur5), np.diag([0.3, 0.4, 0.2, 0.1, 0.1, 0.05]) ** 2
+    seen = dd.observe(dynamics, recording, 30.0)
+    wrench, touched = seen.wrench("wrist_3_link", covariance, frame="world"), seen.touched_link(covariance)
+    none = ~seen.valid
+    assert none.any() and len(wrench.wrench) == len(touched.link) == len(recording)
+    assert np.isnan(wrench.wrench[none]).all() and not wrench.observed[none].any()
+    assert np.isnan(touched.confidence[none]).all() and (touched.link[none] == "").all()
+    assert (touched.link[seen.valid] != "").any()
+    for t in np.flatnonzero(seen.valid)[::311]:
+        state = recording.q[t], seen.external_torque[t]
+        one = dynamics.wrench(*state, "wrist_3_link", covariance, frame="world")
+        for a, b in zip(one, wrench, strict=True):
+            np.testing.assert_array_equal(a, b[t])
+        link = dynamics.touched_link(*state, covariance)
+        assert (link.link, link.confidence) == (touched.link[t], touched.confidence[t])
+
+
+@pytest.mark.parametrize("threshold", ["external_torque.threshold=3", "alarm.joints=[elbow_joint=9]"])
+def test_a_collision_has_a_touched_link(analysed, ur5, tmp_path, threshold):
+    """Link and confidence are those at the largest χ² of the collision."""
+    dynamics = dd.DiagonalDynamics(ur5)
+    force = dynamics.jacobian(np.full(6, 0.3), "wrist_1_link")[:3].T @ [15.0, 30.0, -20.0]
+    pushed = simulated(ur5, lambda t: force * (2.0 <= t < 2.2))
+    parameters = ["external_torque.gain=25", threshold]
+    summary, text, _ = analysed(*pushed, parameters=[*parameters, *noise_parameters(ur5)])
+    (collision,) = summary["collisions"]
+    recording = dd.read_recording(tmp_path / "x.npz", ur5)
+    seen = dd.observe(dynamics, recording, 25.0).touched_link(0.25 * np.eye(6))
+    inside = (recording.t >= collision["start"]) & (recording.t <= collision["end"])
+    k = int(np.argmax(np.where(inside, seen.chi_square, -1.0)))
+    assert collision["link"] == seen.link[k] == "wrist_1_link"
+    assert collision["confidence"] == seen.confidence[k] > 0.5
+    assert f"touched wrist_1_link ({seen.confidence[k]:.0%})" in text
+    summary, text, _ = analysed(*pushed, parameters=parameters)
+    assert "link" not in summary["collisions"][0] and "touched wrist" not in text
 
 
 def test_a_push_is_a_collision(analysed, ur5):

@@ -104,7 +104,7 @@ def test_peaks_are_drawn():
     at, K = curve(dd.plot.energy(sliding(torque + 0.1), t), "K")
     assert len(K) < 5000 and K.max() == pytest.approx(4 * 2.1**2) and at[K.argmax()] == pytest.approx(54.321)
     torque[60_000:70_000] = np.nan
-    observed = dd.Observed(t, torque, torque, torque[:, 0], ~flags, flags)
+    observed = dd.Observed(t, torque, torque, torque[:, 0], ~flags, flags, torque, DYN)
     line = dd.plot.external_torque(observed, {"*": 1.5}, model=MODEL).axes[3].lines[1]
     at, y = np.array(line.get_data())
     assert len(y) < 5000 and (np.nanmin(y), np.nanmax(y)) == (-1.0, 2.0)
