@@ -28,7 +28,10 @@ MAX_DISTANCE = 0.4  # of the centre of a load from the link's origin [m]
 
 
 class Load(NamedTuple):
-    """Result of the estimator for one state: a point-like body on the link, beside the model's payload."""
+    """Result of the estimator for one state: a point-like body on the link, beside the payload of the model.
+
+    The mass is negative if (a part of) that payload has been put down.
+    """
 
     valid: bool  # False for the first state and after a reset
     reason: str  # why there is no result; empty otherwise
@@ -45,8 +48,8 @@ class Load(NamedTuple):
 
     @property
     def is_significant(self) -> bool:
-        """Whether the mass is above two standard deviations."""
-        return self.mass > MIN_SIGNIFICANCE * self.mass_deviation
+        """Whether the mass is beyond two standard deviations."""
+        return abs(self.mass) > MIN_SIGNIFICANCE * self.mass_deviation
 
     @property
     def center_deviation(self) -> Array:
@@ -131,7 +134,7 @@ class LoadEstimator:
         self._since = math.inf  # time from which on the conditions hold
         self._matrices[:] = 0.0
         self._count = 0.0
-        self._last = Load(False, "no state since the reset")
+        self.last = Load(False, "no state since the reset")
 
     def update(self, time: float, q: VectorLike, qd: VectorLike, external_torque: VectorLike | None) -> Load:
         """Update the estimate by a state and the observer's result for it.
@@ -151,11 +154,11 @@ class LoadEstimator:
             reason = "the observer has no result" if external_torque is None else "first state"
             self.reset()
             interval, torque = 0.0, np.zeros(model.nv)
-            self._last = Load(False, reason)
+            self.last = Load(False, reason)
         else:
             interval, torque = time - self._time, vector("external_torque", external_torque, model.dof_names)
             if interval == 0.0:
-                return self._last
+                return self.last
         weight = min(1.0, 0.5 * self.gain * interval) / MODEL_ERRORS
         rates = np.array([interval, self.gain, 1.0 / self.memory, weight])
         if update_load(
@@ -175,8 +178,8 @@ class LoadEstimator:
         self._time = time
         self._count = self._count * math.exp(-interval / self.memory) + weight
         if interval:
-            self._last = self._result(time)
-        return self._last
+            self.last = self._result(time)
+        return self.last
 
     def _result(self, time: float) -> Load:
         swept, energy = self._matrices[1], float(self._matrices[0, LOAD, LOAD])
@@ -189,6 +192,7 @@ class LoadEstimator:
             load = load._replace(center=swept[1:LOAD, LOAD] / mass)
         holds = (
             load.is_significant
+            and self._remaining(load) > -MIN_SIGNIFICANCE * load.mass_deviation
             and explained >= self.min_explained
             and energy > MIN_ENERGY * noise
             and float(load.center @ load.center) < MAX_DISTANCE**2
@@ -196,27 +200,41 @@ class LoadEstimator:
         self._since = min(self._since, time) if holds else math.inf
         return load._replace(is_load=time - self._since >= self.hold)
 
+    @property
+    def torque(self) -> Array:
+        """External torque of the estimated load at the last state, −Φπ [N m, N], shape (nv,)."""
+        torque: Array = -self._columns[4] @ self._matrices[1, :LOAD, LOAD]
+        return torque
+
+    def _known(self) -> Payload:
+        return self.dynamics.model.payloads.get(self.link, Payload(0.0))
+
+    def _remaining(self, load: Load) -> float:
+        """Mass of the payload with the load [kg]."""
+        return self._known().mass + load.mass
+
     def payload(self) -> Payload:
-        """Return the payload of the link with the estimated load: the model's, and a point at the estimated centre.
+        """Return the payload of the model with the estimated load: a point at its centre; mass 0 if little remains.
 
         Raises
         ------
         InputError
             The mass of the estimate is not significant.
         """
-        load = self._last
-        if not load.is_significant:
+        load, known, remaining = self.last, self._known(), self._remaining(self.last)
+        uncertain = MIN_SIGNIFICANCE * load.mass_deviation
+        if not load.is_significant or remaining < -uncertain:
             found = f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg" if load.valid else f"unknown: {load.reason}"
             raise InputError(
                 f"load on link '{self.link}' is {found}; expected a mass above two standard deviations. "
                 "Move the arm with the load."
             )
-        body = RigidBody(load.mass, load.center, np.zeros((3, 3)))
-        known = self.dynamics.model.payloads.get(self.link)
-        if known is not None:
-            own = RigidBody(known.mass, np.asarray(known.com, float), np.asarray(known.inertia, float))
-            body = RigidBody.union(own, body)
-        return Payload(body.mass, body.centre, body.inertia)
+        if remaining < uncertain:
+            return Payload(0.0)
+        own = RigidBody(known.mass, np.asarray(known.com, float), np.asarray(known.inertia, float))
+        both = RigidBody.union(own, RigidBody(load.mass, load.center, np.zeros((3, 3))))
+        inertia = both.inertia if load.mass > 0.0 else own.inertia * (remaining / known.mass)
+        return Payload(both.mass, both.centre, inertia)
 
 
 def _whitening(covariance: MatrixLike, nv: int) -> Array:
