@@ -38,7 +38,9 @@ OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "j
 
 def add_arguments(parser):
     """Declare the arguments."""
-    common.add_recording(parser, "rosbag2 folder, .mcap, .db3, .bag, CSV, TSV, Parquet or npz", nargs="*")
+    common.add_recording(
+        parser, "rosbag2 folder, .mcap, .db3, .bag, CSV, TSV, Parquet, npz or LeRobot dataset", nargs="*"
+    )
     parser.add_argument("--alarms", metavar="ALARMS.yaml", help="thresholds written by diag-dynamics calibrate")
     text = f"observer gain [1/s] unless external_torque.gain is set (default: {common.GAIN:g})"
     parser.add_argument("--gain", type=float, help=text)

@@ -104,8 +104,8 @@ def read_recording(
     Parameters
     ----------
     path : str, Path or list of these
-        A rosbag2 folder, ``.mcap``, ``.db3``, a ROS 1 ``.bag``, or a table: CSV, TSV, Parquet, npz. Several tables are read
-        side by side as one, also as ``q.csv+qd.csv+tau.csv``.
+        A rosbag2 folder, ``.mcap``, ``.db3``, a ROS 1 ``.bag``, an episode of a LeRobot dataset (``FOLDER#3``), or a table:
+        CSV, TSV, Parquet, npz. Several tables are read side by side as one, also as ``q.csv+qd.csv+tau.csv``.
     model : RobotModel, str or Path, optional
         The robot, or its URDF; without it, ``robot_description`` of the bag.
     columns : str, Path or dict, optional

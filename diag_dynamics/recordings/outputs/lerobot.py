@@ -79,7 +79,8 @@ class LeRobotOutput:
                 rows = np.flatnonzero(episode == number)
                 place = dict(zip(frame[rows].tolist(), rows.tolist(), strict=True))
                 for frames, some in self._values.get(number, ()):
-                    values[[place[one] for one in frames.tolist()]] = some[quantity].reshape(-1, width)
+                    at = np.array([place.get(one, -1) for one in frames.tolist()])  # times of a map may be of no frame
+                    values[at[at >= 0]] = some[quantity].reshape(-1, width)[at >= 0]
                 found[number][f"dynamics.{quantity}"] = values[rows]
             array = pa.array(values.ravel(), from_pandas=False)
             if _is_of_joints(quantity):
@@ -144,14 +145,6 @@ def _copy_file(source, target):
 
 def _statistics(values):
     """Return statistics of columns as LeRobot has them, without NaN; zeros where there is no number."""
-    known = np.where(np.isnan(values), 0.0, values.astype(float))
-    count = np.maximum((~np.isnan(values)).sum(axis=0), 1)
-    low, high = (
-        bound(values, axis=0, initial=-sign * np.inf) for bound, sign in ((np.fmin.reduce, -1), (np.fmax.reduce, 1))
-    )
-    mean = known.sum(axis=0) / count
-    std = np.sqrt(np.where(np.isnan(values), 0.0, (known - mean) ** 2).sum(axis=0) / count)
-    finite = {"min": low, "max": high, "mean": mean, "std": std}
-    return {name: np.nan_to_num(one, posinf=0.0, neginf=0.0).tolist() for name, one in finite.items()} | {
-        "count": [len(values)]
-    }
+    known = np.ma.masked_invalid(values.astype(float))
+    found = {name: getattr(known, name)(axis=0) for name in ("min", "max", "mean", "std")}
+    return {name: np.ma.filled(one, 0.0).tolist() for name, one in found.items()} | {"count": [len(values)]}
