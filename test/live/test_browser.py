@@ -332,6 +332,33 @@ def test_cards_are_enlarged_and_chosen(live):
 
 
 @pytest.mark.full
+def test_a_link_restores_the_state(live, chromium):
+    """A page by the link has robot, joint, colour, camera and cards; what is wrong in a link is named and ignored."""
+    page = live.page
+    for key in ("j", "3", "v", "y"):
+        page.keyboard.press(key)
+    page.locator("#plot-power h2").click()
+    live.until("location.hash.includes('card=power') && location.hash.includes('camera=front')")
+    link, joint = live.ask("location.href"), page.locator(".details h2").inner_text()
+    with Tab(chromium) as other:
+        other.open(link)
+        other.until("diag.colours.by === 'torque' && diag.camera === 'front' && diag.state.namespace === '/arm'")
+        other.until("document.querySelector('#plot-power.large')")
+        other.page.keyboard.press("Escape")
+        assert other.page.locator(".details h2").inner_text() == joint
+        other.ask("void (location.hash = '#robot=/other&joint=elbow_joint&t=soon&window=12')")
+        other.until("diag.state.namespace === '/other' && diag.state.window[1] - diag.state.window[0] === 12")
+        other.until("document.querySelector('.details h2').textContent.startsWith('elbow_joint')")
+        assert "t is 'soon'; expected a number" in other.page.locator(".notice").inner_text()
+        other.page.locator(".notice").click()
+        other.ask("void (location.hash = '#robot=/nobody')")
+        other.until("document.querySelector('.notice').textContent.includes('/nobody')")
+        assert (other.said, other.ask("diag.errors")) == ([], [])
+    page.keyboard.press("Escape")
+    page.keyboard.press("Shift+F")
+
+
+@pytest.mark.full
 def test_the_camera_fits_follows_and_has_views(live):
     """All links are within the picture at each view and size; a followed link stays at its centre."""
     for width, height in ((390, 844), (1400, 500), (1280, 720)):
@@ -540,6 +567,13 @@ def test_a_report_shows_the_recording(chromium, recording):
             assert tab.cut_off() == [], (width, height)
         assert (tab.said, tab.ask("diag.errors"), tab.ask("diag.missing")) == ([], [], 0)
         assert tab.asked <= {"file://", "data://", "blob://"}
+        tab.ask("diag.go(2.113)")
+        tab.until("decodeURI(location.hash).includes(`t=${diag.state.now}`)")
+        link, now = tab.ask("location.href"), tab.ask("diag.state.now")
+    with Tab(chromium) as tab:
+        tab.open(link)
+        tab.until(f"diag.state.now === {now!r}")
+        assert tab.said == []
 
 
 CHAPTERS = "overall", "collisions", "limits", "parameters"

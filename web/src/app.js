@@ -13,6 +13,8 @@ import { Health } from "./health.js";
 import { JointTable } from "./joints.js";
 import { Keys } from "./keys.js";
 import { csv } from "./layout.js";
+import { fromHash, toHash } from "./link.js";
+import { COLOURINGS } from "./quantities.js";
 import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
 import { View } from "./view.js";
@@ -28,6 +30,8 @@ export class App {
     this.health = new Health();
     this.layout = null;
     this.chosen = { link: null, dof: -1 };
+    this.wanted = null; // state of a link that is not yet restored
+    this.notice = ""; // about the link
     this.due = Object.fromEntries(PARTS.map((part) => [part, 0]));
     this.dirty = new Set(PARTS);
     this.view = new View(() => this.rows, !report, (what) => this.#moved(what));
@@ -56,6 +60,8 @@ export class App {
     toggle(body, "report", report);
     this.stage.restyle();
     readOnly(this, errors);
+    this.#open();
+    addEventListener("hashchange", () => this.#open());
     addEventListener("resize", () => this.#mark("plots", "strip"));
   }
 
@@ -99,6 +105,7 @@ export class App {
   }
 
   came() {
+    this.restore();
     if (this.view.following) this.#mark("plots", "numbers", "robot");
     this.#mark("strip");
   }
@@ -116,6 +123,78 @@ export class App {
 
   listed(robots, robot) {
     this.bar.listed(robots, robot);
+  }
+
+  // --- the link ---
+
+  // Begins to restore the state of the page's address; what needs a robot follows with its first state.
+  #open() {
+    const { state, notes } = fromHash(location.hash);
+    this.notice = notes.map((note) => `link: ${note}`).join("; ");
+    if (location.hash === this.hash || !location.hash) return;
+    this.wanted = state;
+    this.cards.show({ hidden: state.hide });
+    if (state.colour && !this.stage.colourBy(state.colour)) this.#note(`colour is '${state.colour}'`);
+    if (state.robot && this.source?.robots.some(({ name }) => name === state.robot)) this.source.choose(state.robot);
+    if (!state.robot || state.robot === this.source?.robot) this.restore();
+  }
+
+  restore() {
+    const { wanted, layout, rows, source, view } = this;
+    if (!wanted || !layout || !rows.length || source.layout === null) return;
+    this.wanted = null;
+    const { robot, joint, camera, card = null, window, t } = wanted;
+    this.cards.show({ large: card });
+    if (robot && robot !== source.robot) return this.#note(`robot is '${robot}', which is not here`);
+    const dof = layout.dofs.indexOf(joint);
+    if (dof >= 0) this.#select(layout.linkOfDof[dof], dof);
+    else if (layout.links.includes(joint)) this.select(joint);
+    else if (joint) this.#note(`joint is '${joint}'; ${layout.json.robot} has none of this name`);
+    if (camera && this.stage.scene?.setPose(camera) === false) this.#note(`camera is '${camera}'; expected a view or six numbers`);
+    if (t >= rows.first && t <= rows.last) view.go(t);
+    else if (t !== undefined) this.#note(`the states of ${view.label(t)} are not in this page`);
+    if (window) view.zoom(window);
+  }
+
+  #note(text) {
+    this.notice = [this.notice, `link: ${text}`].filter(Boolean).join("; ");
+  }
+
+  #state() {
+    const { source, view, stage, cards, layout } = this;
+    const { link, dof } = this.chosen;
+    const pose = stage.scene?.pose;
+    return {
+      robot: source.robots.length > 1 ? source.robot : "",
+      joint: dof >= 0 ? layout.dofs[dof] : link,
+      t: view.paused ? view.now() : null,
+      window: view.length === view.usual ? null : view.length,
+      colour: stage.colouring === "share" ? null : stage.colouring,
+      camera: pose === "iso" ? null : pose,
+      card: cards.large,
+      hide: cards.hidden,
+    };
+  }
+
+  // Keeps the state in the page's address.
+  #remember() {
+    if (this.wanted || !this.layout || !this.rows.length || this.source.playing) return;
+    const hash = toHash(this.#state());
+    if (hash === this.hash) return;
+    this.hash = hash;
+    try {
+      history.replaceState(null, "", hash || location.pathname + location.search);
+    } catch {
+      // a page inside another one may have no address
+    }
+  }
+
+  // Copies the link; a page without https has no clipboard, but its address is the link.
+  async copyLink() {
+    this.#remember();
+    const copied = navigator.clipboard?.writeText(location.href).then(() => "link copied");
+    this.notice = (await copied?.catch(() => "")) || "the address of this page is the link";
+    this.update();
   }
 
   // --- events of the user ---
@@ -154,7 +233,7 @@ export class App {
       [["b", "n"], "previous or next collision or contact", ({ key }) => this.cards.collisions.step(key === "n" ? 1 : -1)],
       [["+", "-"], "shorter or longer time window", (event) => view.zoom(view.length * (event.key === "+" ? 0.5 : 2))],
       [["0"], report ? "whole recording" : "time window of 30 s", () => (report ? view.whole() : view.zoom(30))],
-      [["1", "2", "3", "4"], "colour links by energy share, link energy, joint torque, external torque", ({ key }) => this.stage.colourBy(key - 1)],
+      [["1", "2", "3", "4"], "colour links by energy share, link energy, joint torque, external torque", ({ key }) => this.stage.colourBy(Object.keys(COLOURINGS)[key - 1])],
       [["e"], "show or hide ellipsoid and velocity", () => this.stage.toggleMarks()],
       [["f", "F"], "fit the robot into the view (Shift: reset the view)", ({ key }) => (key === "f" ? this.stage.look() : this.stage.resetView())],
       [["v"], "next view: iso, front, side, top", () => this.stage.nextView()],
@@ -163,6 +242,7 @@ export class App {
       [["r"], "next robot", () => this.bar.nextRobot()],
       [["t"], "light or dark theme", () => this.theme.next()],
       ...(this.report ? [] : [[["p"], "push the simulated robot", () => this.source.push()]]),
+      [["y"], "copy a link to what is shown", () => this.copyLink()],
       [["c"], "download the time window as CSV", () => this.csv()],
       [["Escape"], "back from a large card; clear the selection", () => (this.cards.large ? this.cards.show({ large: null }) : this.layout && this.select(null))],
       [["?"], "show this list", () => this.keys.help()],
@@ -221,6 +301,7 @@ export class App {
 
   // Updates values that change with time, such as the age of a state.
   update() {
+    this.#remember();
     this.bar.draw();
     this.stage.showVerdict(this.verdict());
   }

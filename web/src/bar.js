@@ -17,6 +17,7 @@ export class Bar {
     this.name = el("b", { class: "robot" });
     this.pill = el("span", { class: "pill", role: "status" }, el("i"), (this.word = el("b")), (this.says = el("span")));
     this.notes = el("span", { class: "notes" });
+    this.notice = el("button", { class: "notice", title: "about the link; click to close", onclick: () => (this.notice.hidden = !(app.notice = "")) });
     this.worst = el("button", { class: "worst", hidden: true, onclick: () => app.cards.showDiagnostics() });
     this.length = el("select", { title: "time window (+ −)", "aria-label": "time window", onchange: () => app.view.zoom(Number(this.length.value)) }, ...WINDOWS.map((s) => el("option", { value: s, text: s < 60 ? `${s} s` : `${s / 60} min` })));
     this.other = el("option", { hidden: true });
@@ -31,6 +32,7 @@ export class Bar {
       this.pill,
       this.notes,
       this.worst,
+      this.notice,
       el("span", { class: "spring" }),
       (this.look = button("◐", "light or dark theme (t)", () => app.theme.next())),
       button("?", "keyboard shortcuts (?)", () => app.keys.help()),
@@ -44,6 +46,7 @@ export class Bar {
     const tools = [
       ...(app.report ? [] : [this.push, this.length]),
       el("button", { text: "Cards", title: "choose cards", popovertarget: "cardmenu" }),
+      button("Link", "copy a link to what is shown (y)", () => app.copyLink()),
       button("CSV", "download the time window as CSV (c)", () => app.csv()),
     ];
     this.tools = el("span", { class: "tools" }, ...tools);
@@ -86,6 +89,8 @@ export class Bar {
       this.notes.replaceChildren(...notes.map((note) => el("span", { class: `note ${note.level}`, text: note.text })));
     }
     this.push.hidden = !app.health.heart?.pushes;
+    this.notice.hidden = !app.notice;
+    say(this.notice, app.notice);
     this.worst.hidden = !worst;
     if (worst) {
       this.worst.className = `worst ${worst.level}`;

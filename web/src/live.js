@@ -48,7 +48,7 @@ export class Live {
     }
     this.app.health.robots = this.robots;
     const names = this.robots.map((robot) => robot.name);
-    const preferred = new URLSearchParams(location.search).get("robot") ?? stored("diag.robot");
+    const preferred = this.app.wanted?.robot ?? new URLSearchParams(location.search).get("robot") ?? stored("diag.robot");
     if (!names.includes(this.robot) && names.length) {
       const alive = this.robots.find((robot) => robot.alive)?.name ?? names[0];
       this.choose(names.includes(preferred) ? preferred : alive);

@@ -34,6 +34,7 @@ export class Report {
     app.view.whole();
     const at = content.summary.kinetic_energy.at;
     if (at !== null) app.view.go(at - content.begin);
+    app.restore();
     app.update();
   }
 

@@ -25,7 +25,7 @@ export class Stage {
     this.following = false;
     this.marked = null;
     this.colours = new Map();
-    this.choice = el("select", { title: "quantity that colours the links (1 to 4)", "aria-label": "colour of links", onchange: () => this.colourBy(this.choice.selectedIndex) }, ...IDS.map((id) => el("option", { value: id, text: COLOURINGS[id].label })));
+    this.choice = el("select", { title: "quantity that colours the links (1 to 4)", "aria-label": "colour of links", onchange: () => this.colourBy(this.choice.value) }, ...IDS.map((id) => el("option", { value: id, text: COLOURINGS[id].label })));
     this.range = el("select", { title: "end of the colours", "aria-label": "range of colours", onchange: () => this.#setRange(this.range.selectedIndex === 1) }, el("option", { text: `${100 * QUANTILE} % quantile` }), el("option"));
     const button = (text, title, onclick) => el("button", { text, title, onclick });
     this.followButton = button("Follow", "keep the selected link in view, else a mobile base or the end effector (g)", () => this.follow(!this.following));
@@ -96,11 +96,14 @@ export class Stage {
     this.#missing();
   }
 
-  colourBy(k) {
-    this.colouring = IDS[k];
-    store("diag.colouring", this.colouring);
+  // id: of COLOURINGS. Returns whether there is such a one.
+  colourBy(id) {
+    if (!IDS.includes(id)) return false;
+    this.colouring = id;
+    store("diag.colouring", id);
     this.#getters();
     this.again();
+    return true;
   }
 
   toggleMarks() {
@@ -181,7 +184,7 @@ export class Stage {
     this.values = new Map(this.getters.map(([name, get]) => [name, get(data, base)]));
     const end = (this.end = this.#scale(colouring));
     const label = (place) => number(valueAt(colouring, place, end));
-    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${this.full ? "" : "≥ "}${label(1)} ${colouring.unit(this.layout)}`));
+    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${this.full || end >= colouring.full(this.layout) ? "" : "≥ "}${label(1)} ${colouring.unit(this.layout)}`));
     for (const [name, value] of this.values) {
       const rgb = ramp(placeOf(colouring, value, end));
       this.colours.set(name, hex(rgb));

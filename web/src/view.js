@@ -14,6 +14,7 @@ export class View {
     this.live = live;
     this.changed = changed;
     this.length = live ? 30 : 0; // [s]
+    this.usual = 30; // length that needs no mention; of a report, all
     this.paused = !live;
     this.end = NaN; // of the window, while paused
     this.moment = NaN; // while paused
@@ -105,7 +106,7 @@ export class View {
 
   whole() {
     const rows = this.rows();
-    this.length = Math.max(SHORTEST, rows.last - rows.first);
+    this.length = this.usual = Math.max(SHORTEST, rows.last - rows.first);
     this.end = rows.last;
     if (!Number.isFinite(this.moment)) this.moment = rows.first;
     this.changed("window");
