@@ -151,7 +151,7 @@ def opened(chromium, panda):
     server = PageServer(lambda: streams)
     server.start()
     with Tab(chromium) as tab:
-        tab.open(server.address)
+        tab.open(f"{server.address}#robot=/arm")
         yield tab
         assert (tab.said, tab.ask("diag.errors")) == ([], [])
         assert tab.asked <= {server.address.rstrip("/"), "data://", "blob://"}
@@ -359,7 +359,7 @@ def test_a_link_restores_the_state(live, chromium):
 
 
 @pytest.mark.full
-def test_the_camera_fits_follows_and_has_views(live):
+def test_the_camera_fits_follows_and_has_views(live, panda):
     """All links are within the picture at each view and size; a followed link stays at its centre."""
     for width, height in ((390, 844), (1400, 500), (1280, 720)):
         live.page.set_viewport_size({"width": width, "height": height})
@@ -369,12 +369,36 @@ def test_the_camera_fits_follows_and_has_views(live):
     live.page.keyboard.press("g")
     first = live.ask("diag.target")
     live.until(f"Math.hypot(...diag.target.map((x, k) => x - {first}[k])) > 0.05")
-    live.page.keyboard.press(" ")
-    live.until("diag.state.paused && diag.values.t === diag.state.now")
-    live.drawn()
-    np.testing.assert_allclose(live.ask("diag.target"), live.ask("diag.origin('panda_hand')"), atol=1e-6)
+    _, (q, *_), _ = paused(live, panda[0])
+    place = dd.DiagonalDynamics(panda[0].model).placement(q, "panda_hand")[:3, 3]
+    np.testing.assert_allclose(live.ask("diag.target"), place, atol=1e-4)
     live.page.keyboard.press("Shift+F")
     live.until("diag.camera === 'iso' && diag.outside.length === 0")
+
+
+@pytest.mark.full
+def test_all_robots_in_one_scene(live):
+    """The other robot stands beside the chosen one, has its state at the same time, and a click on it chooses it."""
+    live.page.keyboard.press("a")
+    live.until(
+        "diag.others.length === 1 && !diag.others[0].pending && !diag.others[0].old && diag.outside.length === 0"
+    )
+    other = live.ask("diag.others[0]")
+    assert other["name"] == "/other"
+    assert other["place"][1] > 1.0
+    assert len(set(other["colours"].values())) > 2
+    live.until(f"diag.others[0].t > {other['t']!r} + 0.5")
+    live.page.keyboard.press(" ")
+    live.until("diag.state.paused && Math.abs(diag.others[0].t - diag.state.now) < 1")
+    place = live.until("diag.where('forearm_link', '/other')")
+    live.page.mouse.click(place["x"], place["y"])
+    live.until("diag.state.namespace === '/other' && diag.others[0] && diag.others[0].name === '/arm'")
+    live.until("document.querySelector('.tag.chosen').textContent === '/other' && location.hash.includes('all=1')")
+    assert live.cut_off() == []
+    live.page.get_by_role("button", name="/arm", exact=True).click()
+    live.until("diag.state.namespace === '/arm' && diag.state.ready")
+    live.page.keyboard.press("a")
+    live.until("diag.others.length === 0 && !document.querySelector('.tag')")
 
 
 @pytest.mark.full

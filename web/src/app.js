@@ -20,6 +20,7 @@ import { Timeline } from "./timeline.js";
 import { View } from "./view.js";
 
 const PERIODS = { plots: 90, numbers: 120, robot: 33, strip: 1000 }; // [ms] between two drawings
+const NOTICE = 4000; // [ms] that a notice about a copied link stays
 const PARTS = Object.keys(PERIODS);
 const AROUND = 2; // [s] that a report shows before and after a collision
 const NO_ROWS = { length: 0, first: NaN, last: NaN, held: false, bytes: 0 };
@@ -123,6 +124,7 @@ export class App {
 
   listed(robots, robot) {
     this.bar.listed(robots, robot);
+    this.stage.fleet?.update();
   }
 
   // --- the link ---
@@ -135,6 +137,7 @@ export class App {
     this.wanted = state;
     this.cards.show({ hidden: state.hide });
     if (state.colour && !this.stage.colourBy(state.colour)) this.#note(`colour is '${state.colour}'`);
+    if (state.all) this.showAll(true);
     if (state.robot && this.source?.robots.some(({ name }) => name === state.robot)) this.source.choose(state.robot);
     if (!state.robot || state.robot === this.source?.robot) this.restore();
   }
@@ -170,9 +173,10 @@ export class App {
       t: view.paused ? view.now() : null,
       window: view.length === view.usual ? null : view.length,
       colour: stage.colouring === "share" ? null : stage.colouring,
-      camera: pose === "iso" ? null : pose,
+      camera: pose === "iso" || stage.following ? null : pose,
       card: cards.large,
       hide: cards.hidden,
+      all: stage.fleet?.on,
     };
   }
 
@@ -193,7 +197,8 @@ export class App {
   async copyLink() {
     this.#remember();
     const copied = navigator.clipboard?.writeText(location.href).then(() => "link copied");
-    this.notice = (await copied?.catch(() => "")) || "the address of this page is the link";
+    const said = (this.notice = (await copied?.catch(() => "")) || "the address of this page is the link");
+    setTimeout(() => (this.notice = this.notice === said ? "" : this.notice), NOTICE);
     this.update();
   }
 
@@ -240,6 +245,7 @@ export class App {
       [["g"], "follow the selected link, mobile base or end effector", () => this.stage.follow(!this.stage.following)],
       [["j", "k"], "select the next or previous joint", (event) => this.#nextJoint(event.key === "j" ? 1 : -1)],
       [["r"], "next robot", () => this.bar.nextRobot()],
+      ...(this.report ? [] : [[["a"], "all robots in one scene", () => this.showAll(!this.stage.fleet?.on)]]),
       [["t"], "light or dark theme", () => this.theme.next()],
       ...(this.report ? [] : [[["p"], "push the simulated robot", () => this.source.push()]]),
       [["y"], "copy a link to what is shown", () => this.copyLink()],
@@ -247,6 +253,11 @@ export class App {
       [["Escape"], "back from a large card; clear the selection", () => (this.cards.large ? this.cards.show({ large: null }) : this.layout && this.select(null))],
       [["?"], "show this list", () => this.keys.help()],
     ];
+  }
+
+  showAll(on) {
+    this.stage.fleet?.show(on);
+    this.update();
   }
 
   toggle() {
@@ -295,6 +306,7 @@ export class App {
   #moved(what) {
     this.rows.held = this.view.paused && !this.report;
     if (what === "window") this.#mark("plots", "strip");
+    if (what !== "pointer" && this.stage.fleet) this.stage.fleet.dirty = true;
     if (what !== "pointer") this.#mark("numbers", "robot", "now"); // at once: the user waits for it
     this.#mark("cursor");
   }

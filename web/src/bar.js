@@ -14,6 +14,7 @@ export class Bar {
     this.app = app;
     this.robots = el("select", { title: "robot (r)", "aria-label": "robot", onchange: () => app.source.choose(this.robots.value) });
     this.robots.hidden = true;
+    this.all = el("button", { text: "All", title: "all robots in one scene (a)", hidden: true, onclick: () => app.showAll(!app.stage.fleet?.on) });
     this.name = el("b", { class: "robot" });
     this.pill = el("span", { class: "pill", role: "status" }, el("i"), (this.word = el("b")), (this.says = el("span")));
     this.notes = el("span", { class: "notes" });
@@ -29,6 +30,7 @@ export class Bar {
       el("span", { class: "brand", text: "diag_dynamics" }),
       this.name,
       this.robots,
+      this.all,
       this.pill,
       this.notes,
       this.worst,
@@ -68,7 +70,7 @@ export class Bar {
       this.robots.replaceChildren(...options.map((one) => el("option", one)));
     }
     this.robots.value = chosen;
-    this.robots.hidden = robots.length < 2;
+    this.robots.hidden = this.all.hidden = robots.length < 2;
   }
 
   nextRobot() {
@@ -89,6 +91,7 @@ export class Bar {
       this.notes.replaceChildren(...notes.map((note) => el("span", { class: `note ${note.level}`, text: note.text })));
     }
     this.push.hidden = !app.health.heart?.pushes;
+    this.all.setAttribute("aria-pressed", Boolean(app.stage.fleet?.on));
     this.notice.hidden = !app.notice;
     say(this.notice, app.notice);
     this.worst.hidden = !worst;

@@ -56,7 +56,6 @@ export function readOnly(app, errors) {
     get outside() {
       return app.stage.scene?.outside ?? [];
     },
-    origin: (link) => app.stage.scene?.origin(link),
     // Where the worst point of contact is drawn; null where it is not.
     get contact() {
       const { point } = app.stage.scene ?? {};
@@ -72,7 +71,14 @@ export function readOnly(app, errors) {
     get missing() {
       return app.stage.scene?.robot?.missing ?? 0;
     },
-    where: (link) => app.stage.scene?.where(link) ?? null,
+    // Of robots beside the chosen one: time of the state drawn, place, colours.
+    get others() {
+      return [...(app.stage.fleet?.others.values() ?? [])].filter(({ t }) => t).map(({ name, t, old, robot }) => ({
+        ...{ name, t, old, place: robot.position.toArray(), pending: robot.pending },
+        colours: Object.fromEntries([...robot.byName].map(([link, { userData }]) => [link, `#${userData.material.color.getHexString()}`])),
+      }));
+    },
+    where: (link, robot) => app.stage.scene?.where(link, robot) ?? null,
     go: (t) => app.view.go(t),
   };
   Object.defineProperty(window, "diag", { value: Object.freeze(diag) });

@@ -253,6 +253,13 @@ export const COLOURINGS = {
   },
 };
 
+// Function of a state: the value of each link, by its name.
+export function linkValues(layout, colouring) {
+  const value = COLOURINGS[colouring].value(layout);
+  const getters = layout.scene.links.map(({ name }) => [name, value(name)]);
+  return (d, b) => new Map(getters.map(([name, get]) => [name, get(d, b)]));
+}
+
 // Place of a value on the colour ramp, 0 to 1, and the value of a place.
 export function placeOf({ root }, value, end) {
   return root ? Math.sqrt(value / end) : value / end;

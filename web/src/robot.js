@@ -23,7 +23,8 @@ export class Robot extends Group {
     this.pending = 0;
     const placements = layout.tree.placements(layout.scene.rest ?? [], 0) ?? [];
     const box = new Box3().setFromPoints(placements.map((placement) => new Vector3(...placement.slice(12, 15))));
-    this.bone = THICK * Math.max(0.05, 0.5 * box.getSize(new Vector3()).length());
+    this.size = Math.max(0.05, 0.5 * box.getSize(new Vector3()).length());
+    this.bone = THICK * this.size;
     for (const link of layout.scene.links) this.add(this.#link(link, load, changed));
     this.place(placements);
   }
@@ -101,7 +102,15 @@ export class Robot extends Group {
     return box;
   }
 
+  // Without others: in the axes of its own, and without a label.
+  alone() {
+    this.position.set(0, 0, 0);
+    this.label?.removeFromParent();
+    this.label = null;
+  }
+
   dispose() {
+    this.alone();
     this.traverse((node) => {
       node.geometry?.dispose();
       node.material?.dispose();

@@ -120,14 +120,11 @@ export function quantile(values, fraction) {
   return known.length ? low + (at % 1) * (high - low) : NaN;
 }
 
-// Quantile over rows of the largest of some quantities.
-export function highEnd(rows, i0, i1, getters, fraction, most = 300) {
+// Quantile of a quantity over rows.
+export function highEnd(rows, i0, i1, getter, fraction, most = 300) {
   const step = Math.max(1, Math.ceil((i1 - i0) / most));
   const values = [];
-  for (let i = i0; i < i1; i += step) {
-    const base = rows.base(i);
-    values.push(getters.reduce((high, get) => Math.max(high, get(rows.data, base) || 0), 0));
-  }
+  for (let i = i0; i < i1; i += step) values.push(getter(rows.data, rows.base(i)));
   return quantile(values, fraction);
 }
 

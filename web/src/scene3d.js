@@ -8,6 +8,7 @@ import {
   Raycaster, Scene, ShadowMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { CSS2DRenderer } from "three/examples/jsm/renderers/CSS2DRenderer.js";
 import { resized } from "./dom.js";
 import { Marks } from "./marks.js";
 import { Robot } from "./robot.js";
@@ -31,7 +32,9 @@ export class Scene3D {
     this.renderer.shadowMap.type = PCFShadowMap;
     this.canvas = this.renderer.domElement;
     this.canvas.tabIndex = -1;
-    box.prepend(this.canvas);
+    this.labels = new CSS2DRenderer();
+    this.labels.domElement.className = "labels";
+    box.prepend(this.canvas, this.labels.domElement);
     this.camera = new PerspectiveCamera(32, 1, 0.01, 100);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, this.canvas);
@@ -63,7 +66,8 @@ export class Scene3D {
     this.rim.scale.setScalar(1.3);
     [this.rim.renderOrder, this.point.renderOrder, this.point.visible] = [2, 3, false];
     this.point.add(this.rim);
-    this.scene = new Scene().add(this.sky, this.lights, this.grid, this.ground, this.marks, this.force, this.point);
+    this.others = new Group(); // robots beside the chosen one
+    this.scene = new Scene().add(this.sky, this.lights, this.grid, this.ground, this.marks, this.force, this.point, this.others);
     this.scene.fog = new Fog(0);
     this.ray = new Raycaster();
     resized(box, () => this.#resize());
@@ -86,7 +90,7 @@ export class Scene3D {
       this.scene.remove(this.robot);
       this.robot.dispose();
     }
-    Object.assign(this, { layout, framed: false, posed: false, root: null, followed: null });
+    Object.assign(this, { layout, framed: this.framed && this.others.children.length > 0, posed: false, root: null, followed: null });
     this.showContact(null);
     this.robot = new Robot(layout, this.load, () => {
       if (!this.robot.pending) {
@@ -98,7 +102,7 @@ export class Scene3D {
     this.scene.add(this.robot);
     this.marks.forget();
     this.force.forget();
-    this.frame();
+    this.frame(!this.framed);
   }
 
   place(data, base) {
@@ -120,8 +124,18 @@ export class Scene3D {
     if (this.framed || this.followed || now - this.looked < GROWTH_PERIOD) return;
     this.looked = now;
     const reached = this.reached.clone();
-    for (const link of this.robot.byName.values()) if (link.children.length) reached.expandByPoint(originOf(link));
+    for (const link of this.robots.flatMap(({ children }) => children)) if (link.children.length) reached.expandByPoint(originOf(link));
     if (!this.reached.equals(reached)) this.#fit(reached, true);
+  }
+
+  get robots() {
+    return [...(this.robot ? [this.robot] : []), ...this.others.children];
+  }
+
+  // Other robots came, left or were moved.
+  rearranged() {
+    this.root = null;
+    if (this.robot) this.frame(!this.framed);
   }
 
   // Shows the whole robot, from now on at every size of the window; view: of VIEWS, else the direction stays.
@@ -158,7 +172,7 @@ export class Scene3D {
 
   // Camera and floor by the box around the robot; the floor at its lowest point.
   frame(camera = true, reached = new Box3()) {
-    const bounds = this.robot?.bounds.union(reached) ?? new Box3();
+    const bounds = this.robots.reduce((box, robot) => box.union(robot.bounds), reached.clone());
     if (bounds.isEmpty() || bounds.min.equals(bounds.max)) bounds.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
     this.#fit(bounds, camera);
   }
@@ -166,7 +180,8 @@ export class Scene3D {
   #fit(bounds, camera) {
     this.reached = bounds;
     this.centre = bounds.getCenter(new Vector3());
-    this.size = Math.max(0.05, 0.5 * bounds.getSize(new Vector3()).length());
+    this.size = halfDiagonal(bounds);
+    this.own = this.others.children.length ? halfDiagonal(this.robot.bounds) : this.size; // of the chosen robot
     if (camera) {
       const distance = this.#distance(bounds);
       this.camera.position.copy(this.centre).addScaledVector(this.from, distance);
@@ -247,7 +262,7 @@ export class Scene3D {
     const visible = Boolean(group && root);
     this.dirty ||= visible || this.marks.visible;
     this.marks.visible = visible;
-    if (visible) this.marks.place(originOf(group), root, velocity, this.size);
+    if (visible) this.marks.place(originOf(group), root, velocity, this.own);
   }
 
   // The force at the centre of mass of the touched link, see touchAt; null hides it.
@@ -256,7 +271,7 @@ export class Scene3D {
     const visible = Boolean(group) && touch.unobserved < 3;
     this.dirty ||= visible || this.force.visible;
     this.force.visible = visible;
-    if (visible) this.force.place(new Vector3(...this.layout.centerOf(touch.link)).applyMatrix4(group.matrixWorld), touch.root, touch.force, this.size);
+    if (visible) this.force.place(new Vector3(...this.layout.centerOf(touch.link)).applyMatrix4(group.matrixWorld), touch.root, touch.force, this.own);
   }
 
   // The contact point with the smallest margin; null hides it.
@@ -273,37 +288,34 @@ export class Scene3D {
   #ball() {
     if (!this.worst) return;
     this.point.position.set(...this.worst.position).applyMatrix4(this.#root().matrixWorld);
-    this.point.scale.setScalar(0.024 * this.size);
+    this.point.scale.setScalar(0.024 * this.own);
   }
 
-  // The link at a place of the canvas [CSS pixels], or null.
+  // Link and robot at a place of the canvas [CSS pixels]; both undefined if there is none.
   pick(x, y) {
-    if (!this.robot) return null;
     this.ray.setFromCamera(new Vector2((2 * x) / this.box.clientWidth - 1, 1 - (2 * y) / this.box.clientHeight), this.camera);
-    const [hit] = this.ray.intersectObject(this.robot, true);
-    return hit?.object.parent.name ?? null;
-  }
-
-  origin(link) {
-    return originOf(this.robot.byName.get(link)).toArray();
+    const [hit] = this.ray.intersectObjects(this.robots, true);
+    return { link: hit?.object.parent.name, robot: hit?.object.parent.parent };
   }
 
   // Links with a corner outside the picture.
   get outside() {
     const isInside = ({ x, y, z }) => Math.max(Math.abs(x), Math.abs(y), Math.abs(z)) <= 1;
     const corners = (link) => cornersOf(new Box3().setFromObject(link)).map((corner) => corner.project(this.camera));
-    return this.robot.children.filter((link) => link.children.length && !corners(link).every(isInside)).map(({ name }) => name);
+    return this.robots.flatMap(({ children }) => children).filter((link) => link.children.length && !corners(link).every(isInside)).map(({ name }) => name);
   }
 
-  // A place of the page at which a link is seen, or null.
-  where(link) {
-    const group = this.robot?.byName.get(link);
+  // A place of the page at which a link is seen, or null; name: of another robot.
+  where(link, name) {
+    const robot = name ? this.others.getObjectByName(name) : this.robot;
+    const group = robot?.byName.get(link);
     if (!group?.children.length) return null;
     const [bounds, rect, places] = [new Box3().setFromObject(group), this.canvas.getBoundingClientRect(), [0.5, 0.35, 0.65, 0.2, 0.8]];
     for (const u of places) for (const v of places) for (const w of places) {
       const place = bounds.getSize(new Vector3()).multiply(new Vector3(w, v, u)).add(bounds.min).project(this.camera);
       const [x, y] = [0.5 * (place.x + 1) * rect.width, 0.5 * (1 - place.y) * rect.height];
-      if (this.pick(x, y) === link) return { x: rect.left + x, y: rect.top + y };
+      const picked = this.pick(x, y);
+      if (picked.link === link && picked.robot === robot) return { x: rect.left + x, y: rect.top + y };
     }
     return null;
   }
@@ -314,6 +326,7 @@ export class Scene3D {
     if (!atOnce && (!this.dirty || now - this.last < this.pause)) return;
     this.dirty = false;
     this.renderer.render(this.scene, this.camera);
+    this.labels.render(this.scene, this.camera);
     if (now - this.last < 1000) this.mean += (Math.min(now - this.last, MAX_PAUSE) - this.mean) / 12;
     this.last = now;
     if (this.mean > SLOW) this.#drawLess();
@@ -333,6 +346,7 @@ export class Scene3D {
     const [width, height] = [this.box.clientWidth, this.box.clientHeight];
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
+    this.labels.setSize(width, height);
     this.camera.aspect = width / height;
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const head = Math.min(0.2 * height, HEAD * rem);
@@ -349,6 +363,10 @@ export class Scene3D {
 
 function originOf(group) {
   return new Vector3().setFromMatrixPosition(group.matrixWorld);
+}
+
+function halfDiagonal(box) {
+  return Math.max(0.05, 0.5 * box.getSize(new Vector3()).length());
 }
 
 function cornersOf({ min, max }) {

@@ -4,11 +4,13 @@
 // The robot, the legend of its colours, and numbers of the chosen link.
 
 import { forceText, linkText, loadText, symmetric, touchAt } from "./collisions.js";
-import { COLOURINGS, K, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";
+import { COLOURINGS, K, linkValues, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
 import { number, quantity } from "./format.js";
+import { largestOf } from "./joints.js";
 import { highEnd } from "./sampling.js";
+import { Fleet } from "./fleet.js";
 import { Scene3D, VIEWS } from "./scene3d.js";
 
 const IDS = Object.keys(COLOURINGS);
@@ -44,6 +46,7 @@ export class Stage {
     this.node = el("div", { class: "stage" }, this.head, this.missing, this.legend, this.banner, this.hint);
     try {
       this.scene = new Scene3D(this.node, { load: (sha) => app.source.mesh(sha), changed: () => this.#missing() });
+      this.fleet = new Fleet(app, this.scene);
       this.#listen();
     } catch (error) {
       say(this.hint, `No 3D view: this browser does not provide WebGL (${error.message}).`);
@@ -57,16 +60,19 @@ export class Stage {
     let [downX, downY, looked] = [0, 0, 0];
     canvas.addEventListener("pointerdown", (event) => ([downX, downY] = [event.offsetX, event.offsetY]));
     canvas.addEventListener("click", (event) => {
-      if (Math.hypot(event.offsetX - downX, event.offsetY - downY) < 5) this.app.select(this.scene.pick(event.offsetX, event.offsetY));
+      if (Math.hypot(event.offsetX - downX, event.offsetY - downY) >= 5) return;
+      const { link = null, robot } = this.scene.pick(event.offsetX, event.offsetY);
+      if (robot?.name) this.app.source.choose(robot.name);
+      else this.app.select(link);
     });
     canvas.addEventListener("pointermove", (event) => {
       if (event.buttons || performance.now() - looked < 80 || event.pointerType !== "mouse") return;
       looked = performance.now();
-      const link = this.scene.pick(event.offsetX, event.offsetY);
+      const { link, robot } = this.scene.pick(event.offsetX, event.offsetY);
       canvas.style.cursor = link ? "pointer" : "";
-      this.hint.hidden = link === null;
+      this.hint.hidden = !link;
       if (link) {
-        say(this.hint, `${link}  ${this.#value(link)}`);
+        say(this.hint, `${link}  ${robot.name || this.#value(link)}`);
         this.hint.style.transform = `translate(${Math.min(event.offsetX + 14, this.node.clientWidth - this.hint.offsetWidth - 6)}px, ${Math.max(4, event.offsetY - 30)}px)`;
       }
     });
@@ -91,6 +97,7 @@ export class Stage {
     this.layout = layout;
     this.marked = layout.json.end_effector; // a report has mobility and velocity of this link only
     this.scene?.setLayout(layout);
+    this.fleet?.update();
     this.follow(this.following);
     this.#getters();
     this.#missing();
@@ -150,8 +157,8 @@ export class Stage {
     this.choice.selectedIndex = IDS.indexOf(this.colouring);
     this.range.options[1].text = COLOURINGS[this.colouring].full(this.layout) ? "0–100 %" : "0–maximum";
     this.range.selectedIndex = Number(this.full);
-    const value = COLOURINGS[this.colouring].value(this.layout);
-    this.getters = this.layout.scene.links.map(({ name }) => [name, value(name)]);
+    this.valuesAt = linkValues(this.layout, this.colouring);
+    if (this.fleet) this.fleet.dirty = true;
   }
 
   restyle() {
@@ -181,14 +188,20 @@ export class Stage {
 
   #paint(data, base) {
     const colouring = COLOURINGS[this.colouring];
-    this.values = new Map(this.getters.map(([name, get]) => [name, get(data, base)]));
+    this.values = this.valuesAt(data, base);
     const end = (this.end = this.#scale(colouring));
     const label = (place) => number(valueAt(colouring, place, end));
-    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${this.full || end >= colouring.full(this.layout) ? "" : "≥ "}${label(1)} ${colouring.unit(this.layout)}`));
-    for (const [name, value] of this.values) {
-      const rgb = ramp(placeOf(colouring, value, end));
-      this.colours.set(name, hex(rgb));
-      if (this.scene?.robot.paint(name, rgb, name === this.app.chosen.link)) this.scene.dirty = true;
+    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${this.full || end >= (colouring.full(this.layout) ?? Infinity) ? "" : "≥ "}${label(1)} ${colouring.unit(this.layout)}`));
+    if (this.scene) this.paint(this.scene.robot, this.values);
+  }
+
+  // Colours the links of a robot by their values.
+  paint(robot, values) {
+    for (const { name } of robot.layout.scene.links) {
+      const rgb = ramp(placeOf(COLOURINGS[this.colouring], values.get(name), this.end));
+      const isOwn = robot === this.scene.robot;
+      if (isOwn) this.colours.set(name, hex(rgb));
+      if (robot.paint(name, rgb, isOwn && name === this.app.chosen.link)) this.scene.dirty = true;
     }
   }
 
@@ -201,8 +214,7 @@ export class Stage {
     const key = [this.colouring, this.full, this.layout.json.robot, ...(view.following ? [] : window)].join();
     if (key === this.scaleKey && now < this.scaleDue) return this.end;
     [this.scaleKey, this.scaleDue] = [key, now + SCALE_PERIOD];
-    const getters = this.getters.map(([, get]) => get);
-    const end = highEnd(rows, ...rows.range(...window), getters, this.full ? 1 : QUANTILE);
+    const end = highEnd(rows, ...rows.range(...window), (d, b) => largestOf([...this.valuesAt(d, b).values()]), this.full ? 1 : QUANTILE);
     return roundUp(Math.max(end || 0, full ? 0.05 * full : 1e-6));
   }
 
@@ -243,6 +255,7 @@ export class Stage {
   }
 
   render() {
+    this.fleet?.draw(this.app.view, this.colouring, (robot, values) => this.paint(robot, values));
     this.scene?.render();
   }
 }

@@ -28,6 +28,11 @@ export class Stream {
     this.#connect();
   }
 
+  close() {
+    this.#close();
+    clearTimeout(this.timer);
+  }
+
   send(text) {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(text);
   }
