@@ -125,8 +125,9 @@ def _summary(found, model, path, findings):
         *(f"  {name:{width}}  {x:.4g} {units[name]}  {contact.joints[name]:.4g}" for name, x in found.joints.items()),
         f"  {'|m r|':{width}}  {found.external_torque:.4g} N m  {contact.external_torque:.4g}",
         f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s  {contact.norm:.4g}",
-        *(["", "Warnings"] if found.warnings or findings else []),
+        *(["", "Warnings"] if found.warnings or findings or contact.warnings else []),
         *(f"  {text}" for text in (*found.warnings, *findings)),
+        *(f"  Contact: {text}" for text in contact.warnings),
         "",
         f"Wrote {path}. Give it to the monitor as --params-file and to analyse as --alarms.",
     ]

@@ -124,6 +124,7 @@ class Calibration(AlarmThresholds):
         ]
         if self.contact:
             head.append(f"Contact: {format_rate(self.contact.asked)} requested. {self.contact.describe_rate()}")
+            head += [f"Contact: {text}" for text in self.contact.warnings]
         head += [
             *self.warnings,
             *notes,

@@ -79,6 +79,9 @@ class Analysis:
         self._detector = AlarmDetector(names, alarms) if alarms else None
         self._covariance = wanted.covariance_of(names) if wanted else None
         self.collisions = Alarms(self._detector) if alarms else NormCollisions(names)
+        contact = wanted.contact if wanted else None
+        self._contact_detector = AlarmDetector(names, contact) if contact else None
+        self.contacts = Alarms(self._contact_detector) if contact else None
         points = reading.contact_points[0] if settings.contact.limits is not None else None
         self._points = points if points and points.limited.any() else None
         self.exposure = ContactExposure(self._points) if self._points else None
@@ -120,6 +123,9 @@ class Analysis:
         else:
             touched = self._touched_links(states, observed, collision)
             self.collisions.add_states(states.stamp, torque, norm, collision, touched)
+        if self._contact_detector:
+            lower = self._contact_detector.judge(states.stamp, residual, torque, valid, states.jumped)
+            self.contacts.add_states(states.stamp, norm, lower, self._touched_links(states, observed, lower.alarm))
         self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)
         self.balance.add_windows(self._windows.integrate_states(states, s))
         self.balance.moved = self.efforts.moved

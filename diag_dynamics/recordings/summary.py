@@ -54,12 +54,8 @@ def summarize(analysis):
             "observed": analysis.observed,
             "says": _unknown_contacts(analysis, quality["without_effort"]),
         },
-        "collisions": [
-            {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
-            | _exceeded(one)
-            | ({"link": one.link, "confidence": one.confidence} if one.chi_square else {})
-            for one in analysis.collisions.found
-        ],
+        "collisions": _entries(analysis.collisions, time),
+        "contacts": _entries(analysis.contacts, time) if analysis.contacts else None,
         "contact": analysis.exposure.summary(time) if analysis.exposure else None,
         "quality": quality,
         "warnings": [unmeasured, *warnings] if unmeasured else warnings,
@@ -104,6 +100,16 @@ def _unknown_contacts(analysis, without_effort):
     else:
         return ""
     return f"Collisions are unknown: {why}."
+
+
+def _entries(alarms, time):
+    """Return collisions or contacts."""
+    return [
+        {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
+        | _exceeded(one)
+        | ({"link": one.link, "confidence": one.confidence} if one.chi_square else {})
+        for one in alarms.found
+    ]
 
 
 def _exceeded(alarm):
@@ -248,6 +254,8 @@ def _about_collisions(summary):
         yield f"  {count}, by thresholds of {', '.join(observer['judged'])}"
     elif observer["observed"] and observer["threshold"] is not None:
         yield f"  {count} with |r| above {observer['threshold']:g} J^0.5/s"
+    if summary["contacts"] is not None:
+        yield f"  {len(summary['contacts'])} contact{_s(len(summary['contacts']))}, by the lower thresholds"
     if observer["says"]:
         yield f"  {observer['says']}"
     lines = [

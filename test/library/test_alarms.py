@@ -403,10 +403,12 @@ def calibrated(recording, path, *options):
 def test_the_command(ur5, tables, tmp_path, capsys):
     """The thresholds of a recording find the push in another one, its joint and its torque."""
     alarms, out, joint = tmp_path / "alarms.yaml", tmp_path / "summary.json", ur5.dof_names[2]
-    assert calibrated(tables / "free.csv", alarms, "--false-alarms", "20/min", "--gain", "25") == 0
+    options = "--false-alarms", "20/min", "--false-contacts", "40/min", "--gain", "25"
+    assert calibrated(tables / "free.csv", alarms, *options) == 0
     printed = capsys.readouterr().out
     assert "20/min" in printed and "Held-out" in printed and all(name in printed for name in ur5.dof_names)
-    found = dd.calibrate(dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), false_alarms=1 / 3)
+    rates = {"false_alarms": 1 / 3, "false_contacts": 2 / 3}
+    found = dd.calibrate(dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), **rates)
     contact = found.contact
     methods = [METHODS[one.method].format(one.peaks) for one in (found, contact)]
     assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]}\n" in printed
@@ -419,6 +421,11 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     assert found["exceeded"][joint]["value"] > 8.0 > found["exceeded"][joint]["threshold"]
     assert len(summary["collisions"]) < 15
     assert found["link"] in ur5.link_names and 0.0 < found["confidence"] <= 1.0
+    contacts = summary["contacts"]  # an interval around each collision, by lower thresholds
+    assert len(contacts) > len(summary["collisions"])
+    (touch,) = (one for one in contacts if one["start"] <= found["start"] <= one["end"])
+    assert touch["exceeded"][joint]["threshold"] < found["exceeded"][joint]["threshold"]
+    assert touch["end"] >= found["end"] and touch["link"] in ur5.link_names
 
 
 def test_the_library_and_the_command_write_the_same(ur5, tables, tmp_path):

@@ -234,7 +234,11 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
     thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5)
     trust = {"asked": 1 / 60, "duration": 300.0, "alarms": 4, "held_out": 5, "method": "tail", "peaks": 50}
-    Calibration(**vars(thresholds), gain=GAIN, friction=True, **trust).save(tmp_path / "alarms.yaml")
+    contact = Calibration(norm=3.5, joints={"*": 9.0}, external_torque=30.0, gain=GAIN, friction=True, **trust)
+    covariance = np.diag(np.arange(1.0, 1.0 + len(panda.names)))
+    noise = {"contact": contact, "covariance": covariance, "names": panda.names, "settles_on": "working_moment"}
+    found = Calibration(**vars(thresholds), gain=GAIN, friction=True, **trust, **noise)
+    found.save(tmp_path / "alarms.yaml")
     arguments = "--params-file", str(tmp_path / "alarms.yaml")
     with Monitor(peer, "/calibrated", *arguments, robot_description=panda.path) as monitor:
         message = feed(subscribed(monitor), [free] * 2)[1]
@@ -242,6 +246,9 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
         assert (message.torque_norm_threshold, message.threshold) == (31.5, 4.25)
         values = {"external_torque.gain": GAIN, "external_torque.friction": True}
         values |= {"alarm.release": 0.6, "alarm.hold_off": 0.3, "alarm.standing": 1.5}
+        values |= {"alarm.contact_norm": 3.5, "alarm.contact_external_torque": 30.0, "alarm.contact_joints": ["*=9.0"]}
+        values |= {"external_torque.settles_on": "working_moment", "external_torque.covariance_joints": [*panda.names]}
+        values["external_torque.covariance"] = covariance.ravel().tolist()
         assert peer.get_parameters(monitor.name, list(values)) == values
 
 
