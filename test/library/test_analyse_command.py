@@ -7,11 +7,13 @@ import json
 import os
 import resource
 import signal
+import struct
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pyarrow.parquet
 import pytest
@@ -162,6 +164,31 @@ def test_others_read_the_mcap(written, tmp_path, table, analyse):
     assert analyse(tmp_path / "twice.csv", "-o", tmp_path / "out.mcap", "--quiet")[0] in (0, 1)
     times, _ = zip(*messages_of(tmp_path / "out.mcap")[TOPICS[0]], strict=True)
     assert list(times) == sorted(times) and COUNT > len(times) > len(set(times)) == 200
+
+
+def test_the_index_of_the_mcap_leads_to_messages(written):
+    """Each entry has the place of a message of its channel and time in its chunk, which the summary counts."""
+    raw, count = (written / "out.mcap").read_bytes(), 0
+    with open(written / "out.mcap", "rb") as file:
+        summary = make_reader(file).get_summary()
+    for chunk in summary.chunk_indexes:
+        (channel, at), *_ = chunk.message_index_offsets.items()
+        opcode, _, own, size = struct.unpack_from("<BQHI", raw, at)
+        assert (opcode, own, at) == (7, channel, chunk.chunk_start_offset + chunk.chunk_length)
+        end = chunk.chunk_start_offset + chunk.chunk_length
+        data = lz4.frame.decompress(raw[end - chunk.compressed_size : end])
+        assert len(data) == chunk.uncompressed_size
+        for time, offset in struct.iter_unpack("<QQ", raw[at + 15 : at + 15 + size]):
+            kind, _, own, _, log_time, _ = struct.unpack_from("<BQHIQQ", data, offset)
+            assert (kind, own, log_time) == (5, channel, time)
+            assert chunk.message_start_time <= time <= chunk.message_end_time
+            count += 1
+    assert (
+        count
+        == summary.statistics.message_count
+        == 3 * COUNT
+        == sum(summary.statistics.channel_message_counts.values())
+    )
 
 
 # --- Files ---
