@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 
+import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -40,8 +41,9 @@ NAMESPACE = f"/demo_{os.getpid()}"
 PUSH_PERIOD, PUSH_TIME = 6.0, 0.3
 """Time between two pushes, and how long each lasts [s]."""
 
-FORCE, ALARM = 0.15, 0.03
-"""Force of a push, as a fraction of the robot's weight; external torque that raises an alarm, as one of weight × 1 m."""
+FORCE, ALARM, CONTACT, DEVIATION = 0.15, 0.03, 0.015, 0.003
+"""Force of a push, as a fraction of the robot's weight; external torque of an alarm and of a contact, and its standard
+deviation at each joint, as fractions of weight × 1 m."""
 
 OBSERVER_GAIN, GRAVITY = 25.0, 9.81
 """Gain of the monitor's observer [1/s]; acceleration of gravity [m/s²]."""
@@ -160,7 +162,15 @@ def main(args=None):
         wrenches = {"wrench_axes": "world", "wrench_timeout": PUSH_TIME}
         simulator = {"robot_description": source, "motion": "wave", "rate": chosen.rate, **wrenches, **options}
         nodes.append(SimulatorNode(parameter_overrides=overrides(simulator)))
-        monitor = {"external_torque.gain": OBSERVER_GAIN, "alarm.external_torque": ALARM * weight, **options}
+        monitor = {
+            "external_torque.gain": OBSERVER_GAIN,
+            "external_torque.covariance_joints": list(model.dof_names),
+            "external_torque.covariance": ((DEVIATION * weight) ** 2 * np.eye(model.nv)).ravel().tolist(),
+            "external_wrench.frames": [end_effector_link(model)],
+            "alarm.external_torque": ALARM * weight,
+            "alarm.contact_external_torque": CONTACT * weight,
+            **options,
+        }
         nodes.append(MonitorNode(parameter_overrides=overrides(monitor)))
         nodes.append(pusher := Pusher(end_effector_link(model), FORCE * weight))
         view = {"port": port, "robots": [NAMESPACE]}

@@ -25,6 +25,14 @@ class ForceOptions(NamedTuple):
     max_deviation: tuple[float, float] = (10.0, 1.0)
     """Standard deviations above which a direction is not observed [N, N m]."""
 
+    @classmethod
+    def of(cls, observation, values, model):
+        """Return options by a monitor's Observation (None: no observer) and its parameters `external_wrench.*`."""
+        covariance = observation.covariance_of(model.dof_names) if observation else None
+        links = tuple(name for name in dict.fromkeys(values["external_wrench.frames"]) if name in model.link_names)
+        deviations = [values[f"external_wrench.max_{kind}_deviation"] for kind in ("force", "torque")]
+        return cls(covariance, links, tuple(deviations))
+
 
 NO_FORCES = ForceOptions()
 """Without a covariance of the external torque."""
@@ -38,13 +46,29 @@ class Forces:
         self._covariance, self._links = options.covariance, options.links
         self._options = {"covariance": options.covariance, "max_deviation": options.max_deviation}
 
+    def with_touched_links(self, states):
+        """Return States with the touched link of those in contact or collision, unless they have one."""
+        if self._covariance is None or np.isfinite(states.touched_link).any():
+            return states
+        torque, known = self._torque(states)
+        links, confidence = np.full((2, len(known)), np.nan)
+        rows = np.flatnonzero(known & np.isfinite(states.norm) & np.logical_or(states.contact, states.collision))
+        if len(rows):
+            found = self._dynamics.touched_link_batch(states.q[rows], torque[rows], self._covariance)
+            links[rows] = [self._names.index(name) if name else -1 for name in found.link]
+            confidence[rows] = found.confidence
+        return states._replace(touched_link=links, touched_confidence=confidence)
+
+    def _torque(self, states):
+        """Return external torque, shape (T, nv), and whether it is known."""
+        torque = np.broadcast_to(states.external_torque, (len(states.t), self._dynamics.model.nv))
+        return torque, np.isfinite(torque).all(axis=1)
+
     def fields(self, states):
         """Return fields of States, by name; NaN where they are unknown."""
         if self._covariance is None:
             return {}
-        count, nv = len(states.t), self._dynamics.model.nv
-        torque = np.broadcast_to(states.external_torque, (count, nv))
-        known = np.isfinite(torque).all(axis=1)
+        (torque, known), count = self._torque(states), len(states.t)
         touched = np.where(known, states.touched_link, np.nan)
         found = {"touch_force": np.full((count, 3), np.nan), "touch_root": np.full((count, 6), np.nan)}
         found["touch_unobserved"] = np.full(count, np.nan)
@@ -82,18 +106,6 @@ def force_at_center(dynamics, q, torque, link, frame, covariance, max_deviation=
     """Return the ExternalWrench of a force without a moment, at the centre of mass of the body of a link."""
     options = {"point": center_of_body(dynamics.model, link), "force_only": True, "max_deviation": max_deviation}
     return dynamics.wrench(q, torque, link, covariance, frame=frame, **options)
-
-
-def with_touched_links(states, dynamics, covariance):
-    """Return States with the touched link at those in contact or collision."""
-    index = {name: k for k, name in enumerate(dynamics.model.link_names)}
-    links, confidence = np.full((2, len(states.t)), np.nan)
-    rows = np.flatnonzero((states.contact | states.collision) & np.isfinite(states.norm))
-    if len(rows):
-        found = dynamics.touched_link_batch(states.q[rows], states.external_torque[rows], covariance)
-        links[rows] = [index.get(name, -1) for name in found.link]
-        confidence[rows] = found.confidence
-    return states._replace(touched_link=links, touched_confidence=confidence)
 
 
 def component_deviations(w):

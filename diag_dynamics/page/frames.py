@@ -104,6 +104,7 @@ class FrameMaker:
 
     def frames(self, states):
         """Return the frames of states, shape (T,) of ``layout.dtype``; dK continues from the last call."""
+        states = self._forces.with_touched_links(states)
         frames = np.empty(len(states.t), dtype=self.layout.dtype)
         frames["t"], x, places = states.t, frames["numbers"], self.layout.places
         x.fill(np.nan)

@@ -52,7 +52,9 @@ def compile_frames(dynamics, forces=NO_FORCES):
     q, zero = dynamics.model.neutral, np.zeros(dynamics.model.nv)
     maker, last = FrameMaker(dynamics, (), forces), len(dynamics.model.link_names) - 1
     states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
-    maker.frames(states._replace(external_torque=zero[None], touched_link=last))
+    pushed = states._replace(external_torque=zero[None], norm=np.ones(1), collision=True)
+    for link in (np.nan, last):
+        maker.frames(pushed._replace(touched_link=link))
     maker.chosen(q, zero, dynamics.model.root_link)
 
 

@@ -297,7 +297,7 @@ class Settings(NamedTuple):
         thresholds = Thresholds(values["warn_energy"], values["error_energy"], *shares)
         thresholds.check_order()
         contact = ContactOptions.from_values(values)
-        settings = cls(values, _input_options(values), thresholds, _observation(values), contact)
+        settings = cls(values, _input_options(values), thresholds, observation_of(values), contact)
         if settings.frames and not settings.observation:
             raise InputError(
                 "parameter external_torque.gain is 0, expected a number above 0 because external_wrench.frames is set."
@@ -348,7 +348,7 @@ def _input_options(values):
     )
 
 
-def _observation(values):
+def observation_of(values):
     """Return the Observation; None if the gain is 0."""
     gain, threshold, release = (values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold"))
     if release > (threshold or math.inf):

@@ -9,7 +9,7 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.model.catalog import find_urdf
-from diag_dynamics.page.forces import UPPER, ForceOptions, component_deviations, with_touched_links
+from diag_dynamics.page.forces import UPPER, ForceOptions, Forces, component_deviations
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import CAUSES
 
@@ -109,7 +109,7 @@ def test_the_touched_link_of_states_in_contact(pushed):
     batch = pushed.dyn.evaluate_batch(q := np.tile(pushed.q, (count, 1)), zero, zero)
     states = States.of(np.arange(4.0), q, zero, zero, batch, residual=zero, **observed)
     states = states._replace(contact=np.array([True, False, True, False]), collision=np.array([False] * 3 + [True]))
-    states = with_touched_links(states, pushed.dyn, pushed.covariance)
+    states = Forces(pushed.dyn, ForceOptions(pushed.covariance)).with_touched_links(states)
     found = pushed.dyn.touched_link(pushed.q, pushed.tau, pushed.covariance)
     assert found.link and 0.2 < found.confidence < 1.0
     index = pushed.model.link_names.index(found.link)

@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
+from diag_dynamics.page.layout import CAUSES
 from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
 from diag_dynamics.recordings.analysis import Analysis
@@ -354,3 +355,32 @@ def test_times_behind_a_long_gap_are_right(recording):
 def test_a_page_that_is_not_built(tmp_path):
     with pytest.raises(dd.InputError, match="make page"):
         write_report(tmp_path / "r.html", {}, [], {}, static=tmp_path)
+
+
+def test_the_touched_link_of_collisions(recording):
+    """States in collision have the link that the library estimates, and all states the wrench at a frame."""
+    names, covariance = recording.model.dof_names, np.diag([0.2, 0.3, 0.1]) ** 2
+    (recording.folder / "pushes.yaml").write_text(
+        f"""/**:
+  ros__parameters:
+    external_torque: {{gain: 25.0, covariance_joints: {list(names)}, covariance: {covariance.ravel().tolist()}}}
+    external_wrench: {{frames: [tool]}}
+    alarm: {{external_torque: 5.0}}
+"""
+    )
+    t, q, qd, tau = recording.motion(((2.0, 2.3), (5.0, 5.4)), (40.0, 12.0))
+    options = "--quiet", "--parameters", recording.folder / "pushes.yaml"
+    html, summary = recording.analyse("pushes", *options, t=t, q=q, qd=qd, tau=tau)
+    assert [round(one["start"], 1) for one in summary["collisions"]] == [2.0, 5.0]
+    told, blocks = parts_of(html)
+    assert told["layout"]["frames"] == ["tool"]
+    times, found = track_of(told, blocks, told["tracks"][0])
+    fields = {name: columns for name, (columns, _) in found.items()}
+    flags, links = fields["flags"][:, 0].astype(int), recording.model.link_names
+    pushed = (flags & CAUSES["collision"]) > 0
+    assert all(pushed[np.abs(times - at) < 0.3].sum() > 4 for at in (2.2, 5.2))
+    assert np.isnan(fields["touched_link"][~pushed]).all() and np.isfinite(fields["wrench"]).any()
+    for k in np.flatnonzero(pushed):
+        touched = recording.dyn.touched_link(fields["q"][k], fields["external_torque"][k], covariance)
+        assert links[int(fields["touched_link"][k, 0])] == touched.link
+        assert fields["touched_confidence"][k, 0] == pytest.approx(touched.confidence, abs=1e-2)

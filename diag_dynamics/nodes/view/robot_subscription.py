@@ -23,16 +23,22 @@ from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.stream import Received, RobotStream, compile_frames
+from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
+from diag_dynamics.parameters.monitor import observation_of
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.wire.cdr import Template
 
-REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED)
-"""Parameters of a monitor that make its model, and whether its stamps are of simulated time."""
+OBSERVED = [name for name in MONITOR if name.startswith(("external_torque.", "external_wrench.", "alarm."))]
+"""Parameters of a monitor's observer."""
+
+REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED, *OBSERVED)
+"""Parameters of a monitor that make its model and its observer, and whether its stamps are of simulated time."""
 
 MAX_DIFFERENCE = 0.1
 """Largest difference between the stamps of a state and of its external torque or contact [s]."""
@@ -186,7 +192,8 @@ class RobotSubscription:
         values = [parameter_value_to_python(value) for value in future.result().values]
         known = {name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None}
         self._differs_in_time = bool(known.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
-        self._values = {name: spec.default for name, spec in SHARED.items()} | {"robot_description": ""} | known
+        defaults = {name: MONITOR[name].default for name in (*SHARED, *OBSERVED)}
+        self._values = defaults | {"robot_description": ""} | known
         self._load()
 
     def _load(self):
@@ -203,7 +210,7 @@ class RobotSubscription:
             self._loader.load(description, self._values)
 
     def _load_robot(self, description, values):
-        """Return the dynamics, scene and meshes of a robot; in a thread."""
+        """Return the dynamics, scene, meshes and ForceOptions of a robot; in a thread."""
         source = description if values["robot_description"] else description.encode(errors="replace")
         with handle_warnings(lambda text: None):  # the monitor logs them
             text = read_source(source).text
@@ -214,9 +221,9 @@ class RobotSubscription:
                     raise
                 model = model_of(text, values | {"parameters_file": ""})  # a file of another machine
         meshes = MeshLibrary([*self._folders, *mesh_folders(source if isinstance(source, str) else None)])
-        dynamics = DiagonalDynamics(model)
-        compile_frames(dynamics)
-        return dynamics, scene_of(model, text, meshes), meshes
+        dynamics, forces = DiagonalDynamics(model), ForceOptions.of(observation_of(values), values, model)
+        compile_frames(dynamics, forces)
+        return dynamics, scene_of(model, text, meshes), meshes, forces
 
     def _take_robot(self, loaded, *_):
         if isinstance(loaded, Exception):
@@ -267,7 +274,7 @@ class RobotSubscription:
             if name in fields and len(fields[name]) != expected:
                 raise InputError(f"{name} has {len(fields[name])} entries; expected {expected}")
         t = stamp_of(fields)
-        torque, limits = self._read_torque(t, model.nv)
+        torque, limits = self._read_torque(t, model)
         points, contact = self._read_contact(t, model)
         states = States(
             np.array([t]),
@@ -289,15 +296,15 @@ class RobotSubscription:
         now = clock.now().nanoseconds * 1e-9 if clock.ros_time_is_active else time.time()
         return now - (time.monotonic() - received) - t
 
-    def _read_torque(self, t, nv):
+    def _read_torque(self, t, model):
         """Return fields of the external torque at a time, and thresholds of alarms."""
         if "torque" not in self._newest:
             return {}, ()
         reader = self._readers["torque"]
         fields = reader.read(self._newest["torque"])
-        if len(reader.message.dof_names) != nv:
+        if len(reader.message.dof_names) != model.nv:
             return {}, ()
-        joints = fields["torque_threshold"].tolist() if "torque_threshold" in fields else [np.inf] * nv
+        joints = fields["torque_threshold"].tolist() if "torque_threshold" in fields else [np.inf] * model.nv
         limits = (*joints, fields["torque_norm_threshold"].item(), fields["threshold"].item())
         if not fields["valid"] or abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return {}, limits

@@ -9,6 +9,7 @@ import diag_dynamics
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
+from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import thresholds_of
 from diag_dynamics.page.meshes import MeshLibrary
@@ -33,7 +34,8 @@ class ReportOutput:
         self._dynamics = DiagonalDynamics(reading.model)
         self._points, self._left_out = self._contact_points()
         points = zip(self._points.names, self._points.links, strict=True) if self._points else ()
-        self._maker = FrameMaker(self._dynamics, points)
+        forces = ForceOptions.of(reading.settings.observation, reading.settings.values, reading.model)
+        self._maker = FrameMaker(self._dynamics, points, forces)
         self._overview = Overview(max(200, MAX_OVERVIEW // (2 * self._maker.layout.size)))
         self._contacts = ContactRuns()
         self._work, self._count, self._first = Work(), 0, None
