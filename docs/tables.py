@@ -207,6 +207,10 @@ INTERFACES = {
         ),
         Interface(SERVICE, "~/diagonalize", "Diagonalize", "all quantities of the monitor for a requested state"),
         Interface(SERVICE, "~/set_payload", "SetPayload", "attach, change or remove the payload of a link at run time"),
+        Interface(
+            SERVICE, "~/accept_payload", "std_srvs/Trigger", "add the estimated load to the payload of `load.link`"
+        ),
+        Interface(SERVICE, "~/reset_payload", "std_srvs/Trigger", "restore the payload before `~/accept_payload`"),
     ),
     "simulator": (
         Interface(

@@ -24,6 +24,7 @@ PRIOR = 3.0, 0.3  # standard deviations of mass [kg] and first moment [kg m] wit
 MODEL_ERRORS = 5.0  # number of states that count as one beside those within the observer's memory
 MIN_ENERGY = 2.0  # of m r in that of its noise: below it there is nothing to explain
 MIN_SIGNIFICANCE = 2.0  # mass of a load in standard deviations
+MAX_REST = 0.1  # fraction of a payload that counts as none once it is put down: its own mass has an error
 MAX_DISTANCE = 0.4  # of the centre of a load from the link's origin [m]
 
 
@@ -101,7 +102,7 @@ class LoadEstimator:
         *,
         memory: float = 0.7,
         hold: float = 0.6,
-        min_explained: float = 0.9,
+        min_explained: float = 0.8,
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
         self.link, self.gain = link, positive("gain", gain, "[1/s]")
@@ -192,7 +193,7 @@ class LoadEstimator:
             load = load._replace(center=swept[1:LOAD, LOAD] / mass)
         holds = (
             load.is_significant
-            and self._remaining(load) > -MIN_SIGNIFICANCE * load.mass_deviation
+            and self._known().mass + load.mass > -self._uncertain(load)
             and explained >= self.min_explained
             and energy > MIN_ENERGY * noise
             and float(load.center @ load.center) < MAX_DISTANCE**2
@@ -209,9 +210,9 @@ class LoadEstimator:
     def _known(self) -> Payload:
         return self.dynamics.model.payloads.get(self.link, Payload(0.0))
 
-    def _remaining(self, load: Load) -> float:
-        """Mass of the payload with the load [kg]."""
-        return self._known().mass + load.mass
+    def _uncertain(self, load: Load) -> float:
+        """Mass of the payload with the load below which it may be none [kg]."""
+        return MIN_SIGNIFICANCE * load.mass_deviation + MAX_REST * self._known().mass
 
     def payload(self) -> Payload:
         """Return the payload of the model with the estimated load: a point at its centre; mass 0 if little remains.
@@ -221,8 +222,8 @@ class LoadEstimator:
         InputError
             The mass of the estimate is not significant.
         """
-        load, known, remaining = self.last, self._known(), self._remaining(self.last)
-        uncertain = MIN_SIGNIFICANCE * load.mass_deviation
+        load, known = self.last, self._known()
+        remaining, uncertain = known.mass + load.mass, self._uncertain(load)
         if not load.is_significant or remaining < -uncertain:
             found = f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg" if load.valid else f"unknown: {load.reason}"
             raise InputError(

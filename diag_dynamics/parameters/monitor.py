@@ -26,7 +26,7 @@ _OF_EVERY_STATE = "total_joint_rates", "working_moments", "coriolis", "kinetic_e
 _OF_EVERY_STATE += "external_torque", "external_wrench", "external_wrench_estimates"
 
 RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | {"mass_matrix_factors": 50.0, "joint_space_dynamics": 50.0}
-RATES |= {"contact": 50.0, "markers": 20.0}
+RATES |= {"contact": 50.0, "markers": 20.0, "load": 20.0}
 """Default maximum rate of each topic [Hz]; 0: every state."""
 
 _FIXED = {
@@ -165,6 +165,24 @@ _WRENCH = {
     ),
 }
 
+_LOAD = {
+    "load.link": Spec(
+        "",
+        "Link whose loads are estimated and not reported as collisions; requires external_torque.covariance. Empty: none.",
+    ),
+    "load.accept": Spec(
+        "manual",
+        "What adds a load to the payload of its link: the service accept_payload, or each load by itself.",
+        choices=("manual", "automatic"),
+    ),
+}
+
+_DRIVER = {
+    "load.driver_topic": Spec(
+        "", "Topic of a geometry_msgs/InertiaStamped with the payload of the link in its header; empty: none."
+    ),
+}
+
 _REACTION = {
     "reaction.service": Spec("", "Service that the node calls when a collision begins; empty: none. Not safety-rated."),
     "reaction.type": Spec(
@@ -191,6 +209,8 @@ PARAMETERS = {
     ),
     **_COLLISION,
     **_WRENCH,
+    **_LOAD,
+    **fixed(_DRIVER),
     **fixed(_REACTION),
     **CONTACT,
     "contact.warn_at": Spec(

@@ -44,10 +44,12 @@ def check_counts(count, seed=0):
         loads, pushes, errors = [], [], []
         for _ in range(count):
             mass, center = rng.uniform(0.2, 3.0), rng.uniform(-0.1, 0.1, 3)
-            motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
-            found = estimates(estimator_of(arm), motion, arm.observed(rng, arm.load_torque(motion, mass, center)))
+            motion = arm.motion(rng, np.arange(0.0, 3.0, STEP))
+            torque = arm.load_torque(motion, mass, center)
+            torque[: round(1.0 / STEP)] = 0.0  # picked up after 1 s of motion without it
+            found = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
             loads.append(any(one.is_load for one in found))
-            errors.append((found[-1].mass - mass) / found[-1].mass_deviation)
+            errors.append(abs(found[-1].mass - mass) - 0.2 * mass - 3.0 * found[-1].mass_deviation)
             time, force = np.arange(0.0, 2.0, STEP), rng.normal(size=3)
             force *= rng.uniform(10.0, 60.0) / np.linalg.norm(force)
             motion, during = arm.motion(rng, time), (time >= 0.5) & (time < 0.8)
@@ -56,7 +58,7 @@ def check_counts(count, seed=0):
             pushes.append(any(one.is_load for one in found))
         assert np.mean(loads) >= 0.95, (name, np.mean(loads))
         assert not any(pushes), name
-        assert np.sqrt(np.mean(np.square(errors))) < 1.0, name  # the deviation leaves room for errors of the model
+        assert max(errors) < 0.0, name  # a part of the mass is missing by states before the pick-up
 
 
 def test_loads_are_recognized_and_pushes_are_not():

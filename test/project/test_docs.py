@@ -72,7 +72,17 @@ def keys_in(path):
 
 
 REPORTING = {
-    "monitor": ("input_statistics", "energy", "external_torque", "contact", "monitored_robot", "monitor", "reaction"),
+    "monitor": (
+        "input_statistics",
+        "energy",
+        "external_torque",
+        "contact",
+        "monitored_robot",
+        "monitor",
+        "reaction",
+        "load",
+        "gravity",
+    ),
     "controller": ("record", "controller"),
     "simulator": ("outputs",),
     "view": ("view",),

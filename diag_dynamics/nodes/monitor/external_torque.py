@@ -10,6 +10,7 @@ import numpy as np
 from diag_dynamics.collision.detector import RELEASE, AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
+from diag_dynamics.nodes.monitor.load import LoadWatch
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
 from diag_dynamics.nodes.support.messages import CollisionThresholds
 
@@ -19,16 +20,17 @@ class TorqueWatch:
 
     At the last state `seen` is the Disturbance, with the detector's collision, and `begins` whether a
     collision begins; `cause` describes the last collision of this interval of reports. `is_judged` is
-    whether there are thresholds.
+    whether there are thresholds. The detector gets r and m r without the load of `load`, a LoadWatch or
+    None.
     """
 
-    def __init__(self, dynamics, observation):
+    def __init__(self, dynamics, observation, link=""):
         self._collisions, self._origin, self._is_reported = 0, None, False
         self.start_interval()
-        self.use(dynamics, observation)
+        self.use(dynamics, observation, link)
 
-    def use(self, dynamics, observation):
-        """Restart with another model or other parameters."""
+    def use(self, dynamics, observation, link=""):
+        """Restart with another model or other parameters; `link` carries loads that are no contact."""
         self.dynamics, self.observation = dynamics, observation
         gain, threshold, release, friction, max_gap, alarms, settles_on = observation[:7]
         if alarms is None:
@@ -38,17 +40,22 @@ class TorqueWatch:
         self._observer = DisturbanceObserver(dynamics, gain, **options)
         self._detector = AlarmDetector(dynamics.model.dof_names, alarms)
         self.is_judged = bool(np.isfinite(self._detector.limits).any())
+        self.load = LoadWatch(dynamics, link, observation) if link else None
         self.forget()
 
     def use_gravity(self, dynamics):
         """Use a model that differs in gravity alone, without a restart."""
         self.dynamics = dynamics
         self._observer.use(dynamics)
+        if self.load:
+            self.load.estimator.use(dynamics)
 
     def forget(self):
         """Restart at the next state, for example after a jump of time."""
         self._observer.reset()
         self._detector.reset()
+        if self.load:
+            self.load.forget()
         self._alarms = Alarms(self._detector)
         self._joints = np.zeros(len(self._detector.limits) - 2, dtype=bool)
         self.seen, self.begins = Disturbance(False, "no state yet"), False
@@ -73,6 +80,8 @@ class TorqueWatch:
             self._detector.reset()  # as the observer has been
         torque = seen.external_torque if seen.valid else np.zeros(len(self._joints))
         r = seen.residual if seen.valid else torque
+        if self.load:
+            r, torque = self.load.accept_state(time, state, seen, r, torque)
         judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
         self.seen, self._joints = seen._replace(collision=bool(judged.alarm[0])), judged.joints[0]
         self.begins = bool(judged.begins[0])

@@ -16,7 +16,8 @@ from diag_dynamics.joint_states.assembler import Rejected
 from diag_dynamics.nodes.monitor.energy import numerical_health
 from diag_dynamics.nodes.monitor.gravity import GravitySource
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
-from diag_dynamics.nodes.monitor.monitored_robot import NO_PAYLOAD, MonitoredRobot, Refused, model_status
+from diag_dynamics.nodes.monitor.load import NO_PAYLOAD, PayloadServices
+from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, Refused, model_status
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
 from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import DynamicsServices
@@ -57,6 +58,7 @@ class MonitorNode(TableNode, Node):
         self._reaction = Reaction(self)
         self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
         DynamicsServices(self, self._in_force, self._set_payload)
+        self._payloads = PayloadServices(self, lambda: self._robot, self._set_payload)
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
         self._gravity = GravitySource(self, lambda: self._robot)
         self._subscribe()
@@ -248,6 +250,9 @@ class MonitorNode(TableNode, Node):
             if fault:
                 self.get_logger().warning(f"Markers: {fault.reason}", throttle_duration_sec=5.0)
         self._statistics.count_published(what, stamp)
+        load = robot.torque.load if robot.torque else None
+        if load and load.begins and self.values["load.accept"] == "automatic":
+            self._accept_load()  # last, because it changes the model
 
     def _observe(self, robot, state):
         """Publish external torque, and a collision at once."""
@@ -263,8 +268,26 @@ class MonitorNode(TableNode, Node):
         )
         if robot.settings.frames:
             self._outputs.publish_wrenches(state.newest, robot.wrench, robot.encoder, state)
+        if watch.load:
+            self._publish_load(robot, state)
         if alarm:
             self._diagnostics.publish([robot.torque_report(), *self._reaction.report()])
+
+    def _publish_load(self, robot, state):
+        """Publish the load, and log that one begins."""
+        load = robot.torque.load
+        payload = robot.model.payloads.get(load.link, NO_PAYLOAD)
+        self._outputs.publish_beside(
+            "load", state.newest, lambda: robot.encoder.load(load.link, load.estimate, payload, state)
+        )
+        if load.begins:
+            self.get_logger().info(plain(f"Picked up: {load.describe()}."))
+
+    def _accept_load(self):
+        """Add a load that begins to the payload."""
+        message, fault = attempt(self._payloads.accept)
+        log = self.get_logger()
+        log.warning(f"The load is not accepted: {fault.reason}") if fault else log.info(message)
 
     def _watch_contact(self, robot, state):
         """Publish predicted contact, and at once that a limit is exceeded."""

@@ -14,11 +14,11 @@ from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
-from diag_dynamics.model import Payload
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.monitor.contact import ContactWatch
 from diag_dynamics.nodes.monitor.energy import EnergyWatch
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
+from diag_dynamics.nodes.monitor.load import check_load_link
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.loading import compile_dynamics, text_of
@@ -33,9 +33,6 @@ POSES = 20
 
 MIN_LOAD = 0.1
 """Gravity torque [N m, N] that a robot at rest cannot carry without efforts."""
-
-NO_PAYLOAD = Payload(0.0)
-"""What takes a payload off."""
 
 
 class MonitoredRobot:
@@ -99,7 +96,8 @@ class MonitoredRobot:
             self.friction_power(s)
             self.messages(tuple(EVALUATED), s)
             if self.torque:
-                TorqueWatch(self.dynamics, self.settings.observation).accept_state(state)
+                link = self.settings.values["load.link"]
+                TorqueWatch(self.dynamics, self.settings.observation, link).accept_state(state)
         self.forget()
 
     @property
@@ -123,6 +121,7 @@ class MonitoredRobot:
             raise InputError(
                 f"parameter 'external_wrench.frames' has '{wrong[0]}', expected links of robot '{model.name}' with joints."
             )
+        check_load_link(model, settings)
         if settings.observation and settings.observation.alarms:
             settings.observation.alarms.limits(model.dof_names)
         others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
@@ -145,15 +144,17 @@ class MonitoredRobot:
 
     def _observe(self, before):
         """Restart the observer of external torque if model, parameters or input options changed."""
-        wanted, settings = self.settings.observation, self.settings
+        wanted, settings, link = self.settings.observation, self.settings, self.settings.values["load.link"]
         if wanted is None:
             self.torque = None
         elif self.torque is None:
-            self.torque = TorqueWatch(self.dynamics, wanted)
+            self.torque = TorqueWatch(self.dynamics, wanted, link)
         else:
-            inputs, inputs_before = map(_values_by, (settings.inputs, before.inputs))
-            if (self.dynamics, wanted, inputs) != (self.torque.dynamics, before.observation, inputs_before):
-                self.torque.use(self.dynamics, wanted)
+            now, earlier = (
+                (one.observation, _values_by(one.inputs), one.values["load.link"]) for one in (settings, before)
+            )
+            if (self.dynamics, *now) != (self.torque.dynamics, *earlier):
+                self.torque.use(self.dynamics, wanted, link)
 
     def use_gravity(self, gravity):
         """Turn gravity [m/s²] in the axes of the root link; neither watches nor messages restart."""
@@ -179,6 +180,7 @@ class MonitoredRobot:
         self.energy.start_interval()
         if self.torque:
             statuses.append(self.torque_report())
+            statuses += [self.torque.load.report()] if self.torque.load else []
             self.torque.start_interval()
         if self.contact.has_limits:
             statuses.append(self.contact.report())

@@ -7,7 +7,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.model import Payload
+from diag_dynamics.nodes.monitor.load import payload_of
 from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.messages import doubles
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS
@@ -72,8 +72,6 @@ class DynamicsServices:
         response.joint_space_dynamics = maker.joint_space_dynamics(M, c, g, state)
 
     def _set_payload(self, request, response):
-        i = request.inertia
-        inertia = [[i.ixx, i.ixy, i.ixz], [i.ixy, i.iyy, i.iyz], [i.ixz, i.iyz, i.izz]]
-        payload = Payload(i.m, (i.com.x, i.com.y, i.com.z), inertia)
+        payload = payload_of(request.inertia)
         self._robot()[0].model.with_payload(request.link, *payload)  # raises InputError
         response.total_mass = self._attach(request.link, payload).total_mass

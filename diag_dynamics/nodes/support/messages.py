@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Inertia, Vector3, WrenchStamped
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
@@ -29,6 +29,7 @@ from diag_dynamics.msg import (
     TotalJointRates,
     WorkingMoments,
 )
+from diag_dynamics.msg import Load as LoadMessage
 from diag_dynamics.sweeps import evaluation, records
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.wire.cdr import HEADER, Template
@@ -231,6 +232,24 @@ class MessageMaker:
         texts, shape = {"header": Header(frame_id=frame)}, (frame, found is None, count)
         return self.make("external_wrench_estimates", ExternalWrench, state, texts, values, shape)
 
+    def load(self, link, load, payload, state):
+        """Return a Load at a link and the payload of the model there."""
+        deviations = (load.mass_deviation, load.center_deviation) if load.valid else (math.inf, np.full(3, math.inf))
+        ixx, ixy, ixz, _, iyy, iyz, _, _, izz = map(float, np.ravel(payload.inertia))
+        moments = {"ixx": ixx, "ixy": ixy, "ixz": ixz, "iyy": iyy, "iyz": iyz, "izz": izz}
+        return LoadMessage(
+            header=Header(stamp=to_time(state.newest), frame_id=link),
+            valid=load.valid,
+            mass=load.mass,
+            mass_deviation=deviations[0],
+            center_of_mass=_vector(load.center),
+            center_of_mass_deviation=_vector(deviations[1]),
+            explained=load.explained,
+            is_load=load.is_load,
+            payload=Inertia(m=payload.mass, com=_vector(payload.com), **moments),
+            **_flags(state),
+        )
+
     def contact(self, contact, state):
         """Contact at the points of a robot, and the RobotState it came from."""
         texts = {"point_names": list(contact.names), "link_names": list(contact.links)}
@@ -248,6 +267,11 @@ class MessageMaker:
             "worst": int(contact.worst),
         }
         return self.make("contact", Contact, state, texts, values, (contact.points,))
+
+
+def _vector(numbers):
+    x, y, z = map(float, numbers)
+    return Vector3(x=x, y=y, z=z)
 
 
 def _flags(state):

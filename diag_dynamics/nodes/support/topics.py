@@ -52,6 +52,13 @@ TOPICS = (
         beside=True,
     ),
     Topic(
+        "load",
+        "Load",
+        "mass and centre of a load with standard deviations, and whether the external torque is that of a load",
+        condition="load.link",
+        beside=True,
+    ),
+    Topic(
         "contact",
         "Contact",
         "predicted contact at the worst point of each link: speed, mass, energy, force, margin",

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A load on the hand of a Panda on the monitor's topic and services, by efforts of Pinocchio with the load as a payload."""
+
+import math
+
+import numpy as np
+import pytest
+from diag_dynamics.msg import Load
+from diag_dynamics.srv import SetPayload
+from geometry_msgs.msg import InertiaStamped
+from std_srvs.srv import Trigger
+
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.diagnostics import OK, WARN
+from nodes import PANDA, Monitor, robot
+from pushed import GAIN, TORQUE, Motion, feed, subscribed
+
+HAND, MASS, CENTER = "panda_hand", 1.2, (0.02, -0.01, 0.06)
+NAMES = robot(PANDA).names
+COVARIANCE = np.diag([0.3] * 4 + [0.1] * (len(NAMES) - 4)) ** 2
+OBSERVED = {
+    "external_torque.gain": GAIN,
+    "external_torque.friction": False,
+    "external_torque.covariance_joints": list(NAMES),
+    "external_torque.covariance": COVARIANCE.ravel().tolist(),
+    "alarm.external_torque": 5.0,
+    "robot_description": robot(PANDA).path,
+}
+FREE = Motion(robot(PANDA))
+LOADED = Motion(robot(PANDA), payloads={HAND: (MASS, CENTER, 5e-4 * np.eye(3))})
+
+
+@pytest.fixture
+def monitor(peer, request):
+    """Start a monitor that estimates a load on the hand."""
+    parameters = OBSERVED | {"load.link": HAND} | getattr(request, "param", {})
+    with Monitor(peer, "/loaded", outputs=["state"], **parameters) as monitor:
+        monitor.load = peer.topic(Load, f"{monitor.name}/load")
+        yield subscribed(monitor)
+
+
+def call(monitor, name):
+    return monitor.call(Trigger, name, Trigger.Request())
+
+
+def payload(monitor):
+    """Return the payload on the hand in the model in force."""
+    return monitor.process.node._robot.model.payloads.get(HAND)
+
+
+def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
+    found = feed(monitor, map(LOADED, range(900)))
+    assert any(one.collision for one in found[:400]) and not any(one.collision for one in found[750:])
+    assert np.linalg.norm(found[-1].external_torque) > 5.0  # the message has all of the external torque
+    last = monitor.load.messages[-1]
+    assert last.valid and last.is_load and last.header.frame_id == HAND and last.explained > 0.95
+    assert last.mass == pytest.approx(MASS, abs=min(0.1, 2.0 * last.mass_deviation))
+    c, deviation = last.center_of_mass, last.center_of_mass_deviation
+    np.testing.assert_allclose((c.x, c.y, c.z), CENTER, atol=0.02)
+    assert 0.0 < deviation.x < 0.05 and last.payload.m == 0.0
+    report = monitor.next_report()
+    assert report.entries["load"].level == OK
+    assert report.entries["load"].message == f"load {last.mass:.3g} ± {last.mass_deviation:.2g} kg at '{HAND}'"
+    assert "Picked up: load" in monitor.process.output
+    # a push on the load is a collision
+    q, qd, tau = zip(*map(LOADED, range(900, 1100)), strict=True)
+    push = 30.0 * np.array([name == "panda_joint2" for name in NAMES])
+    pushed = feed(monitor, zip(q, qd, np.array(tau) - push, strict=True))
+    assert any(one.collision for one in pushed[:30])
+    assert monitor.next_report().entries[TORQUE].level == WARN
+
+
+def test_accept_and_reset(monitor):
+    """After acceptance the model explains the efforts; put down, the load is negative; reset restores."""
+    response = call(monitor, "accept_payload")
+    assert not response.success and "unknown" in response.message
+    feed(monitor, map(LOADED, range(900)))
+    response = call(monitor, "accept_payload")
+    assert response.success and f"'{HAND}'" in response.message
+    assert payload(monitor).mass == pytest.approx(MASS, abs=0.05)
+    found = feed(monitor, map(LOADED, range(900, 1800)))
+    assert not any(one.collision for one in found)
+    assert not monitor.load.messages[-1].is_load and abs(monitor.load.messages[-1].mass) < 0.1
+    assert monitor.load.messages[-1].payload.m == payload(monitor).mass
+    feed(monitor, map(FREE, range(1800, 2700)))
+    down = monitor.load.messages[-1]
+    assert down.is_load and down.mass == pytest.approx(-MASS, abs=0.1)
+    response = call(monitor, "reset_payload")
+    assert response.success and payload(monitor) is None
+    found = feed(monitor, map(FREE, range(2700, 2800)))
+    assert np.abs(found[-1].external_torque).max() < 0.05
+
+
+def test_reset_returns_to_the_payload_before(monitor):
+    request = SetPayload.Request(link=HAND)
+    request.inertia.m = 0.4
+    assert monitor.call(SetPayload, "set_payload", request).success
+    heavier = Motion(robot(PANDA), payloads={HAND: (MASS, CENTER, 5e-4 * np.eye(3))})
+    for first in (0, 900):  # accepted twice
+        feed(monitor, map(heavier, range(first, first + 900)))
+        if not first:
+            assert call(monitor, "accept_payload").success
+    assert payload(monitor).mass == pytest.approx(MASS, abs=0.06)
+    assert call(monitor, "reset_payload").success and payload(monitor).mass == 0.4
+
+
+@pytest.mark.parametrize("monitor", [{"load.accept": "automatic"}], indirect=True)
+def test_automatic_acceptance(monitor):
+    found = feed(monitor, map(LOADED, range(1800)))
+    assert payload(monitor).mass == pytest.approx(MASS, abs=0.1) and not found[-1].collision
+    assert np.linalg.norm(found[-1].external_torque) < 1.0
+    feed(monitor, map(FREE, range(1800, 3000)))
+    assert payload(monitor) is None
+
+
+@pytest.mark.parametrize("monitor", [{"load.driver_topic": "payload"}], indirect=True)
+def test_payload_of_the_driver(monitor, peer):
+    """It replaces the payload of the link in its header; one that is the same changes nothing."""
+    driver, message = peer.publisher(InertiaStamped, "/loaded/payload"), InertiaStamped()
+    message.header.frame_id, message.inertia.m, message.inertia.com.z = HAND, 0.7, 0.05
+    for _ in range(3):
+        driver.publish(message)
+        peer.pass_time(0.01)
+    assert payload(monitor).mass == 0.7 and payload(monitor).com[2] == 0.05
+    assert monitor.process.node._revision == 2
+    message.inertia.m = 0.0
+    driver.publish(message)
+    peer.pass_time(0.01)
+    assert payload(monitor) is None
+    for wrong, text in ((math.nan, "finite"), (-1.0, "mass"), (0.1, "'hook' is not a link")):
+        message.inertia.m = wrong
+        message.header.frame_id = "hook" if wrong > 0.0 else HAND
+        peer.pass_time(6.0)  # a warning in five seconds
+        driver.publish(message)
+        peer.pass_time(0.01)
+        assert text in monitor.process.output.splitlines()[-1] and payload(monitor) is None
+
+
+def test_parameters_name_what_is_missing(peer):
+    for changed, text in (
+        ({"external_torque.covariance": [0.0], "external_torque.covariance_joints": [""]}, "covariance"),
+        ({"external_torque.settles_on": "working_moment"}, "settles_on"),
+        ({"load.link": "panda_link0"}, "a joint moves"),
+        ({"load.link": "hook"}, "'hook'"),
+    ):
+        with pytest.raises(InputError, match=text):
+            peer.start("monitor", **(OBSERVED | {"load.link": HAND} | changed))
+    with Monitor(peer, "/unloaded", outputs=["state"], **OBSERVED) as monitor:
+        response = call(monitor, "accept_payload")
+        assert not response.success and "load.link" in response.message
+        assert peer.set_parameter(monitor.name, "load.link", HAND).successful
+        assert not peer.set_parameter(monitor.name, "load.link", "hook").successful
