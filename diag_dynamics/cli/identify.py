@@ -12,7 +12,8 @@ from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.quality import residual_curves
 from diag_dynamics.identification.result import without_impossible_links
-from diag_dynamics.model import Parameters
+from diag_dynamics.identification.selection import STEPS
+from diag_dynamics.model import JointParameters, Parameters
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.rewriting import urdf_with
@@ -31,7 +32,7 @@ def add_arguments(parser):
     """Declare the arguments."""
     common.add_recording(parser, "recordings without contact, in the formats of diag-dynamics analyse")
     text = "any of friction, rotors, inertias, payload:LINK, separated by commas (default: %(default)s)"
-    parser.add_argument("--what", default="friction,rotors", metavar="WHAT", help=text)
+    parser.add_argument("--what", default=",".join(STEPS), metavar="WHAT", help=text)
     text = "recordings of the same robot without the payload"
     parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)
     parser.add_argument("-o", "--output", metavar="ARM.yaml", help="parameter file for all nodes and load_urdf")
@@ -113,8 +114,12 @@ def format_summary(found):
     width = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
         f"  {'joint':{width}}  {'effort error':>17}  {'external torque':>17}   damping  friction    offset  armature"
+        "      load      root"
     )
-    lines.append(f"  {'SI units':{width}}  {'N m rms':>17}  {'N m spread':>17}   N m s/rad     N m       N m     kg m²")
+    lines.append(
+        f"  {'SI units':{width}}  {'N m rms':>17}  {'N m spread':>17}   N m s/rad     N m       N m     kg m²"
+        "         1  √(s/rad)"
+    )
     for name in quality["torque_rms"]:
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
         lines.append(f"  {name:{width}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")
@@ -136,7 +141,7 @@ def _arrow(pair):
 
 
 def _numbers(joint):
-    values = ((None,) * 4) if joint is None else (joint.damping, joint.friction, joint.effort_offset, joint.armature)
+    values = JointParameters() if joint is None else joint
     return "".join(f"{'' if value is None else f'{value:.3g}':>10}" for value in values)
 
 

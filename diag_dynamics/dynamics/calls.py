@@ -65,6 +65,7 @@ class SweepCaller:
         self.robot = self._workspace.robot
         self._workspaces = threads.Workspaces(model)
         self._zeros = np.zeros((1, model.nv))
+        self._depends_on_load, self._has_roots = bool(model.load_friction.any()), bool(model.root_friction.any())
 
     # --- Calls
 
@@ -156,7 +157,7 @@ class SweepCaller:
             for name, x in at.vectors.items():
                 checks.check_finite(name, x, self.model.dof_names)
             if loads.friction:
-                tau = tau - self.friction(qd)
+                tau = tau - self.friction(at)
             if loads.wrenches is not None:
                 tau = tau + self._wrench_effort(at, loads)
             _require_finite(at, tau, _SUM)
@@ -166,7 +167,7 @@ class SweepCaller:
         """Return τ with wrenches and friction."""
         tau = self.vector(INVERSE_DYNAMICS, at)
         if loads.friction:
-            tau += self.friction(at.vectors["qd"])
+            tau += self.friction(at)
         if loads.wrenches is not None:
             tau -= self._wrench_effort(at, loads)
         _require_finite(at, tau, _SUM)
@@ -187,14 +188,24 @@ class SweepCaller:
             self.check(status, States(at.q))
         return tau
 
-    def friction(self, qd: Array) -> Array:
-        """Return the friction that resists rates, shape (…, nv)."""
-        model = self.model
+    def friction(self, at: States) -> Array:
+        """Return the friction that resists rates, shape (…, nv); without load friction q may be missing."""
+        model, qd = self.model, at.vectors["qd"]
         checks.check_finite("qd", qd, model.dof_names)
         v0 = model.friction_velocity
         with np.errstate(over="ignore"):
             direction = np.tanh(qd / v0) if v0 else np.sign(qd)
-        return model.damping * qd + model.friction * direction + model.effort_offset
+        resisting = model.damping * qd + model.friction * direction + model.effort_offset
+        if self._has_roots:
+            resisting += model.root_friction * root_of_rate(qd, v0)
+        if self._depends_on_load:
+            resisting += model.load_friction * np.abs(self.gravity_torque(at)) * direction
+        return resisting
+
+    def gravity_torque(self, at: States) -> Array:
+        """Return g(q)."""
+        zeros = self._zeros if at.threads else self._zeros[0]
+        return self.vector(INVERSE_DYNAMICS, at._replace(vectors={"qd": zeros, "qdd": zeros}))
 
     # --- Evaluation
 
@@ -221,7 +232,7 @@ class SweepCaller:
         if effort is not None:
             external = self._epsilon(at, effort, "f_ext is too large")
         if loads.friction:
-            resisting = self.friction(at.vectors["qd"])
+            resisting = self.friction(at)
             friction = self._epsilon(at, resisting, "friction or qd are too large")
         results.add_power(nu, power, external, friction)
         _require_finite(at, power, "qd, f_ext or friction are too large: the power overflows")
@@ -325,6 +336,11 @@ class SweepCaller:
         else:
             self.check(contacts.contacts(self.robot, *inputs, *outputs), at)
         return Contact(points, *outputs)
+
+
+def root_of_rate(qd: Array, v0: float) -> Array:
+    """Return q̇/√max(|q̇|, v₀): √|q̇| sign q̇, and a straight line through 0 within ±v₀."""
+    return qd / np.sqrt(np.maximum(np.abs(qd), max(v0, np.finfo(float).tiny)))
 
 
 def rotate(rotation: Array, V: Array) -> Array:

@@ -27,7 +27,7 @@ from diag_dynamics.contact.impact import Impact, impact
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
 from diag_dynamics.dynamics import calls, noise
-from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, are_vectors
+from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, States, are_vectors
 from diag_dynamics.dynamics.compilation import compile_methods
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
@@ -300,16 +300,23 @@ class DiagonalDynamics:
         at = self._arguments.states(q, threads, qd=qd, qdd=qdd)
         return self._caller.inverse_dynamics(at, Loads(f_ext, frame, friction))
 
-    def friction_torque(self, qd: StatesLike) -> Array:
-        """Return τ_fric = d q̇ + f tanh(q̇/v₀) + o [N m, N], shape (nv,) or (T, nv).
+    def friction_torque(self, qd: StatesLike, q: StatesLike | None = None, *, threads: int | None = None) -> Array:
+        """Return τ_fric = d q̇ + (f + μ|g(q)|) tanh(q̇/v₀) + s q̇/√max(|q̇|, v₀) + o [N m, N], shape (nv,) or (T, nv).
 
-        The model has damping d, Coulomb friction f, offset o and v₀, its `friction_velocity`. At
-        5 v₀ the tanh is 1 − 1e-4. At rest τ_fric does not jump with the sign of a noisy velocity.
-        Other quantities include no friction unless requested.
+        The model has damping d, Coulomb friction f, load friction μ, root friction s, offset o and v₀,
+        its `friction_velocity`. At 5 v₀ the tanh is 1 − 1e-4. At rest τ_fric does not jump with the
+        sign of a noisy velocity. Positions q are required with load friction only. Other quantities
+        include no friction unless requested.
         """
+        if q is not None:
+            return self._caller.friction(self._arguments.states(q, threads, qd=qd))
         names = self.model.dof_names
+        if self.model.load_friction.any():
+            raise InputError(
+                "q is missing; expected positions, because the friction of this model depends on the load."
+            )
         rates = rows("QD", qd, names) if is_rows(qd) else vector("qd", qd, names, finite=False)
-        return self._caller.friction(rates)
+        return self._caller.friction(States(rates, {"qd": rates}))
 
     def mass_matrix(self, q: StatesLike, *, threads: int | None = None) -> Array:
         """Return M(q) [kg m², kg, mixed kg m], shape (nv, nv), including armature."""

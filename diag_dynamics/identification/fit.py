@@ -18,7 +18,7 @@ import numpy as np
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, OWN, ROTOR
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OWN, ROOT, ROTOR
 from diag_dynamics.optional import require
 
 PAYLOAD_WEIGHT, POSITIVE_WEIGHT = 0.1, 0.01  # γ of a payload (10 would shift its centre by centimetres) and γ'
@@ -73,10 +73,17 @@ class Layout:
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
             self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
-        values = model.damping, model.friction, model.effort_offset, model.armature
+        values = (
+            model.damping,
+            model.friction,
+            model.effort_offset,
+            model.armature,
+            model.load_friction,
+            model.root_friction,
+        )
         for column, one in zip(OWN, values, strict=True):
             self.known[self.own(column)] = one
-            self.positive[self.own(column)] = column in (DAMPING, FRICTION, ROTOR)
+            self.positive[self.own(column)] = column in (DAMPING, FRICTION, ROTOR, LOAD, ROOT)
 
     def block(self, k):
         """Return the unknowns of the k-th body."""

@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from diag_dynamics.checks import instance
+from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.identification.data_checks import check_efforts, check_motion
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
@@ -19,7 +20,7 @@ from diag_dynamics.identification.fit import Carrier
 from diag_dynamics.identification.quality import quality_of
 from diag_dynamics.identification.regressors import Regressors, require_single_joints
 from diag_dynamics.identification.result import Identification, parameters_of
-from diag_dynamics.identification.selection import Selection, read_what
+from diag_dynamics.identification.selection import STEPS, Selection, read_what
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.recordings.recording import Recording
@@ -32,7 +33,7 @@ UNASKED_GAIN, MAX_TIPS = 0.3, 3  # gain from which an unasked payload is named; 
 def identify(
     recordings: Readable | Sequence[Readable],
     model: RobotModel,
-    what: str | Sequence[str] = ("friction", "rotors"),
+    what: str | Sequence[str] = STEPS,
     *,
     reference: Readable | Sequence[Readable] | None = None,
 ) -> Identification:
@@ -53,8 +54,9 @@ def identify(
         With a fixed base, and joints of one degree of freedom each.
     what : str or sequence of str
         ``"friction"`` (damping, Coulomb friction and offset of each joint that moves enough), ``"rotors"``
-        (reflected inertia of motors, for efforts measured by current), ``"payload:<link>"`` (mass that a
-        link carries beside the model, or lacks), ``"inertias"`` (of all links).
+        (reflected inertia of motors, for efforts measured by current), ``"gears"`` (friction by the torque of
+        gravity and by the root of the rate), ``"payload:<link>"`` (mass that a
+        link carries beside the model, or lacks), ``"inertias"`` (of all links; alone, it includes the other steps).
     reference : Recording, callable, or sequence of these, optional
         Of the same robot without the payload: its links are then fitted too, so that their errors do not
         become part of the payload.
@@ -112,15 +114,20 @@ class FitData:
         unloaded = [] if reference is None else list_recordings("reference", reference)
         share = MAX_VALUES // (len(loaded) + len(unloaded))
         self.loaded = [Dataset(f"recordings[{k}]", one, model, share) for k, one in enumerate(loaded)]
-        unloaded = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
-        self.datasets = [*self.loaded, *unloaded]
+        self._references = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
+        self.datasets = [*self.loaded, *self._references]
         self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
         self.moving, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
         self.duration = sum(one.duration for one in self.datasets)
+        self.use_load_of(model)
+
+    def use_load_of(self, model):
+        """Sum normal equations with load columns of a model."""
+        self.regressors.load_of = DiagonalDynamics(model)
         self.blocks, self.parts = self._cut_blocks(_in_order(self.loaded))
         self.fitted = sum(self.blocks)
-        sums = (self.regressors.sum_segment(*segment.columns) for segment in _in_order(unloaded))
-        self.unloaded = sum(sums) if unloaded else None
+        sums = [self.regressors.sum_segment(*segment.columns) for segment in _in_order(self._references)]
+        self.unloaded = sum(sums) if sums else None
 
     def _cut_blocks(self, segments):
         """Return normal equations and segments of blocks, given all segments."""
@@ -172,5 +179,7 @@ def _origin(model, data, quality):
         "recordings": [one.origin for one in data.datasets],
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "method": "filtered momentum, " + (", ".join(quality["taken"]) or "nothing taken"),
-        "quality": {key: quality[key] for key in ("held_out", "torque_rms", "explained", "observer_spread")},
+        "quality": {
+            key: quality[key] for key in ("held_out", "torque_rms", "explained", "observer_spread", "deviations")
+        },
     }

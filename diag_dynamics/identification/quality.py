@@ -8,7 +8,7 @@ import numpy as np
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.data_checks import DOUBTFUL
 from diag_dynamics.identification.dataset import Dataset, portions
-from diag_dynamics.identification.result import parameters_of, payload_certainty
+from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
 from diag_dynamics.recordings.effort_relation import smoothed
@@ -29,7 +29,7 @@ def validate(models, parts):
         observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
         for part in portions(segments):
             t, q, qd, tau = part.columns
-            tau = tau - dynamics.friction_torque_batch(qd)  # of rates as they are: that of filtered ones turns later
+            tau = tau - dynamics.friction_torque_batch(qd, q)  # of rates as they are: that of filtered ones turns later
             s = dynamics.evaluate_batch(q, qd, tau)
             balance.add_windows(sums.integrate_states(part.states, s))
             _, torque, _, valid, _ = observer.observe_batch(part.states, s)
@@ -73,6 +73,7 @@ def quality_of(model, selection, data, last):
         "efforts_judged": judged and not nothing and DOUBTFUL not in [one.cause for one in findings],
         "velocity_delay": [one.delay for one in data.loaded],
         "effective_parameters": layout.effective_parameters(last) if free[layout.inertial].any() else {},
+        "deviations": deviations_of(layout, free, last, selection.fits),
         "payload": payload_certainty(layout, last) if layout.payload else None,
         "warnings": selection.warnings,
         "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],

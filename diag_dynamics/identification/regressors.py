@@ -5,12 +5,13 @@
 
 import numpy as np
 
+from diag_dynamics.dynamics.calls import root_of_rate
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.identification.kernels.regressors import PARAMETERS, fill_regressors, low_pass
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.sweeps.workspace import Workspace
 
-OWN = DAMPING, FRICTION, OFFSET, ROTOR = range(4)  # unknowns of a degree of freedom beside inertias
+OWN = DAMPING, FRICTION, OFFSET, ROTOR, LOAD, ROOT = range(6)  # unknowns of a degree of freedom beside inertias
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns
 SIZE, PRODUCT = 1000, 60  # states whose rows are in memory at once; rows of a product: in larger ones threads wait
 
@@ -27,7 +28,8 @@ class Regressors:
     """Rows Y_p and Y_g − Y_∂ with d/dt(Y_p π) + (Y_g − Y_∂) π = τ, without friction and rotors.
 
     Unknowns are ten parameters of each body with inertia, and of those in `also`, then damping, Coulomb
-    friction, offset and rotor inertia of each degree of freedom. The row of a degree of freedom has `columns`
+    friction, offset, rotor inertia, load and root friction of each degree of freedom. The load is the torque
+    of gravity of the dynamics `load_of`, 0 if None. The row of a degree of freedom has `columns`
     of them, of the bodies that it moves and its own, and then the effort. `rows` are their places in the row
     of all. Normal equations are an array of objects: [Y τ]ᵀ[Y τ] of each degree of freedom, and the sum of
     weights.
@@ -52,7 +54,7 @@ class Regressors:
             self._first[k, self.bodies[numbers]] = end + PARAMETERS * np.arange(len(numbers))
             self.rows.append(slice(end, end + len(self.columns[k]) + 1))
             end = self.rows[k].stop
-        self._friction_velocity = model.friction_velocity
+        self.load_of, self._friction_velocity = None, model.friction_velocity
         self._workspace = Workspace(bodies, model.gravity)
         self._directions = np.zeros((len(bodies), len(bodies), 12))
 
@@ -70,7 +72,8 @@ class Regressors:
     def filtered_rows(self, t, q, qd, tau):
         """Yield rows and weights of consecutive states from the second one on.
 
-        A row is λ(Y_p − F Y_p) + F(Y_g − Y_∂), F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇) and Fτ. F of momentum
+        A row is λ(Y_p − F Y_p) + F(Y_g − Y_∂), F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇), F[|g| tanh(q̇/v₀),
+        q̇/√max(|q̇|, v₀)] and Fτ. F of momentum
         begins at its first value, other filters at 0. The weight is min(1, λΔ/2), as rows that are closer
         than the filter's memory say the same.
         """
@@ -85,6 +88,9 @@ class Regressors:
             y[:, own + DAMPING], y[:, own + OFFSET], y[:, own + len(OWN)] = rates, 1.0, tau[part]
             v0 = self._friction_velocity
             y[:, own + FRICTION] = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
+            if self.load_of:
+                y[:, own + LOAD] = np.abs(self.load_of.gravity_torque_batch(q[part])) * y[:, own + FRICTION]
+            y[:, own + ROOT] = root_of_rate(rates, v0)
             filtered = np.empty_like(y)
             filtered[0] = -momentum[0] if state is None else state
             low_pass(time, y, filtered)

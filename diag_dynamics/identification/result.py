@@ -13,10 +13,11 @@ import numpy as np
 
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, ROTOR
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OFFSET, ROOT, ROTOR
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 
 COLUMNS = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
+COLUMNS |= {"load_friction": LOAD, "root_friction": ROOT}
 MAX_DEVIATION = 0.5  # relative standard deviation above which a payload's inertia is unknown
 INERTIA_KNOWN = (
     "its inertia is not observable in this motion: the value depends on the sphere that the fit assumes",
@@ -86,6 +87,22 @@ def _joints(layout, x, free):
             mimic_joints = [joint for joint, mimic in mimics.items() if mimic.leader == name]
             found |= dict.fromkeys(mimic_joints, JointParameters(**dict.fromkeys(own, 0.0)))
     return found
+
+
+def deviations_of(layout, free, fit, fits):
+    """Return standard deviations of the numbers of joints that were fitted, by joint and name.
+
+    The larger one of noise alone, and of fits without each block in turn (jackknife), which also contains what the model
+    lacks.
+    """
+    noise, changes = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)), fits - fits.mean(axis=0)
+    larger = np.maximum(noise, np.sqrt((len(fits) - 1) / len(fits) * (changes**2).sum(axis=0)))
+    places = [(key, layout.own(column)) for key, column in COLUMNS.items()]
+    found = {
+        name: {key: float(larger[at[k]]) for key, at in places if free[at[k]]}
+        for k, name in enumerate(layout.model.dof_names)
+    }
+    return {name: own for name, own in found.items() if own}
 
 
 def _split_body(model, body, whole, written=None):

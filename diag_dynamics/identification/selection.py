@@ -9,20 +9,22 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.fit import MIN_VARIANCE, Layout, fit_rows
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, OFFSET, ROTOR
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OFFSET, OWN, ROOT, ROTOR
+from diag_dynamics.identification.result import parameters_of
 
 WEIGHT, SHORT_WEIGHT, SHORT = 10.0, 30.0, 6.0  # γ of the prior on inertias; for less motion than this [s]
-BY_JOINT = {"friction": (DAMPING, FRICTION, OFFSET), "rotors": (ROTOR,)}  # unknowns that are taken joint by joint
-STEPS = *BY_JOINT, "inertias"  # beside payloads, in the order in which they are tried
+BY_JOINT = {"friction": (DAMPING, FRICTION, OFFSET), "rotors": (ROTOR,), "gears": (LOAD, ROOT)}  # taken joint by joint
+STEPS = "friction", "rotors", "inertias", "gears"  # beside payloads, in the order in which they are tried
+MIN_LOAD = 0.1  # torque of gravity in the filtered load column over the effort, of a joint with load friction
 GAIN, ROTOR_GAIN = 0.03, 0.01  # reductions of the residual to take a step, and to leave out the model's rotors
 
 
 def read_what(what, model):
-    """Return names of what to identify, its steps in order, and the links of its payloads."""
+    """Return names of what to identify, its steps in order, all for inertias alone, and the links of its payloads."""
     names = (what,) if isinstance(what, str) else tuple(what)
-    steps = [step for step in STEPS if step in names]
+    steps = [step for step in STEPS if step in names or names == ("inertias",)]
     links = [name[8:] for name in names if str(name).startswith("payload:")]
-    if not names or set(names) != {*steps, *(f"payload:{link}" for link in links)}:
+    if not names or not set(names) <= {*STEPS, *(f"payload:{link}" for link in links)}:
         raise InputError(f"what is {what!r}; expected one or more of {', '.join(STEPS)}, payload:<link>.")
     for link in links:
         if model.placement_in_body(link)[0] == 0:
@@ -46,13 +48,14 @@ class Selection:
         self._model, self._payload, self._data = model, payload, data
         self.layout, self.warnings, self.taken = Layout(model, data.regressors, payload), [], []
         self.asks_for_joints = bool(steps)
-        self._beside = [] if data.unloaded is None else [(data.unloaded, False)]
         self._weight = WEIGHT if data.duration >= SHORT else SHORT_WEIGHT
         self._moving = data.moving if steps else np.zeros(model.nv, dtype=bool)
         if steps and not self._moving.any() and not payload:
             raise InputError(f"no joint moves enough: {data.findings[-1].text}.")
         efforts = self.layout.squares([(data.fitted, True)], np.zeros(self.layout.size))
         self._negligible = max(MIN_VARIANCE * efforts.mean(), 1e-300)
+        at = LOAD - len(OWN) - 1
+        self._loaded = np.array([one[at, at] > MIN_LOAD**2 * one[-1, -1] for one in data.fitted[:-1]])
         self._own = dict.fromkeys(BY_JOINT, self._moving)
         self.kept = {step: {} for step in BY_JOINT}
         if self.layout.known[self.layout.own(ROTOR)].any():
@@ -66,11 +69,11 @@ class Selection:
 
     def free(self, steps, **joints):
         """Return which unknowns steps fit, bool; `joints` of a step replace those that were chosen."""
-        own, free = self._own | joints, self.layout.inertial & ("inertias" in steps or bool(self._beside))
+        own, free = self._own | joints, self.layout.inertial & ("inertias" in steps or self._data.unloaded is not None)
         free[self.layout.robot :] = True
         for step, columns in BY_JOINT.items():
             for column in columns if step in steps else ():
-                free[self.layout.own(column)] = own[step]
+                free[self.layout.own(column)] = own[step] & (self._loaded | (column != LOAD))
         return free
 
     def fit_all(self):
@@ -103,7 +106,14 @@ class Selection:
 
     def _fit_to(self, sums, free):
         """Return the fit of the free unknowns to normal equations and to those of references."""
-        return fit_rows(self.layout, [(sums, True), *self._beside], free, self._weight)
+        beside = [] if self._data.unloaded is None else [(self._data.unloaded, False)]
+        return fit_rows(self.layout, [(sums, True), *beside], free, self._weight)
+
+    def _update_load(self):
+        """Let the load of gears be that of the inertias that were fitted."""
+        if "inertias" in self.taken:
+            found = parameters_of(self.layout, self.fit_all().x, self.free(self.taken))
+            self._data.use_load_of(self._model.with_parameters(found))
 
     def cross_validate(self, free):
         """Return unknowns fitted without each block in turn, and the squared residuals of that block."""
@@ -144,11 +154,16 @@ class Selection:
                     self._try_step(one)
                 left.remove(step)
                 ahead = list(left)
+        if {"inertias", "gears"} <= set(self.taken):
+            self._update_load()
+            self.fits, self.squares = self.cross_validate(self.free(self.taken))
         self.warnings += filter(None, refused.values())
         self.kept = {step: joints for step, joints in self.kept.items() if step in self.taken and joints}
 
     def _try_step(self, step):
         """Take a step if it reduces the residual enough, at joints where it does; else return why not."""
+        if step == "gears":
+            self._update_load()
         again, steps = step in self.taken, [one for one in STEPS if one in self.taken or one == step]
         candidates = self._moving & ~(self._own[step] & again) if step in BY_JOINT else np.ones_like(self._moving)
         joints = {step: self._moving} if step in BY_JOINT else {}

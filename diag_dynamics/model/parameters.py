@@ -30,13 +30,16 @@ _UNITS = {
     "friction": "[N m, N]",
     "effort_offset": "[N m, N]",
     "armature": "[kg m², kg]",
+    "load_friction": "[N m/N m, N/N]",
+    "root_friction": "[N m √(s/rad), N √(s/m)]",
 }
 
 _HEAD = """\
 # Parameters of a robot beside its URDF: load_urdf(…, parameters=…), and parameters_file of every node of diag_dynamics.
-# Of a joint: damping [N m s/rad], friction (Coulomb) [N m], effort_offset [N m], armature (reflected rotor) [kg m²];
-# prismatic: N s/m, N, N, kg. Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in the axes of
-# the link, inertia about com [kg m²].
+# Of a joint: damping [N m s/rad], friction (Coulomb) [N m], effort_offset [N m], armature (reflected rotor) [kg m²],
+# load_friction (Coulomb, by the torque of gravity) [1], root_friction (by the root of the rate) [N m √(s/rad)];
+# prismatic: N s/m, N, N, kg, 1, N √(s/m). Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in
+# the axes of the link, inertia about com [kg m²].
 """
 
 
@@ -44,13 +47,16 @@ class JointParameters(NamedTuple):
     """Numbers of a joint of one degree of freedom; None leaves what the model has.
 
     Viscous friction `damping` [N m s/rad, N s/m], Coulomb `friction` [N m, N], the effort that is measured where none acts,
-    `effort_offset` [N m, N], and the reflected rotor inertia `armature` [kg m², kg]. Only the offset may be negative.
+    `effort_offset` [N m, N], the reflected rotor inertia `armature` [kg m², kg], Coulomb friction by the torque of gravity
+    `load_friction` [1], and friction by √|q̇| `root_friction` [N m √(s/rad), N √(s/m)]. Only the offset may be negative.
     """
 
     damping: float | None = None
     friction: float | None = None
     effort_offset: float | None = None
     armature: float | None = None
+    load_friction: float | None = None
+    root_friction: float | None = None
 
     @property
     def known(self) -> dict[str, float]:

@@ -41,6 +41,7 @@ from diag_dynamics.sweeps.workspace import Workspace
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
 FRICTION_VELOCITY = 5e-3  # default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second
 LARGEST_GRAVITY = 1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
+BESIDE = "armature", "effort_offset", "load_friction", "root_friction"  # numbers of joints that no URDF has
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
 
 
@@ -54,6 +55,8 @@ class Options(NamedTuple):
     locked: dict[str, float]
     armature: dict[str, float]
     effort_offset: dict[str, float]
+    load_friction: dict[str, float]
+    root_friction: dict[str, float]
     payloads: dict[str, Payload]
     max_coupled: int
     friction_velocity: float
@@ -102,6 +105,8 @@ class RobotModel:
     damping, friction, effort_offset : ndarray, shape (nv,)
         Joint damping [N m s/rad, N s/m], Coulomb friction [N m, N], and the effort that is measured where none acts
         [N m, N], of the URDF or parameters beside it, those of followers included. Dynamics ignores them by default.
+    load_friction, root_friction : ndarray, shape (nv,)
+        Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N √(s/m)], of parameters.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none.
     armature : ndarray, shape (nv,)
@@ -140,6 +145,8 @@ class RobotModel:
         self.damping: Array = tree.resistance("damping", 2)
         self.friction: Array = tree.resistance("friction", 1)
         self.effort_offset: Array = tree.reflected(options.effort_offset)
+        self.load_friction: Array = tree.reflected(options.load_friction, 0.0)
+        self.root_friction: Array = tree.reflected(options.root_friction, 1.5)
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
@@ -185,8 +192,9 @@ class RobotModel:
 
     @property
     def has_friction(self) -> bool:
-        """Whether any joint has damping, Coulomb friction, or an offset of its effort."""
-        return bool(self.damping.any() or self.friction.any() or self.effort_offset.any())
+        """Whether any joint has friction of any kind, or an offset of its effort."""
+        kinds = self.damping, self.friction, self.effort_offset, self.load_friction, self.root_friction
+        return any(kind.any() for kind in kinds)
 
     @property
     def armature(self) -> Array:  # noqa: D102  # with the other attributes
@@ -300,8 +308,7 @@ class RobotModel:
         given, own = read_parameters(parameters), self._options
         robot = apply_parameters(self._tree.robot, given)
         options = own._replace(
-            armature=own.armature | given.by_joint("armature"),
-            effort_offset=own.effort_offset | given.by_joint("effort_offset"),
+            **{name: getattr(own, name) | given.by_joint(name) for name in BESIDE},
             held={},
         )
         if given.friction_velocity is not None:
@@ -446,6 +453,8 @@ def load_urdf(
         locked=_locked({} if locked_joints is None else locked_joints, robot),
         armature=rotors | given.by_joint("armature") | _armature(armature, robot),
         effort_offset=given.by_joint("effort_offset"),
+        load_friction=given.by_joint("load_friction"),
+        root_friction=given.by_joint("root_friction"),
         payloads=checked_payloads({} if payloads is None else payloads, robot),
         max_coupled=whole("max_coupled", max_coupled),
         friction_velocity=not_negative("friction_velocity", v_0, "[rad/s, m/s]"),

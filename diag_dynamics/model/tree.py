@@ -169,13 +169,14 @@ class Tree:
             values[self._records[self.last_body[name]]["dof"]] += own * abs(mimic.multiplier) ** exponent
         return values
 
-    def reflected(self, efforts):
-        """Return the effort at each degree of freedom, with those of mimic joints times their multipliers."""
+    def reflected(self, efforts, exponent=None):
+        """Return efforts of degrees of freedom, with those of mimic joints times multipliers, or |multiplier|^exponent."""
         values = np.zeros(self._dofs)
         for name, effort in efforts.items():
             if name in self.last_body:
                 record = self._records[self.last_body[name]]
-                values[record["dof"]] += effort * record["multiplier"]
+                factor = record["multiplier"] if exponent is None else abs(record["multiplier"]) ** exponent
+                values[record["dof"]] += effort * factor
         return values
 
     def records(self, armature, payloads):

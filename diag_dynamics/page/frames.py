@@ -145,7 +145,7 @@ class FrameMaker:
             "link_energy": energies,
             "p_effort": p_effort,
             "p_gravity": -p_gravity,
-            "p_friction": self._friction_power(states.qd),
+            "p_friction": self._friction_power(states),
             "p_external": p_external,
             "dK": self._energy_rate(states.t, K),
             "torque_norm": np.sqrt(torque_squared),
@@ -160,10 +160,10 @@ class FrameMaker:
             return getattr(self._dynamics, name)(*(row[0] for row in arrays))[None]
         return getattr(self._dynamics, f"{name}_batch")(*arrays)
 
-    def _friction_power(self, qd):
+    def _friction_power(self, states):
         if not self._model.has_friction:
             return 0.0
-        return -np.einsum("tk,tk->t", qd, self._rows("friction_torque", qd))
+        return -np.einsum("tk,tk->t", states.qd, self._rows("friction_torque", states.qd, states.q))
 
     def _energy_rate(self, t, K):
         """Return dK/dt as a difference, NaN over a gap."""

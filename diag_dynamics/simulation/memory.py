@@ -17,8 +17,13 @@ STATE = "q", "qd", "nu", "accounts"
 
 BY_DOF = (
     # Parameters.
-    "damping",  # [N m s/rad, N s/m]
-    "friction",  # Coulomb friction [N m, N]
+    "damping",  # in the present step, with root friction over the rate [N m s/rad, N s/m]
+    "friction",  # Coulomb friction in the present step, with that by load [N m, N]
+    "viscous",  # constant part of the damping
+    "coulomb",  # constant part of the friction
+    "load_friction",  # Coulomb friction over the torque of gravity
+    "root_friction",  # [N m √(s/rad), N √(s/m)]
+    "slowest",  # rate below which root friction is viscous [rad/s, m/s]
     "lower",  # limits [rad, m]; infinite where the joint has none
     "upper",
     "stiffness",  # of the joint's limits [N m/rad, N/m]; inf is a hard limit

@@ -93,6 +93,9 @@ class EnergyAudit(NamedTuple):
         return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))
 
 
+SLOWEST = 1e-4  # rate below which root friction of a model with friction_velocity 0 is viscous [rad/s, m/s]
+
+
 class Simulation:
     """A robot, its state and the effort on its joints, advanced in fixed steps.
 
@@ -110,7 +113,8 @@ class Simulation:
     step : float
         Step size h [s].
     damping : float or array_like, shape (nv,), optional
-        Joint damping d [N m s/rad, N s/m], by default that of the model.
+        Joint damping d [N m s/rad, N s/m], by default that of the model. Load and root friction are always the model's,
+        held during a step.
     limits : bool or CompliantLimits
         Whether there are position limits: hard stops without rebound, or springs with dampers.
     order : {4, 1}
@@ -144,6 +148,9 @@ class Simulation:
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
         self.effort_offset = model.effort_offset if effort_offset is None else effort_offset
+        for name in ("load_friction", "root_friction"):
+            self._memory[name][:] = getattr(model, name)
+        self._memory["slowest"][:] = max(model.friction_velocity, SLOWEST)
         self._set_limits(limits)
         self.effort_limits = effort_limits
         self._no_effort = np.zeros(model.nv)
@@ -226,20 +233,24 @@ class Simulation:
     @property
     def damping(self) -> Array:
         """Joint damping in force [N m s/rad, N s/m], shape (nv,)."""
-        return self._memory["damping"].copy()
+        return self._memory["viscous"].copy()
 
     @damping.setter
     def damping(self, value: VectorLike | float) -> None:
-        self._memory["damping"][:] = _not_negative("damping", value, self.model.dof_names, "[N m s/rad, N s/m]")
+        self._memory["viscous"][:] = self._memory["damping"][:] = _not_negative(
+            "damping", value, self.model.dof_names, "[N m s/rad, N s/m]"
+        )
 
     @property
     def friction(self) -> Array:
         """Coulomb friction in force [N m, N], shape (nv,)."""
-        return self._memory["friction"].copy()
+        return self._memory["coulomb"].copy()
 
     @friction.setter
     def friction(self, value: VectorLike | float) -> None:
-        self._memory["friction"][:] = _not_negative("friction", value, self.model.dof_names, "[N m, N]")
+        self._memory["coulomb"][:] = self._memory["friction"][:] = _not_negative(
+            "friction", value, self.model.dof_names, "[N m, N]"
+        )
 
     @property
     def effort_offset(self) -> Array:

@@ -10,7 +10,7 @@ from diag_dynamics.numerics.kernel import COUNT, FLAG, NUMBER, ROBOT, VECTOR, en
 from diag_dynamics.simulation import euler, modes
 from diag_dynamics.simulation.memory import opened
 from diag_dynamics.simulation.runge_kutta import runge_kutta, wrench_efforts
-from diag_dynamics.sweeps import factorization, records
+from diag_dynamics.sweeps import classical, factorization, records
 from diag_dynamics.sweeps import workspace as ws
 
 SUBSTEPS = 4
@@ -64,18 +64,42 @@ def _step(address, order, h, load):
     return status if status != 0 else factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
 
 
+@large_kernel
+def _has_gears(address):
+    """Whether friction of any joint depends on load or the root of the rate."""
+    sim = opened(address)
+    for k in range(len(sim.qd)):
+        if sim.load_friction[k] > 0.0 or sim.root_friction[k] > 0.0:
+            return True
+    return False
+
+
+@large_kernel
+def _update_friction(address):
+    """Set damping and Coulomb friction of the step by the state at its begin; return a status."""
+    sim = opened(address)
+    status = classical.inverse_dynamics(sim.robot, sim.q, sim.zeros, sim.zeros, 1.0, sim.needed)
+    for k in range(len(sim.qd)):
+        sim.friction[k] = sim.coulomb[k] + sim.load_friction[k] * abs(sim.needed[k])
+        rate = max(abs(sim.qd[k]), sim.slowest[k])
+        sim.damping[k] = sim.viscous[k] + sim.root_friction[k] / math.sqrt(rate)
+    return status
+
+
 @entry_kernel(ROBOT, COUNT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
 def advance(address, order, h, steps, tau, wrenches, in_world):
     """Take `steps` steps of the simulation at an address; a failure leaves the state before the failing step."""
     sim, load = opened(address), Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
     ws.copy(sim.state, sim.last)
-    status, taken = 0, 0
+    status, taken, geared = 0, 0, _has_gears(address)
     if steps > 0 and euler.is_beyond_hard_limit(address):
         status = euler.resolve_impacts(address, h)
     while status == 0 and taken < steps:
         ws.copy(sim.state, sim.last)
-        status = _step(address, order, h, load)
+        status = _update_friction(address) if geared else 0
+        if status == 0:
+            status = _step(address, order, h, load)
         taken += 1
     if status == 0 and order == 1 and steps > 0:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)

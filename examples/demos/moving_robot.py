@@ -49,7 +49,7 @@ class MovingRobot:
         phase = (t % PERIOD) / DURATION
         force = FORCE * math.sin(math.pi * phase) if phase < 1.0 else 0.0
         external = dynamics.jacobian(q, end_effector_link(self.model), frame="world")[1] * force
-        return q, qd, dynamics.inverse_dynamics(q, qd, qdd) + dynamics.friction_torque(qd) - external, external
+        return q, qd, dynamics.inverse_dynamics(q, qd, qdd) + dynamics.friction_torque(qd, q) - external, external
 
     def take(self, dynamics):
         """Return the newest state for the stream, or None."""

@@ -95,7 +95,7 @@ def test_rows_are_pinocchios(one):
         G = np.array([[factor * (name == leader) for name in model.dof_names] for leader, factor, _ in leaders])
     regressors = Regressors(model, range(1, len(model.bodies)))
     for _ in range(3):
-        x = np.append(choose_inertias(model, oracle, rng), np.zeros(4 * model.nv))
+        x = np.append(choose_inertias(model, oracle, rng), np.zeros(6 * model.nv))
         q, qd = model.random(rng), rng.normal(size=model.nv)
         q_free = q if len(G) == model.nv else G @ q + start
         state, v, none = oracle.configuration(q_free), oracle.to_pin(G @ qd), np.zeros(oracle.model.nv)
@@ -128,7 +128,7 @@ def test_filtered_rows_hold_for_the_true_parameters():
         regressors = Regressors(model)
         sums = regressors.sum_segment(t, q, qd, tau)
         known = [inertias.parameters_of_record(model.bodies[body]) for body in regressors.bodies]
-        x = np.concatenate([*known, np.tile([0.7, 0.4, -0.1, 0.2], model.nv)])
+        x = np.concatenate([*known, np.tile([0.7, 0.4, -0.1, 0.2, 0.0, 0.0], model.nv)])
         errors.append(np.sqrt(regressors.residual_squares(sums, x) / regressors.residual_squares(sums, 0.0 * x)).max())
     assert errors[0] < 1e-3
     assert errors[1] < errors[0] / 8.0

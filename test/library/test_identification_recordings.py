@@ -76,7 +76,7 @@ def torque_error(model, recording):
     q, qd, tau = (np.ascontiguousarray(part) for part in np.split(columns, [n, 2 * n], axis=1))
     dynamics = dd.DiagonalDynamics(model)
     expected = dynamics.inverse_dynamics_batch(q, qd, np.gradient(qd, interval, axis=0))
-    expected += dynamics.friction_torque_batch(qd)
+    expected += dynamics.friction_torque_batch(qd, q)
     error = (tau - expected)[
         round(0.2 / interval) : -round(0.2 / interval)
     ]  # without what the filter makes of the ends
@@ -133,9 +133,9 @@ def test_the_hand_that_the_panda_lacks(measured):
         before, after = found.quality["explained"]
         assert before < 0.6 and after >= least
     assert 0.004 < found.quality["velocity_delay"][0] < 0.007
-    assert not any("ask for payload" in text for text in found.quality["warnings"])
-    unaware = dd.identify(data, model).quality["warnings"]
-    told = next(text for text in unaware if "ask for payload" in text)
+    assert not any("add payload:" in text for text in found.quality["warnings"])
+    unaware = dd.identify(data, model, ("friction", "rotors")).quality["warnings"]
+    told = next(text for text in unaware if "add payload:" in text)
     found = re.search(r"a payload of (\S+) kg at 'panda_link7'", told)
     assert float(found[1]) == pytest.approx(-0.7, abs=0.07)
 

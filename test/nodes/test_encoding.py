@@ -363,6 +363,11 @@ def test_friction_power(tmp_path):
         sign = np.tanh(qd / model.friction_velocity) if model.friction_velocity else np.sign(qd)
         friction = qd @ (0.3 * qd + 0.2 * sign + [0.0, 0.7])
         assert robot.friction_power(s) == pytest.approx(friction, rel=1e-12)
+    geared = model.with_parameters({"joints": {"elbow": {"load_friction": 0.1, "root_friction": 0.2}}})
+    robot.use(geared, robot.settings, 2)
+    s, _ = robot.evaluate(RobotState(q, qd, None, NOW, NOW, False))
+    loaded = [0.0, -0.1 * abs(robot.dynamics.gravity_torque(q)[1]) - 0.2 * np.sqrt(0.5)]
+    assert robot.friction_power(s) == pytest.approx(friction + qd @ loaded, rel=1e-12)
 
 
 # --- bytes that are read without rclpy

@@ -26,7 +26,7 @@ from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageM
 from diag_dynamics.nodes.support.topics import MATRICES
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.shared import payloads_of
-from diag_dynamics.sweeps import evaluation
+from diag_dynamics.sweeps import evaluation, workspace
 
 POSES = 20
 """Poses in which a joint's largest D is looked for: it changes little."""
@@ -134,6 +134,7 @@ class MonitoredRobot:
             self.without_rotors = _without_rotors(self.dynamics)
             resistance = (np.asarray(one, dtype=float) for one in (model.damping, model.friction, model.effort_offset))
             self._resistance = *resistance, float(model.friction_velocity)
+            self._geared = bool(model.load_friction.any() or model.root_friction.any())
         self.contact.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
@@ -230,6 +231,9 @@ class MonitoredRobot:
 
     def friction_power(self, s):
         """Return the power q̇·τ_fric of friction [W] at an Evaluation."""
+        if self._geared:
+            q, qd = s.rows[workspace.POSITIONS, : self.model.nq], s.rows[workspace.RATES, : self.model.nv]
+            return float(qd @ self.dynamics.friction_torque(qd, q))
         return evaluation.friction_power(s.rows, *self._resistance)
 
     def markers(self, s):
