@@ -13,24 +13,42 @@ from diag_dynamics.recordings.units import cause_of_ratio, regress_changes
 
 INCREMENT = 0.05  # time over which positions are compared with integrated velocities [s]
 TOLERANCE, MIN_R2 = 0.02, 0.49  # error of their slope; squared correlation from which a joint counts
-DELAYS = np.arange(-20.0, 40.5, 0.5) * 1e-3  # of velocities against positions that are tried [s]
+MAX_DELAY, COARSE, FINE = 0.3, 5e-3, 5e-4  # of velocities against positions: largest one and steps of the search [s]
+TRAVEL = 0.02  # change of position from which a joint's velocities are judged [rad, m]
 NOT_JUDGED, DOUBTFUL = "efforts not judged", "effort doubtful"  # causes of findings
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5  # velocity [rad/s], time above it each way [s], range [rad]
 PRISMATIC = 0.1  # factor of these for a prismatic joint [m]
 
 
-def find_delay(model, segments):
-    """Return the delay of velocities against positions [s]; InputError if their units differ."""
-    tracks = [_track(model, segment) for segment in segments]
+def find_delay(model, name, segments):
+    """Return the delay of velocities against positions [s]; InputError if their units differ, or it is too long."""
+    longest = min(MAX_DELAY, 0.1 * max(segment.duration for segment in segments))
+    tracks = [_track(model, segment, longest) for segment in segments]
+    moved = np.max([np.ptp(q, axis=0) for _, q, _, _ in tracks], axis=0) > TRAVEL
     changes = np.concatenate([_increments(q, t, at) for t, q, _, at in tracks])
-    found = []
-    for delay in DELAYS:
-        integrals = np.concatenate([_increments(integral, t, at + delay) for t, _, integral, at in tracks])
-        found.append(regress_changes(changes, integrals))
-    slopes, r2 = np.transpose(np.nan_to_num(found), (1, 0, 2))
-    clear = np.flatnonzero(r2.max(axis=0) >= MIN_R2)
+
+    def regress(delays):
+        found = []
+        for delay in delays:
+            integrals = np.concatenate([_increments(integral, t, at + delay) for t, _, integral, at in tracks])
+            found.append(regress_changes(changes, integrals))
+        slopes, r2 = np.transpose(np.nan_to_num(found), (1, 0, 2))
+        return slopes, r2, np.flatnonzero((r2.max(axis=0) >= MIN_R2) & moved)
+
+    steps = int(longest / COARSE)
+    coarse = COARSE * np.arange(-steps, steps + 1)
+    _, r2, clear = regress(coarse)
     if not len(clear):
         return 0.0
+    best = int(np.argmin((1.0 - r2[:, clear]).sum(axis=1)))
+    if steps and best in (0, len(coarse) - 1):
+        joint = model.dof_names[clear[np.argmax(np.ptp(r2[:, clear], axis=0))]]
+        raise InputError(
+            f"{name}: velocities are {1e3 * longest:.0f} ms or more {'later' if best else 'earlier'} than positions, most "
+            f"clearly those of joint '{joint}'; expected less. Check their time stamps and joints."
+        )
+    delays = coarse[best] + np.arange(-COARSE, COARSE + 0.5 * FINE, FINE)
+    slopes, r2, _ = regress(delays)
     cost = (1.0 - r2[:, clear]).sum(axis=1)
     best = int(np.argmin(cost))
     for k in clear:
@@ -39,27 +57,27 @@ def find_delay(model, segments):
         if high < 1.0 - TOLERANCE or low > 1.0 + TOLERANCE:
             cause = cause_of_ratio(low) or "are velocities those of the motor, or of another joint?"
             raise InputError(
-                f"positions of joint '{model.dof_names[k]}' change by {low:.4g} times the integral of its velocities; "
-                f"expected 1: {cause}"
+                f"{name}: positions of joint '{model.dof_names[k]}' change by {low:.4g} times the integral of its "
+                f"velocities; expected 1: {cause}"
             )
-    if not 0 < best < len(DELAYS) - 1:
-        return float(DELAYS[best])
+    if not 0 < best < len(delays) - 1:
+        return float(delays[best])
     before, here, after = cost[best - 1 : best + 2]  # a parabola passes through these
     bend = before - 2.0 * here + after
     shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    return float(DELAYS[best] + shift * (DELAYS[1] - DELAYS[0]))
+    return float(delays[best] + shift * FINE)
 
 
-def _track(model, segment):
+def _track(model, segment, longest):
     """Return times, positions, integrated velocities, and the times between which positions are compared."""
     t, q, qd, _ = segment.columns
-    points = np.arange(np.ceil((segment.duration - DELAYS[-1] + DELAYS[0]) / INCREMENT))
+    points = np.arange(np.ceil((segment.duration - 2.0 * longest) / INCREMENT))
     coupled = {joint for group in model.coupled_groups for joint in group}
     turning = np.isin(model.dof_names, list(set(model.continuous_joints) - coupled))
     q = np.where(turning, np.unwrap(q, axis=0), q)
     steps = 0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None]
     integral = np.cumsum(np.r_[np.zeros_like(qd[:1]), steps], axis=0)
-    return t, q, integral, t[0] - DELAYS[0] + INCREMENT * points
+    return t, q, integral, t[0] + longest + INCREMENT * points
 
 
 def _increments(columns, t, at):
@@ -72,10 +90,13 @@ def check_efforts(model, dataset, tolerant):
     compared = EffortRelation(model)
     for part in dataset.portions():
         compared.add_run(*part.columns)
-    relation = compared.fit()
+    relation, known = compared.fit(), dataset.known
+    relation = relation._replace(
+        factor=np.where(known, relation.factor, np.nan), error=np.where(known, relation.error, np.inf)
+    )
     fault = find_fault(relation, tolerant)
     if fault and not fault.light:
-        raise InputError(f"{fault.text}.")
+        raise InputError(f"{dataset.name}: {fault.text}.")
     if fault:
         dataset.findings.append(Finding(DOUBTFUL, 1, fault.text))
     if not relation.judged().any():

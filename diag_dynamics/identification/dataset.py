@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.checks import instance
+from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.data_checks import find_delay
 from diag_dynamics.joint_states.stamps import SECOND
@@ -26,6 +27,7 @@ MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
 MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit; larger fraction: another unit
 MIN_STATES = 10  # shorter segments are left out
+MOVING, MIN_MOVING, MIN_CHANGED = 0.05, 100, 0.01  # velocity, number of states with it, fraction whose effort changes
 
 
 class Segment(NamedTuple):
@@ -73,7 +75,8 @@ class Dataset:
     """Segments of a recording that can be fitted. A long recording is thinned while it is read.
 
     Velocities are at the time of the positions: `delay` [s] was removed. `spans` are the times of the
-    segments that have such velocities [s], which begin and end between states. `origin` has path, robot,
+    segments that have such velocities [s], which begin and end between states. `known` are the joints with efforts
+    (bool); those of the others are the model's. `origin` has path, robot,
     number of all states, and times of the first and the last one [s]; `zero` is the stamp of the first one
     [ns]. Raises InputError if the recording is of another robot, lacks states or efforts, or has velocities
     in another unit.
@@ -81,9 +84,10 @@ class Dataset:
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES):
         self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
-        self.zero, self.delay, self.findings = 0, 0.0, []
+        self.zero, self.delay, self.findings, self.name = 0, 0.0, [], name
+        self.known = np.ones(model.nv, dtype=bool)
         self.segments = self._clean(self._read(name, recording, model, max_values), model)
-        delay = find_delay(model, self.segments)
+        delay = find_delay(model, name, self.segments)
         if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
             size, late = f"{abs(delay) * 1e3:.1f} ms", "later" if delay > 0.0 else "earlier"
             text = f"velocities are {size} {late} than positions; the delay was removed"
@@ -94,6 +98,8 @@ class Dataset:
         head, tail = max(0.0, -self.delay), max(0.0, self.delay)
         self.spans = [(t[0] + head, t[-1] - tail) for t, _ in self.segments]
         self.segments = [_shifted(one, self.delay) for one in self.segments]
+        if not self.known.all():
+            self.segments = [self._filled(one, DiagonalDynamics(model)) for one in self.segments]
 
     @property
     def duration(self):
@@ -134,12 +140,10 @@ class Dataset:
         refuse_units(refused)
         if not count:
             raise no_states_error(name, refused)
-        if efforts.unmeasured():
-            raise InputError(
-                f"{efforts.unmeasured()}. Record the efforts of these joints, or lock the joints (locked_joints)."
-            )
         if not with_efforts:
             raise InputError(f"{explain_missing_efforts(counts)}. Identification requires them.")
+        for joint, text in efforts.values().items():
+            self._set_unknown(model, joint, f"{text} throughout")
         self._add(step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}")
         text = "velocities were estimated from positions. Record the velocities of the driver if it sends any"
         self._add(estimated, "velocity estimated", text)
@@ -148,7 +152,8 @@ class Dataset:
 
     def _clean(self, states, model):
         """Return segments of usable states, and add findings on the others."""
-        finite = np.isfinite(np.hstack([states.position, states.velocity, states.effort])).all(axis=1)
+        efforts = states.effort[:, self.known]
+        finite = np.isfinite(np.hstack([states.position, states.velocity, efforts])).all(axis=1)
         if not finite.any():
             raise InputError("no state of the recording has positions, velocities and efforts of all joints.")
         fast = _find_fast(model, states.velocity, finite)
@@ -161,6 +166,7 @@ class Dataset:
             raise InputError(
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
             )
+        self._find_constant(model, states[rows])
         text = "states without position, velocity or effort of some joint were omitted"
         self._add(sum(~finite), "incomplete state", text)
         self._add(sum(again), "repeated time stamp", "states with the time stamp of the previous state were omitted")
@@ -169,6 +175,29 @@ class Dataset:
         self._add(restarts, "restart of time stamps", "stamps jumped back; the data after it are used, too")
         self._add(left, "scattered", f"states in runs of fewer than {MIN_STATES} were omitted")
         return segments
+
+    def _find_constant(self, model, states):
+        """Find joints whose effort hardly changes while they move: no sensor measures that."""
+        moving = np.abs(states.velocity[1:]) > MOVING
+        changed = (moving & (np.diff(states.effort, axis=0) != 0.0)).sum(axis=0)
+        for k in np.flatnonzero(self.known & (moving.sum(axis=0) > MIN_MOVING)):
+            if changed[k] < MIN_CHANGED * moving[:, k].sum():
+                self._set_unknown(model, model.dof_names[k], "constant for long while it moves")
+
+    def _set_unknown(self, model, joint, text):
+        """Leave the effort of a joint out; InputError if none is left."""
+        self.known[model.dof_names.index(joint)] = False
+        text = f"effort of joint '{joint}' is {text}: nothing is fitted to it (effort_available)"
+        self.findings.append(Finding("effort unknown", 1, text))
+        if not self.known.any():
+            texts = "; ".join(one.text for one in self.findings if one.cause == "effort unknown")
+            raise InputError(f"{self.name} has no efforts: {texts}. Record efforts.")
+
+    def _filled(self, segment, dynamics):
+        """Return a segment with the model's efforts at joints whose effort is unknown."""
+        t, q, qd, tau = segment.columns
+        model = dynamics.inverse_dynamics_batch(q, qd, np.gradient(qd, t, axis=0))
+        return Segment(t, replace(segment.states, effort=np.where(self.known, tau, model)))
 
     def _add(self, count, cause, text):
         """Add a finding if there is any."""

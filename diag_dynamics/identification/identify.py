@@ -102,7 +102,8 @@ class FitData:
     """Recordings of an identification: their checks and their normal equations.
 
     `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
-    model, `moving` the joints that move enough (bool), `findings` on the others, `duration` the time of all [s].
+    model, `moving` the joints that move enough, `measured` those with efforts (bool), `findings` on the others, `duration`
+    the time of all [s].
 
     Normal equations are those of `blocks`, parts of equal duration, and their sum `fitted`; and of references, `unloaded`,
     None without any. `parts` are the segments of each block.
@@ -118,6 +119,8 @@ class FitData:
         self.datasets = [*self.loaded, *self._references]
         self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
         self.moving, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
+        self.measured = np.any([one.known for one in self.datasets], axis=0)
+        self.moving &= self.measured
         self.duration = sum(one.duration for one in self.datasets)
         self.use_load_of(model)
 
@@ -126,22 +129,23 @@ class FitData:
         self.regressors.load_of = DiagonalDynamics(model)
         self.blocks, self.parts = self._cut_blocks(_in_order(self.loaded))
         self.fitted = sum(self.blocks)
-        sums = [self.regressors.sum_segment(*segment.columns) for segment in _in_order(self._references)]
+        references = _in_order(self._references)
+        sums = [self.regressors.sum_segment(*segment.columns, known) for segment, known in references]
         self.unloaded = sum(sums) if sums else None
 
     def _cut_blocks(self, segments):
         """Return normal equations and segments of blocks, given all segments."""
-        duration, elapsed = sum(segment.duration for segment in segments), 0.0
+        duration, elapsed = sum(segment.duration for segment, _ in segments), 0.0
         count = int(np.clip(duration // MIN_BLOCK, MIN_BLOCKS, MAX_BLOCKS))
         blocks, parts = [0.0] * count, [[] for _ in range(count)]
-        for segment in segments:
+        for segment, known in segments:
             since = elapsed + segment.t - segment.t[0]
             number = np.minimum(since * count / duration, count - 1).astype(int)
             elapsed += segment.duration
             for block in np.unique(number).tolist():
                 parts[block].append(segment.part(number == block))
             first = 1
-            for rows, weights in self.regressors.filtered_rows(*segment.columns):
+            for rows, weights in self.regressors.filtered_rows(*segment.columns, known):
                 part = number[first : first + len(rows)]
                 first += len(rows)
                 for block in np.unique(part).tolist():
@@ -151,8 +155,8 @@ class FitData:
 
 
 def _in_order(datasets):
-    """Return segments of all datasets in an order that does not depend on theirs."""
-    return [segment for one in sorted(datasets, key=lambda one: one.key) for segment in one.segments]
+    """Return segments of all datasets, and joints with efforts, in an order that does not depend on that of datasets."""
+    return [(segment, one.known) for one in sorted(datasets, key=lambda one: one.key) for segment in one.segments]
 
 
 def _warn_of_payload(selection, payloads):

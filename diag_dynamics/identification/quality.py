@@ -56,6 +56,8 @@ def quality_of(model, selection, data, last):
     if free.any() or layout.without_rotors:
         models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
         after = validate(models, data.parts)
+    if not data.measured.all():
+        before, after = (_without_unknown(one, data.measured) for one in (before, after))
     findings = [finding for one in data.datasets for finding in one.findings]
     shares = after["explained"], after["explained_total"]
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
@@ -80,6 +82,12 @@ def quality_of(model, selection, data, last):
     }
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
     return quality
+
+
+def _without_unknown(values, measured):
+    """Return values of :func:`validate` of a robot without efforts of some joints: None for those, and for all powers."""
+    found = {key: np.where(measured, values[key], np.nan) for key in ("torque_rms", "observer_spread")}
+    return values | found | dict.fromkeys(("explained", "explained_total"))
 
 
 def _pair(names, before, after):

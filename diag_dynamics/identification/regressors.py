@@ -69,11 +69,11 @@ class Regressors:
         fill_regressors(self._workspace.robot, q, qd, self._first, self._directions, momentum, bias)
         return momentum, bias
 
-    def filtered_rows(self, t, q, qd, tau):
+    def filtered_rows(self, t, q, qd, tau, known=True):
         """Yield rows and weights of consecutive states from the second one on.
 
-        A row is λ(Y_p − F Y_p) + F(Y_g − Y_∂), F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇), F[|g| tanh(q̇/v₀),
-        q̇/√max(|q̇|, v₀)] and Fτ. F of momentum
+        Those of joints whose effort is not `known` are zero. A row is λ(Y_p − F Y_p) + F(Y_g − Y_∂),
+        F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇), F[|g| tanh(q̇/v₀), q̇/√max(|q̇|, v₀)] and Fτ. F of momentum
         begins at its first value, other filters at 0. The weight is min(1, λΔ/2), as rows that are closer
         than the filter's memory say the same.
         """
@@ -95,7 +95,10 @@ class Regressors:
             filtered[0] = -momentum[0] if state is None else state
             low_pass(time, y, filtered)
             state = filtered[-1]
-            yield momentum[1:] + filtered[1:], np.minimum(1.0, 0.5 * np.diff(time))
+            rows = momentum[1:] + filtered[1:]
+            for k in np.flatnonzero(~(known & np.ones(len(self.rows), dtype=bool))):
+                rows[:, self.rows[k]] = 0.0
+            yield rows, np.minimum(1.0, 0.5 * np.diff(time))
 
     def sum_rows(self, rows, weights):
         """Return the normal equations of rows."""
@@ -106,9 +109,9 @@ class Regressors:
         sums[-1] = weights.sum()
         return sums
 
-    def sum_segment(self, t, q, qd, tau):
-        """Return the normal equations of consecutive states."""
-        return sum(self.sum_rows(*some) for some in self.filtered_rows(t, q, qd, tau))
+    def sum_segment(self, t, q, qd, tau, known=True):
+        """Return the normal equations of consecutive states, without rows of joints whose effort is not known."""
+        return sum(self.sum_rows(*some) for some in self.filtered_rows(t, q, qd, tau, known))
 
     def residual_squares(self, sums, x):
         """Return sums of squared residuals of each degree of freedom, given all unknowns."""

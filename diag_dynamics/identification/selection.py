@@ -122,7 +122,7 @@ class Selection:
 
     def _score_of(self, squares):
         """Return the geometric mean over joints of the residual of all blocks."""
-        return float(np.exp(np.log(self.residuals(squares)).mean()))
+        return float(np.exp(np.log(self.residuals(squares)[self._data.measured]).mean()))
 
     def _choose_rotors(self, steps):
         """Leave the model's rotor inertias out if the efforts do not contain them, as of torque sensors."""

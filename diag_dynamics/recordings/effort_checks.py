@@ -72,11 +72,11 @@ class EffortRange:
     @property
     def measures(self):
         """Whether the effort of any joint can have been measured."""
-        return len(self._values()) < len(self._names)
+        return len(self.values()) < len(self._names)
 
     def unmeasured(self):
         """Return which efforts cannot have been measured, in words; or an empty text."""
-        values = self._values()
+        values = self.values()
         if list(values.values()) == ["missing"] * len(self._names):
             return ""
         return "; ".join(
@@ -84,7 +84,7 @@ class EffortRange:
             for one in dict.fromkeys(values.values())
         )
 
-    def _values(self):
+    def values(self):
         """Return the values of efforts that cannot have been measured as texts, by joint."""
         (low, lowest), (high, highest) = self._low, self._high
         largest = np.maximum(np.abs(low), np.abs(high))

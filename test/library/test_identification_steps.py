@@ -53,7 +53,7 @@ def test_inertias_that_help_one_joint_of_six_by_files_in_any_order(arm):
     model, oracle = arm
     start = model.with_parameters({"links": {"wrist_3_link": {"mass": 0.19, "com": [0.02, 0.0, 0.0]}}})
     files = [recording(start, oracle, seed, 8.0 + seed, noise=np.array([1.0] * 5 + [0.03])) for seed in range(2)]
-    one, other = (dd.identify(some, start, "inertias") for some in (files, files[::-1]))
+    one, other = (dd.identify(some, start, ("rotors", "inertias")) for some in (files, files[::-1]))
     before, after = (rung["score"] for rung in one.quality["ladder"] if rung["taken"])
     assert one.quality["taken"] == ["inertias"] and one.parameters.links and 0.02 < 1.0 - after / before < 0.05
     pairs = np.array(list(one.quality["row_residual"].values()))
@@ -117,3 +117,57 @@ def test_friction_of_gears(geared):
             if key in deviations[names[k]]
         ]
     assert np.mean(np.abs(errors) < 2.0) > 0.85 and np.abs(errors).max() < 4.5
+
+
+@pytest.fixture(scope="module")
+def worn(arm):
+    """A recording with friction of all joints; without noise of velocities, so that delays are exact."""
+    model, oracle = arm
+    return recording(model, oracle, 3, 15.0, noise=0.1, resist=friction)
+
+
+def changed(data, **columns):
+    return recorded(data.model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau")))
+
+
+@pytest.mark.parametrize("kind", ["missing", "constant", "constant in pieces"])
+def test_efforts_of_some_joints_only(worn, kind):
+    """Nothing is fitted to an effort that no sensor measured; the others are identified, and the joint is named."""
+    tau, model = worn.tau.copy(), worn.model
+    tau[:, 3] = {"missing": np.nan, "constant": 2.5, "constant in pieces": np.where(worn.t < 8.0, 2.5, -1.0)}[kind]
+    found = dd.identify(changed(worn, tau=tau), model, ("friction", "inertias"))
+    quality, others = found.quality, np.array([0, 1, 2, 4, 5])
+    assert "friction" in quality["taken"] and model.dof_names[3] not in found.parameters.joints
+    np.testing.assert_allclose(found.model.friction[others], FRICTION[others], rtol=0.15)
+    assert any("effort of joint 'wrist_1_joint'" in text for text in quality["findings"])
+    assert quality["torque_rms"]["wrist_1_joint"] == [None, None] and quality["explained"] == [None, None]
+    assert None not in quality["torque_rms"]["elbow_joint"]
+    masses = [dd.DiagonalDynamics(one).mass_matrix(np.zeros(6))[3, 3] for one in (model, found.model)]
+    assert 0.5 < masses[1] / masses[0] < 1.5
+    with pytest.raises(dd.InputError, match=r"recordings\[0\] has no efforts: effort of joint"):
+        dd.identify(changed(worn, tau=np.tile(np.where(worn.t < 8.0, 1.0, 2.0)[:, None], 6)), model)
+
+
+def late(data, delay):
+    t = data.t
+    return changed(data, qd=np.column_stack([np.interp(t - delay, t, column) for column in data.qd.T]))
+
+
+@pytest.mark.parametrize("delay", [0.173, -0.06])
+def test_long_delays_of_velocities_are_removed(worn, delay):
+    found = dd.identify(late(worn, delay), worn.model, "friction")
+    assert found.quality["velocity_delay"] == [pytest.approx(delay, abs=1e-3)]
+    np.testing.assert_allclose(found.model.friction, FRICTION, rtol=0.15)
+
+
+def test_the_end_of_the_search_is_no_delay(worn):
+    with pytest.raises(dd.InputError, match=r"recordings\[0\]: velocities are 300 ms or more later .* joint '\w+'"):
+        dd.identify(late(worn, 0.45), worn.model, "friction")
+
+
+def test_a_joint_that_stands_is_not_judged_by_its_velocity(worn):
+    """It moves by 0.4 mrad, and its sensor says half of that rate."""
+    q, qd, k = worn.q.copy(), worn.qd.copy(), 5
+    q[:, k], qd[:, k] = 2e-4 * np.sin(worn.t), 1e-4 * np.cos(worn.t)
+    found = dd.identify(changed(worn, q=q, qd=qd), worn.model, "friction")
+    assert "friction" in found.quality["taken"] and "wrist_3_joint" not in found.parameters.joints
