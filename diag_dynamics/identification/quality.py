@@ -15,7 +15,7 @@ from diag_dynamics.recordings.effort_relation import smoothed
 from diag_dynamics.recordings.observer import Observer
 
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
-MIN_SMOOTHED = 1.0  # shortest portion whose errors of effort count [s]: the filter has 5 Hz
+MIN_SMOOTHED, EDGE = 1.0, 0.2  # shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]
 MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 MAX_STEPS = 6000  # of a curve: ten times the pixels that they are drawn on
 
@@ -37,7 +37,8 @@ def validate(models, parts):
             energies.append(s.kinetic_energy.copy())
             if part.duration >= MIN_SMOOTHED:
                 q, qd, tau, qdd = smoothed(t, q, qd, tau)
-                errors.append(tau - dynamics.inverse_dynamics_batch(q, qd, qdd))
+                inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
+                errors.append((tau - dynamics.inverse_dynamics_batch(q, qd, qdd))[inner])
     unknown, torque = np.full(model.nv, np.nan), np.concatenate(observed)
     return {
         "torque_rms": np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)) if errors else unknown,  # below 5 Hz [N m, N]

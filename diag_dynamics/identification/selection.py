@@ -15,6 +15,7 @@ from diag_dynamics.identification.result import parameters_of
 WEIGHT, SHORT_WEIGHT, SHORT = 10.0, 30.0, 6.0  # γ of the prior on inertias; for less motion than this [s]
 BY_JOINT = {"friction": (DAMPING, FRICTION, OFFSET), "rotors": (ROTOR,), "gears": (LOAD, ROOT)}  # taken joint by joint
 STEPS = "friction", "rotors", "inertias", "gears"  # beside payloads, in the order in which they are tried
+MIN_RESIDUAL = 2e-3  # relative to the effort: what a sampled motion leaves anyway
 MIN_LOAD = 0.1  # torque of gravity in the filtered load column over the effort, of a joint with load friction
 GAIN, ROTOR_GAIN = 0.03, 0.01  # reductions of the residual to take a step, and to leave out the model's rotors
 
@@ -54,6 +55,7 @@ class Selection:
             raise InputError(f"no joint moves enough: {data.findings[-1].text}.")
         efforts = self.layout.squares([(data.fitted, True)], np.zeros(self.layout.size))
         self._negligible = max(MIN_VARIANCE * efforts.mean(), 1e-300)
+        self._floor = MIN_RESIDUAL * self.residuals(efforts[None])
         at = LOAD - len(OWN) - 1
         self._loaded = np.array([one[at, at] > MIN_LOAD**2 * one[-1, -1] for one in data.fitted[:-1]])
         self._own = dict.fromkeys(BY_JOINT, self._moving)
@@ -169,7 +171,7 @@ class Selection:
         joints = {step: self._moving} if step in BY_JOINT else {}
         found = self.cross_validate(self.free(steps, **joints))
         without, own = self.residuals(self.squares), self.residuals(found[1])
-        gains = np.where(candidates, 1.0 - own / without, -np.inf)
+        gains = np.where(candidates, 1.0 - np.hypot(own, self._floor) / np.hypot(without, self._floor), -np.inf)
         if joints:
             kept = np.flatnonzero(candidates & (gains < GAIN))
             self.kept[step] = {self._model.dof_names[k]: [float(without[k]), float(own[k])] for k in kept}
