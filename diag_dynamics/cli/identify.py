@@ -31,7 +31,7 @@ OUTPUTS = {"-o": "output", "--json": "json", "--plots": "plots", "--write-urdf":
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_recording(parser, "recordings without contact, in the formats of diag-dynamics analyse")
-    text = "any of friction, rotors, inertias, payload:LINK, separated by commas (default: %(default)s)"
+    text = "any of friction, rotors, inertias, gears, gains, payload:LINK, separated by commas (default: %(default)s)"
     parser.add_argument("--what", default=",".join(STEPS), metavar="WHAT", help=text)
     text = "recordings of the same robot without the payload"
     parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)

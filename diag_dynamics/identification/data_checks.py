@@ -7,7 +7,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.effort_checks import find_fault
-from diag_dynamics.recordings.effort_relation import EffortRelation
+from diag_dynamics.recordings.effort_relation import ERRORS, EffortRelation
 from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.units import cause_of_ratio, regress_changes
 
@@ -16,6 +16,7 @@ TOLERANCE, MIN_R2 = 0.02, 0.49  # error of their slope; squared correlation from
 MAX_DELAY, COARSE, FINE = 0.3, 5e-3, 5e-4  # of velocities against positions: largest one and steps of the search [s]
 TRAVEL = 0.02  # change of position from which a joint's velocities are judged [rad, m]
 NOT_JUDGED, DOUBTFUL = "efforts not judged", "effort doubtful"  # causes of findings
+MAX_GAIN_ERROR = 0.5  # of a gain, relative, ERRORS times its standard deviation
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5  # velocity [rad/s], time above it each way [s], range [rad]
 PRISMATIC = 0.1  # factor of these for a prismatic joint [m]
 
@@ -85,15 +86,35 @@ def _increments(columns, t, at):
     return np.diff(np.column_stack([np.interp(at, t, column) for column in columns.T]), axis=0)
 
 
-def check_efforts(model, dataset, tolerant):
-    """Return the Relation of efforts to model torques and add findings; InputError for a clear fault."""
-    compared = EffortRelation(model)
+def _relate(model, dataset):
+    """Return the Relation of efforts to model torques, unknown for joints whose effort is not known."""
+    compared, known = EffortRelation(model), dataset.known
     for part in dataset.portions():
         compared.add_run(*part.columns)
-    relation, known = compared.fit(), dataset.known
-    relation = relation._replace(
-        factor=np.where(known, relation.factor, np.nan), error=np.where(known, relation.error, np.inf)
-    )
+    relation = compared.fit()
+    factor, error = np.where(known, relation.factor, np.nan), np.where(known, relation.error, np.inf)
+    return relation._replace(factor=factor, error=error)
+
+
+def find_gains(model, datasets):
+    """Return torque by unit of effort and its standard deviation by joint, NaN where gravity does not show it.
+
+    Inertia shows no gain, because it may be a rotor's.
+    """
+    relations = [_relate(model, one) for one in datasets]
+    factors, errors = (np.array([getattr(one, name) for one in relations]) for name in ("factor", "error"))
+    usable = np.isfinite(factors) & np.array([one.heavy for one in relations])
+    weights = np.where(usable, 1.0 / np.maximum(errors, 1e-300) ** 2, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = (weights * np.nan_to_num(factors)).sum(axis=0) / weights.sum(axis=0)
+        error = 1.0 / np.sqrt(weights.sum(axis=0))
+        gains = np.where(ERRORS * error < MAX_GAIN_ERROR * np.abs(factor), 1.0 / factor, np.nan)
+        return gains, np.abs(gains) * error / np.abs(factor)
+
+
+def check_efforts(model, dataset, tolerant):
+    """Return the Relation of efforts to model torques and add findings; InputError for a clear fault."""
+    relation = _relate(model, dataset)
     fault = find_fault(relation, tolerant)
     if fault and not fault.light:
         raise InputError(f"{dataset.name}: {fault.text}.")

@@ -184,6 +184,15 @@ class Dataset:
             if changed[k] < MIN_CHANGED * moving[:, k].sum():
                 self._set_unknown(model, model.dof_names[k], "constant for long while it moves")
 
+    def scale_efforts(self, model, gains):
+        """Multiply efforts by gains; those of joints without a gain (NaN) become unknown."""
+        for k in np.flatnonzero(np.isnan(gains) & self.known):
+            self._set_unknown(model, model.dof_names[k], "in a unit whose gain gravity does not show")
+        scaled = [one.states.effort * np.where(np.isnan(gains), 1.0, gains) for one in self.segments]
+        pairs = zip(self.segments, scaled, strict=True)
+        segments = [Segment(t, replace(states, effort=effort)) for (t, states), effort in pairs]
+        self.segments = [self._filled(one, DiagonalDynamics(model)) for one in segments]
+
     def _set_unknown(self, model, joint, text):
         """Leave the effort of a joint out; InputError if none is left."""
         self.known[model.dof_names.index(joint)] = False

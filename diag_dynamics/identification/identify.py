@@ -14,11 +14,11 @@ import numpy as np
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.identification.data_checks import check_efforts, check_motion
+from diag_dynamics.identification.data_checks import check_efforts, check_motion, find_gains
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
-from diag_dynamics.identification.fit import Carrier
-from diag_dynamics.identification.quality import quality_of
-from diag_dynamics.identification.regressors import Regressors, require_single_joints
+from diag_dynamics.identification.fit import Carrier, Layout
+from diag_dynamics.identification.quality import effort_scale, quality_of
+from diag_dynamics.identification.regressors import OWN, Regressors, require_single_joints
 from diag_dynamics.identification.result import Identification, parameters_of
 from diag_dynamics.identification.selection import STEPS, Selection, read_what
 from diag_dynamics.model import RobotModel
@@ -55,7 +55,8 @@ def identify(
     what : str or sequence of str
         ``"friction"`` (damping, Coulomb friction and offset of each joint that moves enough), ``"rotors"``
         (reflected inertia of motors, for efforts measured by current), ``"gears"`` (friction by the torque of
-        gravity and by the root of the rate), ``"payload:<link>"`` (mass that a
+        gravity and by the root of the rate), ``"gains"`` (torque by unit of effort of joints that carry
+        weight, for currents and raw units of drives), ``"payload:<link>"`` (mass that a
         link carries beside the model, or lacks), ``"inertias"`` (of all links; alone, it includes the other steps).
     reference : Recording, callable, or sequence of these, optional
         Of the same robot without the payload: its links are then fitted too, so that their errors do not
@@ -74,7 +75,7 @@ def identify(
         The robot has a floating base, or a joint of several degrees of freedom.
     """
     instance("model", model, RobotModel)
-    _, steps, asked = read_what(what, model)
+    names, steps, asked = read_what(what, model)
     if len(asked) > 1:
         raise InputError(f"what is {what!r}; expected one payload at most.")
     if asked and reference is None and "inertias" in steps:
@@ -85,7 +86,7 @@ def identify(
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
     links = [model.link_names[link] for link in model.bodies["link"][ends]]
     payloads = [Carrier(link, *model.placement_in_body(link)) for link in (asked or links)]
-    data = FitData(model, payloads, recordings, reference, bool(asked))
+    data = FitData(model, payloads, recordings, reference, bool(asked), "gains" in names)
     payload = payloads[0] if asked else None
     selection = Selection(model, steps, payload, data)
     last, free = selection.fit_all(), selection.free(selection.taken)
@@ -101,6 +102,8 @@ def identify(
 class FitData:
     """Recordings of an identification: their checks and their normal equations.
 
+    `gains` are those of the efforts with standard deviations, (2, nv), None if efforts are in N m and N.
+
     `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
     model, `moving` the joints that move enough, `measured` those with efforts (bool), `findings` on the others, `duration`
     the time of all [s].
@@ -109,7 +112,7 @@ class FitData:
     None without any. `parts` are the segments of each block.
     """
 
-    def __init__(self, model, payloads, recordings, reference, tolerant):
+    def __init__(self, model, payloads, recordings, reference, tolerant, with_gains=False):
         self.regressors = Regressors(model, [payload.body for payload in payloads])
         loaded = list_recordings("recordings", recordings)
         unloaded = [] if reference is None else list_recordings("reference", reference)
@@ -117,11 +120,31 @@ class FitData:
         self.loaded = [Dataset(f"recordings[{k}]", one, model, share) for k, one in enumerate(loaded)]
         self._references = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
         self.datasets = [*self.loaded, *self._references]
+        self.gains = find_gains(model, self.datasets) if with_gains else None
+        for one in self.datasets if with_gains else ():
+            one.scale_efforts(model, self.gains[0])
         self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
         self.moving, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
         self.measured = np.any([one.known for one in self.datasets], axis=0)
         self.moving &= self.measured
         self.duration = sum(one.duration for one in self.datasets)
+        self.use_load_of(model)
+        if with_gains:
+            self._correct_gains(model)
+
+    def _correct_gains(self, model):
+        """Correct gains by the filtered rows, whose friction is exact, and set their deviations by the jackknife."""
+        layout = Layout(model, self.regressors)
+        left_out = np.array(
+            [[_slope(layout, k, (self.fitted - one)[k]) for one in self.blocks] for k in range(model.nv)]
+        )
+        slope = np.array([_slope(layout, k, self.fitted[k]) for k in range(model.nv)])
+        count, gains = len(self.blocks), self.gains[0] / slope
+        changes = left_out - left_out.mean(axis=1, keepdims=True)
+        deviations = np.sqrt((count - 1) / count * (changes**2).sum(axis=1)) / slope
+        for one in self.datasets:
+            one.scale_efforts(model, 1.0 / slope)
+        self.gains = gains, gains * deviations
         self.use_load_of(model)
 
     def use_load_of(self, model):
@@ -154,6 +177,17 @@ class FitData:
         return blocks, parts
 
 
+def _slope(layout, k, sums):
+    """Return the slope of a joint's effort over the model's torque beside friction of all kinds; 1 if unknown."""
+    columns = layout.regressors.columns[k]
+    torque = np.where(np.isin(columns, np.flatnonzero(layout.inertial)), layout.known[columns], 0.0)
+    rows = np.vstack([torque, np.eye(len(columns))[-len(OWN) :]])
+    inner = rows @ sums[:-1, :-1] @ rows.T
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    slopes = scale * np.linalg.lstsq(inner * scale[:, None] * scale, scale * (rows @ sums[:-1, -1]), rcond=1e-9)[0]
+    return slopes[0] if slopes[0] > 0.0 else 1.0
+
+
 def _in_order(datasets):
     """Return segments of all datasets, and joints with efforts, in an order that does not depend on that of datasets."""
     return [(segment, one.known) for one in sorted(datasets, key=lambda one: one.key) for segment in one.segments]
@@ -181,6 +215,7 @@ def _origin(model, data, quality):
     locked = {name: float(value) for name, value in model.locked_joints.items()}
     return ({"locked_joints": locked} if locked else {}) | {
         "recordings": [one.origin for one in data.datasets],
+        **({"effort_scale": effort_scale(model, data)} if data.gains else {}),
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "method": "filtered momentum, " + (", ".join(quality["taken"]) or "nothing taken"),
         "quality": {

@@ -73,6 +73,7 @@ def quality_of(model, selection, data, last):
         "kept": selection.kept,
         "ladder": selection.ladder,
         "effort_factor": _factors(names, data.relations),
+        "effort_gain": _gains(names, data.gains) if data.gains else None,
         "efforts_judged": judged and not nothing and DOUBTFUL not in [one.cause for one in findings],
         "velocity_delay": [one.delay for one in data.loaded],
         "effective_parameters": layout.effective_parameters(last) if free[layout.inertial].any() else {},
@@ -81,6 +82,11 @@ def quality_of(model, selection, data, last):
         "warnings": selection.warnings,
         "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
     }
+    if data.gains:
+        quality["warnings"].append(
+            f"efforts were multiplied by gains, effort_scale: {effort_scale(model, data)}. They are as wrong as the weight "
+            "of the model's links"
+        )
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
     return quality
 
@@ -97,6 +103,18 @@ def _pair(names, before, after):
         return [before, after]
     pairs = zip(names, np.transpose([before, after]).tolist(), strict=True)
     return {name: [None if np.isnan(one) else one for one in pair] for name, pair in pairs}
+
+
+def effort_scale(model, data):
+    """Return gains of efforts as values of the parameter effort_scale."""
+    pairs = zip(model.dof_names, data.gains[0], strict=True)
+    return [f"{name}={gain:.6g}" for name, gain in pairs if np.isfinite(gain)]
+
+
+def _gains(names, gains):
+    """Return gain and standard deviation of each joint's effort; None where gravity does not show it."""
+    pairs = zip(names, *np.asarray(gains).tolist(), strict=True)
+    return {name: [gain, error] if np.isfinite(gain) else None for name, gain, error in pairs}
 
 
 def _factors(names, relations):

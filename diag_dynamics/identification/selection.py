@@ -23,10 +23,10 @@ GAIN, ROTOR_GAIN = 0.03, 0.01  # reductions of the residual to take a step, and 
 def read_what(what, model):
     """Return names of what to identify, its steps in order, all for inertias alone, and the links of its payloads."""
     names = (what,) if isinstance(what, str) else tuple(what)
-    steps = [step for step in STEPS if step in names or names == ("inertias",)]
+    steps = [step for step in STEPS if step in names or set(names) - {"gains"} == {"inertias"}]
     links = [name[8:] for name in names if str(name).startswith("payload:")]
-    if not names or not set(names) <= {*STEPS, *(f"payload:{link}" for link in links)}:
-        raise InputError(f"what is {what!r}; expected one or more of {', '.join(STEPS)}, payload:<link>.")
+    if not names or not set(names) <= {*STEPS, "gains", *(f"payload:{link}" for link in links)}:
+        raise InputError(f"what is {what!r}; expected one or more of {', '.join(STEPS)}, gains, payload:<link>.")
     for link in links:
         if model.placement_in_body(link)[0] == 0:
             raise InputError(
@@ -93,8 +93,9 @@ class Selection:
         return trial.fits[:, trial.layout.robot].mean(), trial.score
 
     def named(self, steps):
-        """Return names of steps, the payload first."""
-        return ([f"payload:{self._payload.link}"] if self._payload else []) + list(steps)
+        """Return names of steps, gains and the payload first."""
+        first = ["gains"] * bool(self._data.gains) + [f"payload:{one.link}" for one in [self._payload] if one]
+        return first + list(steps)
 
     def residuals(self, squares):
         """Return the root mean squared residual of each degree of freedom over all blocks."""

@@ -111,7 +111,9 @@ def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
 def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
     """Beside rotors of 3 kg m² friction alone explains next to nothing; once they are known, it does."""
     model, oracle = panda
-    found = dd.identify(recording(model, oracle, 4, shortened(20.0, 16.0), noise=1.0, rotors=3.0), model)
+    found = dd.identify(
+        recording(model, oracle, 4, shortened(20.0, 16.0), noise=1.0, rotors=3.0), model, ("friction", "rotors")
+    )
     steps = [(rung["steps"], rung["taken"]) for rung in found.quality["ladder"]]
     assert steps == [([], True), (["friction"], False), (["rotors"], True), (["friction", "rotors"], True)]
     np.testing.assert_allclose(found.model.armature, 3.0, atol=0.02)

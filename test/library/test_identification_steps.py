@@ -171,3 +171,28 @@ def test_a_joint_that_stands_is_not_judged_by_its_velocity(worn):
     q[:, k], qd[:, k] = 2e-4 * np.sin(worn.t), 1e-4 * np.cos(worn.t)
     found = dd.identify(changed(worn, q=q, qd=qd), worn.model, "friction")
     assert "friction" in found.quality["taken"] and "wrist_3_joint" not in found.parameters.joints
+
+
+PANDA = robot("panda_description/urdf/panda.urdf").urdf
+GAINS = np.array([0.02, 0.05, 0.08, 0.5, 0.4, 0.3, 0.2])  # N m by unit
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_gains_of_raw_efforts(seed):
+    """Efforts in units of drives: gains of joints that carry weight are within 3σ, others unknown, and friction in N m."""
+    model = dd.load_urdf(PANDA, locked_joints={"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0})
+    oracle = Oracle(PANDA, model.dof_names, locked_joints=dict(model.locked_joints))
+    t, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(seed)
+    q, qd, qdd = fourier(rng, t, model.lower, model.upper)
+    tau = efforts(oracle, q, qd, qdd) + 0.5 * qd + 1.0 * np.tanh(qd / 5e-3) + 0.3 * rng.normal(size=q.shape)
+    found = dd.identify(recorded(model, t, q, qd, tau / GAINS), model, ("gains", "friction"))
+    told = found.quality["effort_gain"]
+    assert told["panda_joint1"] is None and not any(
+        "panda_joint1=" in one for one in found.parameters.origin["effort_scale"]
+    )
+    known = [k for k, name in enumerate(model.dof_names) if told[name]]
+    assert {1, 3} <= set(known) and found.quality["taken"] == ["gains", "friction"]
+    for k in known:
+        gain, deviation = told[model.dof_names[k]]
+        assert abs(gain - GAINS[k]) < 3.0 * deviation < 0.1 * GAINS[k]
+        assert found.model.friction[k] == pytest.approx(1.0, rel=0.35)
