@@ -142,6 +142,8 @@ class Dataset:
             raise no_states_error(name, refused)
         if not with_efforts:
             raise InputError(f"{explain_missing_efforts(counts)}. Identification requires them.")
+        if efforts.unmeasured() and not efforts.measures:
+            raise InputError(f"{name}: {efforts.unmeasured()}. Record efforts.")
         for joint, text in efforts.values().items():
             self._set_unknown(model, joint, f"{text} throughout")
         self._add(step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}")
@@ -196,7 +198,7 @@ class Dataset:
     def _set_unknown(self, model, joint, text):
         """Leave the effort of a joint out; InputError if none is left."""
         self.known[model.dof_names.index(joint)] = False
-        text = f"effort of joint '{joint}' is {text}: nothing is fitted to it (effort_available)"
+        text = f"efforts of {joint} are {text} (effort_available): nothing is fitted to them"
         self.findings.append(Finding("effort unknown", 1, text))
         if not self.known.any():
             texts = "; ".join(one.text for one in self.findings if one.cause == "effort unknown")
