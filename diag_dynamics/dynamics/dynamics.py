@@ -341,8 +341,16 @@ class DiagonalDynamics:
         ṗ = τ + C_sᵀq̇ − g with Ṁ = C_s + C_sᵀ. The rate is ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of
         the components in body axes for joints of several degrees of freedom.
         """
-        at = self._arguments.states(q, threads, qd=qd)
-        both = self._caller.vector(calls.MOMENTUM, at)
+        both = None
+        try:
+            if are_vectors(q, qd, qd) and [*map(np.size, (q, qd))] == [self.model.nq, self._nv]:  # type: ignore[arg-type]
+                result = np.empty(2 * self._nv)
+                if not classical.momentum.run(self._robot, q, qd, result):
+                    both = result
+        except TypeError:  # as in evaluate
+            pass
+        if both is None:
+            both = self._caller.vector(calls.MOMENTUM, self._arguments.states(q, threads, qd=qd))
         return Momentum(both[..., : self._nv], both[..., self._nv :])
 
     # --- The four sweeps
