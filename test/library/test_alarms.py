@@ -316,6 +316,7 @@ def settings(values):
         ({"external_torque.covariance": [1.0, 0.2, 0.3, 1.0]}, "not symmetric"),
         ({"external_torque.covariance": [1.0, 0.0, 0.0, 0.0]}, "singular at 'b'"),
         ({"external_torque.covariance": [1.0, 2.0, 2.0, 3.0]}, "singular at '[ab]'"),
+        ({"external_torque.covariance": [4.0, 2.0, 2.0, 1.0]}, "singular at '[ab]'"),
         ({"external_torque.covariance_joints": ["a", "a"]}, "each joint once"),
         ({"external_torque.covariance_joints": [""]}, "4 numbers for 0"),
         ({"alarm.contact_joints": ["*=1", "a=3"]}, "contact for 'a' is 3 .*at most 2"),
