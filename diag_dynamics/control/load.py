@@ -100,7 +100,7 @@ class LoadEstimator:
         gain: float,
         covariance: MatrixLike,
         *,
-        memory: float = 0.7,
+        memory: float = 0.5,
         hold: float = 0.6,
         min_explained: float = 0.8,
     ) -> None:
