@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -48,6 +48,9 @@ from diag_dynamics.sweeps import workspace as ws
 Points: TypeAlias = ContactPoints | Iterable[ContactPoint]
 ORIGIN = 0.0, 0.0, 0.0
 
+MAX_TABLES = 32
+"""Tables of covariances, links and points that are kept: making one takes longer than a state."""
+
 ROUNDING = 4e-15
 """Maximum of ℓJᵀu by rounding, as a fraction of the entries of ℓJᵀ, per degree of freedom."""
 
@@ -88,6 +91,7 @@ class DiagonalDynamics:
         self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
         self._shape = ws.N_ROWS, max(model.nq, 1)  # numbers need an entry even without joints
         self._whole = self._shape[1] == model.nv
+        self._tables: dict[Any, Any] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model,)  # a copy has memory of its own
@@ -620,7 +624,8 @@ class DiagonalDynamics:
         ExternalWrench
         """
         at = self._arguments.states(q, threads, external_torque=external_torque)
-        where = noise.point_of_wrench(self.model, link, covariance, point, frame, force_only, max_deviation)
+        options = link, point, frame, force_only, max_deviation
+        where = self._table(noise.point_of_wrench, covariance, *options)
         return self._caller.wrench(at, where)
 
     def touched_link(
@@ -656,7 +661,23 @@ class DiagonalDynamics:
         TouchedLink
         """
         at = self._arguments.states(q, threads, external_torque=external_torque)
-        return self._caller.touched_link(at, *noise.candidates(self.model, covariance, significance, forces))
+        return self._caller.touched_link(at, *self._table(noise.candidates, covariance, significance, forces))
+
+    def _table(self, make: Callable[..., Any], covariance: RowsLike | None, *options: Any) -> Any:
+        """Return the table that `make` returns, of an earlier call with equal arguments if there was one."""
+        content: Any = covariance
+        if isinstance(covariance, np.ndarray):
+            content = covariance.dtype.str, covariance.shape, covariance.tobytes()
+        key = make, content, options
+        try:
+            found = self._tables.get(key)
+        except TypeError:  # lists have no hash
+            return make(self.model, covariance, *options)
+        if found is None:
+            if len(self._tables) >= MAX_TABLES:
+                self._tables.clear()
+            found = self._tables[key] = make(self.model, covariance, *options)
+        return found
 
     # --- Contact. It is advisory: no result is safety-rated.
 

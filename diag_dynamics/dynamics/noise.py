@@ -53,8 +53,8 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
 
 def point_of_wrench(
     model: RobotModel,
-    link: str,
     covariance: Any,
+    link: str,
     point: PointLike,
     frame: Frame,
     force_only: bool,
