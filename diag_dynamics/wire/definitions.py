@@ -20,6 +20,9 @@ STANDARD = {
     "geometry_msgs/msg/Point": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/msg/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
     "geometry_msgs/msg/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/msg/Inertia": (
+        "float64 m\nVector3 com\nfloat64 ixx\nfloat64 ixy\nfloat64 ixz\nfloat64 iyy\nfloat64 iyz\nfloat64 izz"
+    ),
     "geometry_msgs/msg/Wrench": "Vector3 force\nVector3 torque",
     "geometry_msgs/msg/Pose": "Point position\nQuaternion orientation",
     "geometry_msgs/msg/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",

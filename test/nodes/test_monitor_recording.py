@@ -118,6 +118,7 @@ OBSERVED = {
     "external_torque.release_threshold": (PUSHED, 0.5),
     "external_torque.friction": (PUSHED, False),
     "external_torque.max_gap": (PUSHED, 0.3),
+    "external_torque.settles_on": (PUSHED, "working_moment"),
     "alarm.joints": (ALARMS, ["*=1.5"]),
     "alarm.external_torque": (ALARMS, 1.5),
     "alarm.norm": (ALARMS, 3.0),
@@ -148,6 +149,10 @@ OBSERVED = {
     "joint_timeouts": (PUSHED, ["turn=0.02"]),
 }
 """Parameters on which external torque or collisions depend."""
+
+OTHERS = "alarm.contact_", "contact.", "external_torque.covariance", "external_wrench.", "gravity_", "load."
+OTHERS += "max_rate.", "reaction."
+"""Prefixes of parameters of other fields, topics and services, and of what a recording lacks."""
 
 NOT_OBSERVED = {
     *(
@@ -218,7 +223,7 @@ def analysed(folder, parameters):
 
 def test_every_parameter_is_compared():
     """A new parameter needs a row in OBSERVED, or a reason why external torque does not depend on it."""
-    others = {name for name in PARAMETERS if name.startswith(("contact.", "max_rate."))}
+    others = {name for name in PARAMETERS if name.startswith(OTHERS)}
     assert OBSERVED.keys() | NOT_OBSERVED | others == PARAMETERS.keys()
 
 
