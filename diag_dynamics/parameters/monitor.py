@@ -184,7 +184,8 @@ _DRIVER = {
 }
 
 _REACTION = {
-    "reaction.service": Spec("", "Service that the node calls when a collision begins; empty: none. Not safety-rated."),
+    "reaction.service": Spec("", "Service that the node calls at reaction.event; empty: none. Not safety-rated."),
+    "reaction.event": Spec("collision", "Event whose beginning causes the call.", choices=("collision", "contact")),
     "reaction.type": Spec(
         "trigger",
         "Type of reaction.service: std_srvs/Trigger or controller_manager_msgs/SwitchController.",
@@ -328,7 +329,13 @@ class Settings(NamedTuple):
     def check_reaction(self):
         """Reject a service that would never be called, or a call that would change no controller."""
         values = self.values
-        if values["reaction.service"] and (missing := self.unjudged_without):
+        on_contact = values["reaction.event"] == "contact"
+        if values["reaction.service"] and on_contact and not (self.observation and self.observation.contact):
+            raise InputError(
+                "parameter alarm.contact_joints is empty, expected thresholds because reaction.event is contact. "
+                "Set alarm.contact_* (docs/collision.md)."
+            )
+        if values["reaction.service"] and not on_contact and (missing := self.unjudged_without):
             raise InputError(
                 f"parameter {missing[-1]} is 0, expected a threshold because reaction.service is set. "
                 "Set external_torque.gain and thresholds (docs/collision.md)."

@@ -31,7 +31,7 @@ from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import RobotState, joints_of
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
 from diag_dynamics.nodes.support import messages
-from diag_dynamics.nodes.support.messages import BytesMaker, CollisionThresholds, MessageMaker
+from diag_dynamics.nodes.support.messages import BytesMaker, CollisionThresholds, ContactThresholds, MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Observation, Settings
 from diag_dynamics.parameters.robots import model_of
@@ -261,12 +261,16 @@ def arguments(name, moment):
     seen = seen if moment.effort else Disturbance(False, "")
     observation = Observation(1.0, INF if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1)
     alarming = CollisionThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], r > 0.0) if moment.friction else None
+    contact = ContactThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], moment.received) if moment.inverse else None
+    touched = None
+    if moment.effort and model.nv and moment.friction:
+        touched = dyn.touched_link(q, tau, np.eye(model.nv) * 10.0 ** rng.integers(-2, 2))
     return {
         **{topic: (s, state) for topic in ORDER if topic not in MATRICES},
         "mass_matrix_factors": (dyn.factors(q), moment.inverse, state),
         "joint_space_dynamics": (dyn.mass_matrix(q), dyn.bias(q, qd), dyn.gravity_torque(q), state),
         "contact": (dyn.contact(q, moment.effort * qd, points), state),
-        "external_torque": (seen, observation, state, alarming),
+        "external_torque": (seen, observation, state, alarming, contact, touched),
         "external_wrench_estimates": (links[moment.seed % len(links)], found, state),
     } | ({"external_wrench": (links[0], found, state)} if found else {})
 

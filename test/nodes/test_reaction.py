@@ -53,8 +53,9 @@ def running(peer):
 def monitor(running, peer):
     """Return the monitor of this file at rest, a service beside it, and no messages yet."""
     running.stop_service = Stop(peer, "/reacting/stop")
-    feed(running, [FREE] * 300)
+    feed(running, [FREE] * 300)  # after the arm has jumped to this pose, which is a collision
     running.collision.forget()
+    running.stop_service.calls = 0
     yield running
     peer.node.destroy_service(running.stop_service.service)
 
@@ -162,6 +163,24 @@ def test_failures(monitor, peer):
     assert monitor.stop_service.calls == 1 and monitor.next_report().entries[REACTION].level == OK
 
 
+def test_contact_as_the_event(monitor, peer):
+    """With reaction.event contact, a push below the thresholds of collision calls the service."""
+    parameters = THRESHOLDS | {
+        "reaction.service": "stop",
+        "reaction.event": "contact",
+        "alarm.contact_external_torque": 9.0,
+    }
+    stop = Stop(peer, "/careful/stop")
+    with Monitor(peer, "/careful", outputs=["state"], robot_description=robot(PANDA).path, **parameters) as other:
+        subscribed(other)
+        pushed = Motion(robot(PANDA), 15.0 * (JOINTS == "panda_joint2"), size=0.0)(0)
+        found = feed(other, [FREE] * 3 + [pushed] * 100)
+        assert stop.calls == 1 and found[-1].contact and not found[-1].collision
+        feed(other, [FREE] * 300 + [PUSHED] * 100)
+        assert stop.calls == 2
+    peer.node.destroy_service(stop.service)
+
+
 # --- parameters
 
 SWITCH = {"reaction.type": "switch_controller", "reaction.deactivate": ["arm_controller"]}
@@ -180,6 +199,7 @@ builtin_interfaces/Duration timeout
         ({"alarm.external_torque": 0.0}, "external_torque.threshold is 0"),
         ({"reaction.service": "no service"}, "parameter 'reaction.service' is 'no service'"),
         ({"reaction.type": "switch_controller"}, "reaction.deactivate is empty"),
+        ({"reaction.event": "contact"}, "alarm.contact_joints is empty"),
         (SWITCH, "controller_manager_msgs"),
     ],
 )

@@ -229,6 +229,72 @@ def test_alarms(monitor, panda, free):
         assert monitor.reports[count].count("collisions") == before + 1
 
 
+LOWER = {"alarm.contact_joints": ["*=12"], "alarm.contact_external_torque": 15.0, "alarm.contact_norm": 40.0}
+
+
+def covariance(panda, deviation=0.1):
+    """Return parameters of equal noise of all joints."""
+    entries = (deviation**2 * np.eye(len(panda.names))).ravel().tolist()
+    joints = list(panda.names)
+    return {"external_torque.covariance_joints": joints, "external_torque.covariance": entries}
+
+
+def test_contact_thresholds(monitor, panda, free):
+    """A push below the thresholds of collision is a contact by the library's detector, without a warning."""
+    lower = AlarmDetector(panda.names, AlarmThresholds({"*": 12.0}, 15.0, 40.0))
+    pushed = Motion(panda, 17.0 * (np.array(panda.names) == "panda_joint2"), size=0.0)(0)
+    values = {"alarm.joints": ["*=20"]}
+    with monitor.having(**values):
+        message = feed(monitor, [free])[0]
+        assert not message.contact and message.contact_threshold == message.contact_torque_norm_threshold == math.inf
+        assert not len(message.contact_torque_threshold) and message.touched_link == ""
+    with monitor.having(**values, **LOWER):
+        feed(monitor, [free] * 3)
+        before = monitor.next_report().count("contacts")
+        found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 150)
+        judged = [lower.update(1e-9 * nanoseconds(m.header.stamp), m.residual, m.external_torque) for m in found]
+        assert [m.contact for m in found] == [one.alarm[0] for one in judged]
+        assert any(m.contact for m in found) and not found[-1].contact and not any(m.collision for m in found)
+        assert (found[0].contact_torque_norm_threshold, found[0].contact_threshold) == (15.0, 40.0)
+        assert list(found[0].contact_torque_threshold) == [12.0] * len(panda.names)
+        report = monitor.next_report()
+        assert report.entries[TORQUE].level == OK and report.count("contacts") == before + 1
+        assert report.entries[TORQUE].message.startswith("contact: panda_joint2 1")
+        assert last_line(monitor).startswith("Contact: panda_joint2 1")
+        found = feed(monitor, [free] * 5)
+        assert monitor.next_report().entries[TORQUE].message == "no collision"
+
+
+def test_touched_link(monitor, panda, free):
+    """Message, diagnostics and log have the link of dyn.touched_link; nothing within the noise."""
+    dynamics = dd.DiagonalDynamics(dd.load_urdf(panda.path))
+    oracle = Motion(panda, size=0.0).oracle
+    q = free[0]
+    pushed = Motion(panda, oracle.effort_of(q, {"panda_link4": [30.0, 20.0, 25.0, 0, 0, 0]}, "link"), size=0.0)(0)
+    noise = covariance(panda)
+    with monitor.having(**{"alarm.joints": ["*=10"]}, **noise):
+        restart(monitor)
+        feed(monitor, [free] * 3)
+        monitor.next_report()
+        count = len(monitor.reports)
+        found = feed(monitor, [free] * 3 + [pushed] * 60)
+        matrix = np.reshape(noise["external_torque.covariance"], 2 * [len(panda.names)])
+        for message in found[1:]:
+            expected = dynamics.touched_link(q, np.array(message.external_torque), matrix)
+            assert message.touched_link == expected.link
+            assert message.touched_link_confidence == pytest.approx(expected.confidence)
+        assert found[2].touched_link == "" and found[2].touched_link_confidence == 0.0
+        assert found[-1].touched_link and 0.0 < found[-1].touched_link_confidence < 1.0
+        message = monitor.reports[count].entries[TORQUE].message
+        first = next(m for m in found if m.collision)
+        assert message.startswith(f"collision: {first.touched_link} ({first.touched_link_confidence:.2f}): panda_joint")
+        assert last_line(monitor).startswith(f"Collision: {first.touched_link} ({first.touched_link_confidence:.2f}): ")
+        assert f"collision: {found[-1].touched_link} (" in monitor.next_report().entries[TORQUE].message
+    values = noise | {"external_torque.covariance_joints": ["*" + name for name in panda.names]}
+    result = monitor.set_parameters(values)
+    assert not result.successful and "external_torque.covariance_joints lacks" in result.reason
+
+
 def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     """A node takes it by --params-file: gain, friction, and every threshold."""
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}

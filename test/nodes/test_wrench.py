@@ -96,6 +96,20 @@ def test_wrench_on_the_hand(frames):
     np.testing.assert_allclose(np.reshape(estimate.covariance, (6, 6)), np.linalg.inv(J @ J.T), atol=1e-9)
 
 
+def test_weights_of_the_noise(frames):
+    """With the calibrated covariance Σ that of the wrench is (JΣ⁻¹Jᵀ)⁻¹."""
+    rng, n = np.random.default_rng(1), len(ARM.names)
+    A = 0.1 * rng.normal(size=(n, n))
+    noise = A @ A.T + 0.01 * np.eye(n)
+    values = {"external_torque.covariance": noise.ravel().tolist(), "external_torque.covariance_joints": [*ARM.names]}
+    with frames.monitor.having(**values, **WIDE):
+        frames.feed(*[pushed(FORCE)(0)] * 400)
+    J, estimate = jacobian(HAND), frames.at(HAND)[-1]
+    expected = np.linalg.inv(J @ np.linalg.solve(noise, J.T))
+    np.testing.assert_allclose(np.reshape(estimate.covariance, (6, 6)), expected, atol=1e-9)
+    np.testing.assert_allclose(vector(estimate.wrench), FORCE, rtol=1e-6)
+
+
 def test_directions_without_observation(frames):
     """Six numbers name each; the wrench has nothing along them, and is the best fit along the others."""
     frames.feed(*[pushed(FORCE)(0)] * 400)

@@ -12,20 +12,56 @@ from diag_dynamics.collision.events import Alarms
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.nodes.monitor.load import LoadWatch
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
-from diag_dynamics.nodes.support.messages import CollisionThresholds
+from diag_dynamics.nodes.support.messages import CollisionThresholds, ContactThresholds
+
+
+class LiveAlarm:
+    """A detector at the monitor's states: whether its alarm is on and begins, and the cause of the last one."""
+
+    def __init__(self, names, thresholds):
+        self._detector, self.count = AlarmDetector(names, thresholds), 0
+        self.limits = self._detector.limits
+        self.is_judged = bool(np.isfinite(self.limits).any())
+        self.reset()
+
+    def reset(self):
+        """Restart at the next state."""
+        self._detector.reset()
+        self._alarms = Alarms(self._detector)
+        self.on = self.begins = False
+        self.joints = np.zeros(len(self.limits) - 2, dtype=bool)
+
+    def accept_state(self, stamps, seen, torque, r, touched):
+        """Judge a Disturbance and its rows m r and r, which are zero if it is not valid.
+
+        `touched` returns the TouchedLink of this row, None if it is unknown.
+        """
+        judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
+        self.on, self.begins, self.joints = bool(judged.alarm[0]), bool(judged.begins[0]), judged.joints[0]
+        self.count += self.begins
+        if self.on:
+            self._alarms.add_states(stamps, np.array([seen.norm]), judged, touched())
+            del self._alarms.found[:-1]
+
+    def cause(self):
+        """Return the touched link with its probability, and the detectors of the last alarm."""
+        last = self._alarms.found[0]
+        return f"{last.link} ({last.confidence:.2f}): {last.describe()}" if last.link else last.describe()
 
 
 class TorqueWatch:
-    """A disturbance observer, and a collision detector on its results.
+    """A disturbance observer, and detectors of collision and contact on its results.
 
-    At the last state `seen` is the Disturbance, with the detector's collision, and `begins` whether a
-    collision begins; `cause` describes the last collision of this interval of reports. `is_judged` is
-    whether there are thresholds. The detector gets r and m r without the load of `load`, a LoadWatch or
-    None.
+    At the last state `seen` is the Disturbance, with the detector's collision, and `begins` and
+    `contact_begins` whether a collision or a contact begins; `cause` and `contact_cause` describe the
+    last one of this interval of reports. `is_judged` is whether there are thresholds of collisions,
+    `covariance` the noise of m r, None if it is unknown. The detectors and `touched` get r and m r
+    without the load of `load`, a LoadWatch or None.
     """
 
     def __init__(self, dynamics, observation, link=""):
-        self._collisions, self._origin, self._is_reported = 0, None, False
+        self._origin, self._is_reported = None, False
+        self._alarm = self._contact = None
         self.start_interval()
         self.use(dynamics, observation, link)
 
@@ -38,8 +74,13 @@ class TorqueWatch:
             alarms = AlarmThresholds({}, math.inf, threshold, ratio, 0.0, math.inf)
         options = {"friction": friction, "max_gap": max_gap, "settles_on": settles_on}
         self._observer = DisturbanceObserver(dynamics, gain, **options)
-        self._detector = AlarmDetector(dynamics.model.dof_names, alarms)
-        self.is_judged = bool(np.isfinite(self._detector.limits).any())
+        names, before = dynamics.model.dof_names, (self._alarm, self._contact)
+        self.covariance, contact = observation.covariance_of(names), observation.contact
+        self._alarm, self._contact = LiveAlarm(names, alarms), LiveAlarm(names, contact) if contact else None
+        for alarm, earlier in zip((self._alarm, self._contact), before, strict=True):
+            if alarm and earlier:
+                alarm.count = earlier.count
+        self.is_judged = self._alarm.is_judged
         self.load = LoadWatch(dynamics, link, observation) if link else None
         self.forget()
 
@@ -53,21 +94,43 @@ class TorqueWatch:
     def forget(self):
         """Restart at the next state, for example after a jump of time."""
         self._observer.reset()
-        self._detector.reset()
         if self.load:
             self.load.forget()
-        self._alarms = Alarms(self._detector)
-        self._joints = np.zeros(len(self._detector.limits) - 2, dtype=bool)
-        self.seen, self.begins = Disturbance(False, "no state yet"), False
+        for alarm in filter(None, (self._alarm, self._contact)):
+            alarm.reset()
+        self.seen, self._touched, self._at = Disturbance(False, "no state yet"), None, None
 
     @property
     def alarming(self):
         """Thresholds of and collisions at joints; None without parameters `alarm.*`."""
-        return CollisionThresholds(self._detector.limits, self._joints) if self.observation.alarms else None
+        return CollisionThresholds(self._alarm.limits, self._alarm.joints) if self.observation.alarms else None
+
+    @property
+    def contact(self):
+        """Thresholds of contact and whether there is one; None without parameters `alarm.contact_*`."""
+        return ContactThresholds(self._contact.limits, self._contact.on) if self._contact else None
+
+    @property
+    def begins(self):
+        """Whether a collision begins at the last state."""
+        return self._alarm.begins
+
+    @property
+    def contact_begins(self):
+        """Whether a contact begins at the last state."""
+        return bool(self._contact) and self._contact.begins
+
+    @property
+    def touched(self):
+        """TouchedLink at the last state, computed on demand; None without a result or covariance."""
+        if self._touched is None and self.seen.valid and self.covariance is not None:
+            self._touched = self.dynamics.touched_link(*self._at, self.covariance)
+        return self._touched
 
     def start_interval(self):
         """Start a report interval."""
-        self._count, self._valid, self._largest, self.cause = 0, 0, 0.0, ""
+        self._count, self._valid, self._largest = 0, 0, 0.0
+        self.cause = self.contact_cause = ""
 
     def accept_state(self, state):
         """Return whether a RobotState with whole efforts is in a collision without a report."""
@@ -77,29 +140,38 @@ class TorqueWatch:
         time = 1e-9 * (state.newest - self._origin)
         seen = self._observer.update(time, state.position, state.velocity, state.effort)
         if self.observation.alarms is None and not seen.valid and state.effort is not None:
-            self._detector.reset()  # as the observer has been
-        torque = seen.external_torque if seen.valid else np.zeros(len(self._joints))
+            self._alarm.reset()  # as the observer has been
+        torque = seen.external_torque if seen.valid else np.zeros(len(self._alarm.joints))
         r = seen.residual if seen.valid else torque
         if self.load:
             r, torque = self.load.accept_state(time, state, seen, r, torque)
-        judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
-        self.seen, self._joints = seen._replace(collision=bool(judged.alarm[0])), judged.joints[0]
-        self.begins = bool(judged.begins[0])
-        self._collisions += self.begins
+        self.seen, self._touched, self._at = seen, None, (state.position, torque)
+        self._alarm.accept_state(stamps, seen, torque, r, self._touched_row)
+        self.seen = seen._replace(collision=self._alarm.on)
         self._count, self._valid = self._count + 1, self._valid + seen.valid
         self._largest = max(self._largest, seen.norm)
-        if self.seen.collision:
-            self._alarms.add_states(stamps, np.array([seen.norm]), judged)
-            del self._alarms.found[:-1]
-            self.cause = self._alarms.found[0].describe()
+        if self._alarm.on:
+            self.cause = self._alarm.cause()
+        if self._contact:
+            self._contact.accept_state(stamps, seen, torque, r, self._touched_row)
+            if self._contact.on:
+                self.contact_cause = self._contact.cause()
         return self.seen.collision and not self._is_reported
+
+    def _touched_row(self):
+        """Return `touched` as a result of one row."""
+        if not (one := self.touched):
+            return None
+        arrays = {name: np.array([getattr(one, name)]) for name in ("link", "confidence", "chi_square")}
+        return one._replace(probability=one.probability[None], **arrays)
 
     def report(self, without_effort):
         """Return the status of this interval, given the names of joints without effort."""
         self._is_reported = bool(self.cause)
         if not self._count:
             return Status("external torque", STALE, "no states since the last report")
-        values = {"collisions": self._collisions}
+        values = {"collisions": self._alarm.count}
+        values |= {"contacts": self._contact.count} if self._contact else {}
         values["states without result"] = self._count - self._valid
         if self._valid:
             values["largest |r| [J^0.5/s]"] = f"{self._largest:.6g}"
@@ -108,6 +180,7 @@ class TorqueWatch:
         level, message = WARN, f"collision: {self.cause}"
         if not self.cause and self._valid:
             level, message = OK, "no collision" if self.is_judged else "observer runs without thresholds"
+            message = f"contact: {self.contact_cause}" if self.contact_cause else message
         elif not self.cause:
             lacking = without_effort and f"joints without effort: {counted(without_effort)}"
             message = lacking or steady(self.seen.reason)

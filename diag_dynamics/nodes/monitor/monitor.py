@@ -261,10 +261,14 @@ class MonitorNode(TableNode, Node):
         self._reaction.accept_state(watch, self._received)
         if watch.begins:
             self.get_logger().warning(plain(f"Collision: {watch.cause}."))
+        elif watch.contact_begins:
+            self.get_logger().info(plain(f"Contact: {watch.contact_cause}."), throttle_duration_sec=1.0)
         self._outputs.publish_beside(
             "external_torque",
             state.newest,
-            lambda: robot.encoder.external_torque(watch.seen, watch.observation, state, watch.alarming),
+            lambda: robot.encoder.external_torque(
+                watch.seen, watch.observation, state, watch.alarming, watch.contact, watch.touched
+            ),
         )
         if robot.settings.frames:
             self._outputs.publish_wrenches(state.newest, robot.wrench, robot.encoder, state)

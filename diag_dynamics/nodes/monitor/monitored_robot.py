@@ -122,8 +122,10 @@ class MonitoredRobot:
                 f"parameter 'external_wrench.frames' has '{wrong[0]}', expected links of robot '{model.name}' with joints."
             )
         check_load_link(model, settings)
-        if settings.observation and settings.observation.alarms:
-            settings.observation.alarms.limits(model.dof_names)
+        if settings.observation:
+            for thresholds in filter(None, (settings.observation.alarms, settings.observation.contact)):
+                thresholds.limits(model.dof_names)
+            settings.observation.covariance_of(model.dof_names)
         others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
         touched = contact_points(model, self._source, settings.contact) if others else None
         self.energy.configure(model, settings.thresholds)
@@ -135,6 +137,10 @@ class MonitoredRobot:
             resistance = (np.asarray(one, dtype=float) for one in (model.damping, model.friction, model.effort_offset))
             self._resistance = *resistance, float(model.friction_velocity)
             self._geared = bool(model.load_friction.any() or model.root_friction.any())
+        if settings.frames:
+            self.dynamics.compile("wrench")
+        if settings.observation and settings.observation.covariance:
+            self.dynamics.compile("touched_link")
         self.contact.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
@@ -227,7 +233,8 @@ class MonitoredRobot:
         if not seen.valid:
             return None
         most = values["external_wrench.max_force_deviation"], values["external_wrench.max_torque_deviation"]
-        return self.dynamics.wrench(self.state.position, seen.external_torque, frame, max_deviation=most)
+        torque, covariance = seen.external_torque, self.torque.covariance
+        return self.dynamics.wrench(self.state.position, torque, frame, covariance, max_deviation=most)
 
     def friction_power(self, s):
         """Return the power q̇·τ_fric of friction [W] at an Evaluation."""

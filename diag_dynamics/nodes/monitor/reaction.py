@@ -17,7 +17,7 @@ RESPONSE_TIMEOUT = 1.0
 
 
 class Reaction:
-    """Publish whether there is a collision, and call the service of the parameters when one begins.
+    """Publish whether there is a collision, and call the service of the parameters when one, or a contact, begins.
 
     Both follow valid results of the observer only: without one, the last message stands.
     """
@@ -26,6 +26,7 @@ class Reaction:
         self._log, self._steady = node.get_logger(), node.time.steady
         self._publisher = connected(node.create_publisher, Bool, "~/collision", latched())
         self._service, self._client = node.values["reaction.service"], None
+        self._on_contact = node.values["reaction.event"] == "contact"
         self._published = self._future = None
         self._calls, self._failures, self._failure, self._latencies = 0, 0, "", {}
         if self._service:
@@ -37,11 +38,10 @@ class Reaction:
 
     def accept_state(self, watch, received):
         """React to the last state of a TorqueWatch, received at the steady time `received` [s]."""
-        if not (watch.seen.valid and watch.is_judged):
-            return
-        if watch.begins and self._client:
+        begins = watch.contact_begins if self._on_contact else watch.begins
+        if begins and self._client:
             self._call(received)
-        if watch.seen.collision != self._published:
+        if watch.seen.valid and watch.is_judged and watch.seen.collision != self._published:
             self._published = watch.seen.collision
             self._publisher.publish(Bool(data=self._published))
 

@@ -71,6 +71,19 @@ class CollisionThresholds(NamedTuple):
         return fields | ({"joint_collision": self.joints} if valid else {})
 
 
+class ContactThresholds(NamedTuple):
+    """Thresholds of contact, as in CollisionThresholds, and whether there is a contact."""
+
+    limits: np.ndarray
+    on: bool
+
+    def fields(self):
+        """Fields of ExternalTorque."""
+        joints, norm, r = self.limits[:-2], float(self.limits[-2]), float(self.limits[-1])
+        fields = {"contact_torque_threshold": joints, "contact_torque_norm_threshold": norm}
+        return fields | {"contact": self.on, "contact_threshold": r}
+
+
 EVALUATED = {
     "total_joint_rates": (TotalJointRates, {"nu": ws.NU, "xi": ws.XI}),
     "working_moments": (WorkingMoments, {"epsilon": ws.EPSILON, "kappa": ws.KAPPA}),
@@ -206,15 +219,24 @@ class MessageMaker:
         values = _flags(state) | {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
         return self.make("joint_space_dynamics", JointSpaceDynamics, state, self._dofs, values)
 
-    def external_torque(self, seen, observation, state, alarming=None):
-        """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid."""
+    def external_torque(self, seen, observation, state, alarming=None, contact=None, touched=None):
+        """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid.
+
+        `alarming` are CollisionThresholds, `contact` ContactThresholds, `touched` is a TouchedLink.
+        """
         values = _flags(state) | {"valid": seen.valid, "norm": seen.norm, "collision": seen.collision}
         if seen.valid:
             values |= {"residual": seen.residual, "external_torque": seen.external_torque}
         values |= {"threshold": observation.threshold, "release_threshold": observation.release}
         values |= {"torque_norm": seen.torque_norm, "torque_norm_threshold": math.inf}
         values |= alarming.fields(seen.valid) if alarming else {}
-        return self.make("external_torque", ExternalTorque, state, self._dofs, values, (seen.valid, alarming is None))
+        values |= {"contact_threshold": math.inf, "contact_torque_norm_threshold": math.inf}
+        values |= contact.fields() if contact else {}
+        link = touched.link if touched else ""
+        values |= {"touched_link_confidence": touched.confidence if link else 0.0}
+        shape = seen.valid, alarming is None, contact is None, link
+        texts = self._dofs | {"touched_link": link}
+        return self.make("external_torque", ExternalTorque, state, texts, values, shape)
 
     def external_wrench(self, frame, found, state):
         """Return a dynamics.ExternalWrench at the origin of a link, in its axes."""
