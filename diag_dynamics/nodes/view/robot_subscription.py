@@ -18,7 +18,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.remarks import handle_warnings
-from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque
+from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
@@ -41,7 +41,7 @@ REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED, 
 """Parameters of a monitor that make its model and its observer, and whether its stamps are of simulated time."""
 
 MAX_DIFFERENCE = 0.1
-"""Largest difference between the stamps of a state and of its external torque or contact [s]."""
+"""Largest difference between the stamps of a state and of its external torque, contact or load [s]."""
 
 REMOVAL_TIMEOUT, RETRY_PERIOD = 600.0, 5.0
 """Time without a publisher after which a robot is removed, and until an unanswered request is repeated [s]."""
@@ -106,10 +106,11 @@ class RobotSubscription:
         is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
         self.stream = RobotStream(self.namespace if is_usual else monitor, self._read, notifies=True)
         self._subscriptions = {}
-        kinds = {"state": DiagonalizedState, "torque": ExternalTorque, "contact": Contact}
+        kinds = {"state": DiagonalizedState, "torque": ExternalTorque, "contact": Contact, "load": Load}
         self._readers = {name: MessageReader(kind) for name, kind in kinds.items()}
         self._subscribe(DiagonalizedState, "state", self._receive_state)
         self._subscribe(ExternalTorque, "external_torque", lambda raw: self._newest.update(torque=raw))
+        self._subscribe(Load, "load", lambda raw: self._newest.update(load=raw))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._topic = f"{self.namespace.rstrip('/')}/robot_description"
         self._subscriptions["robot_description"] = node.create_subscription(
@@ -285,6 +286,7 @@ class RobotSubscription:
             latency=self._latency(t, received),
             **torque,
             **contact,
+            **self._read_load(t, model),
         )
         return Received(states, received, count, limits, points)
 
@@ -326,6 +328,19 @@ class RobotSubscription:
         position = fields["positions"][3 * worst : 3 * worst + 3] if worst >= 0 else np.full(3, np.nan)
         rows = {field: fields[name][None] for field, name in CONTACT_VECTORS.items()}
         return self._points, rows | {"contact_worst": fields["worst"], "contact_position": position[None]}
+
+    def _read_load(self, t, model):
+        """Return the fields of a load at a time; none of what is no load."""
+        if "load" not in self._newest:
+            return {}
+        reader = self._readers["load"]
+        fields, link = reader.read(self._newest["load"]), reader.message.header.frame_id
+        if not (fields["valid"] and fields["is_load"] and link in model.link_names):
+            return {}
+        if abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
+            return {}
+        deviation = fields["mass_deviation"]
+        return {"load_link": model.link_names.index(link), "load_mass": fields["mass"], "load_deviation": deviation}
 
 
 def stamp_of(fields):
