@@ -99,16 +99,22 @@ def test_numbers_are_those_of_the_messages(monitor, view, panda):
 
 
 def test_external_torque(peer, monitor, view, panda, monkeypatch):
-    """The residual of a state's own time is in its frame; that of another time is not."""
+    """The residual of a state's own time is in its frame with the contact; that of another time is not."""
     with stream_of(view) as stream:
         for _ in range(50):
             monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
             peer.pass_time(0.01)
         frame = frame_of(stream, monitor.now)
+        with monitor.having(**{"alarm.contact_external_torque": 1e-6}):
+            for _ in range(3):
+                monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
+                peer.pass_time(0.01)
+            touched = frame_of(stream, monitor.now)
         monkeypatch.setattr("diag_dynamics.nodes.view.robot_subscription.MAX_DIFFERENCE", -1.0)
         monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
         peer.pass_time(0.01)
         other = frame_of(stream, monitor.now)
+    assert "contact" in touched.flags and not {"contact", "collision"} & frame.flags
     assert "no_external_torque" not in frame.flags
     assert frame["norm"] > 0.0 and np.isfinite(frame["external_torque"]).all()
     assert "no_external_torque" in other.flags and np.isnan(other["norm"])

@@ -311,7 +311,7 @@ class RobotSubscription:
         if not fields["valid"] or abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return {}, limits
         rows = {name: fields[name][None] for name in ("residual", "external_torque") if name in fields}
-        return rows | {"norm": fields["norm"], "collision": fields["collision"]}, limits
+        return rows | {name: fields[name] for name in ("norm", "collision", "contact")}, limits
 
     def _read_contact(self, t, model):
         """Return name and link of each point of contact, and its fields at a time."""
