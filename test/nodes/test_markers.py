@@ -12,9 +12,11 @@ import diag_dynamics as dd
 from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.catalog import find_urdf
-from diag_dynamics.nodes.monitor.markers import COLD, HORIZON, HOT, LIFETIME, MIN_ENERGY, MarkerMaker
+from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
+from diag_dynamics.nodes.monitor.markers import COLD, FORCE_LENGTH, HORIZON, HOT, LIFETIME, MIN_ENERGY, MarkerMaker
 from diag_dynamics.page.scene import links_of
-from diag_dynamics.page.tree import tree_of
+from diag_dynamics.page.tree import center_of_body, tree_of
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from nodes import MS, PANDA, Monitor, S, nanoseconds, robot
 
 ROBOTS = pytest.mark.parametrize(("name", "floating"), [("panda", False), ("ur5", False), ("go2", True)])
@@ -121,26 +123,61 @@ def test_ellipsoid_arrow_and_text(name, floating):
     assert markers["text"][0].text == f"K 0 J, at rest\n{link}: 0 m/s\nestimated velocities"
 
 
-class Watch:
-    """A TorqueWatch with a result."""
+class Watch(TorqueWatch):
+    """One with a result of a push at the centre of mass of a link."""
 
-    def __init__(self, residual, torque, collision):
-        self.seen = Disturbance(True, "", residual, torque, float(np.linalg.norm(residual)), collision)
+    def __init__(self, drawn, link, force, collision=False, contact=True, known=True):
+        dyn, names, covariance = drawn.dynamics, drawn.model.dof_names, 0.01 * np.eye(drawn.model.nv)
+        values = {name: one.default for name, one in PARAMETERS.items()}
+        values |= {"external_torque.gain": 25.0, "alarm.external_torque": 2.0, "alarm.contact_external_torque": 1.0}
+        if known:
+            values |= {"external_torque.covariance_joints": [*names]}
+            values |= {"external_torque.covariance": covariance.ravel().tolist()}
+        super().__init__(dyn, Settings.of(values).observation)
+        epsilon = dyn.epsilon_from_wrench(drawn.q, link, [*force, 0, 0, 0], center_of_body(drawn.model, link))
+        torque = dyn.tau_from_epsilon(drawn.q, epsilon)
+        self.seen = Disturbance(True, "", epsilon, torque, float(np.linalg.norm(epsilon)), collision)
+        if known:  # neighbouring links are often not distinguishable
+            self._touched = dyn.touched_link(drawn.q, torque, covariance)._replace(link=link, confidence=0.7)
+        self._contact.on = contact
 
 
-@pytest.mark.parametrize("link", ["upper_arm_link", "forearm_link", "wrist_2_link"])
-def test_collision_is_at_the_link_that_is_pushed(link):
-    """The ε of a push is zero at joints outboard of the link."""
+FORCE = np.array([30.0, -20.0, 9.0])
+
+
+@pytest.mark.parametrize("link", ["forearm_link", "wrist_2_link"])
+def test_force_on_the_touched_link(link):
+    """The arrow is the force of the push, which begins where Pinocchio has the centre of mass; a ball marks a collision."""
     drawn = Drawn("ur5")
-    epsilon = drawn.dynamics.epsilon_from_wrench(drawn.q, link, [30.0, -20.0, 9.0, 0, 0, 0], [0.05, 0.05, 0.15])
-    torque = drawn.dynamics.tau_from_epsilon(drawn.q, epsilon)
-    k = int(np.argmax(np.abs(torque)))
+    robot = pin.buildModelFromUrdf(str(find_urdf("ur5")))
+    data, joint = robot.createData(), robot.frames[robot.getFrameId(link)].parentJoint
+    pin.framesForwardKinematics(robot, data, drawn.q)
+    R = data.oMf[robot.getFrameId(link)].rotation
     for collision in (False, True):
-        markers = drawn.show(Watch(epsilon, torque, collision))
-        (ball,), lines = markers["collision"], markers["text"][0].text.splitlines()
+        markers = drawn.show(watch := Watch(drawn, link, FORCE, collision))
+        (ball,), (arrow,), lines = markers["collision"], markers["force"], markers["text"][0].text.splitlines()
+        begin, end = map(vector, arrow.points)
+        np.testing.assert_allclose(begin, data.oMi[joint].act(robot.inertias[joint].lever), atol=1e-9)
+        np.testing.assert_allclose(end - begin, FORCE_LENGTH * drawn.maker.reach * R @ FORCE, atol=1e-6)
+        assert (ball.action == Marker.ADD) == ("collision" in lines) == collision
+        assert any(line.startswith(f"{link} (70 %): {np.linalg.norm(FORCE):.3g} ± ") for line in lines)
+        torque = watch.seen.external_torque
+        k = int(np.argmax(np.abs(torque)))
         assert f"external torque {abs(torque[k]):.3g} N m at {drawn.model.dof_names[k]}" in lines
-        assert (ball.action == Marker.ADD) == (f"collision at {link}" in lines) == collision
-    np.testing.assert_allclose(vector(ball.pose.position), drawn.dynamics.placement(drawn.q, link)[:3, 3])
+    np.testing.assert_allclose(vector(ball.pose.position), begin)
+
+
+def test_no_arrow_without_a_contact_or_a_link():
+    """Of a force on a link behind two joints one direction is not observed, which the text says."""
+    drawn = Drawn("ur5")
+    text = drawn.show(Watch(drawn, "upper_arm_link", FORCE))["text"][0].text
+    assert "upper_arm_link (70 %): at least" in text and "1 of 3 directions not observed" in text
+    quiet = Watch(drawn, "forearm_link", FORCE, contact=False)
+    unknown = Watch(drawn, "forearm_link", FORCE, True, known=False)
+    for watch, collision in ((quiet, False), (unknown, True)):
+        markers = drawn.show(watch)
+        assert markers["force"][0].action == markers["collision"][0].action == Marker.DELETE
+        assert ("collision" in markers["text"][0].text.splitlines()) == collision
 
 
 def test_shapes_of_links(tmp_path):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot as RViz markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, and a collision."""
+"""A robot as RViz markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, a contact."""
 
 import math
 import re
@@ -18,8 +18,9 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.model.meshes import find_mesh
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.support.messages import to_time
+from diag_dynamics.page.forces import force_at_center
 from diag_dynamics.page.scene import links_of
-from diag_dynamics.page.tree import links_of_dofs
+from diag_dynamics.page.tree import center_of_body
 from diag_dynamics.rotations import to_quaternion
 from diag_dynamics.text import plain
 
@@ -29,8 +30,8 @@ COLD, HOT = np.array([0.55, 0.60, 0.66]), np.array([0.84, 0.37, 0.0])
 LIFETIME, HORIZON = 2, 0.5
 """Time after which a viewer deletes markers, and after which a link would be at the end of its arrow [s]."""
 
-MIN_ENERGY, MIN_RESIDUAL = 1e-3, 0.1
-"""Energy added to K where shares are compared with it [J]; minimum |r| of a joint in a collision, relative to the largest."""
+MIN_ENERGY, FORCE_LENGTH = 1e-3, 0.01
+"""Energy added to K where shares are compared with it [J]; length of a force's arrow as a fraction of reach [1/N]."""
 
 MAX_HALF_AXIS, MIN_REACH = 0.2, 0.05
 """Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach, and minimum reach [m]."""
@@ -51,7 +52,7 @@ class MarkerMaker:
         self.reach = max(MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values()))
         largest = float(self._mobility(q)[0].max(initial=0.0))
         self.scale = MAX_HALF_AXIS * self.reach / np.sqrt(largest) if largest > 0.0 else 0.0
-        self._names, self._link_of_dof = [plain(name) for name in model.dof_names], links_of_dofs(model)
+        self._names = [plain(name) for name in model.dof_names]
         self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
         geometry, folder = links_of(model, description), folder_of(description)
         self._parts = [(one.name, *part) for one in geometry for part in _parts(one, folder)]
@@ -64,8 +65,9 @@ class MarkerMaker:
         self._arrow = _marker("velocity", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.62, 0.0, 1.0))
         self._text = _marker("text", Marker.TEXT_VIEW_FACING, (0.0, 0.0, 0.07 * reach), (0.6, 0.6, 0.6, 1.0))
         self._collision = _marker("collision", Marker.SPHERE, (0.15 * reach,) * 3, (0.9, 0.1, 0.1, 0.5))
-        links = [marker for *_, marker in self._parts]
-        self._message = MarkerArray(markers=[*links, self._ellipsoid, self._arrow, self._text, self._collision])
+        self._force = _marker("force", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.1, 0.1, 1.0))
+        own = self._ellipsoid, self._arrow, self._text, self._collision, self._force
+        self._message = MarkerArray(markers=[*(marker for *_, marker in self._parts), *own])
 
     def message(self, s, state, watch=None):
         """Return the markers of an evaluation (or an equivalent), its RobotState, and the TorqueWatch, if any."""
@@ -77,7 +79,8 @@ class MarkerMaker:
         for name, placement, marker in self._parts:
             marker.pose = _pose(placed[name] @ placement)
         lines = [self._describe_energy(s.kinetic_energy, shares), self._draw_velocity(placed[self.link], state)]
-        lines += self._draw_collision(watch, placed) + ["estimated velocities"] * bool(state.velocity_estimated)
+        lines += self._draw_contact(watch, placed, state.position)
+        lines += ["estimated velocities"] * bool(state.velocity_estimated)
         self._text.text = "\n".join(lines)
         top = max((float(placed[name][2, 3]) for name, *_ in self._parts), default=0.0)
         self._text.pose.position = Point(z=top + 0.25 * self.reach)
@@ -123,24 +126,33 @@ class MarkerMaker:
         mass = self._dynamics.reflected_mass(q, self.link, v) if speed else math.inf
         return f"{line}, reflected mass {mass:.3g} kg" if math.isfinite(mass) else line
 
-    def _draw_collision(self, watch, placed):
-        """Mark the link of a collision; return lines about external torque, none where it is not observed.
-
-        A push on a link gives no ε to joints outboard of it: the outermost joint that has some of r carries the link.
-        """
-        seen = watch.seen if watch else None
-        colliding = bool(seen and seen.valid and seen.collision)
-        self._collision.action = Marker.ADD if colliding else Marker.DELETE
-        if not (seen and seen.valid):
+    def _draw_contact(self, watch, placed, q):
+        """Mark the touched link; return lines about external torque, none where it is not observed."""
+        seen = watch.seen if watch and watch.seen.valid else None
+        touched = watch.touched if seen and (seen.collision or (watch.contact and watch.contact.on)) else None
+        link = touched.link if touched else ""
+        self._collision.action = Marker.ADD if link and seen.collision else Marker.DELETE
+        self._force.action = Marker.ADD if link else Marker.DELETE
+        if seen is None:
             return []
         k = int(np.argmax(np.abs(seen.external_torque)))
-        line = f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"
-        if not colliding:
-            return [line]
-        r = np.abs(seen.residual)
-        link = self._link_of_dof[int(np.flatnonzero(r >= MIN_RESIDUAL * r.max())[-1])]
-        self._collision.pose.position = _point(placed[link][:3, 3])
-        return [f"collision at {plain(link)}", line]
+        lines = [f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"]
+        if link:
+            lines.insert(0, self._draw_force(placed[link], q, seen.external_torque, watch.covariance, link))
+            lines[0] = f"{plain(link)} ({100.0 * touched.confidence:.0f} %): {lines[0]}"
+        return ["collision", *lines] if seen.collision else lines
+
+    def _draw_force(self, X, q, torque, covariance, link):
+        """Place the arrow of the force on a link at X, from the centre of mass; return its size in words."""
+        w = force_at_center(self._dynamics, q, torque, link, "link", covariance)
+        begin, force = X[:3, :3] @ center_of_body(self._model, link) + X[:3, 3], w.wrench[:3]
+        self._collision.pose.position = _point(begin)
+        self._force.points = [_point(begin), _point(begin + FORCE_LENGTH * self.reach * X[:3, :3] @ force)]
+        size, unobserved = float(np.linalg.norm(force)), 3 - int(w.observed.sum())
+        if unobserved:
+            return f"at least {size:.3g} N, {unobserved} of 3 directions not observed"
+        deviation = math.sqrt(force @ w.covariance[:3, :3] @ force) / size if size else math.nan
+        return f"{size:.3g} ± {deviation:.2g} N"
 
 
 def _parts(link, folder):

@@ -140,7 +140,7 @@ class MonitoredRobot:
         if settings.frames:
             self.dynamics.compile("wrench")
         if settings.observation and settings.observation.covariance:
-            self.dynamics.compile("touched_link")
+            self.dynamics.compile("touched_link", "wrench")  # wrench: of markers
         self.contact.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
