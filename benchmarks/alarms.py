@@ -379,14 +379,14 @@ def table(rows):
 
 def compare(short):
     """Rows of all."""
-    rows, count, rng = [], 10 if short else 40, np.random.default_rng(20)
+    rows, count, rng = [], 10 if short else 50, np.random.default_rng(20)
     with tempfile.TemporaryDirectory() as folder:
         if RECORDINGS.exists():
             rows += recorded(*kuka(), count, rng)
             rows += recorded(*panda(Path(folder)), count, rng)
         else:
             print(f"{RECORDINGS} is not there: only what is simulated")
-    return rows + simulated(count, 40.0 if short else 180.0, rng)
+    return rows + simulated(*((10, 40.0) if short else (40, 180.0)), np.random.default_rng(20))
 
 
 def write(rows, folder):
