@@ -33,6 +33,7 @@ class Piece(NamedTuple):
     s: BatchEvaluation
     observed: ObservedStates
     judged: Judged | None = None  # with thresholds of alarms
+    contact: Judged | None = None  # with thresholds of contact
 
 
 class Peaks:
@@ -114,7 +115,7 @@ class Analysis:
         states, s = self._evaluate(states)
         if not len(states):
             return None
-        observed, judged = self._observer.observe_batch(states, s), None
+        observed, judged, lower = self._observer.observe_batch(states, s), None, None
         residual, torque, norm, valid, collision = observed
         if self._detector:
             judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
@@ -136,7 +137,7 @@ class Analysis:
             contact = self._dynamics.contact_batch(states.position, states.velocity, self._points, **options)
             self.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
-        return Piece(states, s, observed, judged)
+        return Piece(states, s, observed, judged, lower)
 
     def _touched_links(self, states, observed, collision):
         """Return the TouchedLink of states during a collision, empty in the others; None without a covariance."""

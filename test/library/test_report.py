@@ -357,27 +357,28 @@ def test_a_page_that_is_not_built(tmp_path):
         write_report(tmp_path / "r.html", {}, [], {}, static=tmp_path)
 
 
-def test_the_touched_link_of_collisions(recording):
-    """States in collision have the link that the library estimates, and all states the wrench at a frame."""
+def test_contacts_and_the_touched_link(recording):
+    """A weak push is a contact and no collision. States of both have the link and the force that the library estimates."""
     names, covariance = recording.model.dof_names, np.diag([0.2, 0.3, 0.1]) ** 2
     (recording.folder / "pushes.yaml").write_text(
         f"""/**:
   ros__parameters:
     external_torque: {{gain: 25.0, covariance_joints: {list(names)}, covariance: {covariance.ravel().tolist()}}}
     external_wrench: {{frames: [tool]}}
-    alarm: {{external_torque: 5.0}}
+    alarm: {{external_torque: 30.0, contact_external_torque: 5.0}}
 """
     )
     t, q, qd, tau = recording.motion(((2.0, 2.3), (5.0, 5.4)), (40.0, 12.0))
     options = "--quiet", "--parameters", recording.folder / "pushes.yaml"
     html, summary = recording.analyse("pushes", *options, t=t, q=q, qd=qd, tau=tau)
-    assert [round(one["start"], 1) for one in summary["collisions"]] == [2.0, 5.0]
+    assert [round(one["start"], 1) for one in summary["collisions"]] == [2.1]
+    assert [round(one["start"], 1) for one in summary["contacts"]] == [2.0, 5.0]
     told, blocks = parts_of(html)
     assert told["layout"]["frames"] == ["tool"]
     times, found = track_of(told, blocks, told["tracks"][0])
     fields = {name: columns for name, (columns, _) in found.items()}
     flags, links = fields["flags"][:, 0].astype(int), recording.model.link_names
-    pushed = (flags & CAUSES["collision"]) > 0
+    pushed = (flags & (CAUSES["contact"] | CAUSES["collision"])) > 0
     assert all(pushed[np.abs(times - at) < 0.3].sum() > 4 for at in (2.2, 5.2))
     assert np.isnan(fields["touched_link"][~pushed]).all() and np.isfinite(fields["wrench"]).any()
     for k in np.flatnonzero(pushed):

@@ -9,7 +9,6 @@ from importlib import import_module
 import numpy as np
 
 import diag_dynamics
-from diag_dynamics.collision.detector import AlarmDetector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
@@ -48,6 +47,7 @@ VALUES = {
     "external_torque": lambda piece, _: piece.observed.external_torque,
     "norm": lambda piece, _: np.nan_to_num(piece.observed.norm),
     "collision": lambda piece, _: piece.observed.collision,
+    "contact": lambda piece, _: piece.contact.alarm,
     "torque_norm": lambda piece, _: np.nan_to_num(np.linalg.norm(piece.observed.external_torque, axis=1)),
     "joint_collision": lambda piece, _: piece.judged.joints,
     "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix_batch(piece.states.position),
@@ -111,8 +111,7 @@ class TopicRows:
         self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
         self._dynamics, self._message = DiagonalDynamics(model), message_type(self.type, our_definitions())
         limits = observation.alarms.limits(model.dof_names) if observation and observation.alarms else None
-        contact = AlarmDetector(model.dof_names, observation.contact) if observation and observation.contact else None
-        self._contact, low = contact, contact and contact.limits
+        low = observation.contact.limits(model.dof_names) if observation and observation.contact else None
         self._constants = {
             "dof_names": list(model.dof_names),
             "link_names": list(model.link_names),
@@ -131,7 +130,7 @@ class TopicRows:
             "touched_link": "",
             "touched_link_confidence": 0.0,
         }
-        self._constants |= {} if contact else {"contact": False}
+        self._constants |= {"contact": False} if low is None else {}
         self._constants |= {} if friction else {"friction": []}
         self._constants |= {"joint_collision": []} if limits is None else {}
 
@@ -163,11 +162,6 @@ class TopicRows:
                 stamp, path = (states.stamp, "header.stamp") if field == "header" else (states.oldest_stamp, field)
                 values |= {f"{path}.sec": stamp // SECOND, f"{path}.nanosec": stamp % SECOND}
             elif field not in self._constants and not field.endswith("valid"):
-                if field == "contact":
-                    found = piece.observed
-                    arguments = found.residual, found.external_torque, found.valid, states.jumped
-                    values[field] = self._contact.judge(states.stamp, *arguments).alarm
-                    continue
                 name = "gravity_torque" if (self._topic, field) == ("joint_space_dynamics", "gravity") else field
                 values[field] = VALUES[name](piece, self._dynamics) if name in VALUES else getattr(piece.s, name)
         return values

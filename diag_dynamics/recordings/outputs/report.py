@@ -86,6 +86,7 @@ class ReportOutput:
             "external_torque": np.where(valid[:, None], torque, np.nan),
             "norm": np.where(valid, norm, np.nan),
             "collision": np.asarray(collision & valid, dtype=bool),
+            "contact": piece.contact.alarm & valid if piece.contact else np.zeros(len(t), dtype=bool),
             "velocity_estimated": states.velocity_estimated,
             "receive_time": states.stamp_received,
             "index": self._count + np.arange(len(t)),
