@@ -13,6 +13,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.monitor.reaction import service_request
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK
@@ -23,6 +24,7 @@ from pushed import GAIN, Motion, feed, subscribed
 REACTION = "reaction"
 """Name of the entry on diagnostics."""
 THRESHOLDS = {"external_torque.gain": GAIN, "external_torque.friction": False, "alarm.external_torque": 20.0}
+UR5 = {"robot_description": str(find_urdf("ur5"))}
 JOINTS = np.array(robot(PANDA).names)
 PUSHED, FREE = (Motion(robot(PANDA), push * (JOINTS == "panda_joint2"), size=0.0)(0) for push in (30.0, 0.0))
 
@@ -99,14 +101,36 @@ def test_late_subscribers_receive_the_present_value(monitor, peer):
         assert REACTION not in other.next_report().entries  # no service
 
 
-def test_no_message_without_a_result(monitor):
-    """A collision stands while efforts are missing."""
+def test_a_collision_ends_without_a_result(monitor, peer):
+    """Efforts are missing, or joint states stop."""
     q, qd, _ = FREE
     feed(monitor, [PUSHED] * 60)
     assert published(monitor) == [True]
-    assert not feed(monitor, [(q, qd, None)] * 10)[-1].valid and not published(monitor)
-    feed(monitor, [FREE] * 100)
+    assert not feed(monitor, [(q, qd, None)] * 10)[-1].valid and published(monitor) == [False]
+    feed(monitor, [FREE] * 300)
+    monitor.collision.forget()
+    feed(monitor, [PUSHED] * 60)
+    assert published(monitor) == [True]
+    peer.pass_time(0.9)
+    assert not published(monitor)
+    peer.pass_time(0.3)
     assert published(monitor) == [False]
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"alarm.external_torque": 0.0}, {"external_torque.gain": 0.0, "alarm.external_torque": 0.0}, UR5],
+    ids=["thresholds", "gain", "robot"],
+)
+def test_a_collision_ends_with_the_parameters(peer, changed):
+    """At once: thresholds are removed, the observer, or the robot."""
+    with Monitor(peer, "/changed", outputs=["state"], robot_description=robot(PANDA).path, **THRESHOLDS) as other:
+        other.collision = peer.topic(Bool, f"{other.name}/collision", LATCHED)
+        feed(subscribed(other), [FREE] + [PUSHED] * 60)
+        assert published(other)[-1] is True
+        assert other.set_parameters(changed).successful
+        peer.pass_time(0.1)
+        assert published(other) == [False]
 
 
 def test_nothing_without_thresholds(monitor, peer):

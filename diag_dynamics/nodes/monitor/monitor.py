@@ -98,6 +98,7 @@ class MonitorNode(TableNode, Node):
         """Simulated time restarts, or another clock is in force."""
         if self._robot:
             self._robot.forget()
+            self._reaction.end()
             self._statistics.counts["clock jumped back"] += 1
 
     # --- The robot
@@ -132,6 +133,7 @@ class MonitorNode(TableNode, Node):
         if self._robot:
             self._statistics.keep(self._robot)
         self._robot, self._refused = robot, None
+        self._reaction.end()
         self._revision = robot.revision
         log, name = self.get_logger(), plain(robot.model.name)
         for link in map(plain, robot.unapplied()):
@@ -164,6 +166,7 @@ class MonitorNode(TableNode, Node):
 
     def _take_heartbeat(self):
         self._beat = self.time.steady()
+        self._reaction.check(self._beat)
 
     def _overloaded(self):
         """Store the time of reception of a message; return whether the heartbeat is overdue."""
@@ -345,6 +348,8 @@ class MonitorNode(TableNode, Node):
         revision = self._revision + (model is not robot.model)
         robot.use(model, settings, revision)
         self._revision = revision
+        if not (robot.torque and robot.torque.seen.valid):  # the observer has ended or restarted
+            self._reaction.end()
 
     # --- Diagnostics
 

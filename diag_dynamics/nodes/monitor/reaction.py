@@ -3,6 +3,7 @@
 
 """Reaction to collisions: the topic ~/collision and a service call. Not safety-rated."""
 
+import math
 from functools import partial
 
 from std_msgs.msg import Bool
@@ -12,14 +13,14 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, Status, shortened
 from diag_dynamics.nodes.support.publishing import connected, latched
 
-RESPONSE_TIMEOUT = 1.0
-"""Time without a response after which diagnostics report an error [s]."""
+RESPONSE_TIMEOUT, RESULT_TIMEOUT = 1.0, 1.0
+"""Time without a response after which diagnostics report an error, and without a result until ~/collision is false [s]."""
 
 
 class Reaction:
     """Publish whether there is a collision, and call the service of the parameters when one, or a contact, begins.
 
-    Both follow valid results of the observer only: without one, the last message stands.
+    The topic is latched. It becomes false when judgement ends, because a collision that nobody judges would never end.
     """
 
     def __init__(self, node):
@@ -28,6 +29,7 @@ class Reaction:
         self._service, self._client = node.values["reaction.service"], None
         self._on_contact = node.values["reaction.event"] == "contact"
         self._published = self._future = None
+        self._judged_at = -math.inf
         self._calls, self._failures, self._failure, self._latencies = 0, 0, "", {}
         if self._service:
             kind, self._request = service_request(node.values)
@@ -41,9 +43,26 @@ class Reaction:
         begins = watch.contact_begins if self._on_contact else watch.begins
         if begins and self._client:
             self._call(received)
-        if watch.seen.valid and watch.is_judged and watch.seen.collision != self._published:
-            self._published = watch.seen.collision
-            self._publisher.publish(Bool(data=self._published))
+        if not (watch.seen.valid and watch.is_judged):
+            self.end()
+            return
+        self._judged_at = received
+        self._publish(watch.seen.collision)
+
+    def end(self):
+        """Publish the end of a collision that is not judged any more."""
+        if self._published:
+            self._publish(False)
+
+    def check(self, now):
+        """End a collision without a judged state for RESULT_TIMEOUT before the steady time `now` [s]."""
+        if now - self._judged_at > RESULT_TIMEOUT:
+            self.end()
+
+    def _publish(self, collision):
+        if collision != self._published:
+            self._published = collision
+            self._publisher.publish(Bool(data=collision))
 
     def _call(self, received):
         self._calls += 1
