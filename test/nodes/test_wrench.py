@@ -188,6 +188,15 @@ def test_frames_without_an_observer(peer):
         Monitor(peer, "/lone", outputs=["state"], robot_description=ARM.path, **{"external_wrench.frames": f"[{HAND}]"})
 
 
+def test_frames_with_one_topic(peer):
+    """The error names both links; the first frame has a topic of its own."""
+    frames = {"external_wrench.frames": ["a_b", HAND, "a-b", "a.b"]}
+    with pytest.raises(InputError, match=r"'a-b' and 'a\.b'.*~/external_wrench/a_b"):
+        Monitor(
+            peer, "/alike", outputs=["state"], robot_description=ARM.path, **frames, **{"external_torque.gain": 25.0}
+        )
+
+
 @pytest.mark.parametrize(("frame", "token"), [("tool-0", "tool_0"), ("7/é", "link_7__"), (HAND, HAND)])
 def test_names_of_topics(frame, token):
     """Characters that no topic has are replaced."""

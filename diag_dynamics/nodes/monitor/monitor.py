@@ -18,7 +18,7 @@ from diag_dynamics.nodes.monitor.gravity import GravitySource
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
 from diag_dynamics.nodes.monitor.load import NO_PAYLOAD, PayloadServices
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, Refused, model_status
-from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs
+from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs, frame_tokens
 from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import DynamicsServices
 from diag_dynamics.nodes.support.clocks import steady_clock
@@ -318,6 +318,7 @@ class MonitorNode(TableNode, Node):
                 "parameter 'robot_description' cannot replace the topic or become empty in a running node. Restart it."
             )
         settings = Settings.of(self.values | changed)
+        frame_tokens(settings.frames)  # reject before anything changes
         if self._robot:
             try:
                 self._use(self._robot, settings, changed)

@@ -9,6 +9,7 @@ from importlib import import_module
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile
 
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.topics import ORDER, TOPICS
 
@@ -93,7 +94,7 @@ class Outputs:
         """Have a topic for the external wrench at each of these links: the first one is ~/external_wrench."""
         for publisher in [*self._frames.values()][1:]:
             self._node.destroy_publisher(publisher)
-        topics = [f"~/external_wrench/{frame_token(frame)}" for frame in frames[1:]]
+        topics = [f"~/external_wrench/{token}" for token in frame_tokens(frames)]
         further = [
             connected(self._node.create_publisher, WrenchStamped, topic, QoSProfile(depth=10)) for topic in topics
         ]
@@ -122,3 +123,16 @@ def frame_token(frame):
     """Return the name of a link as a part of a topic, of letters, digits and underscores."""
     token = re.sub(r"\W", "_", frame, flags=re.ASCII)
     return f"link_{token}" if token[0].isdigit() else token
+
+
+def frame_tokens(frames):
+    """Return the names of all links but the first as parts of topics; InputError if two are equal."""
+    by_token = {}
+    for frame in frames[1:]:
+        other = by_token.setdefault(frame_token(frame), frame)
+        if other != frame:
+            raise InputError(
+                f"parameter 'external_wrench.frames' has '{other}' and '{frame}'; expected links with different topics, "
+                f"both have ~/external_wrench/{frame_token(frame)}. Remove one or put it first."
+            )
+    return list(by_token)
