@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from diag_dynamics.msg import Load
 from diag_dynamics.srv import SetPayload
-from geometry_msgs.msg import InertiaStamped
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
 from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
@@ -35,8 +35,9 @@ LOADED = Motion(robot(PANDA), payloads={HAND: (MASS, CENTER, 5e-4 * np.eye(3))})
 @pytest.fixture
 def monitor(peer, request):
     """Start a monitor that estimates a load on the hand."""
-    parameters = OBSERVED | {"load.link": HAND} | getattr(request, "param", {})
+    parameters = OBSERVED | {"load.link": HAND, "external_wrench.frames": [HAND]} | getattr(request, "param", {})
     with Monitor(peer, "/loaded", outputs=["state"], **parameters) as monitor:
+        monitor.wrench = peer.topic(WrenchStamped, f"{monitor.name}/external_wrench")
         monitor.load = peer.topic(Load, f"{monitor.name}/load")
         yield subscribed(monitor)
 
@@ -54,6 +55,8 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     found = feed(monitor, map(LOADED, range(900)))
     assert any(one.collision for one in found[:400]) and not any(one.collision for one in found[750:])
     assert np.linalg.norm(found[-1].external_torque) > 5.0  # the message has all of the external torque
+    force = monitor.wrench.messages[-1].wrench.force
+    assert math.hypot(force.x, force.y, force.z) < 0.2 * 9.81 * MASS  # the wrench lacks the load
     last = monitor.load.messages[-1]
     assert last.valid and last.is_load and last.header.frame_id == HAND and last.explained > 0.95
     assert last.mass == pytest.approx(MASS, abs=min(0.1, 2.0 * last.mass_deviation))

@@ -55,8 +55,8 @@ class TorqueWatch:
     At the last state `seen` is the Disturbance, with the detector's collision, and `begins` and
     `contact_begins` whether a collision or a contact begins; `cause` and `contact_cause` describe the
     last one of this interval of reports. `is_judged` is whether there are thresholds of collisions,
-    `covariance` the noise of m r, None if it is unknown. The detectors and `touched` get r and m r
-    without the load of `load`, a LoadWatch or None.
+    `covariance` the noise of m r, None if it is unknown. `load` is a LoadWatch or None. `contact_torque`
+    is m r without that load; detectors and forces are about it.
     """
 
     def __init__(self, dynamics, observation, link=""):
@@ -98,7 +98,8 @@ class TorqueWatch:
             self.load.forget()
         for alarm in filter(None, (self._alarm, self._contact)):
             alarm.reset()
-        self.seen, self._touched, self._at = Disturbance(False, "no state yet"), None, None
+        self.seen, self._touched = Disturbance(False, "no state yet"), None
+        self._position = self.contact_torque = None
 
     @property
     def alarming(self):
@@ -124,7 +125,7 @@ class TorqueWatch:
     def touched(self):
         """TouchedLink at the last state, computed on demand; None without a result or covariance."""
         if self._touched is None and self.seen.valid and self.covariance is not None:
-            self._touched = self.dynamics.touched_link(*self._at, self.covariance)
+            self._touched = self.dynamics.touched_link(self._position, self.contact_torque, self.covariance)
         return self._touched
 
     def start_interval(self):
@@ -145,7 +146,8 @@ class TorqueWatch:
         r = seen.residual if seen.valid else torque
         if self.load:
             r, torque = self.load.accept_state(time, state, seen, r, torque)
-        self.seen, self._touched, self._at = seen, None, (state.position, torque)
+        self.seen, self._touched = seen, None
+        self._position, self.contact_torque = state.position, torque
         self._alarm.accept_state(stamps, seen, torque, r, self._touched_row)
         self.seen = seen._replace(collision=self._alarm.on)
         self._count, self._valid = self._count + 1, self._valid + seen.valid

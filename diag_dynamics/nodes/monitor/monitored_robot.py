@@ -228,13 +228,13 @@ class MonitoredRobot:
         return s, state
 
     def wrench(self, frame):
-        """Return the ExternalWrench at a link at the last state; None without a result of the observer."""
-        seen, values = self.torque.seen, self.settings.values
-        if not seen.valid:
+        """Return the ExternalWrench at a link, without a load, at the last state; None without a result of the observer."""
+        watch, values = self.torque, self.settings.values
+        if not watch.seen.valid:
             return None
         most = values["external_wrench.max_force_deviation"], values["external_wrench.max_torque_deviation"]
-        torque, covariance = seen.external_torque, self.torque.covariance
-        return self.dynamics.wrench(self.state.position, torque, frame, covariance, max_deviation=most)
+        torque = watch.contact_torque
+        return self.dynamics.wrench(self.state.position, torque, frame, watch.covariance, max_deviation=most)
 
     def friction_power(self, s):
         """Return the power q̇·τ_fric of friction [W] at an Evaluation."""
