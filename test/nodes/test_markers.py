@@ -139,7 +139,7 @@ class Watch(TorqueWatch):
         self.seen = Disturbance(True, "", epsilon, torque, float(np.linalg.norm(epsilon)), collision)
         if known:  # neighbouring links are often not distinguishable
             self._touched = dyn.touched_link(drawn.q, torque, covariance)._replace(link=link, confidence=0.7)
-        self._contact.on = contact
+        self._position, self.contact_torque, self._contact.on = drawn.q, torque, contact
 
 
 FORCE = np.array([30.0, -20.0, 9.0])
@@ -167,6 +167,16 @@ def test_force_on_the_touched_link(link):
     np.testing.assert_allclose(vector(ball.pose.position), begin)
 
 
+@pytest.mark.parametrize("link", ["upper_arm_link", "forearm_link"])
+def test_collision_without_a_covariance(link):
+    """The ε of a push is zero in joints beyond the link, which the ball marks."""
+    drawn = Drawn("ur5")
+    for collision in (True, False):
+        (ball,) = drawn.show(Watch(drawn, link, FORCE, collision, known=False))["collision"]
+        assert (ball.action == Marker.ADD) == collision
+    np.testing.assert_allclose(vector(ball.pose.position), drawn.dynamics.placement(drawn.q, link)[:3, 3])
+
+
 def test_no_arrow_without_a_contact_or_a_link():
     """Of a force on a link behind two joints one direction is not observed, which the text says."""
     drawn = Drawn("ur5")
@@ -176,7 +186,8 @@ def test_no_arrow_without_a_contact_or_a_link():
     unknown = Watch(drawn, "forearm_link", FORCE, True, known=False)
     for watch, collision in ((quiet, False), (unknown, True)):
         markers = drawn.show(watch)
-        assert markers["force"][0].action == markers["collision"][0].action == Marker.DELETE
+        assert markers["force"][0].action == Marker.DELETE
+        assert (markers["collision"][0].action == Marker.ADD) == collision
         assert ("collision" in markers["text"][0].text.splitlines()) == collision
 
 

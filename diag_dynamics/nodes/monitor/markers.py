@@ -20,7 +20,7 @@ from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.support.messages import to_time
 from diag_dynamics.page.forces import force_at_center
 from diag_dynamics.page.scene import links_of
-from diag_dynamics.page.tree import center_of_body
+from diag_dynamics.page.tree import center_of_body, links_of_dofs
 from diag_dynamics.rotations import to_quaternion
 from diag_dynamics.text import plain
 
@@ -32,6 +32,9 @@ LIFETIME, HORIZON = 2, 0.5
 
 MIN_ENERGY, FORCE_LENGTH = 1e-3, 0.01
 """Energy added to K where shares are compared with it [J]; length of a force's arrow as a fraction of reach [1/N]."""
+
+MIN_RESIDUAL = 0.1
+"""Minimum |r| of a joint that a collision affects, relative to the largest."""
 
 MAX_HALF_AXIS, MIN_REACH = 0.2, 0.05
 """Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach, and minimum reach [m]."""
@@ -52,7 +55,7 @@ class MarkerMaker:
         self.reach = max(MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values()))
         largest = float(self._mobility(q)[0].max(initial=0.0))
         self.scale = MAX_HALF_AXIS * self.reach / np.sqrt(largest) if largest > 0.0 else 0.0
-        self._names = [plain(name) for name in model.dof_names]
+        self._names, self._link_of_dof = [plain(name) for name in model.dof_names], links_of_dofs(model)
         self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
         geometry, folder = links_of(model, description), folder_of(description)
         self._parts = [(one.name, *part) for one in geometry for part in _parts(one, folder)]
@@ -131,14 +134,19 @@ class MarkerMaker:
         seen = watch.seen if watch and watch.seen.valid else None
         touched = watch.touched if seen and (seen.collision or (watch.contact and watch.contact.on)) else None
         link = touched.link if touched else ""
-        self._collision.action = Marker.ADD if link and seen.collision else Marker.DELETE
+        marked = seen and seen.collision and (link or watch.covariance is None)
+        self._collision.action = Marker.ADD if marked else Marker.DELETE
         self._force.action = Marker.ADD if link else Marker.DELETE
         if seen is None:
             return []
         k = int(np.argmax(np.abs(seen.external_torque)))
         lines = [f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"]
+        if marked and not link:  # a force causes no residual in joints beyond its link
+            r = np.abs(seen.residual)
+            outermost = self._link_of_dof[int(np.flatnonzero(r >= MIN_RESIDUAL * r.max())[-1])]
+            self._collision.pose.position = _point(placed[outermost][:3, 3])
         if link:
-            lines.insert(0, self._draw_force(placed[link], q, seen.external_torque, watch.covariance, link))
+            lines.insert(0, self._draw_force(placed[link], q, watch.contact_torque, watch.covariance, link))
             lines[0] = f"{plain(link)} ({100.0 * touched.confidence:.0f} %): {lines[0]}"
         return ["collision", *lines] if seen.collision else lines
 
