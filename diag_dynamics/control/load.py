@@ -70,12 +70,14 @@ class LoadEstimator:
 
         m r = −Φπ,   Φ = K_O(Y_p − F Y_p) + F(Y_g − Y_∂),   F = K_O/(s + K_O)
 
-    Older states are forgotten with the time constant `memory`. The noise of m r is correlated over 1/K_O, and errors of the
-    model longer. Therefore a state counts dt·K_O/10. A load explains m r while the arm moves; a push does not.
+    The weight of older states decays with the time constant `memory`. The noise of m r is correlated over 1/K_O, and errors
+    of the model longer. Therefore a state counts dt·K_O/10.
 
     `is_load` is set after `hold` seconds with all of these: the load explains `min_explained` of the energy of m r beyond
     its noise, this energy is above twice that of the noise, the mass is above two standard deviations, and the centre is
-    within 0.4 m of the link's origin. A push of more than `hold` may count as a load. Use an estimator in one thread.
+    within 0.4 m of the link's origin. It begins only in a state where the load explains more of m r than any constant
+    joint torque. At rest Φ is constant, so that no load does: move the arm. It lasts at rest. A downward force on one
+    point of a moving link is like a weight; after `hold` it may count as a load. Use an estimator in one thread.
 
     Parameters
     ----------
@@ -88,7 +90,7 @@ class LoadEstimator:
     covariance : array_like, shape (nv, nv)
         Second moment of m r without contact [N m, N of prismatic joints], of :func:`calibrate`.
     memory, hold : float
-        Time constant of forgetting, and time that the conditions must hold [s].
+        Time constant of the weights, and time that the conditions must hold [s].
     min_explained : float
         Minimum of `explained`, from 0 to 1.
     """
@@ -112,6 +114,7 @@ class LoadEstimator:
         whitening = _whitening(covariance, nv)
         self._whitening, self._prior = whitening, np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
         self._columns, self._matrices = np.zeros((5, nv, LOAD)), np.zeros((3, LOAD + 1, LOAD + 1))
+        self._time: float | None = None
         update_load.compile()
         self.dynamics = dynamics
         self.reset()
@@ -127,14 +130,15 @@ class LoadEstimator:
         self._frames["translation"] = placement[:3, 3]
         self._workspace = Workspace(dynamics.model.bodies, dynamics.model.gravity)
         if dynamics.model.bodies is not before.model.bodies:
+            self._time = None
             self.reset()
 
     def reset(self) -> None:
-        """Forget all states; the next one is the first."""
-        self._time: float | None = None
+        """Reset the estimate. If the observer restarts, too, its next result is None."""
         self._since = math.inf  # time from which on the conditions hold
         self._matrices[:] = 0.0
         self._count = 0.0
+        self._constant, self._energy = np.zeros(self.dynamics.model.nv), 0.0
         self.last = Load(False, "no state since the reset")
 
     def update(self, time: float, q: VectorLike, qd: VectorLike, external_torque: VectorLike | None) -> Load:
@@ -154,7 +158,7 @@ class LoadEstimator:
         if external_torque is None or self._time is None or time < self._time:
             reason = "the observer has no result" if external_torque is None else "first state"
             self.reset()
-            interval, torque = 0.0, np.zeros(model.nv)
+            interval, torque, self._response = 0.0, np.zeros(model.nv), 0.0
             self.last = Load(False, reason)
         else:
             interval, torque = time - self._time, vector("external_torque", external_torque, model.dof_names)
@@ -174,13 +178,27 @@ class LoadEstimator:
             self._columns,
             self._matrices,
         ):
+            self._time = None
             self.reset()
             raise InputError("q, qd or external_torque is too large: the estimate overflows.")
         self._time = time
-        self._count = self._count * math.exp(-interval / self.memory) + weight
+        self._add_constant(torque, interval, weight)
         if interval:
             self.last = self._result(time)
         return self.last
+
+    def _add_constant(self, torque: Array, interval: float, weight: float) -> None:
+        """Add a state to the least squares of a constant torque, whose low-pass from the restart on is `_response`."""
+        decay = math.exp(-interval / self.memory)
+        self._response -= math.expm1(-self.gain * interval) * (1.0 - self._response)
+        self._count = self._count * decay + weight
+        self._energy = self._energy * decay + weight * self._response**2
+        self._constant = self._constant * decay + weight * self._response * (self._whitening @ torque)
+
+    def _is_moved(self) -> bool:
+        """Return whether the load leaves less of the energy of m r than the best constant torque."""
+        energy = self._matrices[0, LOAD, LOAD] - float(self._constant @ self._constant) / self._energy
+        return bool(self._matrices[1, LOAD, LOAD] < energy)
 
     def _result(self, time: float) -> Load:
         swept, energy = self._matrices[1], float(self._matrices[0, LOAD, LOAD])
@@ -199,7 +217,7 @@ class LoadEstimator:
             and float(load.center @ load.center) < MAX_DISTANCE**2
         )
         self._since = min(self._since, time) if holds else math.inf
-        return load._replace(is_load=time - self._since >= self.hold)
+        return load._replace(is_load=time - self._since >= self.hold and (self.last.is_load or self._is_moved()))
 
     @property
     def torque(self) -> Array:

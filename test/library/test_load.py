@@ -20,9 +20,9 @@ CENTER = (0.04, 0.02, -0.05)
 TILTED = (3.0, -2.0, -9.0)
 
 
-def no_inertia(mass):
+def no_inertia(mass, center=CENTER):
     """Inertia about the centre of a body that has none about the link's origin, as the estimator assumes."""
-    c = np.array(CENTER)
+    c = np.array(center)
     return mass * (np.outer(c, c) - c @ c * np.eye(3))
 
 
@@ -120,7 +120,7 @@ def test_load_ends_when_it_is_put_down():
     torque[500:] = 0.0  # after 2 s
     found = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
     assert found[490].is_load and not any(one.is_load for one in found[700:])
-    assert abs(found[-1].mass) < 0.4  # after three time constants of forgetting
+    assert abs(found[-1].mass) < 0.4  # after three time constants of the memory
     assert found[490].mass == pytest.approx(1.5, abs=3.0 * found[490].mass_deviation)
     assert (np.abs(found[490].center - (0.0, 0.0, 0.1)) < 3.0 * found[490].center_deviation).all()
 
@@ -201,3 +201,88 @@ def test_gravity_that_turns_keeps_the_estimate():
     assert estimator.last is before and estimator.update(1.0, motion[0][-1], motion[1][-1], np.zeros(6)).valid
     estimator.use(dd.DiagonalDynamics(arm.dynamics.model.with_payload(arm.link, 1.0)))
     assert not estimator.last.valid
+
+
+def at_rest(arm, count):
+    """Positions, rates and accelerations at the ready pose."""
+    still = np.zeros((count, arm.dynamics.model.nv))
+    return still + arm.motion(np.random.default_rng(9), np.zeros(1))[0], still, still
+
+
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("name, size", [("panda", 60.0), ("ur5", 30.0)])
+def test_long_pushes_are_no_loads(name, size, moves):
+    """Downwards, as a weight, while the arm is at rest; sideways while it moves."""
+    arm, rng = Arm(name), np.random.default_rng(10)
+    time = np.arange(0.0, 6.0, STEP)
+    motion = arm.motion(rng, time) if moves else at_rest(arm, len(time))
+    force = np.tile([size, 0.0, 0.0] if moves else [0.0, 0.0, -size], (len(time), 1))
+    push = arm.push_torque(motion[0], arm.link, np.array(CENTER), force)
+    assert np.abs(push).max() > 5.0
+    for duration in (1.0, 2.0, 5.0):
+        during = ((time >= 0.5) & (time < 0.5 + duration))[:, None]
+        observed = arm.observed(rng, during * push)
+        assert not any(one.is_load for one in estimates(estimator_of(arm), motion, observed))
+
+
+def test_load_begins_in_motion_and_lasts_at_rest():
+    arm, rng = Arm("panda"), np.random.default_rng(11)
+    moving, count = arm.motion(rng, np.arange(0.0, 2.0, STEP)), 500
+    last = [np.repeat(one[-1:], 2 * count, axis=0) for one in moving]
+    last[1:] = np.zeros((2, *last[0].shape))  # stands after the motion, and before it
+    for parts, expected in (([moving, last], True), ([last], False), ([last, moving], True)):
+        motion = [np.concatenate(one) for one in zip(*parts, strict=True)]
+        torque = arm.load_torque(motion, 1.5, CENTER)
+        found = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
+        assert found[-1].is_load == expected
+        if parts[0] is last:
+            assert not any(one.is_load for one in found[: 2 * count])
+
+
+def test_far_centre_is_no_load():
+    arm, rng = Arm("ur5"), np.random.default_rng(13)
+    motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
+    for distance, expected in ((0.37, True), (0.43, False)):
+        center = (0.0, 0.0, distance)
+        torque = low_pass(arm.load_torque(motion, 1.5, center, no_inertia(1.5, center)))
+        last = estimates(dd.LoadEstimator(arm.dynamics, arm.link, GAIN, 1e-6 * np.eye(6)), motion, torque)[-1]
+        assert last.center[2] == pytest.approx(distance, abs=0.01) and last.is_load == expected
+
+
+def test_energy_near_that_of_the_noise_is_no_load():
+    arm, rng = Arm("panda"), np.random.default_rng(14)
+    motion = arm.motion(rng, np.arange(0.0, 3.0, STEP))
+    seen = low_pass(arm.load_torque(motion, 1.0, CENTER))
+    square, weights = np.mean((seen / arm.deviation) ** 2, axis=1), np.exp(-np.arange(len(seen)) * STEP / 0.5)
+    mean = np.convolve(square, weights)[: len(seen)] / np.cumsum(weights)  # of energy in that of the noise
+    for level, expected in ((1.9 / mean.max(), False), (2.1 / mean[300:].min(), True)):
+        last = estimates(estimator_of(arm), motion, np.sqrt(level) * seen)[-1]
+        assert last.is_significant and last.explained > 0.9 and last.is_load == expected
+
+
+def test_error_of_the_mass_that_is_put_down():
+    """A tenth of the payload's mass counts as none."""
+    arm, rng = Arm("ur5"), np.random.default_rng(15)
+    motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
+    carrying = dd.DiagonalDynamics(arm.dynamics.model.with_payload(arm.link, 1.0, CENTER))
+    for mass, remaining in ((1.2, None), (1.08, 0.0), (0.92, 0.0), (0.8, 0.2)):
+        estimator = dd.LoadEstimator(carrying, arm.link, GAIN, 1e-6 * np.eye(6))
+        last = estimates(estimator, motion, low_pass(-arm.load_torque(motion, mass, CENTER)))[-1]
+        assert last.mass == pytest.approx(-mass, abs=1e-2) and last.is_load == (remaining is not None)
+        if remaining is not None:
+            assert estimator.payload().mass == pytest.approx(remaining, abs=1e-2)
+
+
+def test_reset_while_the_observer_goes_on():
+    arm, rng = Arm("panda"), np.random.default_rng(16)
+    motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
+    seen = low_pass(arm.load_torque(motion, 1.5, CENTER, no_inertia(1.5)))
+    estimator = dd.LoadEstimator(arm.dynamics, arm.link, GAIN, 1e-6 * np.eye(7))
+    for k, (q, qd) in enumerate(zip(*motion[:2], strict=True)):
+        if k == 250:
+            estimator.reset()
+            assert not estimator.last.valid
+        last = estimator.update(k * STEP, q, qd, seen[k] if k else None)
+        if k >= 260:
+            assert last.mass == pytest.approx(1.5, abs=0.01), k
+    assert last.is_load
