@@ -20,6 +20,7 @@ MAX_WARNINGS = 20
 COMPILED = (
     *("evaluate", "factors", "forward_dynamics", "inverse_dynamics", "mass_matrix", "bias", "gravity_torque"),
     *("contact", "nu_from_qd", "qd_from_nu", "placement", "link_velocity", "wrench_factor"),
+    *("momentum", "epsilon_from_tau"),
 )
 """Methods of DiagonalDynamics that nodes call."""
 
