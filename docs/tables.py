@@ -314,6 +314,7 @@ INTERFACES = {
         Interface(IN, "diag_dynamics/state", "DiagonalizedState", "of every monitor on the graph"),
         Interface(IN, "diag_dynamics/external_torque", "ExternalTorque", "of every monitor on the graph"),
         Interface(IN, "diag_dynamics/contact", "Contact", "of every monitor with contact limits"),
+        Interface(IN, "diag_dynamics/load", "Load", "of every monitor with load.link"),
         Interface(IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"),
         Interface(IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "statuses of each robot's nodes"),
         CLOCK,
