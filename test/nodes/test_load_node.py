@@ -10,11 +10,12 @@ import pytest
 from diag_dynamics.msg import Load
 from diag_dynamics.srv import SetPayload
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.diagnostics import OK, WARN
-from nodes import PANDA, Monitor, robot
+from nodes import LATCHED, PANDA, Monitor, description, robot
 from pushed import GAIN, TORQUE, Motion, feed, subscribed
 
 HAND, MASS, CENTER = "panda_hand", 1.2, (0.02, -0.01, 0.06)
@@ -90,6 +91,7 @@ def test_accept_and_reset(monitor):
     feed(monitor, map(FREE, range(1800, 2700)))
     down = monitor.load.messages[-1]
     assert down.is_load and down.mass == pytest.approx(-MASS, abs=0.1)
+    assert "Put down: load -1" in monitor.process.output and "Picked up: load -" not in monitor.process.output
     response = call(monitor, "reset_payload")
     assert response.success and payload(monitor) is None
     found = feed(monitor, map(FREE, range(2700, 2800)))
@@ -100,13 +102,34 @@ def test_reset_returns_to_the_payload_before(monitor):
     request = SetPayload.Request(link=HAND)
     request.inertia.m = 0.4
     assert monitor.call(SetPayload, "set_payload", request).success
-    heavier = Motion(robot(PANDA), payloads={HAND: (MASS, CENTER, 5e-4 * np.eye(3))})
-    for first in (0, 900):  # accepted twice
-        feed(monitor, map(heavier, range(first, first + 900)))
-        if not first:
-            assert call(monitor, "accept_payload").success
-    assert payload(monitor).mass == pytest.approx(MASS, abs=0.06)
+    heavier = Motion(robot(PANDA), payloads={HAND: (2.0, CENTER, 5e-4 * np.eye(3))})
+    for first, motion, mass in ((0, LOADED, MASS), (900, heavier, 2.0)):  # accepted twice
+        feed(monitor, map(motion, range(first, first + 900)))
+        assert call(monitor, "accept_payload").success
+        assert payload(monitor).mass == pytest.approx(mass, abs=0.06)
+    response = call(monitor, "accept_payload")  # of nothing more
+    assert not response.success and "expected a recognized load" in response.message
     assert call(monitor, "reset_payload").success and payload(monitor).mass == 0.4
+    feed(monitor, map(LOADED, range(1800, 2700)))
+    assert call(monitor, "accept_payload").success
+    request.inertia.m, request.inertia.com.z = payload(monitor).mass, 0.3  # another payload of the same mass
+    assert monitor.call(SetPayload, "set_payload", request).success
+    assert call(monitor, "reset_payload").success and payload(monitor).com[2] == 0.3
+
+
+def test_push_on_the_arm_at_rest_stays_a_collision(monitor):
+    q, still = LOADED(0)[0], np.zeros(len(NAMES))
+    heavy = Motion(robot(PANDA), payloads={HAND: (4.0, CENTER, 5e-4 * np.eye(3))})
+    held = heavy.oracle.inverse_dynamics(q, still, still)  # pushed downwards
+    found = feed(monitor, [(q, still, held)] * 1000)
+    assert found[-1].collision and monitor.load.messages[-1].explained > 0.9
+    assert not any(one.is_load for one in monitor.load.messages)
+    response = call(monitor, "accept_payload")
+    assert not response.success and "expected a recognized load" in response.message
+    found = feed(monitor, map(LOADED, range(900)))
+    assert call(monitor, "reset_payload").success  # nothing is accepted
+    feed(monitor, map(LOADED, range(900, 950)))
+    assert monitor.load.messages[-1].mass == pytest.approx(MASS, abs=0.1)
 
 
 @pytest.mark.parametrize("monitor", [{"load.accept": "automatic"}], indirect=True)
@@ -139,6 +162,25 @@ def test_payload_of_the_driver(monitor, peer):
         driver.publish(message)
         peer.pass_time(0.01)
         assert text in monitor.process.output.splitlines()[-1] and payload(monitor) is None
+
+
+def test_payload_that_the_driver_has_published_before(peer):
+    """Latched before the node starts, or received before the robot."""
+    message = InertiaStamped()
+    message.header.frame_id, message.inertia.m = HAND, 0.7
+    latched = peer.publisher(InertiaStamped, "/early/payload", LATCHED)
+    latched.publish(message)
+    parameters = OBSERVED | {"load.driver_topic": "payload"}
+    del parameters["robot_description"]
+    for namespace in ("/early", "/volatile"):
+        with Monitor(peer, namespace, outputs=["state"], **parameters) as monitor:
+            if namespace != "/early":
+                peer.publisher(InertiaStamped, f"{namespace}/payload").publish(message)
+            peer.pass_time(0.1)
+            descriptions = peer.publisher(String, f"{namespace}/robot_description", LATCHED)
+            descriptions.publish(description(robot(PANDA).urdf))
+            peer.wait_until(lambda node=monitor.process.node: node._robot, "the robot")
+            assert payload(monitor).mass == 0.7 and "rejected" not in monitor.process.output
 
 
 def test_parameters_name_what_is_missing(peer):

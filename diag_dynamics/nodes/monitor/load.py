@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Load or contact at the monitor's states, and the payload by services and by the robot's driver."""
+"""Load at the monitor's states, and the payload from services and from the robot's driver."""
 
 from geometry_msgs.msg import InertiaStamped
 from rclpy.qos import QoSProfile
@@ -13,17 +13,17 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, Status, steady
 from diag_dynamics.nodes.support.guard import answered, attempt
-from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected
+from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
 from diag_dynamics.text import plain
 
 NO_PAYLOAD = Payload(0.0)
-"""What takes a payload off."""
+"""Removes the payload of a link."""
 
 
 class LoadWatch:
     """A load estimator on the results of a disturbance observer.
 
-    `estimate` is the Load of the last state, `begins` whether it has become one there, `dynamics` those in use.
+    `estimate` is the Load of the last state, `begins` whether `is_load` begins there.
     """
 
     def __init__(self, dynamics, link, observation):
@@ -32,12 +32,12 @@ class LoadWatch:
         self.forget()
 
     def forget(self):
-        """Restart at the next state."""
+        """Reset the estimate."""
         self.estimator.reset()
         self.estimate, self.begins = self.estimator.last, False
 
     def accept_state(self, time, state, seen, r, torque):
-        """Return r and m r of a RobotState without the load, which they contain once m r is that of a load.
+        """Return r and m r of a RobotState, without the part of the load while there is one.
 
         `seen` is the Disturbance. Without efforts the observer skips a state, and so does the estimator.
         """
@@ -52,7 +52,7 @@ class LoadWatch:
         return r, torque
 
     def describe(self):
-        """Return mass and link of the load, for people."""
+        """Return mass and link of the load as a text."""
         load = self.estimate
         return f"load {load.mass:.3g} ± {load.mass_deviation:.2g} kg at '{self.link}'"
 
@@ -96,8 +96,11 @@ class PayloadServices:
         for name, answer in (("accept_payload", self.accept), ("reset_payload", self._reset)):
             callback = answered(node, Trigger, lambda request, response, answer=answer: answer())
             node.create_service(Trigger, f"~/{name}", callback, qos_profile=SERVICE_QOS)
+        self._received = None  # last payload of the driver
         if topic := node.values["load.driver_topic"]:
-            connected(node.create_subscription, InertiaStamped, topic, self._take_driver, QoSProfile(depth=1), raw=True)
+            options = InertiaStamped, topic, self._accept_message
+            connected(node.create_subscription, *options, QoSProfile(depth=1), raw=True)
+            node.create_subscription(*options, latched(), raw=True)  # receives nothing from volatile publishers
 
     def _model(self):
         if (robot := self._current()) is None:
@@ -112,18 +115,22 @@ class PayloadServices:
         return torque.load
 
     def accept(self):
-        """Add the estimate to the payload of its link; return a message."""
+        """Add the load to the payload of its link; return a message."""
         watch = self._watch()
-        link, payload = watch.link, watch.estimator.payload()
-        before = self._before(link)
-        self._attach(link, payload)
-        self._accepted = link, before, payload.mass
+        link, found = watch.link, watch.estimate
+        if not found.is_load:
+            value = f"{found.mass:.3g} ± {found.mass_deviation:.2g} kg" if found.valid else f"unknown: {found.reason}"
+            raise InputError(
+                f"load on link '{link}' is {value}; expected a recognized load. Move the arm with the load."
+            )
+        before, payload = self._before(link), watch.estimator.payload()
+        self._accepted = link, before, self._attach(link, payload).payloads.get(link, NO_PAYLOAD)
         return f"The payload of '{link}' is {payload.mass:.3g} kg."
 
     def _before(self, link):
         """Return the payload of a link before the acceptances that are in force."""
         now = self._model().payloads.get(link, NO_PAYLOAD)
-        if self._accepted and self._accepted[0] == link and self._accepted[2] == now.mass:
+        if self._accepted and self._accepted[0] == link and _numbers(self._accepted[2]) == _numbers(now):
             return self._accepted[1]
         return now
 
@@ -135,14 +142,20 @@ class PayloadServices:
         watch.forget()
         return f"The payload of '{watch.link}' is {before.mass:.3g} kg, as before accept_payload."
 
-    def _take_driver(self, message):
-        """Use the bytes of a geometry_msgs/InertiaStamped in place of the payload of the link in its header."""
-        _, fault = attempt(self._use_driver, message)
+    def _accept_message(self, message):
+        """Store the bytes of a geometry_msgs/InertiaStamped of the driver, and use its payload."""
+        self._received = message
+        if self._current():
+            self.apply_received()
+
+    def apply_received(self):
+        """Replace the payload of a link of the robot in force by the last one of the driver, if there is one."""
+        _, fault = attempt(self._use_driver) if self._received else (None, None)
         if fault:
             self._log.warning(f"Payload of the driver rejected: {fault.reason}", throttle_duration_sec=5.0)
 
-    def _use_driver(self, message):
-        found = deserialize_message(message, InertiaStamped)
+    def _use_driver(self):
+        found = deserialize_message(self._received, InertiaStamped)
         link, payload = found.header.frame_id, payload_of(found.inertia)
         model = self._model()
         if _numbers(payload) != _numbers(model.payloads.get(link, NO_PAYLOAD)):

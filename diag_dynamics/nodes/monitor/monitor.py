@@ -147,6 +147,7 @@ class MonitorNode(TableNode, Node):
             f"Ready: robot '{name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
             f"subscribed to {self.resolve_topic_name('joint_states')}."
         )
+        self._payloads.apply_received()
 
     def _in_force(self):
         """Return what the services need of the robot in force."""
@@ -288,7 +289,8 @@ class MonitorNode(TableNode, Node):
             "load", state.newest, lambda: robot.encoder.load(load.link, load.estimate, payload, state)
         )
         if load.begins:
-            self.get_logger().info(plain(f"Picked up: {load.describe()}."))
+            change = "Picked up" if load.estimate.mass > 0.0 else "Put down"
+            self.get_logger().info(plain(f"{change}: {load.describe()}."))
 
     def _accept_load(self):
         """Add a load that begins to the payload."""
