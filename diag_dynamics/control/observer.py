@@ -165,7 +165,7 @@ class DisturbanceObserver:
             applied = vector("tau", effort, self._names)
             qd = vector("qd", qd, self._names)
             p, rate = dynamics.momentum(q, qd)
-            return _Sample(time, q, p, (dynamics.friction_torque(qd) if friction else 0.0) - rate, applied)
+            return _Sample(time, q, p, (dynamics.friction_torque(qd, q) if friction else 0.0) - rate, applied)
         s = dynamics.evaluate(q, qd, effort, friction=friction)
         resisting = s.coriolis + s.gravity
         resisting += 0.0 if s.friction is None else s.friction

@@ -200,9 +200,9 @@ class Observer:
     def _balance(self, rows, states, s):
         """Return momentum, resisting and applied terms of samples, as DisturbanceObserver has them."""
         if self._on_torque:
-            rates = states.velocity[rows]
-            p, rate = self._dynamics.momentum_batch(states.position[rows], rates, threads=self._threads)
-            friction = self._dynamics.friction_torque_batch(rates) if self._friction else 0.0
+            q, rates = states.position[rows], states.velocity[rows]
+            p, rate = self._dynamics.momentum_batch(q, rates, threads=self._threads)
+            friction = self._dynamics.friction_torque_batch(rates, q) if self._friction else 0.0
             return np.ascontiguousarray(p), friction - rate, states.effort[rows]
         resisting = s.coriolis[rows] + s.gravity[rows]
         if self._friction:

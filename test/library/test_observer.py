@@ -11,6 +11,7 @@ import robots
 from described import subject
 from diag_dynamics.control.observer import SETTLES_ON
 from diag_dynamics.exceptions import InputError
+from motions import recorded
 
 PANDA = robots.robot("panda_description/urdf/panda.urdf")
 ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
@@ -178,6 +179,28 @@ def test_friction(options):
         seen = observer.update(t, motion.q(t), motion.rate, motion.effort(t) + friction)
     expected = np.linalg.solve(subject(ARM).oracle.factor(motion.q(t)), -friction) * (not options.get("friction", True))
     assert np.linalg.norm(seen.residual - expected) < max(1e-4, 0.05 * np.linalg.norm(expected))
+
+
+@pytest.mark.parametrize("settles_on", SETTLES_ON)
+def test_friction_that_depends_on_the_load(settles_on):
+    motion = Motion("panda_arm")
+    motion.push[:] = 0.0
+    name, gravity = motion.s.model.dof_names[1], motion.s.oracle.gravity_torque
+    model = motion.s.model.with_parameters({"joints": {name: {"load_friction": 0.1, "root_friction": 0.5}}})
+    rate = motion.rate[1]
+    root = 0.5 * rate / np.sqrt(np.abs(rate))
+    dyn, times = dd.DiagonalDynamics(model), np.arange(0.0, 0.3, 1e-3)
+    observer, efforts = dd.DisturbanceObserver(dyn, GAIN, settles_on=settles_on), []
+    for t in times:
+        effort = motion.effort(t) + 0.003 * motion.rate  # damping of the description
+        effort[1] += 0.1 * abs(gravity(motion.q(t))[1]) * np.tanh(rate / 5e-3) + root
+        efforts.append(effort)
+        seen = observer.update(t, motion.q(t), motion.rate, effort)
+    assert np.abs(seen.external_torque).max() < 1e-3
+    q = np.array([motion.q(t) for t in times])
+    recording = recorded(model, times, q, np.tile(motion.rate, (len(q), 1)), np.array(efforts))
+    observed = dd.observe(dyn, recording, GAIN, settles_on=settles_on)
+    np.testing.assert_allclose(observed.external_torque[-1], seen.external_torque, rtol=0, atol=1e-12)
 
 
 def test_threshold_with_hysteresis():
