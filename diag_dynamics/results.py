@@ -399,6 +399,10 @@ class Factors(NamedTuple):
     unit: Array
     D: Array
 
+    def to_dict(self) -> dict[str, Array]:
+        """Return all factors by name."""
+        return self._asdict()
+
 
 class Momentum(NamedTuple):
     """Generalized momentum and its rate without efforts, for one state or a row for each: ṗ = τ + rate.
@@ -413,10 +417,6 @@ class Momentum(NamedTuple):
 
     p: Array
     rate: Array
-
-    def to_dict(self) -> dict[str, Array]:
-        """Return all factors by name."""
-        return self._asdict()
 
 
 class ExternalWrench(NamedTuple):
