@@ -67,6 +67,8 @@ def point_of_wrench(
     if not (scale > 0.0).all():
         raise InputError(f"max_deviation is {max_deviation!r}, expected two numbers > 0 [N, N m].")
     body, placement = model.placement_in_body(link)
+    if body == 0 and model.nv:
+        raise InputError(f"link is '{link}'; expected a link that a joint moves.")
     rotation = placement[:3, :3]
     return Addresses(
         external.POINT_OF_WRENCH,

@@ -187,6 +187,7 @@ def test_batch_has_the_same_bits():
         ({"frame": "tool"}, r"frame is 'tool', expected one of 'link', 'world'"),
         ({"point": (1.0, 2.0)}, r"point is \(1.0, 2.0\), expected three finite numbers"),
         ({"link": "arm"}, r"arm"),
+        ({"link": "base_link"}, r"link is 'base_link'; expected a link that a joint moves"),
         ({"external_torque": [np.inf] * 6}, r"external_torque of joint 'shoulder_pan_joint' is inf"),
         ({"external_torque": [1e300] * 6}, r"external_torque are too large"),
     ],

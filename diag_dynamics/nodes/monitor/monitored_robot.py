@@ -117,9 +117,11 @@ class MonitoredRobot:
         link = settings.values["markers.link"]
         if link and link not in model.link_names:
             raise InputError(f"parameter 'markers.link' is '{link}', expected a link of robot '{model.name}'.")
-        if wrong := [frame for frame in settings.frames if frame not in model.link_names or not model.nv]:
+        moved = {name for name in model.link_names if model.placement_in_body(name)[0]}
+        if wrong := [frame for frame in settings.frames if frame not in moved]:
             raise InputError(
-                f"parameter 'external_wrench.frames' has '{wrong[0]}', expected links of robot '{model.name}' with joints."
+                f"parameter 'external_wrench.frames' has '{wrong[0]}', expected links of robot '{model.name}' that a joint "
+                "moves."
             )
         check_load_link(model, settings)
         if settings.observation:
