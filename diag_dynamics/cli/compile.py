@@ -22,6 +22,7 @@ from diag_dynamics.threads import cores
 UNITS = {
     "simulation.steps": 25,
     "sweeps.batch": 21,
+    "sweeps.regressors": 6,
     "joint_states.rules": 5,
     "sweeps.derivatives": 4,
     "sweeps.factorization": 4,
