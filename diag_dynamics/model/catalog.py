@@ -91,7 +91,7 @@ def find_urdf(robot: str) -> Path:
         raise InputError(f"robot '{robot}': no such file.")
     if partial:
         raise InputError(f"robot '{robot}' could be any of: {', '.join(partial)}.")
-    known = f"one of {len(urdfs)} example robots" if len(urdfs) > 1 else f"the example robot {''.join(urdfs)}"
+    known = f"one of the {len(urdfs)} example robots" if len(urdfs) > 1 else f"the example robot {''.join(urdfs)}"
     raise InputError(
         f"robot '{robot}' is neither a file nor {known}. All of them: diag-dynamics robots. More: pip install "
         "example-robot-data."
