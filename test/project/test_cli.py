@@ -294,7 +294,7 @@ def test_identify(run, tmp_path):
     """Files have what was found."""
     outputs = {"-o": "arm.yaml", "--json": "q.json", "--plots": "page.png", "--write-urdf": "new.urdf"}
     options = " ".join(f"{option} {{tmp}}/{name}" for option, name in outputs.items())
-    status, out, error = run(f"identify monday.csv --urdf ur5_robot {options}")
+    status, out, error = run(f"identify monday.csv --urdf ur5_robot --what friction,rotors {options}")
     assert status == 0 and all(f"Wrote {tmp_path / name}" in error for name in outputs.values())
     assert "friction, rotors" in out.splitlines()[0]
     found = dd.Parameters.load(tmp_path / "arm.yaml")
