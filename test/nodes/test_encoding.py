@@ -253,7 +253,8 @@ def arguments(name, moment):
     points = _points(
         name, model, tuple(rows) if moment.inverse else tuple(rows[-1:]), limits if moment.inverse else None
     )
-    links, scale = model.link_names, 10.0 ** rng.integers(-1, 2)
+    links = [name for name in model.link_names if model.placement_in_body(name)[0] or not model.nv]
+    scale = 10.0 ** rng.integers(-1, 2)
     found = None
     if moment.effort and model.nv:
         found = dyn.wrench(q, tau, links[moment.seed % len(links)], max_deviation=(10.0 * scale, scale))
