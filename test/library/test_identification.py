@@ -282,6 +282,7 @@ def eventful(panda):
     return dd.Recording(model, replace(data.states, jumped=moved), data.offset, {}, [])
 
 
+@pytest.mark.full
 def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
     """Motions after a restart of time stamps are fitted, too; pieces of a recording give the same, thinned ones nearly."""
     model, oracle = panda

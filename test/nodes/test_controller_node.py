@@ -168,6 +168,7 @@ def test_position_limits_repel_softly(arm):
     assert np.abs(np.diff(rates)).max() < 0.05
 
 
+@pytest.mark.full
 def test_for_long(arm):
     """One target after the other for 16 s, or 60, pushed all the time: commands by Pinocchio, K and efforts bounded."""
     rng, names = np.random.default_rng(8), arm.simulator.robot.names

@@ -76,6 +76,7 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     assert monitor.next_report().entries[TORQUE].level == WARN
 
 
+@pytest.mark.full
 def test_accept_and_reset(monitor):
     """After acceptance the model explains the efforts; put down, the load is negative; reset restores."""
     response = call(monitor, "accept_payload")
@@ -132,6 +133,7 @@ def test_push_on_the_arm_at_rest_stays_a_collision(monitor):
     assert monitor.load.messages[-1].mass == pytest.approx(MASS, abs=0.1)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("monitor", [{"load.accept": "automatic"}], indirect=True)
 def test_automatic_acceptance(monitor):
     found = feed(monitor, map(LOADED, range(1800)))
