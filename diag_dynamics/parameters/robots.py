@@ -63,7 +63,7 @@ def model_of(description, values, recorded=None):
     require_single_joints(model)
     if rest is not None:
         joints, names = single_joints(model), recorded(model)
-        if names & set(joints):  # else the names are others, of which the reading tells
+        if names & set(joints):  # other names are a finding of the reader
             model = model.with_locked_joints(locked | {name: rest for name in joints if name not in names})
     return model
 

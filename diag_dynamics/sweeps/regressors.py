@@ -130,8 +130,9 @@ def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, 
 
     `rates` are the interval since the last state [s], which is 0 for the first one, the filter's and the forgetting
     rate [1/s], and the weight of a state. `columns`, (5, nv, 4), are Y_p and Y_g − Y_∂ of the last state and of this one,
-    and Φ, their low-pass. `matrices`, (3, 5, 5), are the information of [π, m r], what is left when π is swept out of it,
-    and memory. `whitening` is the inverse of the lower factor of the covariance of m r, `prior` the prior's information.
+    and Φ, their low-pass. `matrices`, (3, 5, 5), are the information of [π, m r], the same after the elimination of π
+    (estimate, negative covariance, energy of the residual), and memory. `whitening` is the inverse of the lower factor of
+    the covariance of m r, `prior` the prior's information.
     """
     bodies, gravity, work, _ = ws.opened(robot)
     if not (ws.lengths_match(robot, q, qd, torque) and joints.are_positions(bodies, q) and joints.are_finite(qd)):

@@ -248,7 +248,7 @@ export class App {
       ...(this.report ? [] : [[["a"], "all robots in one scene", () => this.showAll(!this.stage.fleet?.on)]]),
       [["t"], "light or dark theme", () => this.theme.next()],
       ...(this.report ? [] : [[["p"], "push the simulated robot", () => this.source.push()]]),
-      [["y"], "copy a link to what is shown", () => this.copyLink()],
+      [["y"], "copy a link to this view", () => this.copyLink()],
       [["c"], "download the time window as CSV", () => this.csv()],
       [["Escape"], "back from a large card; clear the selection", () => (this.cards.large ? this.cards.show({ large: null }) : this.layout && this.select(null))],
       [["?"], "show this list", () => this.keys.help()],

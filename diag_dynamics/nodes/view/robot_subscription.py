@@ -330,7 +330,7 @@ class RobotSubscription:
         return self._points, rows | {"contact_worst": fields["worst"], "contact_position": position[None]}
 
     def _read_load(self, t, model):
-        """Return the fields of a load at a time; none of what is no load."""
+        """Return the fields of a load at a time; none without a recognized load."""
         if "load" not in self._newest:
             return {}
         reader = self._readers["load"]
