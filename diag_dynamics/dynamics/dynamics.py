@@ -347,6 +347,7 @@ class DiagonalDynamics:
         """
         both = None
         try:
+            # are_vectors has excluded mappings, which mypy does not infer.
             if are_vectors(q, qd, qd) and [*map(np.size, (q, qd))] == [self.model.nq, self._nv]:  # type: ignore[arg-type]
                 result = np.empty(2 * self._nv)
                 if not classical.momentum.run(self._robot, q, qd, result):
