@@ -64,7 +64,7 @@ def measured(robot, seconds, order, commanded=False):
     parameters = {"robot_description": find_urdf(robot), "rate": RATE, "order": order}
     parameters |= {"compensates_gravity": True, "publish_clock": True} if commanded else {"motion": "wave"}
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    process = subprocess.Popen([sys.executable, "-m", "diag_dynamics.nodes.simulator", "--ros-args", *arguments])
+    process = subprocess.Popen([sys.executable, "-m", "diag_dynamics", "simulator", "--ros-args", *arguments])
     node, reports, done = rclpy.create_node("listener"), [], Future()
 
     def take(array):

@@ -93,7 +93,7 @@ class Costs(NamedTuple):
 
 def started(node, *arguments, **parameters):
     """A node in a process of its own."""
-    command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", *arguments]
+    command = [sys.executable, "-m", "diag_dynamics", node, "--ros-args", *arguments]
     for name, value in parameters.items():
         command += ["-p", f"{name}:={value}"]
     return popen(command)

@@ -51,7 +51,7 @@ def _run_executable(name, arguments):
 def _run_tool(name, arguments):
     """Run a command that reads topics or calls services."""
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}")
-    commands = import_module("diag_dynamics.nodes.tools.graph_commands")
+    commands = import_module("diag_dynamics.nodes.graph_commands")
     getattr(commands, f"add_{name}_arguments")(parser)
     chosen = parser.parse_args(arguments)
     try:

@@ -24,11 +24,11 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import end_effector_link, load_urdf
 from diag_dynamics.model.catalog import robot_source
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
-from diag_dynamics.nodes.simulator.simulator import SimulatorNode
+from diag_dynamics.nodes.simulator import SimulatorNode
 from diag_dynamics.nodes.support.loading import COMPILED
 from diag_dynamics.nodes.support.runner import leave, run
 from diag_dynamics.nodes.top.top import Top, has_screen
-from diag_dynamics.nodes.view.view import ViewNode
+from diag_dynamics.nodes.view import ViewNode
 from diag_dynamics.numerics.kernel import precompile
 from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.parameters.view import PARAMETERS

@@ -23,7 +23,7 @@ from std_srvs.srv import Trigger
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.controller.controller import ControllerNode
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
-from diag_dynamics.nodes.simulator.simulator import SimulatorNode
+from diag_dynamics.nodes.simulator import SimulatorNode
 from diag_dynamics.nodes.support.runner import run
 
 POSE = {f"panda_joint{k}": q for k, q in enumerate((0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8), 1)}

@@ -52,7 +52,7 @@ def test_signal_while_it_imports(ros_domain, after, tmp_path):
         "    return found(name, *rest, **more)\nhook.sent = False\nbuiltins.__import__ = hook\n"
     )
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "diag_dynamics.nodes.monitor"]
+    command = [sys.executable, "-m", "diag_dynamics", "monitor"]
     done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=START)
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
 

@@ -40,7 +40,7 @@ def large():
 
 def start_loading(node, path, *more, **environment):
     """Start a node, and return its process when it loads its robot."""
-    command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args"]
+    command = [sys.executable, "-m", "diag_dynamics", node, "--ros-args"]
     command += ["-p", f"robot_description:={path}", "-p", f"max_joints:={2 * LARGE}"]
     process = Process([*command, *more], env={**os.environ, **environment})
     process.wait_for_text("Loading the robot")

@@ -14,8 +14,8 @@ from sensor_msgs.msg import JointState
 from described import PANDA
 from diag_dynamics.cli.main import main
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.tools import graph_commands
-from diag_dynamics.nodes.tools.yaml_messages import find_type, from_yaml, read_field, to_yaml
+from diag_dynamics.nodes import graph_commands
+from diag_dynamics.nodes.graph_commands import find_type, from_yaml, read_field, to_yaml
 from nodes import TIMEOUT
 from robots import robot_path
 

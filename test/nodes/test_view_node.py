@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.messages import to_time
-from diag_dynamics.nodes.view.robot_subscription import MessageReader
+from diag_dynamics.nodes.view import MessageReader
 from nodes import PANDA, UR5, Monitor, S, nanoseconds, robot
 from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
 
@@ -110,7 +110,7 @@ def test_external_torque(peer, monitor, view, panda, monkeypatch):
                 monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
                 peer.pass_time(0.01)
             touched = frame_of(stream, monitor.now)
-        monkeypatch.setattr("diag_dynamics.nodes.view.robot_subscription.MAX_DIFFERENCE", -1.0)
+        monkeypatch.setattr("diag_dynamics.nodes.view.MAX_DIFFERENCE", -1.0)
         monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
         peer.pass_time(0.01)
         other = frame_of(stream, monitor.now)
@@ -141,7 +141,7 @@ def test_statuses_that_are_not_repeated_are_removed(peer, monitor, view, monkeyp
     with stream_of(view) as stream:
         stream.next(DIAGNOSTICS, lambda found: any(one["name"].endswith("external torque") for one in found))
         with monitor.having(external_torque__gain=0.0):
-            monkeypatch.setattr("diag_dynamics.nodes.view.robot_subscription.DIAGNOSTICS_TIMEOUT", 0.0)
+            monkeypatch.setattr("diag_dynamics.nodes.view.DIAGNOSTICS_TIMEOUT", 0.0)
             peer.pass_time(1.0)
             stream.next(DIAGNOSTICS, lambda found: not any(one["name"].endswith("external torque") for one in found))
 

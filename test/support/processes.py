@@ -144,7 +144,7 @@ class Process(contextlib.AbstractContextManager):
 
 def node_process(node, *arguments, **parameters):
     """Start a node of this package; `arguments` are ROS arguments."""
-    command = [sys.executable, "-m", f"diag_dynamics.nodes.{node}", "--ros-args", *arguments]
+    command = [sys.executable, "-m", "diag_dynamics", node, "--ros-args", *arguments]
     for name, value in parameters.items():
         command += ["-p", f"{name}:={value}"]
     return Process(command)

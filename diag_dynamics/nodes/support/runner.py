@@ -135,8 +135,8 @@ def main(executable):
 
 def node_class(executable):
     """Return the class of a node of this package."""
-    module = import_module(f"diag_dynamics.nodes.{executable}.{executable}")
-    return getattr(module, f"{executable.capitalize()}Node")
+    module = {"monitor": "monitor.monitor", "controller": "controller.controller"}.get(executable, executable)
+    return getattr(import_module(f"diag_dynamics.nodes.{module}"), f"{executable.capitalize()}Node")
 
 
 def parse_arguments(executable, args):
