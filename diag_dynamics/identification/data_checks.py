@@ -15,6 +15,8 @@ INCREMENT = 0.05  # time over which positions are compared with integrated veloc
 TOLERANCE, MIN_R2 = 0.02, 0.49  # error of their slope; squared correlation from which a joint counts
 MAX_DELAY, COARSE, FINE = 0.3, 5e-3, 5e-4  # of velocities against positions: largest one and steps of the search [s]
 TRAVEL = 0.02  # change of position from which a joint's velocities are judged [rad, m]
+MIN_INTERVAL, SLOW, SLIGHT = 0.02, 1e-2, 1e-3  # of states whose efforts are searched for a delay, and steps of that [s]
+MIN_GAIN = 0.03  # reduction of the residual, geometric mean over joints, from which efforts are late
 NOT_JUDGED, DOUBTFUL = "efforts not judged", "effort doubtful"  # causes of findings
 MAX_GAIN_ERROR = 0.5  # of a gain, relative, ERRORS times its standard deviation
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5  # velocity [rad/s], time above it each way [s], range [rad]
@@ -67,6 +69,63 @@ def find_delay(model, name, segments):
     bend = before - 2.0 * here + after
     shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
     return float(delays[best] + shift * FINE)
+
+
+def find_effort_delay(model, dataset):
+    """Return the delay of efforts against positions [s], 0 if it hardly matters; a finding if the search ends before it.
+
+    It minimizes what no multiples of gravity, inertia, acceleration and friction of the joint explain.
+    """
+    longest = min(MAX_DELAY, 0.1 * max(one.duration for one in dataset.segments))
+    columns, times, tracks = zip(*(_explanations(model, one, longest) for one in dataset.segments), strict=True)
+    moved = np.max([np.ptp(one.states.position, axis=0) for one in dataset.segments], axis=0) > TRAVEL
+    joints = np.flatnonzero(dataset.known & moved)
+    bases = [_orthonormal(np.concatenate([one[k] for one in columns])) for k in joints]
+
+    def log_residuals(delays):
+        """Return half the logarithm of the squares that are left at each delay, the mean over joints."""
+        left = np.zeros(len(delays))
+        for k, basis in zip(joints, bases, strict=True):
+            parts = [
+                np.interp(at[:, None] + delays, even, tau[:, k]) for at, (even, tau) in zip(times, tracks, strict=True)
+            ]
+            late = np.concatenate(parts)
+            rest = late - basis @ (basis.T @ late)
+            left += np.log(np.maximum((rest**2).sum(axis=0), 1e-12 * (late**2).sum(axis=0) + 1e-300))
+        return 0.5 * left / max(len(joints), 1)
+
+    steps = int(longest / SLOW)
+    coarse = SLOW * np.arange(-steps, steps + 1)
+    cost = log_residuals(coarse)
+    best = int(np.argmin(cost))
+    if not len(joints) or 1.0 - np.exp(cost[best] - cost[steps]) < MIN_GAIN:
+        return 0.0
+    if best in (0, len(coarse) - 1):
+        text = (
+            f"efforts seem to be {1e3 * longest:.0f} ms or more {'later' if best else 'earlier'} than positions; no delay was "
+            "removed. Check their time stamps"
+        )
+        dataset.findings.append(Finding(DOUBTFUL, 1, text))
+        return 0.0
+    delays = coarse[best] + np.arange(-SLOW, SLOW + 0.5 * SLIGHT, SLIGHT)
+    return float(delays[np.argmin(log_residuals(delays))])
+
+
+def _explanations(model, segment, longest):
+    """Return columns of what may explain efforts, (nv, T, 8), their times, and (times, efforts) of all states, smoothed."""
+    t = segment.t
+    even = np.linspace(t[0], t[-1], len(t))
+    columns, tau = EffortRelation(model).columns(*segment.columns)
+    inner = np.flatnonzero((even >= t[0] + longest) & (even <= t[-1] - longest))
+    rows = inner[:: max(1, round(MIN_INTERVAL / (even[1] - even[0])))]
+    return columns[:, rows], even[rows], (even, tau)
+
+
+def _orthonormal(columns):
+    """Return an orthonormal basis of columns."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    basis, values, _ = np.linalg.svd(columns / scale, full_matrices=False)
+    return basis[:, values > 1e-9 * values[0]]
 
 
 def _track(model, segment, longest):

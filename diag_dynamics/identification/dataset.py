@@ -15,7 +15,7 @@ import numpy as np
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.data_checks import find_delay
+from diag_dynamics.identification.data_checks import find_delay, find_effort_delay
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.findings import Finding, explain_missing_efforts, no_states_error
@@ -74,8 +74,8 @@ def list_recordings(name, recordings):
 class Dataset:
     """Segments of a recording that can be fitted. A long recording is thinned while it is read.
 
-    Velocities are at the time of the positions: `delay` [s] was removed. `spans` are the times of the
-    segments that have such velocities [s], which begin and end between states. `known` are the joints with efforts
+    Velocities and efforts are at the time of the positions: `delay` and `effort_delay` [s] were removed. `spans` are the
+    times of the segments that have both [s], which begin and end between states. `known` are the joints with efforts
     (bool); those of the others are the model's. `origin` has path, robot,
     number of all states, and times of the first and the last one [s]; `zero` is the stamp of the first one
     [ns]. Raises InputError if the recording is of another robot, lacks states or efforts, or has velocities
@@ -87,19 +87,27 @@ class Dataset:
         self.zero, self.delay, self.findings, self.name = 0, 0.0, [], name
         self.known = np.ones(model.nv, dtype=bool)
         self.segments = self._clean(self._read(name, recording, model, max_values), model)
-        delay = find_delay(model, name, self.segments)
-        if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
-            size, late = f"{abs(delay) * 1e3:.1f} ms", "later" if delay > 0.0 else "earlier"
-            text = f"velocities are {size} {late} than positions; the delay was removed"
-            self.findings.append(Finding("velocity delay", 1, text))
-            self.delay, self.segments = delay, [one for one in self.segments if one.duration > abs(delay)]
-            if not self.segments:
-                raise InputError(f"{name} has no segment longer than the velocities' delay, {size}.")
-        head, tail = max(0.0, -self.delay), max(0.0, self.delay)
-        self.spans = [(t[0] + head, t[-1] - tail) for t, _ in self.segments]
-        self.segments = [_shifted(one, self.delay) for one in self.segments]
+        self.spans = [(one.t[0], one.t[-1]) for one in self.segments]
+        self.delay = self._remove_delay("velocity", find_delay(model, name, self.segments))
+        self.effort_delay = self._remove_delay("effort", find_effort_delay(model, self))
         if not self.known.all():
             self.segments = [self._filled(one, DiagonalDynamics(model)) for one in self.segments]
+
+    def _remove_delay(self, column, delay):
+        """Shift velocities or efforts to the time of positions if they are late by more than a sample; return the delay."""
+        if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
+            size, late = f"{abs(delay) * 1e3:.1f} ms", "later" if delay > 0.0 else "earlier"
+            what = {"velocity": "velocities", "effort": "efforts"}[column]
+            text = f"{what} are {size} {late} than positions; the delay was removed"
+            self.findings.append(Finding(f"{column} delay", 1, text))
+            kept = [k for k, one in enumerate(self.segments) if one.duration > abs(delay)]
+            if not kept:
+                raise InputError(f"{self.name} has no segment longer than the {column} delay, {size}.")
+            head, tail = max(0.0, -delay), max(0.0, delay)
+            self.spans = [(self.spans[k][0] + head, self.spans[k][1] - tail) for k in kept]
+            self.segments = [_shifted(self.segments[k], column, delay) for k in kept]
+            return delay
+        return 0.0
 
     @property
     def duration(self):
@@ -251,13 +259,19 @@ def _cut(states, jumped):
     t = (states.stamp - states.stamp[:1] + later) * 1e-9
     begins = (steps * 1e-9 > gap) | jumped | restarts
     parts = np.split(np.arange(len(t)), np.flatnonzero(begins[1:]) + 1)
-    return [Segment(t[rows], states[rows]) for rows in parts if len(rows) >= MIN_STATES], restarts.sum()
+    segments = [_run(t[rows], states[rows]) for rows in parts if len(rows) >= MIN_STATES]
+    return segments, restarts.sum()
 
 
-def _shifted(segment, delay):
-    """Return a segment with velocities of the time of its positions; its first state alone is marked as a jump."""
+def _run(t, states):
+    """Return a segment whose first state alone is marked as a jump, and whose efforts are used."""
+    first = np.arange(len(t)) == 0
+    return Segment(t, replace(states, jumped=first, effort_known=np.ones(len(t), dtype=bool)))
+
+
+def _shifted(segment, column, delay):
+    """Return a segment with a column of the time of its positions; its first state alone is marked as a jump."""
     t, states = segment
     at = t + delay
-    velocity = np.column_stack([np.interp(at, t, column) for column in states.velocity.T])
-    states = replace(states, velocity=velocity, effort_known=np.ones(len(t), dtype=bool))
-    return Segment(t, states).part((at >= t[0]) & (at <= t[-1]))  # ends have no velocity
+    values = np.column_stack([np.interp(at, t, one) for one in getattr(states, column).T])
+    return Segment(t, replace(states, **{column: values})).part((at >= t[0]) & (at <= t[-1]))  # ends have no values

@@ -76,6 +76,7 @@ def quality_of(model, selection, data, last):
         "effort_gain": _gains(names, data.gains) if data.gains else None,
         "efforts_judged": judged and not nothing and DOUBTFUL not in [one.cause for one in findings],
         "velocity_delay": [one.delay for one in data.loaded],
+        "effort_delay": [one.effort_delay for one in data.loaded],
         "effective_parameters": layout.effective_parameters(last) if free[layout.inertial].any() else {},
         "deviations": deviations_of(layout, free, last, selection.fits),
         "payload": payload_certainty(layout, last) if layout.payload else None,

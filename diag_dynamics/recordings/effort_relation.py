@@ -139,16 +139,21 @@ class EffortRelation:
         size = COLUMNS + model.nv
         self._rows, self._length, self._blocks = 0, BLOCK, np.zeros((0, model.nv, size, size))
 
+    def columns(self, t, q, qd, tau):
+        """Return the COLUMNS of states without gaps at even times, (nv, T, 8), and smoothed efforts there, (T, nv)."""
+        q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
+        pulls = np.stack([one.gravity_torque_batch(q) for one in self._pulls])
+        inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(self._model.gravity, pulls, 1)
+        turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
+        columns = np.stack([*pulls, inertial, qd, turned, np.ones_like(qd), qdd], axis=-1)
+        return columns.transpose(1, 0, 2), tau
+
     def add_run(self, t, q, qd, tau):
         """Add states without gaps: times [s], positions [rad, m], rates [rad/s, m/s] and efforts [N m, N]."""
         if len(t) < 2:
             return
         number = ((t - t[0]) // self._length).astype(int)
-        q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
-        pulls = np.stack([one.gravity_torque_batch(q) for one in self._pulls])
-        inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(self._model.gravity, pulls, 1)
-        turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
-        columns = np.stack([*pulls, inertial, qd, turned, np.ones_like(qd), qdd], axis=-1).transpose(1, 0, 2)
+        columns, tau = self.columns(t, q, qd, tau)
         columns = np.concatenate([columns, np.broadcast_to(tau, (self._model.nv, *tau.shape))], axis=-1)
         parts = np.split(columns, np.flatnonzero(np.diff(number)) + 1, axis=1)
         self._blocks = np.concatenate([self._blocks, [part.transpose(0, 2, 1) @ part for part in parts]])
