@@ -102,7 +102,7 @@ def find_effort_delay(model, dataset):
         return 0.0
     if best in (0, len(coarse) - 1):
         text = (
-            f"efforts seem to be {1e3 * longest:.0f} ms or more {'later' if best else 'earlier'} than positions; no delay was "
+            f"efforts seem to be {1e3 * longest:.0f} ms or more {'later' if best else 'earlier'} than positions; nothing is "
             "removed. Check their time stamps"
         )
         dataset.findings.append(Finding(DOUBTFUL, 1, text))

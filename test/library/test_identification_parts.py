@@ -132,3 +132,14 @@ def test_filtered_rows_hold_for_the_true_parameters():
         errors.append(np.sqrt(regressors.residual_squares(sums, x) / regressors.residual_squares(sums, 0.0 * x)).max())
     assert errors[0] < 1e-3
     assert errors[1] < errors[0] / 8.0
+
+
+def test_rows_of_unknown_efforts_say_nothing():
+    """Whatever number stands for them; the rows of the other joints are as they were."""
+    model, rng = dd.load_urdf(PANDA.urdf, mimic="free"), np.random.default_rng(0)
+    t, (q, qd, tau) = 0.01 * np.arange(200), rng.normal(size=(3, 200, model.nv))
+    known, regressors = np.arange(model.nv) != 3, Regressors(model)
+    whole, part = regressors.sum_segment(t, q, qd, tau), regressors.sum_segment(t, q, qd, tau, known)
+    assert whole[3].any() and not part[3].any()
+    for k in np.flatnonzero(known):
+        np.testing.assert_array_equal(part[k], whole[k])

@@ -6,6 +6,7 @@
 import numpy as np
 import pytest
 
+import desk_arm
 import diag_dynamics as dd
 from examples import some_of
 from motions import efforts, fourier, recorded
@@ -194,6 +195,32 @@ def test_a_joint_that_stands_is_not_judged_by_its_velocity(worn):
     q[:, k], qd[:, k] = 2e-4 * np.sin(worn.t), 1e-4 * np.cos(worn.t)
     found = dd.identify(changed(worn, q=q, qd=qd), worn.model, "friction")
     assert "friction" in found.quality["taken"] and "wrist_3_joint" not in found.parameters.joints
+
+
+@pytest.mark.parametrize("seed", some_of(range(5), 2))
+def test_friction_of_joints_that_stick(seed):
+    """A simulated desk arm stands a quarter of the time, where stiction holds it: its friction is within 2σ of the truth."""
+    model, true = dd.load_urdf(desk_arm.URDF), {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]}
+    simulation, dynamics = dd.Simulation(model, order=1, **true), dd.DiagonalDynamics(model)
+    t, q, qd, _ = desk_arm.motion(20.0, 1000.0, seed=seed)
+    stands, states = t % 4.0 > 3.0, []
+    moved = np.cumsum(~stands) - 1
+    q, qd = q[moved], np.where(stands[:, None], 0.0, qd[moved])
+    simulation.reset(q[0], qd[0])
+    for wanted, rate in zip(q, qd, strict=True):
+        at, v = simulation.q, simulation.qd
+        tau = dynamics.inverse_dynamics(at, v, 400.0 * (wanted - at) + 40.0 * (rate - v))
+        tau += true["friction"] * np.sign(rate) + true["damping"] * rate
+        states.append((at, v, tau))
+        simulation.advance(tau)
+    rng, columns = np.random.default_rng(seed), np.array(states)[::5].swapaxes(0, 1)
+    noise = np.array([1e-5, 1e-3, 5e-3])[:, None, None] * rng.normal(size=columns.shape)
+    found = dd.identify(recorded(model, t[::5], *(columns + noise)), model, "friction")
+    assert (columns[1] == 0.0).mean() > 0.1 and found.quality["taken"] == ["friction"]
+    for key, values in true.items():
+        for k, name in enumerate(model.dof_names):
+            error = getattr(found.model, key)[k] - values[k]
+            assert abs(error) < 2.0 * found.quality["deviations"][name][key] < values[k]
 
 
 PANDA = robot("panda_description/urdf/panda.urdf").urdf
