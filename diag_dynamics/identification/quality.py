@@ -3,6 +3,8 @@
 
 """Quality of an identification: cross-validation, certainty, warnings, and curves of residuals."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -32,7 +34,7 @@ def validate(models, parts):
             tau = tau - dynamics.friction_torque_batch(qd, q)  # of rates as they are: that of filtered ones turns later
             s = dynamics.evaluate_batch(q, qd, tau)
             balance.add_windows(sums.integrate_states(part.states, s))
-            _, torque, _, valid, _ = observer.observe_batch(part.states, s)
+            _, torque, _, valid, _ = observer.observe_batch(replace(part.states, effort=tau), s)
             observed.append(torque[valid])
             energies.append(s.kinetic_energy.copy())
             if part.duration >= MIN_SMOOTHED:
@@ -141,9 +143,10 @@ def _warnings(quality, without_reference, nothing):
     before, after = quality["kinetic_energy"]
     if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:
         warnings.append(f"kinetic energy is {after / before:.2f} times that of the model")
-    for name, (first, then) in quality["row_residual"].items():
-        if then > first:
-            warnings.append(f"the held-out residual of joint '{name}' increased from {first:.3g} to {then:.3g}")
+    for key, what in (("row_residual", "residual"), ("observer_spread", "external torque")):
+        for name, (first, then) in quality[key].items():
+            if None not in (first, then) and then > (1.0 + GAIN) * first:
+                warnings.append(f"the held-out {what} of joint '{name}' increased from {first:.3g} to {then:.3g}")
     for step, joints in quality["kept"].items():
         for name, (without, own) in joints.items():
             warnings.append(

@@ -8,6 +8,7 @@ import pytest
 
 import desk_arm
 import diag_dynamics as dd
+from diag_dynamics.identification import quality
 from examples import some_of
 from motions import efforts, fourier, recorded
 from oracles import Oracle
@@ -159,6 +160,31 @@ def test_long_delays_of_velocities_are_removed(worn, delay):
     found = dd.identify(late(worn, delay), worn.model, "friction")
     assert found.quality["velocity_delay"] == [pytest.approx(delay, abs=1e-3)]
     np.testing.assert_allclose(found.model.friction, FRICTION, rtol=0.15)
+
+
+def test_the_spread_of_external_torque_is_that_of_the_observer(worn):
+    """Friction of 0.5 to 5 N m is no external torque once it is known; it is that of `observe`."""
+    found = dd.identify(worn, worn.model, "friction")
+    for column, model in enumerate((worn.model, found.model)):
+        observed = dd.observe(dd.DiagonalDynamics(model), worn)
+        spread = observed.external_torque[observed.valid].std(axis=0)
+        told = [found.quality["observer_spread"][name][column] for name in worn.model.dof_names]
+        np.testing.assert_allclose(told, spread, rtol=0.25)
+    before, after = np.transpose(list(found.quality["observer_spread"].values()))
+    assert (after < 0.5 * before).all()
+
+
+def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
+    validate, count = quality.validate, np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
+
+    def validate_with_one_quiet_joint(models, parts):
+        found = validate(models, parts)
+        return found | {"observer_spread": found["observer_spread"] * (count if models[0] is worn.model else 1.0)}
+
+    monkeypatch.setattr(quality, "validate", validate_with_one_quiet_joint)
+    warnings = dd.identify(worn, worn.model, "friction").quality["warnings"]
+    said = [text for text in warnings if "external torque" in text]
+    assert len(said) == 1 and "external torque of joint 'elbow_joint' increased from 0 to" in said[0]
 
 
 def with_late_efforts(data, delay):
