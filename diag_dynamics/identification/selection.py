@@ -62,7 +62,9 @@ class Selection:
         self.kept = {step: {} for step in BY_JOINT}
         if self.layout.known[self.layout.own(ROTOR)].any():
             self._choose_rotors(steps)
-        self._select([step for step in steps if step == "inertias" or self._moving.any()])
+        impossible = {"rotors"} if self.layout.without_rotors else set()
+        impossible |= set() if self._moving.any() else set(BY_JOINT)
+        self._select([step for step in steps if step not in impossible])
 
     @property
     def score(self):

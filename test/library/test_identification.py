@@ -106,6 +106,8 @@ def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
     np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.03)
     left_out = [text for text in found.quality["warnings"] if "rotor inertias of the model are omitted" in text]
     assert len(left_out) == (felt == 0.0)
+    quality = found.quality
+    assert felt or ("rotors" not in quality["kept"] and not any("rotors" in rung["steps"] for rung in quality["ladder"]))
 
 
 def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
