@@ -23,8 +23,7 @@ sys.path.insert(0, str(ROOT))
 from diag_dynamics.control.modes import MODES  # noqa: E402
 from diag_dynamics.entries import LARGEST  # noqa: E402
 from diag_dynamics.inspection.report import OF_MOTION, OF_XML  # noqa: E402
-from diag_dynamics.nodes.support.names import NODES  # noqa: E402
-from diag_dynamics.nodes.support.topics import TOPICS  # noqa: E402
+from diag_dynamics.nodes.support.topics import NODES, TOPICS  # noqa: E402
 from diag_dynamics.parameters.controller import COMPENSATES, WHY_REQUIRED  # noqa: E402
 
 COMMAND = "make docs-tables"

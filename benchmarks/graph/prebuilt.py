@@ -13,7 +13,6 @@ import diag_dynamics as dd
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.nodes.monitor.monitored_robot import matrix
 from diag_dynamics.nodes.support.messages import MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import RATES
@@ -43,7 +42,7 @@ def outputs(robot):
     state = RobotState(q, qd, tau, newest=0, oldest=0, stamp_is_receive_time=False)
     maker, s = MessageMaker(model, revision=1), dynamics.evaluate(q, qd, tau)
     messages = [
-        matrix(topic, maker, dynamics, state) if topic in MATRICES else maker.evaluated(topic, s, state)
+        maker.matrix(topic, dynamics, state) if topic in MATRICES else maker.evaluated(topic, s, state)
         for topic in ORDER
     ]
     return [

@@ -25,7 +25,7 @@ from diag_dynamics.model import end_effector_link, load_urdf
 from diag_dynamics.model.catalog import robot_source
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator import SimulatorNode
-from diag_dynamics.nodes.support.loading import COMPILED
+from diag_dynamics.nodes.support.descriptions import COMPILED
 from diag_dynamics.nodes.support.runner import leave, run
 from diag_dynamics.nodes.top.top import Top, has_screen
 from diag_dynamics.nodes.view import ViewNode

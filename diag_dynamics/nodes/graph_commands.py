@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.names import nearest
+from diag_dynamics.nodes.support.topics import nearest
 
 DISCOVERY_TIMEOUT = 10.0  # of a topic [s]
 

@@ -24,15 +24,14 @@ from diag_dynamics.model.mimic import Followers
 from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
-from diag_dynamics.nodes.support.descriptions import RobotLoader
+from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, text_of
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened, steady
 from diag_dynamics.nodes.support.graph import CLOCK, clock_notes
 from diag_dynamics.nodes.support.guard import answered
-from diag_dynamics.nodes.support.loading import load_robot, text_of
 from diag_dynamics.nodes.support.messages import MessageMaker, doubles, to_time
-from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
 from diag_dynamics.nodes.support.requests import read_state
+from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
 from diag_dynamics.simulation.drives import TIMED_OUT

@@ -27,7 +27,7 @@ from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import OK, WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.support.graph import topics_of
 from diag_dynamics.nodes.support.guard import attempt
-from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary

@@ -107,7 +107,9 @@ def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
     left_out = [text for text in found.quality["warnings"] if "rotor inertias of the model are omitted" in text]
     assert len(left_out) == (felt == 0.0)
     quality = found.quality
-    assert felt or ("rotors" not in quality["kept"] and not any("rotors" in rung["steps"] for rung in quality["ladder"]))
+    assert felt or (
+        "rotors" not in quality["kept"] and not any("rotors" in rung["steps"] for rung in quality["ladder"])
+    )
 
 
 def test_a_step_that_a_larger_error_hides_is_tried_again(panda):

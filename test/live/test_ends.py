@@ -13,7 +13,7 @@ import pytest
 from std_msgs.msg import Float64MultiArray
 
 from controllers import effort_controller
-from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.support.topics import NODES
 from nodes import PANDA, START, UR5
 from processes import Process, node_process
 from robots import robot_path

@@ -11,8 +11,8 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.inspection import inspect_robot
-from diag_dynamics.nodes.monitor.energy import EnergyWatch
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
+from diag_dynamics.nodes.monitor.watches import EnergyWatch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
 from diag_dynamics.parameters.monitor import Settings, Thresholds
 from diag_dynamics.parameters.robots import model_of

@@ -16,9 +16,8 @@ from rclpy.parameter import Parameter, get_parameter_value
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support import runner
 from diag_dynamics.nodes.support.declaring import TableNode, convert, judge
-from diag_dynamics.nodes.support.descriptions import RobotLoader
+from diag_dynamics.nodes.support.descriptions import MAX_WARNINGS, RobotLoader, load_robot
 from diag_dynamics.nodes.support.diagnostics import steady
-from diag_dynamics.nodes.support.loading import MAX_WARNINGS, load_robot
 from diag_dynamics.parameters.controller import PARAMETERS as OF_CONTROLLER
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED

@@ -18,8 +18,7 @@ import pytest
 import yaml
 
 from diag_dynamics.joint_states.codes import CAUSES, COUNTS, EVENTS
-from diag_dynamics.nodes.support.names import NODES
-from diag_dynamics.nodes.support.topics import TOPICS
+from diag_dynamics.nodes.support.topics import NODES, TOPICS
 from diag_dynamics.parameters.controller import COMPENSATES
 from diag_dynamics.parameters.files import parameters_of
 from pages import blocks_of
@@ -71,14 +70,9 @@ def keys_in(path):
     return found
 
 
+MONITOR = "input_statistics", "watches", "external_torque", "monitored_robot", "monitor", "reaction", "gravity"
 REPORTING = {
-    "monitor": [
-        f"monitor/{name}"
-        for name in (
-            *("input_statistics", "energy", "external_torque", "contact", "monitored_robot"),
-            *("monitor", "reaction", "load", "gravity"),
-        )
-    ],
+    "monitor": [f"monitor/{name}" for name in MONITOR],
     "controller": ["controller/record", "controller/controller"],
     "simulator": ["simulator"],
     "view": ["view"],

@@ -18,7 +18,7 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
-from diag_dynamics.nodes.support.names import NODES
+from diag_dynamics.nodes.support.topics import NODES
 from launches import LAUNCH_FILES, launched
 from robots import robot_path
 

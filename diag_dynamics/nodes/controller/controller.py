@@ -29,13 +29,12 @@ from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, 
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, status_message, values_of_loop
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import judge
-from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
+from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
 from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
-from diag_dynamics.nodes.support.loading import load_robot
-from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
+from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact import bounded_points
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
 from diag_dynamics.parameters.spec import Spec

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External torque and collisions at the monitor's states."""
+"""External torque, collisions and loads at the monitor's states."""
 
 import math
 
@@ -9,8 +9,9 @@ import numpy as np
 
 from diag_dynamics.collision.detector import RELEASE, AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.events import Alarms
+from diag_dynamics.control.load import LoadEstimator
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
-from diag_dynamics.nodes.monitor.load import LoadWatch
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
 from diag_dynamics.nodes.support.messages import CollisionThresholds, ContactThresholds
 
@@ -47,6 +48,70 @@ class LiveAlarm:
         """Return the touched link with its probability, and the detectors of the last alarm."""
         last = self._alarms.found[0]
         return f"{last.link} ({last.confidence:.2f}): {last.describe()}" if last.link else last.describe()
+
+
+class LoadWatch:
+    """A load estimator on the results of a disturbance observer.
+
+    `estimate` is the Load of the last state, `begins` whether `is_load` begins there.
+    """
+
+    def __init__(self, dynamics, link, observation):
+        covariance = observation.covariance_of(dynamics.model.dof_names)
+        self.link, self.estimator = link, LoadEstimator(dynamics, link, observation.gain, covariance)
+        self.forget()
+
+    def forget(self):
+        """Reset the estimate."""
+        self.estimator.reset()
+        self.estimate, self.begins = self.estimator.last, False
+
+    def accept_state(self, time, state, seen, r, torque):
+        """Return r and m r of a RobotState, without the part of the load while there is one.
+
+        `seen` is the Disturbance. Without efforts the observer skips a state, and so does the estimator.
+        """
+        was_load = self.estimate.is_load
+        if state.effort is not None:
+            external = torque if seen.valid else None
+            self.estimate = self.estimator.update(time, state.position, state.velocity, external)
+        self.begins = self.estimate.is_load and not was_load
+        if seen.valid and self.estimate.is_load:
+            torque = torque - self.estimator.torque
+            r = self.estimator.dynamics.epsilon_from_tau(state.position, torque)
+        return r, torque
+
+    def describe(self):
+        """Return mass and link of the load as a text."""
+        load = self.estimate
+        return f"load {load.mass:.3g} ± {load.mass_deviation:.2g} kg at '{self.link}'"
+
+    def report(self):
+        """Return the status of the load."""
+        load = self.estimate
+        if not load.valid:
+            return Status("load", STALE, steady(load.reason))
+        values = {"mass [kg]": f"{load.mass:.4g}", "standard deviation of mass [kg]": f"{load.mass_deviation:.2g}"}
+        values["explained"] = f"{load.explained:.3f}"
+        if load.is_significant:
+            values["centre of mass [m]"] = " ".join(f"{x:.3f}" for x in load.center)
+        return Status("load", OK, self.describe() if load.is_load else f"no load at '{self.link}'", values)
+
+
+def check_load_link(model, settings):
+    """Raise InputError if parameters of the load do not fit the model or each other."""
+    link, observation = settings.values["load.link"], settings.observation
+    if not link:
+        return
+    if link not in model.link_names or not model.placement_in_body(link)[0]:
+        raise InputError(
+            f"parameter 'load.link' is '{link}'; expected a link of robot '{model.name}' that a joint moves."
+        )
+    if observation is None or observation.settles_on != "torque" or observation.covariance_of(model.dof_names) is None:
+        raise InputError(
+            f"parameter 'load.link' is '{link}'; expected external_torque.gain above 0, external_torque.settles_on "
+            "'torque' and an external_torque.covariance beside it. Calibrate (diag-dynamics calibrate)."
+        )
 
 
 class TorqueWatch:

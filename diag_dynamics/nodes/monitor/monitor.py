@@ -13,23 +13,21 @@ from sensor_msgs.msg import Imu, JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected
-from diag_dynamics.nodes.monitor.energy import numerical_health
 from diag_dynamics.nodes.monitor.gravity import GravitySource
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
-from diag_dynamics.nodes.monitor.load import NO_PAYLOAD, PayloadServices
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, Refused, model_status
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs, frame_tokens
 from diag_dynamics.nodes.monitor.reaction import Reaction
-from diag_dynamics.nodes.monitor.services import DynamicsServices
+from diag_dynamics.nodes.monitor.services import NO_PAYLOAD, DynamicsServices, PayloadServices
+from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
-from diag_dynamics.nodes.support.descriptions import RobotLoader, subscribe_description
+from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import MAX_NAMES, WARN, Diagnostics, counted
 from diag_dynamics.nodes.support.graph import clock_notes, publishers, warn_of_time
 from diag_dynamics.nodes.support.guard import Fault, attempt
-from diag_dynamics.nodes.support.loading import load_robot
-from diag_dynamics.nodes.support.names import NODES
 from diag_dynamics.nodes.support.publishing import connected
+from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
 from diag_dynamics.text import plain

@@ -15,13 +15,11 @@ from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.model.sources import folder_of
-from diag_dynamics.nodes.monitor.contact import ContactWatch
-from diag_dynamics.nodes.monitor.energy import EnergyWatch
-from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
-from diag_dynamics.nodes.monitor.load import check_load_link
+from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_link
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
+from diag_dynamics.nodes.monitor.watches import ContactWatch, EnergyWatch
+from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
-from diag_dynamics.nodes.support.loading import compile_dynamics, text_of
 from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES
 from diag_dynamics.parameters.contact import contact_points
@@ -256,9 +254,8 @@ class MonitoredRobot:
         evaluated = tuple(topic for topic in topics if topic not in MATRICES)
         made = self.encoder.evaluated_all(evaluated, s, self.state) if evaluated else []
         with_inverse = self.settings.values["publish_inverse_factor"]
-        for topic in topics[len(evaluated) :]:  # they come last
-            made.append(matrix(topic, self.encoder, self.dynamics, self.state, with_inverse))
-        return made
+        matrices = topics[len(evaluated) :]  # they come last
+        return made + [self.encoder.matrix(topic, self.dynamics, self.state, with_inverse) for topic in matrices]
 
 
 def _values_by(options):
@@ -276,16 +273,6 @@ def _without_rotors(dynamics):
         D = np.array([dynamics.evaluate(model.random(rng), still).articulated_inertia for _ in range(POSES)])
         return tuple(too_quick(model, D))
     return ()
-
-
-def matrix(topic, maker, dynamics, state, with_inverse=False):
-    """One of topics.MATRICES at a RobotState, by a MessageMaker; the factors with ℓ, if wanted."""
-    q, qd = state.position, state.velocity
-    if topic == "mass_matrix_factors":
-        return maker.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
-    if topic != "joint_space_dynamics":
-        raise AssertionError(f"unknown topic {topic}")
-    return maker.joint_space_dynamics(dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q), state)
 
 
 class _Text(NamedTuple):

@@ -1,18 +1,27 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The monitor's services of dynamics."""
+"""The monitor's services: dynamics, and the payload from requests, loads and the robot's driver."""
+
+from geometry_msgs.msg import InertiaStamped
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from std_srvs.srv import Trigger
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.nodes.monitor.load import payload_of
-from diag_dynamics.nodes.support.guard import answered
+from diag_dynamics.model import Payload
+from diag_dynamics.nodes.support.guard import answered, attempt
 from diag_dynamics.nodes.support.messages import doubles
-from diag_dynamics.nodes.support.publishing import SERVICE_QOS
+from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
 from diag_dynamics.nodes.support.requests import read_acceleration, read_state, read_wrenches
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
+from diag_dynamics.text import plain
+
+NO_PAYLOAD = Payload(0.0)
+"""Removes the payload of a link."""
 
 
 class DynamicsServices:
@@ -63,15 +72,106 @@ class DynamicsServices:
         stamp = request.state.header.stamp
         at = stamp.sec * SECOND + stamp.nanosec
         state = RobotState(q, qd, tau, at, at, False)
-        M, c, g = dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
         response.state = maker.evaluated("state", s, state)
         response.external = doubles(s.external)
         response.coriolis = maker.evaluated("coriolis", s, state)
-        response.factors = maker.mass_matrix_factors(dynamics.factors(q), True, state)
+        response.factors = maker.matrix("mass_matrix_factors", dynamics, state, with_inverse=True)
         response.kinetic_energy = maker.evaluated("kinetic_energy", s, state)
-        response.joint_space_dynamics = maker.joint_space_dynamics(M, c, g, state)
+        response.joint_space_dynamics = maker.matrix("joint_space_dynamics", dynamics, state)
 
     def _set_payload(self, request, response):
         payload = payload_of(request.inertia)
         self._robot()[0].model.with_payload(request.link, *payload)  # raises InputError
         response.total_mass = self._attach(request.link, payload).total_mass
+
+
+class PayloadServices:
+    """The services ~/accept_payload and ~/reset_payload, and the topic of the driver's payload.
+
+    `current` returns the MonitoredRobot or None; `attach` changes one payload.
+    """
+
+    def __init__(self, node, current, attach):
+        self._log, self._current, self._attach = node.get_logger(), current, attach
+        self._accepted = None  # link, its payload before the first acceptance, and the accepted one
+        for name, answer in (("accept_payload", self.accept), ("reset_payload", self._reset)):
+            callback = answered(node, Trigger, lambda request, response, answer=answer: answer())
+            node.create_service(Trigger, f"~/{name}", callback, qos_profile=SERVICE_QOS)
+        self._received = None  # last payload of the driver
+        if topic := node.values["load.driver_topic"]:
+            options = InertiaStamped, topic, self._accept_message
+            connected(node.create_subscription, *options, QoSProfile(depth=1), raw=True)
+            node.create_subscription(*options, latched(), raw=True)  # receives nothing from volatile publishers
+
+    def _model(self):
+        if (robot := self._current()) is None:
+            raise InputError("There is no robot yet. The node waits for a valid robot_description.")
+        return robot.model
+
+    def _watch(self):
+        self._model()
+        torque = self._current().torque
+        if torque is None or torque.load is None:
+            raise InputError("parameter 'load.link' is ''; expected a link. Set it to have loads estimated.")
+        return torque.load
+
+    def accept(self):
+        """Add the load to the payload of its link; return a message."""
+        watch = self._watch()
+        link, found = watch.link, watch.estimate
+        if not found.is_load:
+            value = f"{found.mass:.3g} ± {found.mass_deviation:.2g} kg" if found.valid else f"unknown: {found.reason}"
+            raise InputError(
+                f"load on link '{link}' is {value}; expected a recognized load. Move the arm with the load."
+            )
+        before, payload = self._before(link), watch.estimator.payload()
+        self._accepted = link, before, self._attach(link, payload).payloads.get(link, NO_PAYLOAD)
+        return f"The payload of '{link}' is {payload.mass:.3g} kg."
+
+    def _before(self, link):
+        """Return the payload of a link before the acceptances that are in force."""
+        now = self._model().payloads.get(link, NO_PAYLOAD)
+        if self._accepted and self._accepted[0] == link and _numbers(self._accepted[2]) == _numbers(now):
+            return self._accepted[1]
+        return now
+
+    def _reset(self):
+        watch = self._watch()
+        before = self._before(watch.link)
+        self._attach(watch.link, before)
+        self._accepted = None
+        watch.forget()
+        return f"The payload of '{watch.link}' is {before.mass:.3g} kg, as before accept_payload."
+
+    def _accept_message(self, message):
+        """Store the bytes of a geometry_msgs/InertiaStamped of the driver, and use its payload."""
+        self._received = message
+        if self._current():
+            self.apply_received()
+
+    def apply_received(self):
+        """Replace the payload of a link of the robot in force by the last one of the driver, if there is one."""
+        _, fault = attempt(self._use_driver) if self._received else (None, None)
+        if fault:
+            self._log.warning(f"Payload of the driver rejected: {fault.reason}", throttle_duration_sec=5.0)
+
+    def _use_driver(self):
+        found = deserialize_message(self._received, InertiaStamped)
+        link, payload = found.header.frame_id, payload_of(found.inertia)
+        model = self._model()
+        if _numbers(payload) != _numbers(model.payloads.get(link, NO_PAYLOAD)):
+            model.with_payload(link, *payload)  # raises InputError
+            self._attach(link, payload)
+            self._log.info(plain(f"Payload of the driver: {payload.mass:.3g} kg on '{link}'."))
+
+
+def payload_of(i):
+    """Return the Payload of a geometry_msgs/Inertia."""
+    inertia = ((i.ixx, i.ixy, i.ixz), (i.ixy, i.iyy, i.iyz), (i.ixz, i.iyz, i.izz))
+    return Payload(i.m, (i.com.x, i.com.y, i.com.z), inertia)
+
+
+def _numbers(payload):
+    """Return mass, centre and inertia as plain numbers; those of a mass of 0 do not matter."""
+    rows = [list(map(float, row)) for row in payload.inertia]
+    return (payload.mass, list(map(float, payload.com)), rows) if payload.mass else ()

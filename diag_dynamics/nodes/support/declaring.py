@@ -14,7 +14,7 @@ from rclpy.task import Future
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
-from diag_dynamics.nodes.support.names import NODES, nearest
+from diag_dynamics.nodes.support.topics import NODES, nearest
 from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.parameters.renamed import RENAMED, current, current_parameters
 from diag_dynamics.parameters.spec import wrong

@@ -85,42 +85,19 @@ class ContactThresholds(NamedTuple):
 
 
 EVALUATED = {
-    "total_joint_rates": (TotalJointRates, {"nu": ws.NU, "xi": ws.XI}),
-    "working_moments": (WorkingMoments, {"epsilon": ws.EPSILON, "kappa": ws.KAPPA}),
-    "coriolis": (
-        CoriolisTerm,
-        {
-            "coriolis": ws.CORIOLIS,
-            "coriolis_unnormalized": ws.CORIOLIS_UNNORMALIZED,
-            "gravity": ws.GRAVITY,
-        },
-    ),
-    "kinetic_energy": (
-        KineticEnergy,
-        {
-            "total": ws.KINETIC_ENERGY,
-            "energy_share": ws.ENERGY_SHARE,
-            "power": ws.EFFORT_POWER,
-        },
-    ),
-    "state": (
-        DiagonalizedState,
-        {
-            "position": ws.POSITIONS,
-            "velocity": ws.RATES,
-            "nu": ws.NU,
-            "xi": ws.XI,
-            "epsilon": ws.EPSILON,
-            "kappa": ws.KAPPA,
-            "coriolis": ws.CORIOLIS,
-            "gravity": ws.GRAVITY,
-            "articulated_inertia": ws.ARTICULATED_INERTIA,
-            "kinetic_energy": ws.KINETIC_ENERGY,
-            "power": ws.EFFORT_POWER,
-        },
-    ),
+    "total_joint_rates": TotalJointRates,
+    "working_moments": WorkingMoments,
+    "coriolis": CoriolisTerm,
+    "kinetic_energy": KineticEnergy,
+    "state": DiagonalizedState,
 }
-"""Messages about an Evaluation: their type, and the row of its memory that each field is read from."""
+"""Messages about an Evaluation."""
+
+SAME = "nu", "xi", "epsilon", "kappa", "coriolis", "coriolis_unnormalized", "gravity"
+SAME += "energy_share", "articulated_inertia", "kinetic_energy"
+ROWS = {field: getattr(ws, field.upper()) for field in SAME}
+ROWS |= {"total": ws.KINETIC_ENERGY, "power": ws.EFFORT_POWER, "position": ws.POSITIONS, "velocity": ws.RATES}
+"""Rows of an Evaluation's memory that fields of these messages are read from."""
 
 OF_EFFORT = (ws.EPSILON, ws.KAPPA, ws.EFFORT_POWER)
 """Rows that are empty without effort."""
@@ -173,12 +150,12 @@ class MessageMaker:
 
     def evaluated(self, topic, s, state):
         """Return a message of :data:`EVALUATED` about an Evaluation and the RobotState that it is of."""
-        kind, rows = EVALUATED[topic]
+        kind = EVALUATED[topic]
         with_effort, with_friction = s.epsilon is not None, s.friction is not None
         valid = {"effort_valid": with_effort, "power_valid": with_effort, "friction_valid": with_friction}
         fields = kind.get_fields_and_field_types()
         values = {field: flag for field, flag in (valid | _flags(state)).items() if field in fields}
-        for field, row in self._rows(rows, with_effort).items():
+        for field, row in _rows_of(kind, with_effort).items():
             count = self._count(field, row)
             values[field] = s.rows[row, :count] if "sequence" in fields[field] else s.rows.item(row, 0)
         texts = self._dofs | self._texts.get(topic, {})
@@ -186,9 +163,6 @@ class MessageMaker:
         if topic == "state":
             message.oldest_stamp = to_time(state.oldest)
         return message
-
-    def _rows(self, rows, with_effort):
-        return {field: row for field, row in rows.items() if with_effort or row not in OF_EFFORT}
 
     def _count(self, field, row):
         """Return how many numbers of a row a field has."""
@@ -218,6 +192,14 @@ class MessageMaker:
         """M, c and g."""
         values = _flags(state) | {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
         return self.make("joint_space_dynamics", JointSpaceDynamics, state, self._dofs, values)
+
+    def matrix(self, topic, dynamics, state, with_inverse=False):
+        """Return one of topics.MATRICES at a RobotState; the factors with ℓ, if wanted."""
+        q, qd = state.position, state.velocity
+        if topic == "mass_matrix_factors":
+            return self.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
+        M, c, g = dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
+        return self.joint_space_dynamics(M, c, g, state)
 
     def external_torque(self, seen, observation, state, alarming=None, contact=None, touched=None):
         """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid.
@@ -291,6 +273,12 @@ class MessageMaker:
         return self.make("contact", Contact, state, texts, values, (contact.points,))
 
 
+def _rows_of(kind, with_effort):
+    """Return the rows of fields of a message that are not empty."""
+    rows = {field: ROWS[field] for field in kind.get_fields_and_field_types() if field in ROWS}
+    return {field: row for field, row in rows.items() if with_effort or row not in OF_EFFORT}
+
+
 def _vector(numbers):
     x, y, z = map(float, numbers)
     return Vector3(x=x, y=y, z=z)
@@ -360,7 +348,7 @@ class BytesMaker(MessageMaker):
 
     def _part(self, topic, template, s, state):
         """Return the part of a layout for a message about an Evaluation."""
-        rows = self._rows(EVALUATED[topic][1], s.epsilon is not None)
+        rows = _rows_of(EVALUATED[topic], s.epsilon is not None)
         places = {field: (row * s.rows.shape[1], self._count(field, row)) for field, row in rows.items()}
         return topic, template, self._beside(topic, s, state), places
 
