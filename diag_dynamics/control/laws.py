@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control laws in (ν, ε) and their commands: damping, gravity compensation, joint tracking and pose regulation.
+"""Control laws in (ν, ε) and their commands: damping, gravity compensation, joints that track or are regulated, poses.
 
-Gains are one number for all degrees of freedom, or one for each.
+Gains are one number for all degrees of freedom, or one for each. `law.require_stable(q, period)` raises InputError if a
+loop of this period [s] would make a gain unstable, and names the largest gain that is stable.
 """
 
 from __future__ import annotations
@@ -26,6 +27,14 @@ ORTHOGONAL = 1e-6
 
 UNIT = 1e-3
 """Maximum deviation of a quaternion's length from 1."""
+
+STABLE = 2.0
+"""Product of gain and period below which ṡ = −Ks is stable if its torque lasts for a period."""
+
+ROUND_DOWN = 0.995
+"""Factor on the largest gains in texts: three digits of the product are a stable gain, too."""
+
+STIFF = "a finite number > 0 [N m/rad, N/m]"
 
 
 class PoseError(NamedTuple):
@@ -81,6 +90,20 @@ class Law:
         tau += g
         return Command(tau, epsilon, g, nu, 0.5 * float(nu @ nu) + stored, rate)
 
+    def require_stable(self, q: VectorLike, period: float) -> None:
+        """Raise InputError if a gain is unstable at the positions q [rad, m] in a loop of a period [s] without delay."""
+
+    def _require_rates(self, name: str, rates: Array, period: float) -> None:
+        """Raise InputError if ṡ = −Ks is unstable for the largest of the rates K [1/s]."""
+        k = int(np.argmax(rates))
+        _require_at_most(f"{name} of '{self.dynamics.model.dof_names[k]}'", rates[k], STABLE / period, "1/s", period)
+
+
+def _require_at_most(what: str, value: float, largest: float, unit: str, period: float) -> None:
+    if value > largest:
+        limit = f"{ROUND_DOWN * largest:.3g} {unit} at {1.0 / period:.4g} Hz"
+        raise InputError(f"{what} is {value:.6g}; expected at most {limit}.")
+
 
 class RateDamping(Law):
     """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own; the gain is c > 0 [1/s].
@@ -98,6 +121,10 @@ class RateDamping(Law):
         epsilon = -self.gain * nu
         return self._command(q, nu, epsilon, float(nu @ epsilon))
 
+    def require_stable(self, q: VectorLike, period: float) -> None:
+        """Raise InputError unless c·period < 2."""
+        self._require_rates("gain", self.gain, period)
+
 
 class GravityCompensation(Law):
     """Gravity compensation alone, ε = 0: the robot weighs nothing and can be guided by hand.
@@ -106,29 +133,18 @@ class GravityCompensation(Law):
     """
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
+        """See :meth:`RateDamping.command`."""
         nu = self.dynamics.nu_from_qd(q, qd)
         return self._command(q, nu, 0.0 * nu, 0.0)
 
 
-class JointTracking(Law):
-    """Joint-space tracking in total rates: s = ν − ν_r decays as ṡ = −(K + B)s, with B skew.
+class JointLaw(Law):
+    """Law with a desired motion of the joints; subclasses define `_respond`."""
 
-    With q̇_r = q̇_d − Λ(q − q_d) and ν_r = mᵀq̇_r the law is ε = ν̇_r + B(q, ν)ν_r − Ks. B is skew and B ν = C(q, ν), so
-    V = ½|s|² falls at −sᵀKs in every configuration. Once s is zero, q − q_d decays at Λ. ν̇_r + Bν_r is evaluated as
-    ℓ(M q̈_r + C_s q̇_r), a Newton–Euler pass with two velocities, q̈_r = q̈_d − Λ(q̇ − q̇_d).
-
-    The gain is K > 0 [1/s], the convergence Λ > 0 [1/s]. `closing` is the largest part of q̇_r that reduces the error
-    [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V falls as before.
-    """
-
-    def __init__(self, dynamics: DiagonalDynamics, gain: Gain, convergence: Gain, closing: Gain = np.inf) -> None:
-        super().__init__(dynamics, "inverse_dynamics", "coriolis_product", "epsilon_from_tau")
-        model, names = dynamics.model, dynamics.model.dof_names
-        self.gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
-        self.convergence = per_name("convergence", convergence, names, "a finite number > 0 [1/s]")
-        self.closing = per_name("closing", closing, names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
-        self._continuous = np.array([name in model.continuous_joints for name in names])
+    def __init__(self, dynamics: DiagonalDynamics, *methods: str) -> None:
+        super().__init__(dynamics, "inverse_dynamics", "coriolis_product", "epsilon_from_tau", *methods)
+        model = dynamics.model
+        self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
         self._zero = np.zeros(model.nv)
 
     def command(
@@ -141,26 +157,127 @@ class JointTracking(Law):
     ) -> Command:
         """Return the command at q [rad, m] and qd [rad/s, m/s] for a desired motion, whose derivatives are 0 by default.
 
-        All have shape (nv,). V is ½|s|², and the error q_d − q, of a continuous joint the shorter way round.
+        All have shape (nv,). The error is q_d − q, of a continuous joint the shorter way round.
         """
-        dynamics, names = self.dynamics, self.dynamics.model.dof_names
+        names = self.dynamics.model.dof_names
         q, qd = vector("q", q, names), vector("qd", qd, names)
         error = vector("desired_q", desired_q, names) - q
         error = np.where(self._continuous, rotations.wrap_angle(error), error)
         qd_d = self._zero if desired_qd is None else vector("desired_qd", desired_qd, names)
         qdd_d = self._zero if desired_qdd is None else vector("desired_qdd", desired_qdd, names)
+        return self._respond(q, qd, error, qd_d, qdd_d)
+
+    def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
+        raise NotImplementedError
+
+    def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
+        """Return M q̈_r + C_s q̇_r + g and g [N m, N], by a Newton–Euler pass with two velocities."""
+        tau = self.dynamics.inverse_dynamics(q, self._zero, qdd_r)
+        tau += self.dynamics.coriolis_product(q, qd, qd_r)
+        return tau, self.dynamics.gravity_torque(q)
+
+    def _closed(
+        self, q: Array, qd: Array, reference: tuple[Array, Array], s: Array, braking: Array, error: Array, spring: Array
+    ) -> Command:
+        """Return the command of m(reference − braking) and springs: V = ½|s|² + ½ springᵀerror, dV/dt = −sᵀbraking."""
+        tau, g = reference
+        tau = tau + spring - self.dynamics.tau_from_epsilon(q, braking)
+        epsilon = self.dynamics.epsilon_from_tau(q, tau - g)
+        V = 0.5 * float(s @ s) + 0.5 * float(spring @ error)
+        return Command(tau, epsilon, g, self.dynamics.nu_from_qd(q, qd), V, -float(s @ braking), error)
+
+
+class JointTracking(JointLaw):
+    """Joint-space tracking in total rates: s = ν − ν_r decays as ṡ = −(K + B)s, with B skew.
+
+    With q̇_r = q̇_d − Λ(q − q_d) and ν_r = mᵀq̇_r the law is ε = ν̇_r + B(q, ν)ν_r − Ks. B is skew and B ν = C(q, ν), so
+    V = ½|s|² falls at −sᵀKs in every configuration. Once s is zero, q − q_d decays at Λ.
+    ν̇_r + Bν_r is evaluated as ℓ(M q̈_r + C_s q̇_r), q̈_r = q̈_d − Λ(q̇ − q̇_d).
+
+    The gain is K > 0 [1/s], the convergence Λ > 0 [1/s]. `closing` is the largest part of q̇_r that reduces the error
+    [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V falls as before.
+    """
+
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        gain: Gain,
+        convergence: Gain,
+        closing: Gain = np.inf,
+    ) -> None:
+        super().__init__(dynamics)
+        names = dynamics.model.dof_names
+        self.gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
+        self.convergence = per_name("convergence", convergence, names, "a finite number > 0 [1/s]")
+        self.closing = per_name("closing", closing, names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
+
+    def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         closing = self.convergence * error
         bounded = np.clip(closing, -self.closing, self.closing)
         qd_r = qd_d + bounded
         qdd_r = qdd_d + np.where(bounded == closing, self.convergence, 0.0) * (qd_d - qd)
-        nu, s = dynamics.nu_from_qd(q, qd), dynamics.nu_from_qd(q, qd - qd_r)
-        tau = dynamics.inverse_dynamics(q, self._zero, qdd_r)  # M q̈_r + g
-        tau += dynamics.coriolis_product(q, qd, qd_r)
+        s = self.dynamics.nu_from_qd(q, qd - qd_r)
         braking = self.gain * s
-        tau -= dynamics.tau_from_epsilon(q, braking)
-        g = dynamics.gravity_torque(q)
-        epsilon = dynamics.epsilon_from_tau(q, tau - g)
-        return Command(tau, epsilon, g, nu, 0.5 * float(s @ s), -float(s @ braking), error)
+        return self._closed(q, qd, self._reference(q, qd, qd_r, qdd_r), s, braking, error, self._zero)
+
+    def require_stable(self, q: VectorLike, period: float) -> None:
+        """Raise InputError unless (K + Λ)·period < 2, with the largest Λ."""
+        rates = self.gain + self.convergence.max()
+        self._require_rates("gain + convergence", rates, period)
+
+
+class JointRegulation(JointLaw):
+    """Joint springs with one damping ratio ζ: τ = M q̈_d + C_s q̇_d + g + K_q(q_d − q) − m c s, s = ν − mᵀq̇_d.
+
+    With K̃ = ℓK_qℓᵀ and c = 2ζK̃^½ (symmetric root) the motion about a set-point is z̈ + 2ζK̃^½ż + K̃z = 0: every mode
+    has the damping ratio ζ in every configuration. V = ½|s|² + ½(q_d − q)ᵀK_q(q_d − q) falls at −sᵀcs.
+
+    The stiffness is K_q > 0 [N m/rad, N/m], the damping ratio ζ > 0; 1 is critical.
+
+    Example
+    -------
+    >>> import diag_dynamics as dd
+    >>> dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
+    >>> law = dd.JointRegulation(dyn, stiffness=200.0, damping_ratio=0.7)
+    >>> law.command([0, -1, 1, 0, 0, 0], [0] * 6, desired_q=[0, -1, 1.2, 0, 0, 0]).lyapunov  # ½ 200 N m/rad (0.2 rad)²
+    4.0
+    """
+
+    def __init__(self, dynamics: DiagonalDynamics, stiffness: Gain, damping_ratio: float) -> None:
+        super().__init__(dynamics, "factors")
+        self.stiffness = per_name("stiffness", stiffness, dynamics.model.dof_names, STIFF)
+        self.damping_ratio = positive("damping_ratio", damping_ratio, "[1]")
+        self._root = np.sqrt(self.stiffness)
+
+    def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
+        s = self.dynamics.nu_from_qd(q, qd - qd_d)
+        braking = modal_damping(self.dynamics.factors(q).l * self._root, s, self.damping_ratio)
+        return self._closed(q, qd, self._reference(q, qd, qd_d, qdd_d), s, braking, error, self.stiffness * error)
+
+    def require_stable(self, q: VectorLike, period: float) -> None:
+        """Raise InputError unless the fastest mode at q has ω·period < min(4ζ, 1/ζ)."""
+        _, frequencies, modes = np.linalg.svd(self.dynamics.factors(q).l * self._root)
+        k = int(np.argmax(np.abs(modes[0])))  # the joint with most of the mode
+        largest = self.stiffness[k] * (largest_frequency(self.damping_ratio, period) / frequencies[0]) ** 2
+        what = f"stiffness of '{self.dynamics.model.dof_names[k]}'"
+        _require_at_most(what, self.stiffness[k], largest, "N m/rad (N/m)", period)
+
+
+def modal_damping(root: Array, nu: Array, ratio: float, least: float = 0.0) -> Array:
+    """Return 2ζK̃^½ν [J^½/s] of a stiffness K̃ = root rootᵀ, shape (nv, k).
+
+    Modes below the frequency `least` [rad/s], such as those without stiffness, are damped like a mode of that frequency.
+    """
+    U, frequencies, _ = np.linalg.svd(root)
+    rates = np.full(len(nu), least)
+    np.maximum(frequencies, least, out=rates[: len(frequencies)])
+    damped: Array = U @ ((2.0 * ratio) * rates * (nu @ U))
+    return damped
+
+
+def largest_frequency(ratio: float, period: float) -> float:
+    """Return the frequency [rad/s] below which springs of a damping ratio are stable if their torques last for a period."""
+    return min(4.0 * ratio, 1.0 / ratio) / period
 
 
 class PoseRegulation(Law):
@@ -171,28 +288,44 @@ class PoseRegulation(Law):
     rest where ℓJᵀC₂e = 0: at the target; at a singularity or a target out of reach; and at an orientation error of exactly
     180°, if its stiffness is the same about all axes.
 
-    The frame has the link's axes and its origin at a point [m] in these. The damping is c₁ > 0 [1/s], the position stiffness
-    C₂ > 0 [N/m], one number or one for each of the root link's axes. The orientation stiffness > 0 [N m/rad] against small
-    rotations is twice the weight C₂ of an axis.
+    The frame has the link's axes and its origin at a point [m] in these. The position stiffness is C₂ > 0 [N/m], one number
+    or one for each of the root link's axes. The orientation stiffness > 0 [N m/rad] against small rotations is twice the
+    weight C₂ of an axis.
+
+    Either the damping c₁ > 0 [1/s] is constant, or a damping ratio ζ > 0 is the same for all modes and configurations:
+    c₁ = 2ζK̃^½ with K̃ = ℓJᵀK_xJℓᵀ, as of :class:`JointRegulation`. Motion in the null space of K̃ is then damped by 2ζω, ω
+    the `null_frequency` > 0 [rad/s]; slower modes are, too, so that c₁ is continuous at singularities.
     """
 
     def __init__(
         self,
         dynamics: DiagonalDynamics,
         link: str,
-        damping: Gain,
-        position_stiffness: Gain,
-        orientation_stiffness: float,
+        damping: Gain | None = None,
+        position_stiffness: Gain = 200.0,
+        orientation_stiffness: float = 20.0,
         point: VectorLike = (0.0, 0.0, 0.0),
+        *,
+        damping_ratio: float | None = None,
+        null_frequency: float = 1.0,
     ) -> None:
-        super().__init__(dynamics, "placement", "epsilon_from_wrench")
+        super().__init__(dynamics, "placement", "wrench_factor")
         if link not in dynamics.model.link_names:
             raise InputError(f"'{link}' is not a link of robot '{dynamics.model.name}'.")
+        if (damping is None) == (damping_ratio is None):
+            raise InputError(f"damping is {damping} and damping_ratio is {damping_ratio}; expected one of them.")
         self.link = link
-        self.damping = per_name("damping", damping, dynamics.model.dof_names, "a finite number > 0 [1/s]")
+        self.damping: Array | None = None
+        self.damping_ratio = 0.0
+        if damping is not None:
+            self.damping = per_name("damping", damping, dynamics.model.dof_names, "a finite number > 0 [1/s]")
+        else:
+            self.damping_ratio = positive("damping_ratio", damping_ratio, "[1]")
+        self.null_frequency = positive("null_frequency", null_frequency, "[rad/s]")
         self.position_stiffness = per_name("position_stiffness", position_stiffness, "xyz", "a finite number > 0 [N/m]")
         self.orientation_stiffness = positive("orientation_stiffness", orientation_stiffness, "[N m/rad]")
         self.point = numbers("point", point, (3,), "three finite numbers [m]")
+        self._root = np.sqrt([*self.position_stiffness, *3 * [self.orientation_stiffness]])
         self._position: Array | None = None
         self._axes: Array | None = None
 
@@ -214,12 +347,13 @@ class PoseRegulation(Law):
         return X[:3, :3] @ self.point + X[:3, 3], X[:3, :3]
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
+        """See :meth:`RateDamping.command`."""
         if self._position is None and self._axes is None:
             raise InputError("PoseRegulation has no target: call aim first.")
         nu = self.dynamics.nu_from_qd(q, qd)
         position, axes = self.pose(q)
         wrench, stored, distance, rotation = np.zeros(6), 0.0, None, None
+        regulated = np.repeat([self._position is not None, self._axes is not None], 3)
         if self._position is not None:
             distance = self._position - position
             wrench[:3] = self.position_stiffness * distance
@@ -229,10 +363,27 @@ class PoseRegulation(Law):
             wrench[3:] = weight * rotations.vee(R)  # Σ a_j × (a_dj − a_j)
             stored += weight * (3.0 - float(np.trace(R)))  # ½ Σ |a_dj − a_j|²
             rotation = rotations.to_vector(R)
-        spring = self.dynamics.epsilon_from_wrench(q, self.link, wrench, self.point, "world")
-        damped = self.damping * nu
-        command = self._command(q, nu, spring - damped, -float(nu @ damped), stored)
+        factor = self.dynamics.wrench_factor(q, self.link, self.point, "world")
+        if self.damping is not None:
+            damped = self.damping * nu
+        else:
+            damped = modal_damping(factor * regulated * self._root, nu, self.damping_ratio, self.null_frequency)
+        command = self._command(q, nu, factor @ wrench - damped, -float(nu @ damped), stored)
         return command._replace(error=PoseError(distance, rotation))
+
+    def require_stable(self, q: VectorLike, period: float) -> None:
+        """Raise InputError unless c₁·period < 2 and ω²·period < 2c₁, for a ratio ω·period < min(4ζ, 1/ζ), in every mode."""
+        root = self.dynamics.wrench_factor(q, self.link, self.point, "world") * self._root
+        if self.damping is None:
+            largest = largest_frequency(self.damping_ratio, period)
+        else:
+            self._require_rates("damping", self.damping, period)
+            root, largest = root / np.sqrt(self.damping)[:, None], math.sqrt(STABLE / period)
+        _, frequencies, modes = np.linalg.svd(root)
+        k = int(np.argmax(np.abs(modes[0])))
+        what, unit = (f"position_stiffness of '{'xyz'[k]}'", "N/m") if k < 3 else ("orientation_stiffness", "N m/rad")
+        stiffness = self._root[k] ** 2
+        _require_at_most(what, stiffness, stiffness * (largest / frequencies[0]) ** 2, unit, period)
 
 
 def rotation_of(orientation: Any) -> Array:

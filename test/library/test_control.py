@@ -15,61 +15,14 @@ import pytest
 
 import diag_dynamics as dd
 import robots
+from controlled import ALL, ARM, FRAMES, PANDA, POINT, RANDOM, TREE, UR5, close, dense_frame, stacked, states
 from described import subject
 from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.rotations import to_vector as rotation_vector
 
-RANDOM = {robot.id: robot for robot in robots.random_robots()}
-PANDA = robots.robot("panda_description/urdf/panda.urdf")
-UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
-TREE = RANDOM["geared_tree_10"]
-ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
-FRAMES = {PANDA.id: "panda_hand", ARM.id: "panda_hand", UR5.id: "tool0", TREE.id: "link_11"}
-POINT = np.array([0.03, -0.05, 0.1])
-READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
 ONE = np.ones(7)
 HURT = np.where(np.arange(7) == 2, np.nan, 1.0)
-ALL = pytest.mark.parametrize("robot", (PANDA, UR5, TREE), ids=lambda robot: robot.id)
-
-
-def configuration(model, rng, part=0.8):
-    """Return a random configuration within the middle part of the limits."""
-    lower, upper = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0)
-    return 0.5 * (lower + upper) + 0.5 * part * (upper - lower) * rng.uniform(-1, 1, model.nv)
-
-
-def states(robot, count):
-    """Yield a generator of numbers and the truths of the oracle at random states."""
-    s, rng = subject(robot), np.random.default_rng(7)
-    for _ in range(count):
-        yield rng, s.oracle.at(configuration(s.model, rng), rng.normal(size=s.model.nv))
-
-
-def dense_frame(robot, q):
-    """Return position, axes, and the Jacobian of both stacked, 12 rows, of the frame: from Pinocchio alone."""
-    o = subject(robot).oracle
-    full = o.full
-    configuration = full.configuration(o.q_full(q))
-    at = full.model.getFrameId(FRAMES[robot.id], pin.FrameType.BODY)
-    pin.framesForwardKinematics(full.model, full.data, configuration)
-    placed = full.data.oMf[at].copy()
-    J = pin.computeFrameJacobian(full.model, full.data, configuration, at, pin.LOCAL_WORLD_ALIGNED)
-    J = J[:, full._order] @ o.G
-    lever = placed.rotation @ POINT
-    rows = [J[:3] - pin.skew(lever) @ J[3:]]
-    rows += [-pin.skew(placed.rotation[:, j]) @ J[3:] for j in range(3)]
-    return placed.translation + lever, placed.rotation, np.vstack(rows)
-
-
-def stacked(position, axes):
-    """Return Y: the position and the three axes."""
-    return np.concatenate([position, axes.T.ravel()])
-
-
-def close(actual, expected):
-    """Assert equality to 1e-9, the accuracy of commands."""
-    np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-9 * max(1.0, np.abs(expected).max()))
 
 
 def test_rotations():
@@ -192,6 +145,7 @@ def test_unactuated_robots_are_refused(robot, key):
         (dd.GravityCompensation, ()),
         (dd.RateDamping, (1.0,)),
         (dd.JointTracking, (1.0, 1.0)),
+        (dd.JointRegulation, (1.0, 1.0)),
         (dd.PoseRegulation, (dyn.model.link_names[-1], 1.0, 1.0, 1.0)),
         (dd.EnergyLimiter, (1.0, 1.0)),
         (dd.PositionRepulsion, (0.1, 1.0)),
@@ -213,6 +167,13 @@ def pose(dyn, link="panda_hand", damping=1.0, position=1.0, orientation=1.0, poi
         (lambda d: dd.RateDamping(d, 1.0).command(ONE, ONE[:3]), "qd has shape"),
         (lambda d: dd.JointTracking(d, 1.0, 1.0, 0.0), "closing of 'panda_joint1' is 0.0"),
         (lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, HURT), "desired_q of joint 'panda_joint3'"),
+        (lambda d: dd.JointRegulation(d, -1.0, 1.0), "stiffness of 'panda_joint1' is -1.0"),
+        (lambda d: dd.JointRegulation(d, 1.0, 0.0), "damping_ratio is 0.0"),
+        (lambda d: dd.PoseRegulation(d, "panda_hand"), "damping is None and damping_ratio is None; expected one"),
+        (
+            lambda d: dd.PoseRegulation(d, "panda_hand", 1.0, damping_ratio=0.7),
+            "damping is 1.0 and damping_ratio is 0.7",
+        ),
         (lambda d: pose(d, "hand"), "'hand' is not a link"),
         (lambda d: pose(d, position=-1), "position_stiffness of 'x' is -1.0"),
         (lambda d: pose(d, point=(0, 0)), "point is"),

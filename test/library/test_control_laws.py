@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Laws with one damping ratio and gains that a loop makes unstable, against Pinocchio's quantities."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import diag_dynamics as dd
+from controlled import ALL, ARM, FRAMES, PANDA, POINT, READY, TREE, UR5, close, configuration, dense_frame, states
+from described import subject
+from diag_dynamics.exceptions import InputError
+
+ROBOTS = pytest.mark.parametrize("robot", (PANDA, ARM, UR5, TREE), ids=lambda robot: robot.id)
+RATIO = 0.7
+
+
+def joint_damping(law, t, *target):
+    """Return the damping matrix of a law for efforts and rates, column by column, which is linear in the rates at q."""
+    nv = len(t.q)
+    rest = law.command(t.q, np.zeros(nv), *target).tau
+    return np.column_stack([rest - law.command(t.q, unit, *target).tau for unit in np.eye(nv)])
+
+
+def modal(M, K, damping):
+    """Return frequencies [rad/s] of M z'' + K z and the damping in their modes, which is 2ζω on its diagonal."""
+    squares, modes = scipy.linalg.eigh(K, M)
+    return np.sqrt(squares.clip(0.0)), modes.T @ damping @ modes
+
+
+@ROBOTS
+def test_every_mode_of_joint_springs_has_the_damping_ratio(robot):
+    """Over 300 poses: modes of Pinocchio's M and of the stiffness, and the damping of the law's commands in them."""
+    s, rng = subject(robot), np.random.default_rng(3)
+    stiffness = rng.uniform(50, 500, s.model.nv)
+    law, errors = dd.JointRegulation(s.dyn, stiffness, RATIO), []
+    for _ in range(300):
+        t = s.oracle.at(configuration(s.model, rng), np.zeros(s.model.nv))
+        frequencies, damping = modal(t.M, np.diag(stiffness), joint_damping(law, t, t.q))
+        errors.append(np.abs(np.diag(damping) / (2.0 * frequencies) - RATIO).max())
+        coupling = damping - np.diag(np.diag(damping))
+        assert np.abs(coupling).max() < 1e-9 * np.diag(damping).max()
+    assert max(errors) < 1e-10
+
+
+@ROBOTS
+def test_every_mode_of_a_frame_has_the_damping_ratio(robot):
+    """The same about a pose, in modes faster than null_frequency; slower ones and the null space are damped as this one."""
+    s, rng, k_p, k_o = subject(robot), np.random.default_rng(4), np.array([300.0, 400.0, 500.0]), 30.0
+    law = dd.PoseRegulation(s.dyn, FRAMES[robot.id], None, k_p, k_o, POINT, damping_ratio=RATIO, null_frequency=3.0)
+    fast, slow = [], 0
+    for _ in range(300):
+        t = s.oracle.at(configuration(s.model, rng), np.zeros(s.model.nv))
+        position, axes, J = dense_frame(robot, t.q)
+        law.aim(position, axes)
+        # Half of the weight of the axes in JᵀC₂J: the stiffness against small rotations is k_o.
+        K = J.T @ (np.concatenate([k_p, np.full(9, 0.5 * k_o)])[:, None] * J)
+        frequencies, damping = modal(t.M, K, joint_damping(law, t))
+        at_least = np.maximum(frequencies, 3.0)
+        np.testing.assert_allclose(np.diag(damping), 2.0 * RATIO * at_least, rtol=1e-6)
+        is_fast = frequencies > 6.0
+        fast.append(np.abs(np.diag(damping)[is_fast] / (2.0 * frequencies[is_fast]) - RATIO).max())
+        slow += np.count_nonzero(frequencies < 3.0)
+        assert np.linalg.eigvalsh(damping + damping.T).min() > 0.0
+    assert max(fast) < 1e-10 and (slow > 0 or robot is UR5)
+
+
+@ALL
+def test_regulation_commands(robot):
+    """τ = M q̈_d + C_s q̇_d + g + K_q(q_d − q) − m c mᵀ(q̇ − q̇_d), with scipy's root of ℓK_qℓᵀ."""
+    s = subject(robot)
+    for rng, t in states(robot, 4):
+        k = rng.uniform(50, 500, s.model.nv)
+        q_d, qd_d, qdd_d = t.q + rng.uniform(-0.5, 0.5, s.model.nv), *rng.normal(size=(2, s.model.nv))
+        command = dd.JointRegulation(s.dyn, k, RATIO).command(t.q, t.qd, q_d, qd_d, qdd_d)
+        c = 2.0 * RATIO * scipy.linalg.sqrtm((t.l * k) @ t.l.T).real
+        rates = t.m.T @ (t.qd - qd_d)
+        close(command.tau, t.M @ qdd_d + t.C_s @ qd_d + t.g + k * (q_d - t.q) - t.m @ c @ rates)
+        close(t.m @ command.epsilon, command.tau - t.g)
+        close(command.lyapunov, 0.5 * rates @ rates + 0.5 * (q_d - t.q) @ (k * (q_d - t.q)))
+        close(command.lyapunov_rate, -rates @ c @ rates)
+
+
+def plant(s, q, qd, step):
+    nothing = np.zeros(s.model.nv)
+    options = {"damping": nothing, "friction": nothing, "effort_limits": False, "limits": False}
+    return dd.Simulation(s.model, q, qd, step=step, **options)
+
+
+def growth(law, period, q, qd, *target, cycles=800):
+    """Return by what V grows in the second half of cycles of a period [s] with torques held; 0 where it has vanished."""
+    robot, values = plant(subject(ARM), q, qd, period / 4), []
+    for _ in range(cycles):
+        command = law.command(robot.q, robot.qd, *target)
+        values.append(command.lyapunov)
+        if values[-1] > 1e4 * values[0]:
+            return np.inf
+        for _ in range(4):
+            robot.advance(command.tau)
+    return 0.0 if values[-1] < 1e-12 * values[0] else values[-1] / values[cycles // 2]
+
+
+def gain_of(message):
+    """Return the largest gain that an error names."""
+    return float(str(message.value).split("expected at most ")[1].split()[0])
+
+
+def pose_law(dyn, stiffness, **damping):
+    law = dd.PoseRegulation(dyn, "panda_hand", position_stiffness=300.0, orientation_stiffness=stiffness, **damping)
+    law.aim(*law.pose(READY))
+    return law
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda dyn, gain: dd.RateDamping(dyn, gain), "gain of 'panda_joint1'"),
+        (lambda dyn, gain: dd.JointTracking(dyn, gain, 20.0), "gain .* convergence of 'panda_joint1'"),
+        (lambda dyn, gain: dd.JointRegulation(dyn, gain, 0.7), "stiffness of 'panda_joint7'"),
+        (lambda dyn, gain: dd.JointRegulation(dyn, gain, 0.2), "stiffness of 'panda_joint7'"),
+        (lambda dyn, gain: pose_law(dyn, gain, damping_ratio=0.7), "orientation_stiffness"),
+        (lambda dyn, gain: pose_law(dyn, gain, damping=30.0), "orientation_stiffness"),
+        (lambda dyn, gain: pose_law(dyn, 1.0, damping=gain), "damping of 'panda_joint1'"),
+    ],
+)
+def test_gains_that_a_period_makes_unstable_are_refused(make, key):
+    """The gain that the error names is accepted and stable; 4 % above the bound of the same loop V grows."""
+    dyn, period = subject(ARM).dyn, 0.01
+    with pytest.raises(InputError, match=rf"{key}.* is .*expected at most .* at 100 Hz") as message:
+        make(dyn, 1e6).require_stable(READY, period)
+    largest = gain_of(message)
+    if "convergence" in key:
+        largest -= 20.0
+    target = () if "damping" in key or "orientation" in key or key.startswith("gain of") else (READY,)
+    qd = 1e-4 * np.random.default_rng(1).normal(size=7)
+    stable, unstable = make(dyn, largest), make(dyn, 1.04 * largest / 0.995)
+    stable.require_stable(READY, period)
+    assert growth(stable, period, READY, qd, *target) < 0.9
+    with pytest.raises(InputError, match=key):
+        unstable.require_stable(READY, period)
+    assert growth(unstable, period, READY, qd, *target) > 1.5
