@@ -96,10 +96,11 @@ class Law:
     def _require_rates(self, name: str, rates: Array, period: float) -> None:
         """Raise InputError if ṡ = −Ks is unstable for the largest of the rates K [1/s]."""
         k = int(np.argmax(rates))
-        _require_at_most(f"{name} of '{self.dynamics.model.dof_names[k]}'", rates[k], STABLE / period, "1/s", period)
+        require_at_most(f"{name} of '{self.dynamics.model.dof_names[k]}'", rates[k], STABLE / period, "1/s", period)
 
 
-def _require_at_most(what: str, value: float, largest: float, unit: str, period: float) -> None:
+def require_at_most(what: str, value: float, largest: float, unit: str, period: float) -> None:
+    """Raise InputError if a gain exceeds the largest that is stable at a period [s]."""
     if value > largest:
         limit = f"{ROUND_DOWN * largest:.3g} {unit} at {1.0 / period:.4g} Hz"
         raise InputError(f"{what} is {value:.6g}; expected at most {limit}.")
@@ -190,12 +191,15 @@ class JointLaw(Law):
 class JointTracking(JointLaw):
     """Joint-space tracking in total rates: s = ν − ν_r decays as ṡ = −(K + B)s, with B skew.
 
-    With q̇_r = q̇_d − Λ(q − q_d) and ν_r = mᵀq̇_r the law is ε = ν̇_r + B(q, ν)ν_r − Ks. B is skew and B ν = C(q, ν), so
-    V = ½|s|² falls at −sᵀKs in every configuration. Once s is zero, q − q_d decays at Λ.
+    With q̇_r = q̇_d − Λ(q − q_d) and ν_r = mᵀq̇_r the law is ε = ν̇_r + B(q, ν)ν_r − Ks − ρ sat(s/φ). B is skew and
+    B ν = C(q, ν), so V = ½|s|² falls at −sᵀ(Ks + ρ sat(s/φ)) in every configuration. Once s is zero, q − q_d decays at Λ.
     ν̇_r + Bν_r is evaluated as ℓ(M q̈_r + C_s q̇_r), q̈_r = q̈_d − Λ(q̇ − q̇_d).
 
     The gain is K > 0 [1/s], the convergence Λ > 0 [1/s]. `closing` is the largest part of q̇_r that reduces the error
     [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V falls as before.
+
+    The bound ρ ≥ 0 [J^½/s] rejects disturbances d = ℓτ_d of an unknown load or friction: V̇ ≤ −sᵀKs − Σ(ρ − |d_k|)|s_k| for
+    |s_k| ≥ φ. The width φ > 0 [J^½] of this boundary layer makes it a gain ρ/φ near s = 0.
     """
 
     def __init__(
@@ -204,12 +208,17 @@ class JointTracking(JointLaw):
         gain: Gain,
         convergence: Gain,
         closing: Gain = np.inf,
+        *,
+        bound: Gain = 0.0,
+        width: float = 0.3,
     ) -> None:
         super().__init__(dynamics)
         names = dynamics.model.dof_names
         self.gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
         self.convergence = per_name("convergence", convergence, names, "a finite number > 0 [1/s]")
         self.closing = per_name("closing", closing, names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
+        self.bound = per_name("bound", bound, names, "a finite number >= 0 [J^½/s]", lambda x: 0.0 <= x < np.inf)
+        self.width = positive("width", width, "[J^½]")
 
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         closing = self.convergence * error
@@ -217,13 +226,13 @@ class JointTracking(JointLaw):
         qd_r = qd_d + bounded
         qdd_r = qdd_d + np.where(bounded == closing, self.convergence, 0.0) * (qd_d - qd)
         s = self.dynamics.nu_from_qd(q, qd - qd_r)
-        braking = self.gain * s
+        braking = self.gain * s + self.bound * np.clip(s / self.width, -1.0, 1.0)
         return self._closed(q, qd, self._reference(q, qd, qd_r, qdd_r), s, braking, error, self._zero)
 
     def require_stable(self, q: VectorLike, period: float) -> None:
-        """Raise InputError unless (K + Λ)·period < 2, with the largest Λ."""
-        rates = self.gain + self.convergence.max()
-        self._require_rates("gain + convergence", rates, period)
+        """Raise InputError unless (K + ρ/φ + Λ)·period < 2, with the largest Λ."""
+        rates = self.gain + self.bound / self.width + self.convergence.max()
+        self._require_rates("gain + bound/width + convergence", rates, period)
 
 
 class JointRegulation(JointLaw):
@@ -239,7 +248,8 @@ class JointRegulation(JointLaw):
     >>> import diag_dynamics as dd
     >>> dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
     >>> law = dd.JointRegulation(dyn, stiffness=200.0, damping_ratio=0.7)
-    >>> law.command([0, -1, 1, 0, 0, 0], [0] * 6, desired_q=[0, -1, 1.2, 0, 0, 0]).lyapunov  # ½ 200 N m/rad (0.2 rad)²
+    >>> command = law.command([0, -1, 1, 0, 0, 0], [0] * 6, desired_q=[0, -1, 1.2, 0, 0, 0])
+    >>> round(command.lyapunov, 9)  # ½ 200 N m/rad (0.2 rad)²
     4.0
     """
 
@@ -260,7 +270,7 @@ class JointRegulation(JointLaw):
         k = int(np.argmax(np.abs(modes[0])))  # the joint with most of the mode
         largest = self.stiffness[k] * (largest_frequency(self.damping_ratio, period) / frequencies[0]) ** 2
         what = f"stiffness of '{self.dynamics.model.dof_names[k]}'"
-        _require_at_most(what, self.stiffness[k], largest, "N m/rad (N/m)", period)
+        require_at_most(what, self.stiffness[k], largest, "N m/rad (N/m)", period)
 
 
 def modal_damping(root: Array, nu: Array, ratio: float, least: float = 0.0) -> Array:
@@ -383,7 +393,7 @@ class PoseRegulation(Law):
         k = int(np.argmax(np.abs(modes[0])))
         what, unit = (f"position_stiffness of '{'xyz'[k]}'", "N/m") if k < 3 else ("orientation_stiffness", "N m/rad")
         stiffness = self._root[k] ** 2
-        _require_at_most(what, stiffness, stiffness * (largest / frequencies[0]) ** 2, unit, period)
+        require_at_most(what, stiffness, stiffness * (largest / frequencies[0]) ** 2, unit, period)
 
 
 def rotation_of(orientation: Any) -> Array:

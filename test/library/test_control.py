@@ -83,25 +83,27 @@ def test_pose_commands(robot):
 def test_tracking_commands(robot, closing):
     """τ = m(ν̇_r + Bν_r + ε_g − Ks) with a dense B, and M q̈_r + C_s q̇_r + g − mKmᵀ(q̇ − q̇_r).
 
-    The part of q̇_r that reduces the position error is at most `closing`.
+    The part of q̇_r that reduces the position error is at most `closing`; a bound ρ of disturbances adds ρ sat(s/φ) to Ks.
     """
     s = subject(robot)
     for rng, t in states(robot, 3):
         K, L = rng.uniform(1, 30, (2, s.model.nv))
+        rho, width = (np.zeros(s.model.nv), 0.3) if closing == 2.0 else (rng.uniform(0, 60, s.model.nv), 0.5)
         q_d, qd_d, qdd_d = t.q + rng.uniform(-0.5, 0.5, s.model.nv), *rng.normal(size=(2, s.model.nv))
-        command = dd.JointTracking(s.dyn, K, L, closing).command(t.q, t.qd, q_d, qd_d, qdd_d)
+        command = dd.JointTracking(s.dyn, K, L, closing, bound=rho, width=width).command(t.q, t.qd, q_d, qd_d, qdd_d)
         back = -L * (t.q - q_d)
         qd_r = qd_d + np.clip(back, -closing, closing)
         qdd_r = qdd_d - np.where(np.abs(back) < closing, L * (t.qd - qd_d), 0.0)
         nu_r, nu_r_rate = t.m.T @ qd_r, t.m.T @ qdd_r + t.mdot.T @ qd_r
         B = t.l @ (t.C_s - t.m @ t.mdot.T) @ t.l.T
         error = t.nu - nu_r
-        close(command.tau, t.m @ (nu_r_rate + B @ nu_r + t.gravity - K * error))
-        close(command.tau, t.M @ qdd_r + t.C_s @ qd_r + t.g - t.m @ (K * (t.m.T @ (t.qd - qd_r))))
+        braking = K * error + rho * np.where(np.abs(error) < width, error / width, np.sign(error))
+        close(command.tau, t.m @ (nu_r_rate + B @ nu_r + t.gravity - braking))
+        close(command.tau, t.M @ qdd_r + t.C_s @ qd_r + t.g - t.m @ braking)
         close(t.m @ command.epsilon, command.tau - t.g)
         close(command.error, q_d - t.q)
         close(command.lyapunov, 0.5 * error @ error)
-        close(command.lyapunov_rate, -error @ (K * error))
+        close(command.lyapunov_rate, -error @ braking)
 
 
 def test_tracking_goes_the_short_way_round():
@@ -167,6 +169,7 @@ def pose(dyn, link="panda_hand", damping=1.0, position=1.0, orientation=1.0, poi
         (lambda d: dd.RateDamping(d, 1.0).command(ONE, ONE[:3]), "qd has shape"),
         (lambda d: dd.JointTracking(d, 1.0, 1.0, 0.0), "closing of 'panda_joint1' is 0.0"),
         (lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, HURT), "desired_q of joint 'panda_joint3'"),
+        (lambda d: dd.JointTracking(d, 1, 1, bound=-1.0), "bound of 'panda_joint1' is -1.0"),
         (lambda d: dd.JointRegulation(d, -1.0, 1.0), "stiffness of 'panda_joint1' is -1.0"),
         (lambda d: dd.JointRegulation(d, 1.0, 0.0), "damping_ratio is 0.0"),
         (lambda d: dd.PoseRegulation(d, "panda_hand"), "damping is None and damping_ratio is None; expected one"),
