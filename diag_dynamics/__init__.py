@@ -24,6 +24,7 @@ _NAMES = {
     "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",
     "contact.results": "Contact",
     "simulation": "CompliantLimits EnergyAudit Simulation",
+    "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
     "control.limits": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter PositionRepulsion",
     "control.load": "LoadEstimator",
@@ -53,6 +54,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.contact.points import ContactPoint as ContactPoint
     from diag_dynamics.contact.points import ContactPoints as ContactPoints
     from diag_dynamics.contact.results import Contact as Contact
+    from diag_dynamics.control.adaptive import AdaptiveTracking as AdaptiveTracking
     from diag_dynamics.control.laws import GravityCompensation as GravityCompensation
     from diag_dynamics.control.laws import JointRegulation as JointRegulation
     from diag_dynamics.control.laws import JointTracking as JointTracking

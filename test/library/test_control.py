@@ -7,6 +7,7 @@ Robots: Panda with its coupled fingers, UR5, a geared tree of 12 degrees of free
 """
 
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,7 @@ def test_unactuated_robots_are_refused(robot, key):
         (dd.RateDamping, (1.0,)),
         (dd.JointTracking, (1.0, 1.0)),
         (dd.JointRegulation, (1.0, 1.0)),
+        (partial(dd.AdaptiveTracking, rate=1.0), (dyn.model.link_names[-1], 1.0, 1.0)),
         (dd.PoseRegulation, (dyn.model.link_names[-1], 1.0, 1.0, 1.0)),
         (dd.EnergyLimiter, (1.0, 1.0)),
         (dd.PositionRepulsion, (0.1, 1.0)),

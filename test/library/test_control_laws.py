@@ -9,6 +9,7 @@ import scipy.linalg
 
 import diag_dynamics as dd
 from controlled import ALL, ARM, FRAMES, PANDA, POINT, READY, TREE, UR5, close, configuration, dense_frame, states
+from coupling import Coupled, with_payloads
 from described import subject
 from diag_dynamics.exceptions import InputError
 
@@ -149,23 +150,23 @@ def test_gains_that_a_period_makes_unstable_are_refused(make, key):
 
 
 HOME, SPEEDS = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0]), np.linspace(1.0, 2.0, 7)
-CENTER, BALL = (0.0, 0.0, 0.1), ((0.01, 0, 0), (0, 0.012, 0), (0, 0, 0.008))
+CENTER = (0.0, 0.0, 0.1)
 
 
-def desired(time):
+def desired(time, speeds=SPEEDS):
     """Return a motion that excites all joints of the Panda."""
-    s, c = 0.5 * np.sin(SPEEDS * time), 0.5 * np.cos(SPEEDS * time)
-    return HOME + s, SPEEDS * c, -(SPEEDS**2) * s
+    s, c = 0.5 * np.sin(speeds * time), 0.5 * np.cos(speeds * time)
+    return HOME + s, speeds * c, -(speeds**2) * s
 
 
-def follow(law, seconds, center, inertia=((0, 0, 0),) * 3):
-    """Yield time, q, qd and command of a law at 1 kHz on a Panda with 2 kg that its model lacks."""
+def follow(law, seconds, center, inertia=((0, 0, 0),) * 3, rate=1000, speeds=SPEEDS):
+    """Yield time, q, qd and command of a law on a Panda with 2 kg that its model lacks."""
     options = ARM.options | {"payloads": {"panda_hand": dd.Payload(2.0, center, inertia)}}
     loaded = dd.load_urdf(ARM.source, **options)
-    robot = plant(subject(ARM)._replace(model=loaded), *desired(0.0)[:2], 1e-3)
-    for _ in range(round(1000 * seconds)):
+    robot = plant(subject(ARM)._replace(model=loaded), *desired(0.0, speeds)[:2], 1.0 / rate)
+    for _ in range(round(rate * seconds)):
         time, q, qd = robot.time, robot.q, robot.qd
-        command = law.command(q, qd, *desired(time))
+        command = law.command(q, qd, *desired(time, speeds))
         yield time, q, qd, command
         robot.advance(command.tau)
 
@@ -180,3 +181,114 @@ def test_a_bound_rejects_an_unknown_payload():
         variations.append(np.abs(np.diff([command.tau for command in commands], axis=0)).mean())
     np.testing.assert_allclose(np.array(errors)[:, [3, 5]], [[52.6, 240.0], [4.7, 26.0]], rtol=0.2)
     assert variations[1] < 1.15 * variations[0]
+
+
+def loaded_oracle(robot, link, payload):
+    """Return Pinocchio's robot with a payload (mass, centre, inertia about it)."""
+    s = subject(robot)
+    return Coupled(with_payloads(robot.urdf, {link: payload}), s.model.dof_names, **robot.options)
+
+
+def random_payload(rng):
+    """Return mass, centre and inertia of a physical body."""
+    points, masses = rng.normal(size=(6, 3)) * 0.1, rng.uniform(0.1, 0.4, 6)
+    center = masses @ points / masses.sum()
+    lever = points - center
+    return (
+        masses.sum(),
+        center,
+        sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, lever, strict=True)),
+    )
+
+
+def pseudo(mass, center, inertia):
+    """Return ∫ r̄r̄ᵀdm of a body."""
+    r = np.append(center, 1.0)
+    P = mass * np.outer(r, r)
+    P[:3, :3] += 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return P
+
+
+def payload_torque(robot, link, payload, q, x, y, acceleration):
+    """Return M q̈ + c(x, y) + g of a payload by Pinocchio with and without it; c is bilinear, by polarization."""
+    with_it, without = loaded_oracle(robot, link, payload), subject(robot).oracle
+    bias = with_it.bias(q, x + y) - with_it.bias(q, x - y) - without.bias(q, x + y) + without.bias(q, x - y)
+    mass = with_it.mass_matrix(q) - without.mass_matrix(q)
+    g = with_it.gravity_torque(q) - without.gravity_torque(q)
+    return mass @ acceleration + 0.25 * bias + g, g
+
+
+ON = {**FRAMES, PANDA.id: "panda_leftfinger"}
+
+
+@ALL
+def test_adaptive_commands(robot):
+    """Those of JointTracking and Y(q, q̇, q̇_r, q̈_r)π of the payload by Pinocchio; the estimate follows −γP̂LP̂."""
+    s, link = subject(robot), ON[robot.id]
+    law, known = dd.AdaptiveTracking(s.dyn, link, 20.0, 10.0, rate=2.0), dd.JointTracking(s.dyn, 20.0, 10.0)
+    nominal = law.pseudo_inertia
+    for rng, t in states(robot, 3):
+        q_d, qd_d, qdd_d = t.q + rng.uniform(-0.5, 0.5, s.model.nv), *rng.normal(size=(2, s.model.nv))
+        payload, other = random_payload(rng), random_payload(rng)
+        law.reset(nominal + pseudo(*payload))
+        mass, moment = law.payload
+        np.testing.assert_allclose([mass, *moment], [payload[0], *(payload[0] * payload[1])], atol=1e-12)
+        command, without = law.command(t.q, t.qd, q_d, qd_d, qdd_d), known.command(t.q, t.qd, q_d, qd_d, qdd_d)
+        qd_r, qdd_r = qd_d + 10.0 * (q_d - t.q), qdd_d + 10.0 * (qd_d - t.qd)
+        torque, g = payload_torque(robot, link, payload, t.q, t.qd, qd_r, qdd_r)
+        close(command.tau, without.tau + torque)
+        close(command.gravity_torque, without.gravity_torque + g)
+        close(t.m @ command.epsilon, command.tau - command.gravity_torque)
+        P, step = law.pseudo_inertia, 1e-9
+        law.adapt(step)
+        rate = np.linalg.solve(P, np.linalg.solve(P, (law.pseudo_inertia - P) / step).T)  # −γL
+        power = (t.qd - qd_r) @ payload_torque(robot, link, other, t.q, t.qd, qd_r, qdd_r)[0]
+        assert np.trace(rate @ pseudo(*other)) == pytest.approx(-2.0 * power, rel=1e-4)
+
+
+def test_adaptation_finds_a_payload():
+    """The Lyapunov function with the true payload never rises; P̂ is a body; errors fall to those of a known payload."""
+    rate, center, speeds = 5.0, np.array([0.02, -0.01, 0.1]), np.array([1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 2.0])
+    ball, period = 7.2e-4 * np.eye(3), round(250 * 2.0 * np.pi)
+    law = dd.AdaptiveTracking(subject(ARM).dyn, "panda_hand", 20.0, 10.0, rate=rate)
+    oracle, nominal = loaded_oracle(ARM, "panda_hand", (2.0, center, ball)), law.pseudo_inertia
+    truth, V, errors = nominal + pseudo(2.0, center, ball), [], []
+    for k, (time, q, qd, command) in enumerate(follow(law, 19.0, center, ball, 250, speeds)):
+        P = law.pseudo_inertia
+        if k % 20 == 0:
+            assert np.linalg.eigvalsh(P)[0] > 0.0
+            qd_s = qd - desired(time, speeds)[1] - 10.0 * command.error
+            divergence = (
+                np.linalg.slogdet(P)[1] - np.linalg.slogdet(truth)[1] + np.trace(np.linalg.solve(P, truth)) - 4.0
+            )
+            V.append(0.5 * qd_s @ oracle.mass_matrix(q) @ qd_s + divergence / rate)
+        errors.append(command.error)
+        law.adapt(4e-3)
+    assert np.diff(V).max() < 1e-4 * V[0] and V[-1] < 0.5 * V[0]
+    assert law.payload[0] == pytest.approx(2.0, rel=0.01)
+    np.testing.assert_allclose(law.payload[1] / law.payload[0], center, atol=0.01)
+    law.reset(truth)
+    known = [command.error for *_, command in follow(law, 6.28, center, ball, 250, speeds)]
+    first, last, least = (
+        np.sqrt(np.mean(np.square(e), axis=0)).max() for e in (errors[:period], errors[-period:], known)
+    )
+    assert last < 0.2 * first and last < 1.5 * least
+
+
+def test_estimates_stay_physical_in_any_step():
+    """However long a step and however wrong the motion; a fixed link and an estimate that is no body are rejected by name."""
+    dyn, rng = subject(ARM).dyn, np.random.default_rng(2)
+    law = dd.AdaptiveTracking(dyn, "panda_hand", 20.0, 10.0, rate=100.0)
+    for _ in range(200):
+        law.command(configuration(dyn.model, rng), rng.normal(size=7), READY, rng.normal(size=7))
+        law.adapt(10.0)
+        assert np.linalg.eigvalsh(law.pseudo_inertia)[0] > 0.0
+    for make, key in (
+        (lambda: dd.AdaptiveTracking(dyn, "panda_link0", 1, 1, rate=1), "link is 'panda_link0'; expected a link that"),
+        (lambda: dd.AdaptiveTracking(dyn, "panda_hand", 1, 1, rate=0), "rate is 0"),
+        (lambda: law.reset(np.diag([1.0, 1, 1, -1])), "pseudo_inertia is .* positive definite"),
+        (lambda: law.adapt(-1.0), "period is -1"),
+        (lambda: law.require_stable(READY, 0.01), "rate is 100.*; expected at most .* 1/J at 100 Hz"),
+    ):
+        with pytest.raises(InputError, match=key):
+            make()

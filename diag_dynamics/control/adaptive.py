@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Joint tracking that adapts to an unknown payload, whose estimate is always a physical body."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
+from diag_dynamics.checks import not_negative, numbers, positive
+from diag_dynamics.control.laws import STABLE, Gain, JointTracking, require_at_most
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.rigid_body import symmetric
+
+MIN_MASS, MIN_RADIUS = 0.05, 0.01
+"""Minimum mass [kg] and radius of gyration [m] of the body at the start: a point cannot adapt."""
+
+MAX_CHANGE, MAX_CONDITION = 0.5, 1e6
+"""Maximum change of the logarithm of the pseudo-inertia in a step, and condition of its factor beyond which it stays."""
+
+MARGIN = 0.25
+"""Fraction of the stable rate at rest that is accepted: motion and a heavy estimate adapt faster."""
+
+
+class AdaptiveTracking(JointTracking):
+    """Joint tracking with an adaptive payload on a link: τ = (that of JointTracking) + Y(q, q̇, q̇_r, q̈_r)(π̂ − π₀).
+
+    π are the ten parameters of the link's body with the payload, π₀ those of the model. Their pseudo-inertia is
+    P = ∫ r̄r̄ᵀdm, r̄ = (r, 1), shape (4, 4) [kg m², kg m, kg], positive definite for every physical body. Points of the body
+    move by Hr̄, their reference accelerations less gravity are Gr̄, so that (q̇ − q̇_r)ᵀYπ = tr(LP), L the symmetric part of
+    HᵀG for the rates q̇ − q̇_r. With the natural metric (Lee, Kwon and Park 2018)
+
+        dP̂/dt = −γP̂LP̂,
+
+    ½(q̇ − q̇_r)ᵀM(q̇ − q̇_r) + (ln(|P̂|/|P|) + tr(P̂⁻¹P) − 4)/γ falls at −sᵀKs: the tracking error vanishes, and P̂ stays
+    positive definite. M and P are those with payload, which are not known: the V of commands is ½|s|² of the model, and its
+    rate as if P̂ were P. The estimate becomes that of the payload if the motion excites it. It adapts to lasting pushes, too.
+
+    The adaptation rate is γ > 0 [1/J]. Call `adapt` once after each command.
+
+    Example
+    -------
+    >>> import diag_dynamics as dd
+    >>> dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
+    >>> law = dd.AdaptiveTracking(dyn, "tool0", gain=20.0, convergence=10.0, rate=3.0)
+    >>> q = [0, -1, 1, 0, 0, 0]
+    >>> command = law.command(q, [0] * 6, desired_q=[0, -1.1, 1, 0, 0, 0])  # the arm has sunk by 0.1 rad
+    >>> law.adapt(0.1)
+    >>> law.payload[0] > 0.01  # [kg]
+    True
+    """
+
+    def __init__(
+        self, dynamics: DiagonalDynamics, link: str, gain: Gain, convergence: Gain, *, rate: float, **options: Any
+    ) -> None:
+        super().__init__(dynamics, gain, convergence, **options)
+        dynamics.compile("jacobian", "link_acceleration", "placement", "factors")
+        self.link, self.rate = link, positive("rate", rate, "[1/J]")
+        self._nominal = pseudo_inertia(dynamics, link)
+        self.reset()
+
+    def reset(self, pseudo_inertia: MatrixLike | None = None) -> None:
+        """Start from an estimate P̂, shape (4, 4), by default that of the model without payload."""
+        expected = "4 x 4 finite numbers, symmetric and positive definite"
+        P = numbers("pseudo_inertia", self._nominal if pseudo_inertia is None else pseudo_inertia, (4, 4), expected)
+        if not np.allclose(P, P.T) or np.linalg.eigvalsh(P)[0] <= 0.0:
+            raise InputError(f"pseudo_inertia is {P.tolist()}; expected {expected}.")
+        self._factor = np.linalg.cholesky(P)  # of P̂
+        self._power = np.zeros((4, 4))  # L of the last command
+
+    @property
+    def pseudo_inertia(self) -> Array:
+        """P̂ of the link's body with payload in the link's axes, shape (4, 4)."""
+        P: Array = self._factor @ self._factor.T
+        return P
+
+    @property
+    def payload(self) -> tuple[float, Array]:
+        """Mass [kg] and first moment [kg m], shape (3,), of the payload in the link's axes."""
+        change = self.pseudo_inertia - self._nominal
+        return float(change[3, 3]), change[:3, 3]
+
+    def adapt(self, period: float) -> None:
+        """Adapt the estimate to the last command, which lasts for a period [s]."""
+        rates, axes = np.linalg.eigh(self._factor.T @ self._power @ self._factor)
+        steps = rates * (self.rate * not_negative("period", period, "[s]"))
+        factor = self._factor @ axes * np.exp(-0.5 * np.clip(steps, -MAX_CHANGE, MAX_CHANGE))
+        if np.linalg.cond(factor) < MAX_CONDITION:
+            self._factor = factor
+
+    def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
+        tau, g = super()._reference(q, qd, qd_r, qdd_r)
+        J = self.dynamics.jacobian(q, self.link)
+        G = self._accelerations(q, J, qd, qd_r, qdd_r)
+        change, weight = self.pseudo_inertia - self._nominal, self._upward(q)
+        G += weight
+        L = _velocities(J @ (qd - qd_r)).T @ G
+        self._power = 0.5 * (L + L.T)
+        return tau + J.T @ _wrench(G @ change), g + J.T @ _wrench(weight @ change)
+
+    def require_stable(self, q: VectorLike, period: float) -> None:
+        """Raise InputError for gains as of JointTracking, and unless the weight of P̂ adapts stably, ω²·period < K/2."""
+        super().require_stable(q, period)
+        J, G = self.dynamics.jacobian(q, self.link), self._upward(q)
+        powers = [_velocities(column).T @ G for column in J.T]
+        columns = np.array([self._factor.T @ (L + L.T) @ self._factor / 2.0 for L in powers]).reshape(len(J.T), 16)
+        root = (self.dynamics.factors(q).l @ columns) / np.sqrt(self.gain)[:, None]
+        largest = MARGIN * STABLE / period / float(np.linalg.norm(root, 2)) ** 2
+        require_at_most("rate", self.rate, largest, "1/J", period)
+
+    def _upward(self, q: VectorLike) -> Array:
+        """Return G of gravity, shape (3, 4)."""
+        G = np.zeros((3, 4))
+        G[:, 3] = -self.dynamics.placement(q, self.link)[:3, :3].T @ self.dynamics.model.gravity
+        return G
+
+    def _accelerations(self, q: Array, J: Array, qd: Array, qd_r: Array, qdd_r: Array) -> Array:
+        """Return G without gravity: Jq̈_r and the part bilinear in q̇ and q̇_r, by polarization of J̇q̇."""
+        bias = self.dynamics.link_acceleration
+        plus, minus = (bias(q, x, self._zero, self.link, spatial=True) for x in (qd + qd_r, qd - qd_r))
+        H, H_r = (_velocities(J @ x) for x in (qd, qd_r))
+        G: Array = _velocities(J @ qdd_r + 0.25 * (plus - minus)) + 0.5 * (H[:, :3] @ H_r + H_r[:, :3] @ H)
+        return G
+
+
+def _velocities(twist: Array) -> Array:
+    """Return H, shape (3, 4), by which points r̄ of a body move at a twist: linear, then angular velocity."""
+    (vx, vy, vz), (x, y, z) = twist[:3], twist[3:]
+    return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz]])
+
+
+def _wrench(moments: Array) -> Array:
+    """Return force and moment, shape (6,), of forces on points of a body, ∫ f r̄ᵀdm."""
+    F = moments
+    return np.array([*F[:, 3], F[2, 1] - F[1, 2], F[0, 2] - F[2, 0], F[1, 0] - F[0, 1]])
+
+
+def pseudo_inertia(dynamics: DiagonalDynamics, link: str) -> Array:
+    """Return P of the body of a link in the link's axes, shape (4, 4), at least of a small ball."""
+    index, placement = dynamics.model.placement_in_body(link)
+    if index == 0:
+        raise InputError(f"link is '{link}'; expected a link that a joint moves.")
+    body, P = dynamics.model.bodies[index], np.zeros((4, 4))
+    inertia = symmetric(body["inertia"])
+    mass = max(float(body["mass"]), MIN_MASS)
+    center = body["first_moment"] / mass
+    squares = 0.5 * np.trace(inertia) * np.eye(3) - inertia - mass * np.outer(center, center)
+    values, axes = np.linalg.eigh(squares)
+    P[:3, :3] = axes * np.maximum(values, mass * MIN_RADIUS**2) @ axes.T + mass * np.outer(center, center)
+    P[:3, 3] = P[3, :3] = mass * center
+    P[3, 3] = mass
+    inverse = np.linalg.inv(placement)
+    moved: Array = inverse @ P @ inverse.T
+    return moved
