@@ -65,7 +65,8 @@ class SweepCaller:
         self.robot = self._workspace.robot
         self._workspaces = threads.Workspaces(model)
         self._zeros = np.zeros((1, model.nv))
-        self._depends_on_load, self._has_roots = bool(model.load_friction.any()), bool(model.root_friction.any())
+        friction = model.friction, model.load_friction, model.root_friction
+        self._has_friction, self._depends_on_load, self._has_roots = (bool(one.any()) for one in friction)
 
     # --- Calls
 
@@ -192,14 +193,14 @@ class SweepCaller:
         """Return the friction that resists rates, shape (…, nv); without load friction q may be missing."""
         model, qd = self.model, at.vectors["qd"]
         checks.check_finite("qd", qd, model.dof_names)
-        v0 = model.friction_velocity
-        with np.errstate(over="ignore"):
-            direction = np.tanh(qd / v0) if v0 else np.sign(qd)
-        resisting = model.damping * qd + model.friction * direction + model.effort_offset
+        v0, resisting = model.friction_velocity, model.damping * qd + model.effort_offset
         if self._has_roots:
             resisting += model.root_friction * root_of_rate(qd, v0)
-        if self._depends_on_load:
-            resisting += model.load_friction * np.abs(self.gravity_torque(at)) * direction
+        if self._depends_on_load or self._has_friction:
+            with np.errstate(over="ignore"):
+                direction = np.tanh(qd / v0) if v0 else np.sign(qd)
+            load = np.abs(self.gravity_torque(at)) if self._depends_on_load else 0.0
+            resisting += (model.friction + model.load_friction * load) * direction
         return resisting
 
     def gravity_torque(self, at: States) -> Array:
