@@ -76,7 +76,7 @@ class McapOutput:
             self._file = chunks.ChunkedFile(self._target.name, f"diag_dynamics {diag_dynamics.__version__}")
         self._topics = {}  # by channel
         for topic in topics:
-            rows = TopicRows(topic, reading, friction)
+            rows = TopicRows(topic, reading, friction, chunks.PREFIX)
             definition = definition_with_parts(rows.type, definitions).encode()
             self._topics[self._file.register(f"{NODE}/{topic}", rows.type, definition)] = rows
 
@@ -106,9 +106,10 @@ class McapOutput:
 class TopicRows:
     """Make the messages of one topic, a row of bytes for each state."""
 
-    def __init__(self, topic, reading, friction=False):
+    def __init__(self, topic, reading, friction=False, prefix=0):
         model, observation = reading.model, reading.settings.observation
         self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
+        self._prefix = prefix
         self._dynamics, self._message = DiagonalDynamics(model), message_type(self.type, our_definitions())
         limits = observation.alarms.limits(model.dof_names) if observation and observation.alarms else None
         low = observation.contact.limits(model.dof_names) if observation and observation.contact else None
@@ -135,7 +136,7 @@ class TopicRows:
         self._constants |= {"joint_collision": []} if limits is None else {}
 
     def make_rows(self, piece):
-        """Yield indices of states, and their messages as uint8 of shape (number of states, bytes)."""
+        """Yield indices of states, and their messages as uint8 of shape (number of states, PREFIX + bytes)."""
         by_result = self._topic == "external_torque"
         known = piece.observed.valid if by_result else piece.states.effort_known
         values = self._values(piece)
@@ -147,9 +148,10 @@ class TopicRows:
             if is_known not in self._templates:
                 self._templates[is_known] = self._make_template(kept, is_known)
             template = self._templates[is_known]
-            rows = np.tile(template.data, (len(which), 1))
+            rows = np.empty((len(which), self._prefix + len(template.data)), np.uint8)
+            rows[:, self._prefix :] = template.data
             for path, column in kept.items():
-                begin, numbers = template.place(path), template.numbers[path]
+                begin, numbers = self._prefix + template.place(path), template.numbers[path]
                 column = np.ascontiguousarray(column[which].reshape(len(which), -1), numbers.dtype)
                 rows[:, begin : begin + numbers.nbytes] = column.view(np.uint8)
             yield which, rows
