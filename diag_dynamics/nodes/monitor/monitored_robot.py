@@ -21,7 +21,6 @@ from diag_dynamics.nodes.monitor.watches import ContactWatch, EnergyWatch
 from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageMaker
-from diag_dynamics.nodes.support.topics import MATRICES
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.sweeps import evaluation, workspace
@@ -251,11 +250,13 @@ class MonitoredRobot:
 
     def messages(self, topics, s):
         """Return the messages of topics about the last state, or their bytes; `s` is the evaluation of that state."""
-        evaluated = tuple(topic for topic in topics if topic not in MATRICES)
-        made = self.encoder.evaluated_all(evaluated, s, self.state) if evaluated else []
         with_inverse = self.settings.values["publish_inverse_factor"]
-        matrices = topics[len(evaluated) :]  # they come last
-        return made + [self.encoder.matrix(topic, self.dynamics, self.state, with_inverse) for topic in matrices]
+        return [
+            self.encoder.evaluated(topic, s, self.state)
+            if topic in EVALUATED
+            else self.encoder.matrix(topic, self.dynamics, self.state, with_inverse)
+            for topic in topics
+        ]
 
 
 def _values_by(options):

@@ -32,7 +32,7 @@ from diag_dynamics.msg import (
 from diag_dynamics.msg import Load as LoadMessage
 from diag_dynamics.sweeps import evaluation, records
 from diag_dynamics.sweeps import workspace as ws
-from diag_dynamics.wire.cdr import HEADER, Template
+from diag_dynamics.wire.cdr import Template
 
 MAX_LAYOUTS = 64
 """Layouts of messages that are kept: with efforts or without, with friction or without, of points of contact."""
@@ -116,10 +116,9 @@ class MessageMaker:
         self._model, self._revision, self._frame, self._nv = model, revision, model.root_link, model.nv
         self._dofs = {"dof_names": list(model.dof_names)}
         positions = [] if model.coordinate_names == model.dof_names else list(model.coordinate_names)
-        self._texts = {
-            "kinetic_energy": {"link_names": list(model.link_names)},
-            "state": {"position_names": positions, "model_revision": revision},
-        }
+        self._texts, self._places = dict.fromkeys(EVALUATED, self._dofs), {}
+        self._texts["kinetic_energy"] = self._dofs | {"link_names": list(model.link_names)}
+        self._texts["state"] = self._dofs | {"position_names": positions, "model_revision": revision}
         self._link_energy, self._work = np.empty(len(model.link_names)), np.zeros(len(model.bodies), records.WORK)
 
     def make(self, topic, kind, state, texts, values, shape=()):
@@ -150,25 +149,26 @@ class MessageMaker:
 
     def evaluated(self, topic, s, state):
         """Return a message of :data:`EVALUATED` about an Evaluation and the RobotState that it is of."""
-        kind = EVALUATED[topic]
-        with_effort, with_friction = s.epsilon is not None, s.friction is not None
+        kind, with_effort, with_friction = EVALUATED[topic], s.epsilon is not None, s.friction is not None
+        if (topic, with_effort) not in self._places:
+            self._places[topic, with_effort] = self._places_of(kind, with_effort)
+        places, flags = self._places[topic, with_effort]
         valid = {"effort_valid": with_effort, "power_valid": with_effort, "friction_valid": with_friction}
-        fields = kind.get_fields_and_field_types()
-        values = {field: flag for field, flag in (valid | _flags(state)).items() if field in fields}
-        for field, row in _rows_of(kind, with_effort).items():
-            count = self._count(field, row)
-            values[field] = s.rows[row, :count] if "sequence" in fields[field] else s.rows.item(row, 0)
-        texts = self._dofs | self._texts.get(topic, {})
-        message = MessageMaker.make(self, topic, kind, state, texts, values | self._beside(topic, s, state))
-        if topic == "state":
-            message.oldest_stamp = to_time(state.oldest)
-        return message
+        values = {field: s.rows.item(at) if at[1] == 0 else s.rows[at] for field, at in places}
+        values |= {flag: valid[flag] if flag in valid else getattr(state, flag) for flag in flags}
+        values |= self._beside(topic, s, state)
+        return self.make(topic, kind, state, self._texts[topic], values, (with_effort, with_friction))
 
-    def _count(self, field, row):
-        """Return how many numbers of a row a field has."""
-        if row in (ws.KINETIC_ENERGY, ws.EFFORT_POWER):
-            return 1
-        return self._model.nq if row == ws.POSITIONS else self._nv
+    def _places_of(self, kind, with_effort):
+        """Return the fields of a message with their places in the rows of an Evaluation, and its flags."""
+        fields, counts = kind.get_fields_and_field_types(), {ws.POSITIONS: self._model.nq}
+        rows = [(field, ROWS[field]) for field in fields if field in ROWS]
+        places = [
+            (field, (row, slice(counts.get(row, self._nv)) if "sequence" in fields[field] else 0))
+            for field, row in rows
+            if with_effort or row not in OF_EFFORT
+        ]
+        return places, [flag for flag in (*FLAGS, "effort_valid", "power_valid", "friction_valid") if flag in fields]
 
     def _beside(self, topic, s, state):
         """Return the fields that are no rows; None for those that are unknown."""
@@ -179,7 +179,11 @@ class MessageMaker:
             return {"link_energy": energies, "base_energy": s.base_energy}
         if topic == "coriolis":
             return {"friction": s.friction}
-        return {"effort": state.effort, "friction": s.friction} if topic == "state" else {}
+        if topic != "state":
+            return {}
+        sec, nanosec = divmod(state.oldest, SECOND)
+        oldest = {"oldest_stamp.sec": sec, "oldest_stamp.nanosec": nanosec}
+        return {"effort": state.effort, "friction": s.friction} | oldest
 
     def mass_matrix_factors(self, factors, with_inverse, state):
         """M and D of Factors, and ℓ if wanted."""
@@ -273,12 +277,6 @@ class MessageMaker:
         return self.make("contact", Contact, state, texts, values, (contact.points,))
 
 
-def _rows_of(kind, with_effort):
-    """Return the rows of fields of a message that are not empty."""
-    rows = {field: ROWS[field] for field in kind.get_fields_and_field_types() if field in ROWS}
-    return {field: row for field, row in rows.items() if with_effort or row not in OF_EFFORT}
-
-
 def _vector(numbers):
     x, y, z = map(float, numbers)
     return Vector3(x=x, y=y, z=z)
@@ -315,28 +313,24 @@ class BytesMaker(MessageMaker):
             message = super().make(topic, kind, state, texts, values)
             if (template := self._template(topic, message)) is None:
                 return message
-            layout = self._keep((topic, shape), _Layout([(topic, template, values, {})]))
-        layout.write(state, lambda _: values)
-        return layout.parts[0].tobytes()
+            layout = self._keep((topic, shape), template, values)
+        for field, view in layout.views:
+            view[...] = values[field]
+        return layout.stamped(state)
 
     def evaluated(self, topic, s, state):
         """Return the bytes of a message about an Evaluation and the RobotState that it is of."""
-        return self.evaluated_all((topic,), s, state)[0]
-
-    def evaluated_all(self, topics, s, state):
-        """Return the bytes of several such messages."""
-        key = topics, s.epsilon is None, s.friction is None
-        layout = self._layouts.get(key)
+        layout = self._layouts.get((topic, (s.epsilon is not None, s.friction is not None)))
         if layout is None:
-            messages = [MessageMaker.evaluated(self, topic, s, state) for topic in topics]
-            templates = list(map(self._template, topics, messages))
-            if None in templates:
-                alone = len(topics) == 1
-                return messages if alone else [self.evaluated(topic, s, state) for topic in topics]
-            parts = zip(topics, templates, strict=True)
-            layout = self._keep(key, _Layout([self._part(topic, one, s, state) for topic, one in parts]))
-        layout.write(state, lambda topic: self._beside(topic, s, state), s.rows)
-        return [part.tobytes() for part in layout.parts]
+            return super().evaluated(topic, s, state)
+        layout.template.doubles[layout.target] = s.rows.take(layout.source)
+        for place, flag in layout.flags:
+            layout.template.data[place] = getattr(state, flag)
+        if layout.beside:
+            values = self._beside(topic, s, state)
+            for field, view in layout.beside:
+                view[...] = values[field]
+        return layout.stamped(state)
 
     def _template(self, topic, message):
         """Return the template of a message; None if rclpy makes other bytes."""
@@ -346,79 +340,38 @@ class BytesMaker(MessageMaker):
             return None
         return template
 
-    def _part(self, topic, template, s, state):
-        """Return the part of a layout for a message about an Evaluation."""
-        rows = _rows_of(EVALUATED[topic], s.epsilon is not None)
-        places = {field: (row * s.rows.shape[1], self._count(field, row)) for field, row in rows.items()}
-        return topic, template, self._beside(topic, s, state), places
-
-    def _keep(self, key, layout):
+    def _keep(self, key, template, values):
         if len(self._layouts) >= MAX_LAYOUTS:
             self._layouts.clear()
-        self._layouts[key] = layout
-        return layout
+        places = self._places[key[0], key[1][0]][0] if key[0] in EVALUATED else ()
+        self._layouts[key] = _Layout(template, values, places, (ws.N_ROWS, max(self._model.nq, 1)))
+        return self._layouts[key]
 
 
 class _Layout:
-    """Bytes of messages about one state, one after the other, and where their numbers are in them.
+    """The bytes of a message, and views of its fields in the shape of their values.
 
-    Parameters
-    ----------
-    messages : sequence of tuple
-        For each the topic, the Template, values by field, and the first place and the number of values of each field that is
-        read from the rows of an Evaluation.
-
-    Attributes
-    ----------
-    parts : list of ndarray
-        The bytes of each message.
+    Fields with `places` in the rows of an Evaluation, whose shape follows, are at `target` among the doubles of the message
+    and at `source` among those of the rows. `beside` are the other fields that change, `flags` those of the state.
     """
 
-    def __init__(self, messages):
-        size = sum(len(template.data) + 16 for _, template, _, _ in messages)
-        data, end = np.zeros(size // 8 + 1).view(np.uint8), len(HEADER)
-        self._data, self._doubles, self.parts = data, data.view("<f8"), []
-        self._stamps, self._oldest, self._flags, self._views = [], [], [], []
-        source, target = [np.zeros(0, int)], [np.zeros(0, int)]
-        for topic, template, values, places in messages:
-            begin, end = end, end + len(template.data)
-            data[begin:end] = template.data
-            self.parts.append(data[begin:end])
-            self._stamps.append(begin + len(HEADER))
-            self._oldest += [begin + place for place in [template.place("oldest_stamp.sec")] if place >= 0]
-            self._flags += [(begin + template.place(flag), flag) for flag in FLAGS if template.place(flag) >= 0]
-            known = {one for one, value in values.items() if value is not None and one not in FLAGS}
-            fields = [one for one in template.numbers if one in known]
-            self._views.append((topic, self._views_of(fields, template, begin, values)))
-            for field, (first, count) in places.items():
-                if field in template.numbers:
-                    source.append(first + np.arange(count))
-                    target.append((begin + template.place(field)) // 8 + np.arange(count))
-            end += (len(HEADER) - end) % 8  # numbers lie on multiples of eight
-        self._source, self._target = np.concatenate(source), np.concatenate(target)
+    def __init__(self, template, values, places, shape):
+        self.template, self._stamp = template, template.place("header.stamp.sec")
+        numbers = {field: view for field, view in template.numbers.items() if values.get(field) is not None}
+        self.views = [(field, view.reshape(np.shape(values[field]) or 1)) for field, view in numbers.items()]
+        self.flags = [(template.place(flag), flag) for flag in FLAGS if flag in numbers]
+        places = {field: place for field, place in places if field in numbers}
+        self.beside = [(field, view) for field, view in self.views if field not in places and view.dtype != bool]
+        rows, at = np.arange(math.prod(shape)).reshape(shape), np.arange(len(template.data)) // 8
+        target = [
+            at[: view.nbytes : 8] + template.place(field) // 8 for field, view in numbers.items() if field in places
+        ]
+        self.source = np.concatenate(
+            [np.ravel(rows[places[field]]) for field in numbers if field in places] or [at[:0]]
+        )
+        self.target = np.concatenate(target or [at[:0]])
 
-    def _views_of(self, fields, template, begin, values):
-        """Return a view of the bytes of each field, in the shape of its value."""
-        views = []
-        for field in fields:
-            kind, first = template.numbers[field].dtype, begin + template.place(field)
-            view = self._data[first : first + template.numbers[field].nbytes].view(kind)
-            views.append((field, view.reshape(np.shape(values[field]) or 1)))
-        return views
-
-    def write(self, state, beside, rows=None):
-        """Write a RobotState, the values that `beside` returns by topic, and those of the rows of an Evaluation."""
-        data, stamp = self._data, divmod(state.newest, SECOND)
-        for place in self._stamps:
-            SECONDS.pack_into(data, place, *stamp)
-        for place in self._oldest:
-            SECONDS.pack_into(data, place, *divmod(state.oldest, SECOND))
-        for place, flag in self._flags:
-            data[place] = getattr(state, flag)
-        if rows is not None:
-            self._doubles[self._target] = rows.take(self._source)
-        for topic, views in self._views:
-            if views:
-                values = beside(topic)
-                for field, view in views:
-                    view[...] = values[field]
+    def stamped(self, state):
+        """Return the bytes with the stamp of a RobotState."""
+        SECONDS.pack_into(self.template.data, self._stamp, *divmod(state.newest, SECOND))
+        return self.template.encoded()
