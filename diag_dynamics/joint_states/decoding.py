@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.wire.definitions import ALIGNMENT
+from diag_dynamics.wire.definitions import Reader
 
 MAX_LAYOUTS, MAX_BYTES = 64, 1 << 20
 """Lists of names and lengths whose places are kept, and the length of their messages together [bytes]. An entry takes about
@@ -144,59 +144,22 @@ class Decoder:
 
 def find_places(raw):
     """Return the Places of a message; ValueError if it is no joint state."""
-    if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
-        raise ValueError("the encapsulation is not that of plain CDR")
-    order, at, names, fixed = "little" if raw[1] % 2 else "big", 12, [], [range(2)]
-
-    def read_count():
-        nonlocal at
-        at += -at % 4
-        if at + 4 > len(raw):
-            raise ValueError("the message ends before its numbers do")
-        fixed.append(range(at, at + 4))
-        at += 4
-        return int.from_bytes(raw[at - 4 : at], order)
-
-    def read_text():
-        nonlocal at
-        count = read_count()
-        at += count
-        if at > len(raw):
-            raise ValueError("a text is longer than the message")
-        return range(at - count, at)
-
-    def read_number_of_entries():
-        count = read_count()
-        if count > len(raw) - at:
-            raise ValueError("a sequence counts more entries than there are bytes")
-        return count
-
-    read_text()  # of the frame
-    for _ in range(read_number_of_entries()):
-        text = read_text()
-        fixed.append(text)
-        names.append(raw[text.start : text.stop].split(b"\0")[0].decode(errors="replace"))
-    first, counts = [], []
-    for _ in FIELDS:
-        count = read_number_of_entries()
-        at += -(at - 4) % ALIGNMENT[raw[1]] if count else 0
-        first.append(at)
-        counts.append(count)
-        at += 8 * count
-        if at > len(raw):
-            raise ValueError("the message ends before its numbers do")
-    ends = [at + 8 * count for at, count in zip(first, counts, strict=True)]
-    parts = [slice(0, 4), *map(slice, (12, *ends[:-1]), first)]
-    at_fixed = np.concatenate([np.arange(one.start, one.stop) for one in fixed])
-    sign = "<" if raw[1] % 2 else ">"
+    reader = Reader(raw)
+    message = reader.message("sensor_msgs/msg/JointState")
+    first, counts = zip(*(reader.arrays[field] for field in FIELDS), strict=True)
+    spans = [(4, 12), *((at, at + 8 * count) for at, count in zip(first, counts, strict=True))]
+    for begin, end in spans:
+        reader.used[begin:end] = bytes(end - begin)
+    fixed = np.flatnonzero(np.frombuffer(reader.used, np.uint8))
+    parts = [slice(0, 4), *(slice(end, at) for (_, end), at in zip(spans, first, strict=False))]
     return Places(
-        names=tuple(names),
+        names=tuple(message.name),
         length=len(raw),
-        order=sign,
-        stamp=struct.Struct(sign + "iI"),
-        first=tuple(first),
-        counts=tuple(counts),
-        fixed=at_fixed,
-        text=np.frombuffer(raw, np.uint8)[at_fixed],
+        order=reader.order,
+        stamp=struct.Struct(f"{reader.order}iI"),
+        first=first,
+        counts=counts,
+        fixed=fixed,
+        text=np.frombuffer(raw, np.uint8)[fixed],
         parts=tuple((part, raw[part]) for part in parts),
     )

@@ -139,9 +139,7 @@ def message_type(kind, more=NO_OTHERS):
 
 def read_message(raw, kind, more=NO_OTHERS):
     """Return the message in bytes, as rclpy reads them; ValueError if they are no such message."""
-    if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
-        raise ValueError("the encapsulation is not that of plain CDR")
-    return _Reader(raw, "<" if raw[1] % 2 else ">", ALIGNMENT[raw[1]]).message(kind, more)
+    return Reader(raw).message(kind, more)
 
 
 def definition_with_parts(kind, more=NO_OTHERS):
@@ -154,11 +152,21 @@ def definition_with_parts(kind, more=NO_OTHERS):
     return ("=" * 80 + "\n").join([f"{more[kind]}\n", *parts])
 
 
-class _Reader:
-    def __init__(self, raw, order, widest):
-        self._raw, self._at, self._order, self._widest = raw, 4, order, widest
+class Reader:
+    """Reads one message; ValueError if the bytes are none.
 
-    def message(self, kind, more):
+    `order` is < for little-endian numbers, else >. After reading, `used` has a 1 for each byte that is no padding, and `arrays`
+    the first byte and count of sequences of numbers by field.
+    """
+
+    def __init__(self, raw):
+        if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
+            raise ValueError("the encapsulation is not that of plain CDR")
+        self._raw, self._at, self._widest = raw, 4, ALIGNMENT[raw[1]]
+        self.order, self.arrays, self.used = "<" if raw[1] % 2 else ">", {}, bytearray(b"\1\1" + bytes(len(raw) - 2))
+
+    def message(self, kind, more=NO_OTHERS):
+        """Return the message of a type."""
         fields = fields_of(more[kind], kind.split("/")[0])
         return message_type(kind, more)(**{field.name: self._field(field, more) for field in fields})
 
@@ -169,7 +177,9 @@ class _Reader:
         if count > len(self._raw) - self._at:
             raise ValueError("a sequence counts more entries than there are bytes")
         if field.kind in PRIMITIVES:
-            return self._numbers(PRIMITIVES[field.kind][1], count)
+            numbers = self._numbers(PRIMITIVES[field.kind][1], count)
+            self.arrays[field.name] = self._at - numbers.nbytes, count
+            return numbers
         return [self._one(field, more) for _ in range(count)]
 
     def _one(self, field, more):
@@ -187,15 +197,16 @@ class _Reader:
         if self._at + count > len(self._raw):
             raise ValueError("a text is longer than the message")
         self._at += count
+        self.used[self._at - count : self._at] = b"\1" * count
         return bytes(self._raw[self._at - count : self._at]).split(b"\0")[0].decode(errors="replace")
 
     def _numbers(self, kind, count):
-        dtype = np.dtype(kind if kind == "?" else self._order + kind)
+        dtype = np.dtype(kind if kind == "?" else self.order + kind)
         if count:
             self._at += -(self._at - 4) % min(dtype.itemsize, self._widest)
         end = self._at + count * dtype.itemsize
         if end > len(self._raw):
             raise ValueError("the message ends before its numbers do")
         numbers = np.frombuffer(self._raw, dtype, count, self._at) if count else np.zeros(0, dtype)
-        self._at = end
+        self.used[self._at : end], self._at = b"\1" * (end - self._at), end
         return numbers.astype(dtype.newbyteorder("="))
