@@ -20,9 +20,8 @@ _NAMES = {
     "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError "
     "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
     "contact.geometry": "link_geometry",
-    "contact.impact": "Impact",
     "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",
-    "contact.results": "Contact",
+    "contact.results": "Contact Impact",
     "simulation": "CompliantLimits EnergyAudit Simulation",
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
@@ -48,12 +47,12 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
     from diag_dynamics.collision.detector import AlarmThresholds as AlarmThresholds
     from diag_dynamics.contact.geometry import link_geometry as link_geometry
-    from diag_dynamics.contact.impact import Impact as Impact
     from diag_dynamics.contact.points import BodyRegion as BodyRegion
     from diag_dynamics.contact.points import ContactLimits as ContactLimits
     from diag_dynamics.contact.points import ContactPoint as ContactPoint
     from diag_dynamics.contact.points import ContactPoints as ContactPoints
     from diag_dynamics.contact.results import Contact as Contact
+    from diag_dynamics.contact.results import Impact as Impact
     from diag_dynamics.control.adaptive import AdaptiveTracking as AdaptiveTracking
     from diag_dynamics.control.laws import GravityCompensation as GravityCompensation
     from diag_dynamics.control.laws import JointRegulation as JointRegulation

@@ -6,7 +6,7 @@
 import math
 
 import diag_dynamics as dd
-from diag_dynamics.contact.impact import contact_force, simplified_mass, speed_of_force
+from diag_dynamics.contact.results import contact_force, simplified_mass, speed_of_force
 
 POINT_MASS = """<inertial><origin xyz='1 0 0'/><mass value='{}'/>
 <inertia ixx='0' ixy='0' ixz='0' iyy='0' iyz='0' izz='0'/></inertial>"""

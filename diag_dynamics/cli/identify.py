@@ -16,8 +16,8 @@ from diag_dynamics.identification.selection import STEPS
 from diag_dynamics.model import JointParameters, Parameters
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
-from diag_dynamics.model.rewriting import urdf_with
-from diag_dynamics.plot.identified import draw_identification
+from diag_dynamics.model.parameters import urdf_with
+from diag_dynamics.plot.recordings import draw_identification
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import Progress, plain
 

@@ -3,13 +3,17 @@
 
 """The command line: commands by name. Only the module of the chosen command is imported."""
 
+import argparse
 import os
 import sys
 import warnings
 from difflib import get_close_matches
-from importlib import import_module
+from importlib import import_module, util
 
 import diag_dynamics
+from diag_dynamics.cli.common import INTERRUPTED, run_command, terminable
+from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.text import plain
 
 PROGRAM = "diag-dynamics"
 
@@ -47,6 +51,9 @@ GROUPS = {
 
 COMMANDS = LIBRARY | NODES | GRAPH
 
+OWN_MAIN = "demo", "top"
+"""Executables that have options of their own."""
+
 
 def main(arguments=None):
     """Run the command that the arguments begin with; return the exit status."""
@@ -72,12 +79,10 @@ def _run(arguments):
         return 0
     name = name.replace("_", "-")
     if name in LIBRARY:
-        from diag_dynamics.cli.common import run_command
-
-        module = import_module(f"diag_dynamics.cli.{name.replace('-', '_')}")
+        module = import_module(f"diag_dynamics.cli.{name}")
         return run_command(name, LIBRARY[name], module, rest)
     if name in COMMANDS:
-        return import_module("diag_dynamics.cli.ros").run(name, rest)
+        return run_with_ros(name, rest)
     near = get_close_matches(name, COMMANDS, n=1)
     hint = f"Is '{near[0]}' meant?" if near else f"{PROGRAM} --help lists all commands."
     print(f"{PROGRAM}: there is no command '{arguments[0]}'. {hint}", file=sys.stderr)
@@ -99,3 +104,55 @@ def _show_warning(message, category, *where):
         print(f"{PROGRAM}: warning: {message}", file=sys.stderr)
     else:
         print(warnings.formatwarning(message, category, *where[:2]), end="", file=sys.stderr)
+
+
+# --- Commands that need ROS 2
+
+
+def missing():
+    """Return why no command of ROS 2 can run, or None."""
+    if util.find_spec("rclpy") is None:
+        return (
+            "requires ROS 2, but Python finds no rclpy. In a checkout: make setup, then source scripts/env.bash. "
+            "In a workspace: source install/setup.bash."
+        )
+    if util.find_spec("diag_dynamics.msg") is None:
+        return (
+            "requires the messages of diag_dynamics. Build them by make setup or colcon build; then source "
+            "scripts/env.bash or install/setup.bash."
+        )
+    return None
+
+
+def run_with_ros(name, arguments):
+    """Run a command that needs ROS 2; return the exit status."""
+    if reason := missing():
+        print(f"diag-dynamics {name} {reason}", file=sys.stderr)
+        return 1
+    return (_run_tool if name in ("topic", "service") else _run_executable)(name, arguments)
+
+
+def _run_executable(name, arguments):
+    """Run an executable as `ros2 run` does."""
+    sys.argv = [f"diag-dynamics {name}", *arguments]
+    if name in OWN_MAIN:
+        return import_module(f"diag_dynamics.nodes.{name}").main()
+    import_module("diag_dynamics.nodes.support.runner").main(name)
+    return 0
+
+
+def _run_tool(name, arguments):
+    """Run a command that reads topics or calls services."""
+    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}")
+    commands = import_module("diag_dynamics.nodes.graph_commands")
+    getattr(commands, f"add_{name}_arguments")(parser)
+    chosen = parser.parse_args(arguments)
+    try:
+        with terminable():
+            chosen.run(chosen)
+    except KeyboardInterrupt as error:
+        return getattr(error, "status", INTERRUPTED)
+    except DiagDynamicsError as error:
+        print(plain(f"diag-dynamics {name}: {error}"), file=sys.stderr)
+        return 1
+    return 0

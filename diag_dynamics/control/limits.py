@@ -22,7 +22,7 @@ from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.sweeps import configuration
+from diag_dynamics.sweeps import kinematics
 
 HEAVY = 0.9
 """Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
@@ -222,7 +222,7 @@ class ContactLimiter:
             raise InputError("points have no limit: there is nothing to bound.")
         dynamics.compile("contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon")
         dynamics.compile("link_velocity", "operational_inverse_inertia", "epsilon_from_wrench")
-        configuration.integrate.compile()
+        kinematics.integrate.compile()
 
     @property
     def scale(self) -> float:

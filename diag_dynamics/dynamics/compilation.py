@@ -12,7 +12,6 @@ from diag_dynamics.sweeps import (
     evaluation,
     external,
     factorization,
-    factors,
     kinematics,
     mobilities,
 )
@@ -26,7 +25,7 @@ METHODS = {
     batch.sweep_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch bias_batch "
     "gravity_torque_batch nu_from_qd_batch qd_from_nu_batch epsilon_from_tau_batch "
     "tau_from_epsilon_batch momentum_batch",
-    factors.factors: "factors",
+    factorization.factors: "factors",
     classical.forward_dynamics: "forward_dynamics",
     classical.inverse_dynamics: "inverse_dynamics bias gravity_torque",
     classical.momentum: "momentum",

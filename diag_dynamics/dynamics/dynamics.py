@@ -23,9 +23,8 @@ from diag_dynamics.arrays import (
     VectorLike,
 )
 from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vector, whole
-from diag_dynamics.contact.impact import Impact, impact
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
-from diag_dynamics.contact.results import Contact
+from diag_dynamics.contact.results import Contact, Impact, impact
 from diag_dynamics.dynamics import calls, noise
 from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, States, are_vectors
 from diag_dynamics.dynamics.compilation import compile_methods
@@ -41,8 +40,7 @@ from diag_dynamics.results import (
     TouchedLink,
     memory_of,
 )
-from diag_dynamics.sweeps import classical, derivatives, evaluation, kinematics, mobilities
-from diag_dynamics.sweeps import factors as factor_sweeps
+from diag_dynamics.sweeps import classical, derivatives, evaluation, factorization, kinematics, mobilities
 from diag_dynamics.sweeps import workspace as ws
 
 Points: TypeAlias = ContactPoints | Iterable[ContactPoint]
@@ -248,12 +246,12 @@ class DiagonalDynamics:
         factors, D, status = np.empty(self._factors_shape), np.empty(self._nv), ws.BAD_LENGTH
         try:
             if are_vectors(q, q, q):
-                status = factor_sweeps.factors.run(self._robot, q, factors, D)
+                status = factorization.factors.run(self._robot, q, factors, D)
         except TypeError:  # as in evaluate
             pass
         if status:
             at = self._arguments.one(q)
-            self._caller.check(factor_sweeps.factors(self._robot, at.q, factors, D), at)
+            self._caller.check(factorization.factors(self._robot, at.q, factors, D), at)
         factors.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         D.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         # Half of the time that Factors(…) takes.

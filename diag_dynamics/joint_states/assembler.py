@@ -14,11 +14,10 @@ import numpy as np
 from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.joint_states import codes, memory
 from diag_dynamics.joint_states.decoding import FIELDS, MAX_BYTES, Decoder
-from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.joint_states.limits import EffortMeaning, age_limits, joint_limits
+from diag_dynamics.joint_states.joints import EffortMeaning, RobotState, age_limits, joint_limits
 from diag_dynamics.joint_states.rules import judge_messages
 from diag_dynamics.joint_states.stamps import nanoseconds
-from diag_dynamics.joint_states.watches import SAMPLES
+from diag_dynamics.joint_states.steps import SAMPLES
 from diag_dynamics.model.mimic import Followers
 
 

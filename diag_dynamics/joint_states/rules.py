@@ -27,8 +27,16 @@ from diag_dynamics.joint_states.memory import (
     Memory,
 )
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.joint_states.steps import DISPLACED, NOTHING, accept_step, is_contradicted, judge_step
-from diag_dynamics.joint_states.watches import count_gap, pause_gaps, watch_stuck_sensors
+from diag_dynamics.joint_states.steps import (
+    DISPLACED,
+    NOTHING,
+    accept_step,
+    count_gap,
+    is_contradicted,
+    judge_step,
+    pause_gaps,
+    watch_stuck_sensors,
+)
 from diag_dynamics.numerics.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.rotations import wrap_angle
 

@@ -18,7 +18,7 @@ from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import LARGEST, floats, placement_of
-from diag_dynamics.model.rewriting import insert_inertia
+from diag_dynamics.model.parameters import insert_inertia
 from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.rigid_body import RigidBody
 

@@ -16,9 +16,8 @@ from lxml import etree
 
 from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
-from diag_dynamics.model.parameters import read_parameters
+from diag_dynamics.model.parameters import numbers_text, read_parameters, set_inertia
 from diag_dynamics.model.remarks import warn
-from diag_dynamics.model.rewriting import numbers_text, set_inertia
 from diag_dynamics.model.robot import RobotModel, load_urdf
 
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")  # of load_urdf, which an MJCF has itself

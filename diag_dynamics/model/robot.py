@@ -21,7 +21,6 @@ from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError
 from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
 from diag_dynamics.model.joint_types import SINGLE, is_angle
-from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
 from diag_dynamics.model.mimic import Mimic, resolve_mimics
 from diag_dynamics.model.parameters import (
     Parameters,
@@ -33,9 +32,9 @@ from diag_dynamics.model.parameters import (
 from diag_dynamics.model.remarks import remarks_of, warn, warning_of
 from diag_dynamics.model.sources import expanded, folder_of, urdf_text
 from diag_dynamics.model.transmissions import reflected_inertias
-from diag_dynamics.model.tree import Tree
+from diag_dynamics.model.tree import Tree, massless_freedoms, positions_to_hold, reject_massless
 from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_urdf
-from diag_dynamics.sweeps import configuration, joints
+from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.workspace import Workspace
 
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
@@ -240,7 +239,7 @@ class RobotModel:
         That is q + v but for planar and floating joints, whose v is a twist in their own axes.
         """
         q, v, result = self._positions("q", q), vector("v", v, self.dof_names), np.empty(self.nq)
-        if configuration.integrate(self.workspace.robot, q, v, result):
+        if kinematics.integrate(self.workspace.robot, q, v, result):
             raise InputError("q and v are too large: a result overflows.")
         return result
 
@@ -252,7 +251,7 @@ class RobotModel:
         turning = set(self.continuous_joints) - {mimic.leader for mimic in self.mimics.values()}
         turns = np.array([1.0 if name in turning else 0.0 for name in self.dof_names])
         q0, q1, v = self._positions("q0", q0), self._positions("q1", q1), np.empty(self.nv)
-        if configuration.difference(self.workspace.robot, q0, q1, turns, v):
+        if kinematics.difference(self.workspace.robot, q0, q1, turns, v):
             raise InputError("q0 and q1 are too large: a result overflows.")
         return v
 

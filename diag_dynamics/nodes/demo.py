@@ -27,7 +27,7 @@ from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator import SimulatorNode
 from diag_dynamics.nodes.support.descriptions import COMPILED
 from diag_dynamics.nodes.support.runner import leave, run
-from diag_dynamics.nodes.top.top import Top, has_screen
+from diag_dynamics.nodes.top import Top, has_screen
 from diag_dynamics.nodes.view import ViewNode
 from diag_dynamics.numerics.kernel import precompile
 from diag_dynamics.numerics.progress import set_progress_callback

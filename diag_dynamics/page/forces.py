@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.page.tree import center_of_body
+from diag_dynamics.page.layout import center_of_body
 
 UPPER = np.triu_indices(3)
 """Entries of a symmetric matrix that a frame has, row by row."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.page.layout import CHOSEN
-from diag_dynamics.page.packing import LEVELS, pack, pack_times
+from diag_dynamics.page.meshes import LEVELS, pack, pack_times
 
 STATIC = Path(__file__).parent / "static"
 """Where the page lies: it is built from web/ by ``make page``."""

@@ -13,7 +13,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
 from diag_dynamics.parameters import controller, simulator, view
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.parameters.renamed import current
+from diag_dynamics.parameters.spec import current
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"

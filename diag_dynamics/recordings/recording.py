@@ -20,8 +20,8 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.parameters.renamed import current_parameters
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
+from diag_dynamics.parameters.spec import current_parameters
 from diag_dynamics.recordings.findings import NOTE, WITHOUT_VALUES, Finding, collect_findings
 from diag_dynamics.recordings.intake import Intake
 from diag_dynamics.recordings.sources import open_source, path_text

@@ -5,7 +5,7 @@
 
 The state is (q, ν) and its equations ν̇ = ε − C − ε_g − ε_d, q̇ = ℓᵀν, with ε_d = ℓ d q̇ the joint damping. Damping over D
 reaches 10⁶ s⁻¹ on the small links of a hand, so it is implicit: a stage with step fraction hγ solves with (M + hγ d), which
-is the same O(N) recursion with hγ d added to the armature. The rest is explicit: see tableau.
+is the same O(N) recursion with hγ d added to the armature. The rest is explicit: see runge_kutta.
 
 Joints of several degrees of freedom move on a manifold: over a step their positions are q₀ exp(u), and the method
 integrates the twist u, whose rate is q̇ but for terms of the commutator (Munthe-Kaas, Applied Numerical Mathematics 29, 1999).
@@ -16,9 +16,9 @@ Friction and limits are not smooth. The equations are smooth while no joint chan
 hard limit or leans on a compliant one; a joint that sticks is locked. A step in which a joint changes its mode is taken
 again at order 1, in sub-steps.
 
-simulation: the public class. memory: its arrays. modes: mode of each joint, and the solver of stiction. tableau,
-runge_kutta: order 4. euler: order 1 and impacts. steps: the choice between them. plant, drives, sensors, pace: the robot of
-the simulator node. wave: a motion for demonstrations.
+simulation: the public class. memory: its arrays. modes: mode of each joint, and the solver of stiction.
+runge_kutta: order 4. euler: order 1 and impacts. steps: the choice between them. plant, drives, pace: the robot of the
+simulator node.
 """
 
 from diag_dynamics.simulation.simulation import (

@@ -9,7 +9,7 @@ from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import HELD, classify_joints, solve_stiction
 from diag_dynamics.simulation.runge_kutta import wrench_efforts
-from diag_dynamics.sweeps import classical, configuration, factorization, groups
+from diag_dynamics.sweeps import classical, factorization, groups, kinematics
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.records import FLOATING
@@ -81,7 +81,7 @@ def _move(address, h, tau):
         sim.u[k] = h * sim.after[k]
     _turn_floating_velocities(address, h)
     ws.copy(sim.after, sim.qd)
-    configuration.integrate_positions(bodies, sim.q, sim.u, sim.q)
+    kinematics.integrate_positions(bodies, sim.q, sim.u, sim.q)
     effort, damping, limits, wrenches = 0.0, 0.0, 0.0, 0.0
     for k in range(len(tau)):
         qd, u = sim.qd[k], sim.u[k]

@@ -6,8 +6,10 @@
 import numpy as np
 
 from diag_dynamics.numerics.tables import Addresses, Table, array
-from diag_dynamics.simulation.tableau import STAGES
 from diag_dynamics.sweeps import workspace as ws
+
+STAGES = 6
+"""Of a step of order 4."""
 
 EFFORT, WRENCHES, DAMPING, FRICTION, LIMITS, N_ACCOUNTS = range(6)
 """Energy accounts [J]: work of efforts, wrenches, damping, friction, and of limits without elastic energy."""

@@ -15,7 +15,7 @@ import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation.memory import opened
-from diag_dynamics.sweeps import classical, configuration, factorization
+from diag_dynamics.sweeps import classical, factorization, kinematics
 from diag_dynamics.sweeps import workspace as ws
 
 FREE, HELD = 0.0, 2.0
@@ -176,7 +176,7 @@ def lock_joints(address):
     for k in range(len(sim.mode)):
         sim.locks[k] = 1.0 if sim.mode[k] == HELD else 0.0
         holding |= sim.mode[k] == HELD
-    configuration.lock_joints(bodies, sim.armature, sim.locks)
+    kinematics.lock_joints(bodies, sim.armature, sim.locks)
     return holding
 
 
@@ -185,4 +185,4 @@ def unlock_joints(address):
     """Unlock all joints."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
-    configuration.lock_joints(bodies, sim.armature, sim.zeros)
+    kinematics.lock_joints(bodies, sim.armature, sim.zeros)

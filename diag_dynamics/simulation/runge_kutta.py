@@ -1,14 +1,45 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A step of order 4 in which no joint changes its mode: the equations are smooth."""
+"""A step of order 4 in which no joint changes its mode: the equations are smooth.
+
+The tables are those of ARK4(3)6L[2]SA, a pair of Runge–Kutta methods of order 4 with one set of weights (Kennedy and
+Carpenter, Applied Numerical Mathematics 44, 2003). One is explicit, the other implicit, L-stable and stiffly accurate.
+"""
+
+import numpy as np
 
 from diag_dynamics.numerics.kernel import large_kernel
-from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
+from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, STAGES, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
-from diag_dynamics.simulation.tableau import EXPLICIT, GAMMA, IMPLICIT, STAGES, WEIGHTS
-from diag_dynamics.sweeps import classical, configuration, evaluation, factorization, groups
+from diag_dynamics.sweeps import classical, evaluation, factorization, groups, kinematics
 from diag_dynamics.sweeps import workspace as ws
+
+GAMMA = 0.25
+
+WEIGHTS = np.array([82889 / 524892, 0.0, 15625 / 83664, 69875 / 102672, -2260 / 8211, 1 / 4])
+
+EXPLICIT = np.zeros((STAGES, STAGES))
+EXPLICIT[1, :1] = [1 / 2]
+EXPLICIT[2, :2] = [13861 / 62500, 6889 / 62500]
+EXPLICIT[3, :2] = [-116923316275 / 2393684061468, -2731218467317 / 15368042101831]
+EXPLICIT[3, 2] = 9408046702089 / 11113171139209
+EXPLICIT[4, :2] = [-451086348788 / 2902428689909, -2682348792572 / 7519795681897]
+EXPLICIT[4, 2:4] = [12662868775082 / 11960479115383, 3355817975965 / 11060851509271]
+EXPLICIT[5, :2] = [647845179188 / 3216320057751, 73281519250 / 8382639484533]
+EXPLICIT[5, 2:5] = [552539513391 / 3454668386233, 3354512671639 / 8306763924573, 4040 / 17871]
+
+IMPLICIT = np.zeros((STAGES, STAGES))
+IMPLICIT[1, :2] = [1 / 4, GAMMA]
+IMPLICIT[2, :3] = [8611 / 62500, -1743 / 31250, GAMMA]
+IMPLICIT[3, :4] = [5012029 / 34652500, -654441 / 2922500, 174375 / 388108, GAMMA]
+IMPLICIT[4, :3] = [15267082809 / 155376265600, -71443401 / 120774400, 730878875 / 902184768]
+IMPLICIT[4, 3:5] = [2285395 / 8070912, GAMMA]
+IMPLICIT[5] = WEIGHTS
+
+for _table in (EXPLICIT, IMPLICIT, WEIGHTS):
+    _table.flags.writeable = False
+
 
 UNRESOLVED = 1.5
 """Ratio of step to time constant of a damper above which the stages do not resolve its work."""
@@ -72,7 +103,7 @@ def _predict(address, h, i, stiff):
         _add(sim.stage_nu, a, sim.explicit[j])
         if stiff:
             _add(sim.stage_nu, b, sim.implicit[j])
-    configuration.integrate_positions(bodies, sim.q, sim.u, sim.place)
+    kinematics.integrate_positions(bodies, sim.q, sim.u, sim.place)
 
 
 @large_kernel
@@ -99,7 +130,7 @@ def _stage_rates(address, h, i, stiff, load):
         ws.copy(nu, rates)
         factorization.scale_by_inertia(bodies, work, -0.5, rates)
         factorization.qd_from_xi(bodies, rates, work, table[0], rates)
-    configuration.dexp_inverse(bodies, sim.u, rates, sim.charts[i])
+    kinematics.dexp_inverse(bodies, sim.u, rates, sim.charts[i])
     if status != 0:
         return status
     return evaluation.nu_dot_from_tau(sim.robot, rates, sim.effort, sim.explicit[i])
@@ -168,7 +199,7 @@ def _combine_stages(address, h, stiff, load):
             sim.accounts[FRICTION] -= sim.friction[k] * sim.mode[k] * sim.path[k]
         work += load.tau[k] * sim.path[k]
     sim.accounts[EFFORT] += work
-    configuration.integrate_positions(bodies, sim.q, sim.u, sim.q)
+    kinematics.integrate_positions(bodies, sim.q, sim.u, sim.q)
     status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
     for k in range(len(sim.qd)):
         if sim.mode[k] == HELD:

@@ -22,6 +22,6 @@ body i has no articulated inertia, -1 if an input is not finite or no orientatio
 finite, BAD_LENGTH if a vector has not the robot's length.
 
 records: memory of a body; workspace: memory of a robot. joints: steps that sweeps share. groups: degrees of freedom that
-are eliminated together. evaluation, factorization, factors, classical, derivatives, kinematics, mobilities: the sweeps.
-contacts: contact at points. batch: sweeps over many states. configuration: integration of positions, and locked joints.
+are eliminated together. evaluation, factorization, classical, derivatives, kinematics, mobilities: the sweeps.
+contacts: contact at points. batch: sweeps over many states.
 """

@@ -1,10 +1,16 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Placements, Jacobians and motions of bodies."""
+"""Placements, Jacobians and motions of bodies; positions along a twist, and locked joints.
+
+Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist
+each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree of freedom that is q₀ + u.
+"""
+
+import math
 
 from diag_dynamics.numerics import kernel as nk
-from diag_dynamics.sweeps import joints, records
+from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 
@@ -79,3 +85,109 @@ def motion(robot, q, qd, qdd, body, result):
     records.set_motion(result[0], records.motion_of(work[body].V))
     records.set_motion(result[1], records.motion_of(work[body].acceleration))
     return 0 if joints.are_finite(result[0]) and joints.are_finite(result[1]) else -1
+
+
+LOCKED_INERTIA = 1e150
+"""Rotor inertia of a locked joint [kg m², kg]: nothing moves it, and its square does not overflow."""
+
+
+@nk.large_kernel
+def dexp_inverse(bodies, u, rates, u_rates):
+    """u̇ where positions are displaced by u and the joints move with these rates."""
+    for i in range(1, len(bodies)):
+        body = bodies[i]
+        if body.dofs == 1:
+            if groups.is_leader(bodies, i):
+                u_rates[body.dof] = rates[body.dof]
+        elif body.rank == 0:
+            rate = sp.dexp_inverse(joints.joint_vector(body, u), joints.joint_vector(body, rates))
+            for j in range(i, i + body.dofs):
+                direction = bodies[j].direction
+                u_rates[bodies[j].dof] = sp.entry(direction, rate.linear, rate.angular)
+
+
+@nk.large_kernel
+def integrate_positions(bodies, start, u, q):
+    """Positions q displaced by u from those at the start; quaternions have unit length. q may be the start."""
+    for i in range(1, len(bodies)):
+        body, k = bodies[i], bodies[i].q
+        if body.dofs == 1:
+            if groups.is_leader(bodies, i):
+                q[k] = start[k] + u[body.dof]
+        elif body.rank == 0:
+            U = joints.joint_vector(body, u)
+            moved = sp.screw_translation(U)
+            if body.kind == records.FLOATING:
+                turn = (start[k + 3], start[k + 4], start[k + 5], start[k + 6])
+                R = sp.rotation_of_quaternion(turn[0], turn[1], turn[2], turn[3])
+                x, y, z, w = sp.quaternion_product(turn, sp.rotation_quaternion(U.angular))
+                length = math.sqrt(x * x + y * y + z * z + w * w)
+                q[k], q[k + 1], q[k + 2] = sp.add((start[k], start[k + 1], start[k + 2]), sp.apply(R, moved))
+                q[k + 3], q[k + 4], q[k + 5], q[k + 6] = x / length, y / length, z / length, w / length
+            else:
+                s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
+                q[k] = start[k] + c * moved[0] - s * moved[1]
+                q[k + 1] = start[k + 1] + s * moved[0] + c * moved[1]
+                q[k + 2] = start[k + 2] + U.angular[2]
+
+
+@nk.kernel
+def _log(body, start, end):
+    """Twist of a joint of several degrees of freedom that displaces its positions from a start to an end."""
+    k = body.q
+    if body.kind == records.FLOATING:
+        back = (-start[k + 3], -start[k + 4], -start[k + 5], start[k + 6])
+        R = sp.rotation_of_quaternion(start[k + 3], start[k + 4], start[k + 5], start[k + 6])
+        moved = sp.subtract((end[k], end[k + 1], end[k + 2]), (start[k], start[k + 1], start[k + 2]))
+        x, y, z, w = sp.quaternion_product(back, (end[k + 3], end[k + 4], end[k + 5], end[k + 6]))
+        return sp.screw_of_displacement(sp.apply_transposed(R, moved), sp.rotation_vector(x, y, z, w))
+    s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
+    x, y, turned = end[k] - start[k], end[k + 1] - start[k + 1], _wrapped(end[k + 2] - start[k + 2])
+    return sp.screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))
+
+
+@nk.kernel
+def _wrapped(angle):
+    """An angle within ±π."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def integrate(robot, q, v, result):
+    """Positions reached from q along v: q exp(v) of joints of several degrees of freedom, q + v of the others."""
+    if not ws.lengths_match(robot, q, v, v):
+        return ws.BAD_LENGTH
+    bodies, _, _, _ = ws.opened(robot)
+    if not (joints.are_positions(bodies, q) and joints.are_finite(v)):
+        return -1
+    integrate_positions(bodies, q, v, result)
+    return 0 if joints.are_finite(result) else -1
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def difference(robot, start, end, continuous, v):
+    """V that moves `start` to `end`; where `continuous` is not 0, an angle takes the shorter way round."""
+    if not (ws.positions_match(robot, start) and ws.positions_match(robot, end)):
+        return ws.BAD_LENGTH
+    bodies, _, _, _ = ws.opened(robot)
+    if not (joints.are_positions(bodies, start) and joints.are_positions(bodies, end)):
+        return -1
+    for i in range(1, len(bodies)):
+        body = bodies[i]
+        if body.dofs == 1:
+            if groups.is_leader(bodies, i):
+                apart = end[body.q] - start[body.q]
+                v[body.dof] = _wrapped(apart) if continuous[body.dof] != 0.0 else apart
+        elif body.rank == 0:
+            U = _log(body, start, end)
+            for j in range(i, i + body.dofs):
+                v[bodies[j].dof] = sp.entry(bodies[j].direction, U.linear, U.angular)
+    return 0 if joints.are_finite(v) else -1
+
+
+@nk.large_kernel
+def lock_joints(bodies, armature, locked):
+    """Lock the degrees of freedom that are marked, and no others; `armature` has the bodies' own."""
+    for i in range(1, len(bodies)):
+        marked = groups.is_leader(bodies, i) and locked[bodies[i].dof] != 0.0
+        bodies[i].armature = LOCKED_INERTIA if marked else armature[i]

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages without ROS: types from the text of ``.msg`` files, and their decoding from plain CDR."""
+"""Messages without ROS: types from the text of ``.msg`` files, the package's own included, and decoding of plain CDR."""
 
+import os
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -155,8 +157,8 @@ def definition_with_parts(kind, more=NO_OTHERS):
 class Reader:
     """Reads one message; ValueError if the bytes are none.
 
-    `order` is < for little-endian numbers, else >. After reading, `used` has a 1 for each byte that is no padding, and `arrays`
-    the first byte and count of sequences of numbers by field.
+    `order` is < for little-endian numbers, else >. After reading, `used` has a 1 for each byte that is no padding, and
+    `arrays` the first byte and count of sequences of numbers by field.
     """
 
     def __init__(self, raw):
@@ -210,3 +212,24 @@ class Reader:
         numbers = np.frombuffer(self._raw, dtype, count, self._at) if count else np.zeros(0, dtype)
         self.used[self._at : end], self._at = b"\1" * (end - self._at), end
         return numbers.astype(dtype.newbyteorder("="))
+
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def _folders():
+    """Yield possible folders: of a wheel, of a checkout, of an installed workspace."""
+    yield PACKAGE / "definitions"
+    yield PACKAGE.parent / "msg"
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix:
+            yield Path(prefix) / "share" / "diag_dynamics" / "msg"
+
+
+@cache
+def our_definitions():
+    """Return the definitions of this package's messages by type; InputError if they are not found."""
+    for folder in _folders():
+        if found := sorted(folder.glob("*.msg")):
+            return definitions({f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found})
+    raise InputError(f"the definitions of this package's messages are in none of {', '.join(map(str, _folders()))}.")

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from rich.segment import SegmentLines
 
-from diag_dynamics.nodes import demo
-from diag_dynamics.nodes.top import top
+from diag_dynamics.nodes import demo, top
 
 WIDTH, HEIGHT = 100, 26
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import diag_dynamics as dd
 from diag_dynamics.collision.detector import AlarmDetector
-from diag_dynamics.simulation.sensors import Sensors
+from diag_dynamics.simulation.drives import Sensors
 
 ROBOTS = {
     "panda": ("panda_finger_joint1", "panda_finger_joint2"),

@@ -43,8 +43,7 @@ from bags import (
 )
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
-from diag_dynamics.wire.definitions import read_message
-from diag_dynamics.wire.ours import our_definitions
+from diag_dynamics.wire.definitions import our_definitions, read_message
 from hostile import MS, START, S
 
 

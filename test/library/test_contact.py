@@ -18,7 +18,7 @@ import robots
 from accuracy import EPS, norm
 from coupling import NAMED, oracle_of
 from derivative_oracles import jacobian
-from diag_dynamics.contact.impact import (
+from diag_dynamics.contact.results import (
     contact_force,
     reduced_mass,
     simplified_mass,

@@ -11,7 +11,7 @@ import pytest
 import diag_dynamics as dd
 import robots
 from described import subject
-from diag_dynamics.contact.impact import contact_force
+from diag_dynamics.contact.results import contact_force
 from diag_dynamics.exceptions import InputError
 from examples import shortened
 

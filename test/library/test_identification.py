@@ -14,7 +14,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.result import without_impossible_links
-from diag_dynamics.model.rewriting import urdf_with
+from diag_dynamics.model.parameters import urdf_with
 from examples import shortened, some_of
 from motions import efforts, fourier, recorded
 from oracles import Oracle

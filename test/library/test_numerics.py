@@ -275,7 +275,7 @@ CLOSURES = {
         ["sweeps.batch", "simulation.steps"],
     ),
     "simulation.steps": (
-        ["simulation.tableau", "sweeps.spatial", "numerics.linking"],
+        ["simulation.runge_kutta", "sweeps.spatial", "numerics.linking"],
         ["sweeps.batch", "simulation.simulation"],
     ),
     "joint_states.rules": (["joint_states.codes", "numerics.kernel"], ["joint_states.assembler", "sweeps.spatial"]),

@@ -19,11 +19,10 @@ import diag_dynamics as dd
 import page_fixture
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.page.frames import GAP, FrameMaker, States
-from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass
+from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass, tree_of
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.stream import Received, RobotStream
-from diag_dynamics.page.tree import tree_of
 from oracles import Oracle
 from robots import description, joint, link, random_robots, robot, robot_path
 

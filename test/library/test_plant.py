@@ -14,10 +14,9 @@ import diag_dynamics as dd
 from described import PANDA, robot
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.parameters.simulator import PARAMETERS
-from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives, Pushes
+from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives, Pushes, Sensors
 from diag_dynamics.simulation.pace import MAX_LAG, Lockstep, Pace
 from diag_dynamics.simulation.plant import Plant
-from diag_dynamics.simulation.sensors import Sensors
 from examples import examples
 
 NAMES = ("shoulder", "elbow", "wrist")

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.page.layout import CAUSES
-from diag_dynamics.page.packing import LEVELS, pack, pack_mesh, pack_meshes
+from diag_dynamics.page.meshes import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output

@@ -17,8 +17,8 @@ from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.model import Payload
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
-from diag_dynamics.parameters.renamed import RENAMED, RENAMED_VALUES
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
+from diag_dynamics.parameters.spec import RENAMED, RENAMED_VALUES
 from diag_dynamics.recordings.recording import make_settings
 from examples import examples
 from joint_state_messages import INF, NAMES, NAN

@@ -22,11 +22,11 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States
+from diag_dynamics.page.layout import center_of_body
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
 from diag_dynamics.page.stream import Received, RobotStream
-from diag_dynamics.page.tree import center_of_body
 from hostile import START, Driver
 from moving_robot import MovingRobot
 from recorded_arm import ARM, WATCHED, Recording

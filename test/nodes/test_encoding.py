@@ -36,8 +36,7 @@ from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Observation, Settings
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.wire.cdr import HEADER, Template
-from diag_dynamics.wire.definitions import definition_with_parts, read_message
-from diag_dynamics.wire.ours import our_definitions
+from diag_dynamics.wire.definitions import definition_with_parts, our_definitions, read_message
 from examples import examples, shortened
 from joint_state_messages import INF, MS, NAMES, NOW, S, joint_state
 from joint_state_readers import DEFAULTS, settings

@@ -14,8 +14,8 @@ from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.monitor.markers import COLD, FORCE_LENGTH, HORIZON, HOT, LIFETIME, MIN_ENERGY, MarkerMaker
+from diag_dynamics.page.layout import center_of_body, tree_of
 from diag_dynamics.page.scene import links_of
-from diag_dynamics.page.tree import center_of_body, tree_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from nodes import MS, PANDA, Monitor, S, nanoseconds, robot
 

@@ -17,7 +17,7 @@ from diag_dynamics.msg import DiagonalizedState, ExternalTorque
 from rich.cells import cell_len
 from std_msgs.msg import String
 
-from diag_dynamics.nodes.top import top
+from diag_dynamics.nodes import top
 from nodes import LATCHED, MANY
 
 NAMES = ["shoulder", "elbow", "wrist"]

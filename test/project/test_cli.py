@@ -379,7 +379,7 @@ def test_compile_in_this_process(run, tmp_path, monkeypatch):
     assert status == 1 and "no folder to keep compiled code in" in error and "%" not in error
 
 
-LONG = {"sweeps.configuration": 1, "simulation.steps": 14, "sweeps.batch": 9, "sweeps.classical": 8}
+LONG = {"sweeps.kinematics": 1, "simulation.steps": 14, "sweeps.batch": 9, "sweeps.classical": 8}
 """Units of which two are under way when the first is done."""
 
 
@@ -396,7 +396,7 @@ def test_a_signal_ends_compiling(end, tmp_path):
         text=True,
         start_new_session=True,
     )
-    while "sweeps.configuration" not in process.stderr.readline():
+    while "sweeps.kinematics" not in process.stderr.readline():
         pass
     if end == "all":
         os.killpg(process.pid, signal.SIGINT)

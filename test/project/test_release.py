@@ -45,7 +45,7 @@ def test_sdist_is_complete_and_the_wheel_works_without_ros(tmp_path):
     assert {path for path in [*modules, Path("diag_dynamics/py.typed")] if not (site / path).is_file()} == set()
     program = (
         "import diag_dynamics as dd; print(dd.__file__, dd.load_urdf, dd.DiagonalDynamics, dd.Simulation)\n"
-        "from diag_dynamics.wire.ours import our_definitions\n"
+        "from diag_dynamics.wire.definitions import our_definitions\n"
         "assert 'diag_dynamics/msg/DiagonalizedState' in our_definitions()\n"
         "from importlib.resources import files\n"
         "assert files('diag_dynamics.recordings').joinpath('fleet.html.j2').is_file()"

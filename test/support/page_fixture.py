@@ -19,11 +19,11 @@ import numpy as np
 import diag_dynamics as dd
 from coupling import mimicking
 from diag_dynamics.page.frames import FrameMaker, States
-from diag_dynamics.page.packing import pack, pack_mesh, pack_times
+from diag_dynamics.page.layout import tree_of
+from diag_dynamics.page.meshes import pack, pack_mesh, pack_times
 from diag_dynamics.page.report import full_rate, overview
 from diag_dynamics.page.scene import scene_of
 from diag_dynamics.page.stream import Received, RobotStream
-from diag_dynamics.page.tree import tree_of
 from robots import BOX, description, joint, link, random_tree
 
 PATH = Path(__file__).parents[2] / "web" / "test" / "fixture.json"

@@ -19,8 +19,8 @@ from diag_dynamics.model.meshes import find_mesh
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.support.messages import to_time
 from diag_dynamics.page.forces import force_at_center
+from diag_dynamics.page.layout import center_of_body, links_of_dofs
 from diag_dynamics.page.scene import links_of
-from diag_dynamics.page.tree import center_of_body, links_of_dofs
 from diag_dynamics.rotations import to_quaternion
 from diag_dynamics.text import plain
 

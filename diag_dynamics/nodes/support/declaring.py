@@ -16,8 +16,7 @@ from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.topics import NODES, nearest
 from diag_dynamics.numerics.progress import set_progress_callback
-from diag_dynamics.parameters.renamed import RENAMED, current, current_parameters
-from diag_dynamics.parameters.spec import wrong
+from diag_dynamics.parameters.spec import RENAMED, current, current_parameters, wrong
 from diag_dynamics.text import plain
 
 NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")

@@ -15,8 +15,7 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.wire.cdr import Template
-from diag_dynamics.wire.definitions import definition_with_parts, message_type
-from diag_dynamics.wire.ours import our_definitions
+from diag_dynamics.wire.definitions import definition_with_parts, message_type, our_definitions
 
 TOPICS = {
     "state": "DiagonalizedState",

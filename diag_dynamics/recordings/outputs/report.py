@@ -12,8 +12,7 @@ from diag_dynamics.model import end_effector_link
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import thresholds_of
-from diag_dynamics.page.meshes import MeshLibrary
-from diag_dynamics.page.packing import pack_meshes
+from diag_dynamics.page.meshes import MeshLibrary, pack_meshes
 from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_of, write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS

@@ -26,13 +26,12 @@ from rich.console import Console
 from std_msgs.msg import String
 
 from diag_dynamics.msg import DiagonalizedState, ExternalTorque
+from diag_dynamics.nodes.screen import BLOCKS, ENERGY, EXTERNAL, LETTERS, MAX_SILENCE, Robot, View
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.graph import topics_of
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.runner import run
 from diag_dynamics.nodes.support.topics import NODES
-from diag_dynamics.nodes.top.robot import ENERGY, EXTERNAL, Robot
-from diag_dynamics.nodes.top.screen import BLOCKS, LETTERS, MAX_SILENCE, View
 from diag_dynamics.text import duration, number, plain
 
 STATE = "diag_dynamics/msg/DiagonalizedState"
