@@ -18,7 +18,7 @@ from diag_dynamics.contact.results import Contact
 from diag_dynamics.dynamics.arguments import Loads, States
 from diag_dynamics.exceptions import InputError, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.links import wrenches_at, wrenches_on_links, wrenches_on_links_of_many
+from diag_dynamics.model.links import wrenches_at, wrenches_on_links
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
     batch,
@@ -117,6 +117,13 @@ class SweepCaller:
             where = f"states {failing[0]} to {failing[-1]}"
             raise InputError(f"arguments have changed while {where} were evaluated.")
 
+    def _call(self, one: Any, many: Any, inputs: Any, outputs: Any, at: States, single: Any) -> None:
+        """Call the kernel of one state, or that of many as :meth:`_call_many` does."""
+        if at.threads:
+            self._call_many(many, inputs, outputs, at, single)
+        else:
+            self.check(one(self.robot, *inputs, *outputs), at)
+
     def check(self, status: int, at: States, problem: str = "") -> None:
         """Raise the error of a kernel's status at one state, if there is one."""
         if status and problem:
@@ -132,10 +139,7 @@ class SweepCaller:
     def mass_matrix(self, at: States) -> Array:
         """Return M."""
         M = self._empty(at, self.nv, self.nv)
-        if at.threads:
-            self._call_many(batch.mass_matrix_each, (at.q,), (M,), at, self.mass_matrix)
-        else:
-            self.check(classical.mass_matrix(self.robot, at.q, M), at)
+        self._call(classical.mass_matrix, batch.mass_matrix_each, (at.q,), (M,), at, self.mass_matrix)
         return M
 
     def derivative(self, sweep: Callable[..., int], at: States, scratch: int = 0) -> Array:
@@ -179,7 +183,7 @@ class SweepCaller:
         f_ext, frame = loads.wrenches, loads.frame
         tau, in_world = self._empty(at, self.nv), frame == "world"
         if at.threads:
-            records = wrenches_on_links_of_many(self.model, f_ext, frame, len(at.q))
+            records = wrenches_on_links(self.model, f_ext, frame, len(at.q))
             inputs = at.q, records, len(f_ext), in_world
             # Only q can be wrong, and any sweep names its error.
             self._call_many(batch.effort_of_wrenches_each, inputs, (tau,), at, self.mass_matrix)
@@ -304,22 +308,15 @@ class SweepCaller:
         """Return the external wrench at a point of :func:`noise.point_of_wrench`."""
         rows = self._empty(at, external.WRENCH_ROWS, 6)
         inputs = point.at, at.q, at.vectors["external_torque"]
-        if at.threads:
-            single = partial(self.wrench, point=point)
-            self._call_many(external.wrench_each, inputs, (rows,), at, single)
-        else:
-            self.check(external.wrench(self.robot, *inputs, rows), at)
+        self._call(external.wrench, external.wrench_each, inputs, (rows,), at, partial(self.wrench, point=point))
         return results.ExternalWrench.of_rows(rows)
 
     def touched_link(self, at: States, links: tuple[str, ...], table: Addresses) -> results.TouchedLink:
         """Return the touched link of a table of :func:`noise.candidates`."""
         rows = self._empty(at, 1 + len(links))
         inputs = table.at, at.q, at.vectors["external_torque"]
-        if at.threads:
-            single = partial(self.touched_link, links=links, table=table)
-            self._call_many(external.touched_link_each, inputs, (rows,), at, single)
-        else:
-            self.check(external.touched_link(self.robot, *inputs, rows), at)
+        single = partial(self.touched_link, links=links, table=table)
+        self._call(external.touched_link, external.touched_link_each, inputs, (rows,), at, single)
         return results.TouchedLink.of_rows(links, rows)
 
     def contact(self, at: States, points: ContactPoints | Iterable[ContactPoint]) -> Contact:
@@ -331,11 +328,7 @@ class SweepCaller:
             raise InputError(f"points are of robot '{points.model.name}', not of '{model.name}'.")
         inputs = points.table, at.q, at.vectors["qd"]
         outputs = self._empty(at, self.nv), self._empty(at, len(points), contacts.CONTACT_COLUMNS)
-        if at.threads:
-            single = partial(self.contact, points=points)
-            self._call_many(contacts.contacts_each, inputs, outputs, at, single)
-        else:
-            self.check(contacts.contacts(self.robot, *inputs, *outputs), at)
+        self._call(contacts.contacts, contacts.contacts_each, inputs, outputs, at, partial(self.contact, points=points))
         return Contact(points, *outputs)
 
 

@@ -77,17 +77,11 @@ def _deepest_link(model: RobotModel, body: int) -> str:
 # --- Wrenches
 
 
-def wrenches_on_links(model: RobotModel, f_ext: Any, frame: str) -> npt.NDArray[np.void]:
-    """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world"."""
-    return _records(model, f_ext, frame, ())
+def wrenches_on_links(model: RobotModel, f_ext: Any, frame: str, *states: int) -> npt.NDArray[np.void]:
+    """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world".
 
-
-def wrenches_on_links_of_many(model: RobotModel, f_ext: Any, frame: str, count: int) -> npt.NDArray[np.void]:
-    """Return the records of many states, state by state; six numbers for all of them, or an array of shape (count, 6)."""
-    return _records(model, f_ext, frame, (count,))
-
-
-def _records(model: RobotModel, f_ext: Any, frame: str, states: tuple[int, ...]) -> npt.NDArray[np.void]:
+    With a number of states, records follow state by state, and there may be as many rows of numbers.
+    """
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)
     expected = "six finite numbers, force [N] then moment [N m]"
