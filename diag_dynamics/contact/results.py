@@ -106,6 +106,9 @@ class Contact:
         return f"<Contact of '{self.points.model.name}': {states}{len(self)} entries>"
 
 
+# --- Contact of two masses: transient against a spring, and an instantaneous impact
+
+
 def reduced_mass(reflected_mass: Any, mass: Any = np.inf) -> Any:
     """Return μ = (1/m_u + 1/m_H)⁻¹ [kg]; a mass of inf is clamped."""
     with np.errstate(divide="ignore"):

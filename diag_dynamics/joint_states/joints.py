@@ -82,6 +82,9 @@ def joints_of(model):
     )
 
 
+# --- Limits of values and meaning of efforts, an array of one number for each joint
+
+
 def joint_limits(joints, options):
     """Return the bounds in memory.JOINT by name.
 

@@ -326,6 +326,8 @@ def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[s
     return links
 
 
+# --- A URDF written anew with parameters; all else in the file stays, comments too
+
 ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 

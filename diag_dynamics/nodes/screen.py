@@ -147,6 +147,8 @@ def _limit(value):
     return value if 0.0 < value < math.inf else math.inf
 
 
+# --- Frames
+
 WINDOWS = 5, 10, 30, 60
 """Times that charts show [s]."""
 

@@ -64,6 +64,8 @@ def _link(model, name):
     return {"body": number, "placement": placement.ravel().tolist(), "dofs": dofs, "center": center}
 
 
+# --- Fields of a frame
+
 CAUSES = {
     **{"velocity_estimated": 1, "effort_missing": 2, "no_external_torque": 4, "collision": 8},
     **{"late": 16, "receive_time": 32, "other_model": 64, "contact": 128},

@@ -82,6 +82,8 @@ class MeshLibrary:
         return sha
 
 
+# --- Compressed numbers and meshes of a report
+
 LEVELS = 65_000
 """Maximum number of different values of a column."""
 

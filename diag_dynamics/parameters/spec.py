@@ -53,6 +53,8 @@ def wrong(name, value, specs):
     return expected and f"parameter '{name}' is {list(value) if is_list else value!r}, expected {expected}"
 
 
+# --- Names and values before version 0.2
+
 RENAMED = {
     **{
         f"absurd.{limit}": f"plausibility.{limit}"

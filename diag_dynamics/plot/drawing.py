@@ -86,6 +86,8 @@ def insert_gaps(t: Array, values: Array) -> tuple[Array, Array]:
     return np.insert(t, after, t[after]), np.insert(values, after, np.nan, axis=0)
 
 
+# --- Curves with more oscillations than a picture can show
+
 MAX_OSCILLATIONS = 100
 """Maximum number of oscillations that a picture shows one by one; a line of more of them covers everything else."""
 

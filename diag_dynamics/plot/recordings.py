@@ -272,6 +272,8 @@ def _check_states(of: Recording | Array) -> None:
 
 Pairs = Mapping[str, tuple[float, float]]
 
+# --- The picture of `diag-dynamics identify`
+
 BEFORE, AFTER = "#b9bcc2", "#0b6fb8"
 
 

@@ -117,6 +117,8 @@ class Pushes(_Inputs):
         return {link: wrench for link, (wrench, _) in self._held.items()}
 
 
+# --- Sensors between a state and what a driver publishes
+
 NONE = (0.0, 0.0, 0.0)
 
 

@@ -63,6 +63,8 @@ class Wave:
         return tau + simulation.friction * np.sign(qd_d) + simulation.effort_offset
 
 
+# --- The plant
+
 BRAKE_FACTOR = 2.0
 """Torque of a brake, as a multiple of its drive's largest effort."""
 

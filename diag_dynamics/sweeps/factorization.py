@@ -245,6 +245,9 @@ def qd_from_momentum(robot, q, added, momentum, qd):
     return status
 
 
+# --- The factors of the mass matrix, column by column
+
+
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_STATES, nk.FILLED_VECTOR)
 def factors(robot, q, m_l_unit, D):
     """Fill m = [I + HφK]D^½, ℓ = D^−½[I − HψK] and [I + HφK], the unit factor, and D (Identity 4.1).

@@ -87,6 +87,8 @@ def motion(robot, q, qd, qdd, body, result):
     return 0 if joints.are_finite(result[0]) and joints.are_finite(result[1]) else -1
 
 
+# --- Positions along a twist, and locked joints
+
 LOCKED_INERTIA = 1e150
 """Rotor inertia of a locked joint [kg m², kg]: nothing moves it, and its square does not overflow."""
 

@@ -214,6 +214,8 @@ class Reader:
         return numbers.astype(dtype.newbyteorder("="))
 
 
+# --- Messages of this package
+
 PACKAGE = Path(__file__).resolve().parents[1]
 
 

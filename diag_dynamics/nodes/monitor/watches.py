@@ -92,6 +92,8 @@ class ContactWatch:
         return Status("contact", LEVELS[self._reported], message, values)
 
 
+# --- Energy
+
 MAX_INTERVAL = 0.5  # between two states that the power balance integrates over [s]
 MINUTE = 60_000_000_000  # [ns]
 NOTHING = 0.0, 0.0, 0.0  # length of a window [s], change of K [J], and its unexplained part [J]

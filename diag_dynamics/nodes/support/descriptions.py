@@ -77,6 +77,8 @@ def load_robot(node, description, values):
     return model
 
 
+# --- Robots of a parameter or a topic
+
 PERIOD = 0.02
 """How often the executor looks whether the thread has finished [s]."""
 
