@@ -102,11 +102,10 @@ def wait_for(future, text):
 
 def compile_rest():
     """Start to compile what the demo does not use, with the lowest priority; return the process."""
-    arguments = "compile --if-needed --quiet --jobs 1".split()
-    command = [*"nice -n 19".split(), sys.executable, "-m", "diag_dynamics", *arguments]
+    command = ["nice", "-n", "19", sys.executable, "-m", "diag_dynamics", "compile", "--if-needed", "--quiet"]
     # Elsewhere Python would import a checkout that is the current folder.
     where = {"cwd": os.path.dirname(sys.executable)}
-    return subprocess.Popen(command, **where, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen([*command, "--jobs", "1"], **where, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def parse(arguments):
