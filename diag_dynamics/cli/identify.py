@@ -10,14 +10,13 @@ from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
-from diag_dynamics.identification.quality import residual_curves
+from diag_dynamics.identification.report import write_report
 from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.identification.selection import STEPS
 from diag_dynamics.model import JointParameters, Parameters
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.parameters import urdf_with
-from diag_dynamics.plot.recordings import draw_identification
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import Progress, plain
 
@@ -25,7 +24,7 @@ EPILOG = """exit status: 0 identified; 1 doubtful: no parameter reduces the erro
 verified; 2 not identified, for example efforts with a wrong unit, sign or order. Requirements of recordings:
 docs/identification.md."""
 
-OUTPUTS = {"-o": "output", "--json": "json", "--plots": "plots", "--write-urdf": "write_urdf"}
+OUTPUTS = {"-o": "output", "--json": "json", "--report": "report", "--write-urdf": "write_urdf"}
 
 
 def add_arguments(parser):
@@ -37,7 +36,8 @@ def add_arguments(parser):
     parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)
     parser.add_argument("-o", "--output", metavar="ARM.yaml", help="parameter file for all nodes and load_urdf")
     parser.add_argument("--json", metavar="QUALITY.json", help="quality as JSON; - for stdout")
-    parser.add_argument("--plots", metavar="PAGE.png", help="plots of the residual before and after")
+    text = "curves of efforts before and after, intervals, steps and base parameters in one HTML file"
+    parser.add_argument("--report", metavar="PAGE.html", help=text)
     text = "copy of the URDF with inertias, payloads, damping and friction"
     parser.add_argument("--write-urdf", metavar="NEW.urdf", help=text)
     common.add_quiet(parser)
@@ -59,8 +59,8 @@ def run(chosen):
         loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
         found = identify(loaded, model, chosen.what.split(","), reference=unloaded or None)
         shared = _write_parameters(chosen, found, parameters.get("parameters_file"), robot)
-        if chosen.plots:
-            _draw(chosen.plots, recordings[-1], model, found)
+        if chosen.report:
+            write_report(chosen.report, found)
         write(found.quality | {"shared": shared})
     if not chosen.quiet and chosen.json != "-":
         print("\n".join(map(plain, format_summary(found))))
@@ -85,25 +85,12 @@ def _write_parameters(chosen, found, earlier, robot):
 
 
 def _report_outputs(chosen, shared):
-    common.report_written(chosen.output, chosen.write_urdf, chosen.plots, chosen.json)
+    common.report_written(chosen.output, chosen.write_urdf, chosen.report, chosen.json)
     if shared:
         links = f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
         print(plain(f"{links}: no single link has the mass that the payload subtracts."), file=sys.stderr)
     if not chosen.output:
         print("The parameters were not saved. Give -o ARM.yaml.", file=sys.stderr)
-
-
-def _draw(path, recording, model, found):
-    """Draw the page of plots of the last recording."""
-    quality = found.quality
-    shares = ["-" if share is None else f"{share:.2f}" for share in quality["explained_total"]]
-    title = (
-        f"{model.name}: {', '.join(quality['taken']) or 'no parameter'}. Residual torque (observer gain "
-        f"{common.GAIN:g}/s) of the last recording; bars: cross-validation.\n"
-        f"Variance explained of d(K + U)/dt: {shares[0]} before, {shares[1]} after."
-    )
-    time, torques = residual_curves((model, found.model), recording.pieces, common.GAIN)
-    draw_identification(path, title, time, torques, quality["torque_rms"])
 
 
 def format_summary(found):

@@ -90,13 +90,13 @@ def identify(
     payload = payloads[0] if asked else None
     selection = Selection(model, steps, payload, data)
     last, free = selection.fit_all(), selection.free(selection.taken)
-    quality = quality_of(model, selection, data, last)
+    quality, curves = quality_of(model, selection, data, last)
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for
         free &= ~selection.layout.inertial
     parameters = parameters_of(selection.layout, last.x, free, _origin(model, data, quality))
     if not asked and "inertias" not in selection.taken:
         quality["warnings"] += _warn_of_payload(selection, payloads)
-    return Identification(model.with_parameters(parameters), parameters, quality)
+    return Identification(model.with_parameters(parameters), parameters, quality, curves)
 
 
 class FitData:

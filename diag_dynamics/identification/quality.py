@@ -4,12 +4,14 @@
 """Quality of an identification: cross-validation, certainty, warnings, and curves of residuals."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.identification.base_parameters import BaseParameters
 from diag_dynamics.identification.data_checks import DOUBTFUL
-from diag_dynamics.identification.dataset import Dataset, portions
+from diag_dynamics.identification.dataset import portions
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
@@ -19,12 +21,30 @@ from diag_dynamics.recordings.observer import Observer
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
 MIN_SMOOTHED, EDGE = 1.0, 0.2  # shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]
 MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
-MAX_STEPS = 6000  # of a curve: ten times the pixels that they are drawn on
+MAX_STEPS = 900  # of a curve: twice the pixels that they are drawn on
+
+
+class Curves(NamedTuple):
+    """Efforts below 5 Hz on held-out parts, downsampled to minima and maxima: times [s] (P,), others (P, nv) [N m, N].
+
+    Efforts were measured, or are those of the model before and after with friction; NaN interrupts them.
+    """
+
+    t: np.ndarray
+    measured: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+    error_before: np.ndarray
+    error_after: np.ndarray
 
 
 def validate(models, parts):
-    """Return how well models explain segments of a block each, by key of the quality; NaN and None are unknown."""
-    model = models[0]
+    """Return how well models explain segments of a block each, by key of the quality; NaN and None are unknown.
+
+    Then rows of curves: time, measured effort, the model's and the error of each joint.
+    """
+    model, elapsed, curves = models[0], 0.0, [np.empty((0, 1 + 3 * models[0].nv))]
+    each = -(-sum(len(one.t) for segments in parts for one in segments) // MAX_STEPS)
     sums, balance, errors, observed, energies = WindowSums(model.nv), Balance(model.dof_names), [], [], []
     for one, segments in zip(models, parts, strict=True):
         dynamics = DiagonalDynamics(one)
@@ -38,9 +58,13 @@ def validate(models, parts):
             observed.append(torque[valid])
             energies.append(s.kinetic_energy.copy())
             if part.duration >= MIN_SMOOTHED:
+                measured = smoothed(*part.columns)[2]
                 q, qd, tau, qdd = smoothed(t, q, qd, tau)
                 inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
                 errors.append((tau - dynamics.inverse_dynamics_batch(q, qd, qdd))[inner])
+                columns = np.hstack([measured[inner], measured[inner] - errors[-1], errors[-1]])
+                curves.append(_downsample(elapsed + t[inner] - t[0], columns, each))
+            elapsed += part.duration
     unknown, torque = np.full(model.nv, np.nan), np.concatenate(observed)
     return {
         "torque_rms": np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)) if errors else unknown,  # below 5 Hz [N m, N]
@@ -48,17 +72,25 @@ def validate(models, parts):
         "explained_total": balance.explained_total,  # of d(K + U)/dt
         "observer_spread": torque.std(axis=0) if len(torque) else unknown,  # of the external torque m r [N m, N]
         "kinetic_energy": float(np.concatenate(energies).mean()),  # [J]
-    }
+    }, np.concatenate(curves)
+
+
+def _downsample(t, columns, each):
+    """Return times and columns as rows, minima and maxima over so many states, and a row of NaN."""
+    first = np.arange(0, len(t), each)
+    extremes = [one.reduceat(columns, first, axis=0) for one in (np.fmin, np.fmax)]
+    rows = np.column_stack([np.repeat(t[first], 2), np.stack(extremes, axis=1).reshape(2 * len(first), -1)])
+    return np.vstack([rows, np.full((1, rows.shape[1]), np.nan)])
 
 
 def quality_of(model, selection, data, last):
-    """Return the quality of what was selected; `last` is the fit to all rows."""
+    """Return the quality of what was selected, and Curves; `last` is the fit to all rows."""
     layout, names = selection.layout, model.dof_names
     free, count = selection.free(selection.taken), len(data.blocks)
-    before = after = validate([model] * count, data.parts)
+    (before, first), (after, then) = (validate([model] * count, data.parts),) * 2
     if free.any() or layout.without_rotors:
         models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
-        after = validate(models, data.parts)
+        after, then = validate(models, data.parts)
     if not data.measured.all():
         before, after = (_without_unknown(one, data.measured) for one in (before, after))
     findings = [finding for one in data.datasets for finding in one.findings]
@@ -66,6 +98,7 @@ def quality_of(model, selection, data, last):
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
     judged = any(one.judged().any() for one in data.relations)
     start = selection.squares_of([layout.known] * count)
+    fits = selection.fits
     quality = {
         "held_out": f"each of {count} parts of all recordings, by parameters fitted to the others",
         "held_out_duration": float(sum(one.duration for one in data.loaded)),
@@ -80,7 +113,8 @@ def quality_of(model, selection, data, last):
         "velocity_delay": [one.delay for one in data.loaded],
         "effort_delay": [one.effort_delay for one in data.loaded],
         "effective_parameters": layout.effective_parameters(last) if free[layout.inertial].any() else {},
-        "deviations": deviations_of(layout, free, last, selection.fits),
+        "deviations": deviations_of(layout, free, last, fits),
+        "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
         "payload": payload_certainty(layout, last) if layout.payload else None,
         "warnings": selection.warnings,
         "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
@@ -91,7 +125,14 @@ def quality_of(model, selection, data, last):
             "of the model's links"
         )
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
-    return quality
+    first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = np.nan
+    (t, measured, own, error), (_, _, fitted, rest) = (_split(one, model.nv) for one in (first, then))
+    return quality, Curves(t[:, 0], measured, own, fitted, error, rest)
+
+
+def _split(rows, nv):
+    """Return times and the three kinds of columns of curves."""
+    return np.split(rows, [1, 1 + nv, 1 + 2 * nv], axis=1)
 
 
 def _without_unknown(values, measured):
@@ -162,18 +203,3 @@ def _warnings(quality, without_reference, nothing):
             "that of d(K + U)/dt. Check order of the joints and unit of the efforts (N m or N)"
         )
     return warnings
-
-
-def residual_curves(models, pieces, gain):
-    """Return times [s] (P,) and external torques of each model (P, nv), thinned to extremes; NaN at gaps."""
-    dataset, times, curves = Dataset("recording", pieces, models[0]), [], []
-    observers = [Observer(DiagonalDynamics(model), gain, friction=True) for model in models]
-    each = -(-sum(len(one.t) for one in dataset.segments) // MAX_STEPS)
-    for t, states in dataset.portions():
-        batches = [[torque for _, (_, torque, *_) in one.observe_states(states)] for one in observers]
-        torques, first = np.hstack([np.concatenate(one) for one in batches]), np.arange(0, len(t), each)
-        extremes = [one.reduceat(torques, first, axis=0) for one in (np.fmin, np.fmax)]
-        gap = np.full((int(states.jumped[0]), torques.shape[1]), np.nan)
-        curves += [gap, np.stack(extremes, axis=1).reshape(-1, torques.shape[1])]
-        times += [t[: len(gap)], np.repeat(t[first], 2)]
-    return np.concatenate(times), np.split(np.concatenate(curves), len(models), axis=1)

@@ -36,10 +36,12 @@ class Identification:
     quality : dict
         Plain values in SI units by the keys of docs/identification.md. Pairs are before and after, on the part
         held out, for parameters fitted to the rest.
+    curves : Curves
+        Efforts on held-out parts, of which the report draws curves.
     """
 
-    def __init__(self, model: RobotModel, parameters: Parameters, quality: dict[str, Any]) -> None:
-        self.model, self.parameters, self.quality = model, parameters, quality
+    def __init__(self, model: RobotModel, parameters: Parameters, quality: dict[str, Any], curves: Any = None) -> None:
+        self.model, self.parameters, self.quality, self.curves = model, parameters, quality, curves
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the parameters into a YAML file, for :meth:`RobotModel.with_parameters` and the nodes.

@@ -149,7 +149,7 @@ class Selection:
     def _select(self, left):
         """Take each step that reduces the residual enough; after it try those again that a larger error has hidden."""
         self.fits, self.squares = self.cross_validate(self.free([]))
-        self.ladder, refused = [{"steps": self.named([]), "score": self.score, "taken": True}], {}
+        self.ladder, refused = [self._rung([], self.squares, True)], {}
         ahead = list(left)
         while ahead:
             step = ahead.pop(0)
@@ -164,6 +164,11 @@ class Selection:
             self.fits, self.squares = self.cross_validate(self.free(self.taken))
         self.warnings += filter(None, refused.values())
         self.kept = {step: joints for step, joints in self.kept.items() if step in self.taken and joints}
+
+    def _rung(self, steps, squares, taken):
+        """Return an entry of the ladder."""
+        residuals = dict(zip(self._model.dof_names, self.residuals(squares).tolist(), strict=True))
+        return {"steps": self.named(steps), "score": self._score_of(squares), "taken": taken, "residuals": residuals}
 
     def _try_step(self, step):
         """Take a step if it reduces the residual enough, at joints where it does; else return why not."""
@@ -183,7 +188,7 @@ class Selection:
         score = self._score_of(found[1])
         better = bool(gains.max() >= GAIN and score < self.score)
         if better or not again:
-            self.ladder.append({"steps": self.named(steps), "score": score, "taken": better})
+            self.ladder.append(self._rung(steps, found[1], better))
         if better:
             self.taken, (self.fits, self.squares), self._own = steps, found, self._own | joints
             return ""

@@ -290,9 +290,30 @@ def test_estimated_inertias(run, tmp_path):
 # --- identify
 
 
+def assert_report(page, quality):
+    """A report has a drawing with curves of each joint, every parameter and every step, and loads nothing."""
+    root = etree.HTML(page)
+    tables = {table.findtext("thead/tr/th"): table for table in root.iter("table")}
+    for name, (_, after) in quality["torque_rms"].items():
+        (section,) = root.xpath(f"//section[starts-with(h3, '{name} ')]")
+        assert f"{after:.3g}" in section.findtext("h3/span/b")
+        curves = section.xpath(".//path[not(@class='zero')]/@d")
+        assert len(curves) == 5 and all(curve.count("L") > 100 for curve in curves)
+    for name in TRUTH:
+        (row,) = tables["joint"].xpath(f"tr[th='{name}']")
+        half = 2.0 * quality["deviations"][name]["friction"]
+        assert f"± {half:.1g}" in row.xpath("td")[1].findtext("i")
+        assert float(row.xpath("td")[1].text) == pytest.approx(TRUTH[name].friction, rel=0.05)
+    verdicts = [row.xpath("td")[1].text for row in tables["steps"].xpath("tr")]
+    assert verdicts == ["start", *("accepted" if rung["taken"] else "rejected" for rung in quality["ladder"][1:])]
+    names = [row.findtext("td") for row in tables["combination"].xpath("tr")]
+    assert names == [one["name"] for one in quality["base_parameters"]["parameters"]]
+    assert not root.xpath("//script | //link[@href != 'data:,'] | //img")
+
+
 def test_identify(run, tmp_path):
     """Files have what was found."""
-    outputs = {"-o": "arm.yaml", "--json": "q.json", "--plots": "page.png", "--write-urdf": "new.urdf"}
+    outputs = {"-o": "arm.yaml", "--json": "q.json", "--report": "page.html", "--write-urdf": "new.urdf"}
     options = " ".join(f"{option} {{tmp}}/{name}" for option, name in outputs.items())
     status, out, error = run(f"identify monday.csv --urdf ur5_robot --what friction,rotors {options}")
     assert status == 0 and all(f"Wrote {tmp_path / name}" in error for name in outputs.values())
@@ -307,7 +328,7 @@ def test_identify(run, tmp_path):
     quality = json.loads((tmp_path / "q.json").read_text())
     assert all(after < max(0.3 * before, 0.05) for before, after in quality["torque_rms"].values())
     assert quality["explained"][1] > 0.99 and found.origin["recordings"][0]["path"] == "monday.csv"
-    assert (tmp_path / "page.png").read_bytes().startswith(b"\x89PNG")
+    assert_report((tmp_path / "page.html").read_text(encoding="utf-8"), quality)
     dynamics = etree.parse(tmp_path / "new.urdf").xpath("//joint[@name='elbow_joint']/dynamics")[0]
     assert float(dynamics.get("friction")) == found.joints["elbow_joint"].friction
 

@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Base parameters: the combinations of link inertias that torques depend on, and how well a recording shows them."""
+
+import numpy as np
+
+from diag_dynamics.identification import inertias
+from diag_dynamics.identification.regressors import OWN, PARAMETERS
+from diag_dynamics.optional import require
+
+SYMBOLS = "m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
+STATES, REACH, RATES = 60, 1.5, 2.0  # random states, their positions [rad, m] and the deviation of their rates
+RANK, SMALL, ZERO = 1e-9, 1e-6, 1e-12  # of a diagonal over the largest one; coefficients and values that are rounding
+
+
+class BaseParameters:
+    """Base parameters β = E π of a robot: the columns of the regressor that a pivoted QR factorization keeps.
+
+    Momentum and gravity at random states have all columns that torques have. `matrix` is E, (count, layout.robot), of the
+    unknowns of a :class:`Layout`; `combinations` name each β by symbols of links in the axes of these links: mass, first
+    moments, and inertias about the link's origin.
+    """
+
+    def __init__(self, layout):
+        self._layout, regressors, rng = layout, layout.regressors, np.random.default_rng(0)
+        positions = rng.uniform(-REACH, REACH, (STATES, layout.model.nq))
+        rows = regressors.evaluate(positions, RATES * rng.normal(size=(STATES, layout.model.nv)))
+        count, which = PARAMETERS * len(layout.bodies), np.flatnonzero(layout.inertial)
+        Y = np.zeros((2, STATES, len(regressors.rows), count))
+        for k, (part, columns) in enumerate(zip(regressors.rows, regressors.columns, strict=True)):
+            inertial = columns[: -len(OWN)]
+            Y[:, :, k, inertial] = np.array(rows)[:, :, part][:, :, : len(inertial)]
+        self._placed, symbols = _link_axes(layout)
+        R, order = require("scipy.linalg", "identify").qr(
+            Y.reshape(-1, count) @ self._placed[:, which], mode="r", pivoting=True
+        )
+        diagonal = np.abs(np.diag(R))
+        rank = int(np.count_nonzero(diagonal > RANK * diagonal.max(initial=0.0)))
+        by_rank = np.linalg.solve(R[:rank, :rank], R[:rank]) if rank else np.zeros((0, len(which)))
+        by_rank[np.abs(by_rank) < SMALL] = 0.0
+        rows = np.argsort(order[:rank])  # in the order of links
+        by_link = np.zeros((rank, count))
+        by_link[:, which[order]] = by_rank[rows]
+        self.kept = which[order[:rank]][rows]
+        self.combinations = [_name(row, kept, symbols) for row, kept in zip(by_link, self.kept, strict=True)]
+        self.matrix = np.zeros((rank, layout.robot))
+        self.matrix[:, :count] = by_link @ np.linalg.pinv(self._placed)
+
+    def describe(self, fit, fits, free, sums):
+        """Return values, standard deviations and excitation as plain values.
+
+        The first deviation is that of the fit, the larger of noise and of `fits` without each block, None unless inertias
+        are `free`; `from_data` is that of the data alone, with friction unknown, and None if they do not show it.
+        """
+        layout, E = self._layout, self.matrix
+        robot, start = fit.x[: layout.robot], layout.known[: layout.robot]
+        noise = np.einsum("ij,jk,ik->i", E, fit.covariance[: layout.robot, : layout.robot], E)
+        changes = (fits - fits.mean(axis=0))[:, : layout.robot] @ E.T
+        jackknife = (len(fits) - 1) / len(fits) * (changes**2).sum(axis=0)
+        fitted = free[: layout.robot][layout.inertial[: layout.robot]].any()
+        deviations = np.sqrt(np.maximum(np.maximum(noise, 0.0), jackknife)) if fitted else [None] * len(E)
+        singular, from_data = self._excitation(sums, fit.x, free)
+        values = [np.where(np.abs(E @ x) < ZERO, 0.0, E @ x) for x in (robot, start)]
+        rows = zip(self.combinations, *values, deviations, from_data, strict=True)
+        return {
+            "singular_values": singular.tolist(),
+            "condition": float(singular[0] / singular[singular**2 > RANK].min()) if len(singular) else None,
+            "parameters": [
+                {"name": name, "value": float(value), "model": float(model)}
+                | {"deviation": None if own is None else float(own), "from_data": float(data) if data else None}
+                for name, value, model, own, data in rows
+            ],
+        }
+
+    def _excitation(self, sums, x, free):
+        """Return singular values of kept columns of unit length without friction, and deviations from the data alone."""
+        layout, count = self._layout, PARAMETERS * len(self._layout.bodies)
+        variance = np.maximum(layout.mean_squares([(sums, True)], x), 1e-300)
+        A, _ = layout.regressors.weighted(sums, variance)
+        placed = self._placed[:, self.kept]
+        own = count + np.flatnonzero(free[count : layout.robot])
+        inner, across, friction = placed.T @ A[:count, :count] @ placed, placed.T @ A[:count, own], A[np.ix_(own, own)]
+        units = 1.0 / np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
+        inner = inner - across @ np.linalg.pinv(friction, rcond=1e-12, hermitian=True) @ across.T
+        values, axes = np.linalg.eigh(inner * units[:, None] * units)
+        shown = values > RANK
+        variances = (axes[:, shown] ** 2 / values[shown]).sum(axis=1) * units**2
+        hidden = (axes[:, ~shown] ** 2).sum(axis=1) > SMALL
+        return np.sqrt(np.maximum(values, 0.0))[::-1], np.where(hidden, 0.0, np.sqrt(variances))
+
+
+def _link_axes(layout):
+    """Return parameters of bodies from those of links in the links' axes, block by block, and their symbols."""
+    count, symbols = PARAMETERS * len(layout.bodies), []
+    placed = np.zeros((count, count))
+    for k, body in enumerate(layout.bodies.tolist()):
+        link = layout.model.link_names[layout.model.bodies["link"][body]]
+        _, placement = layout.model.placement_in_body(link)
+        placed[layout.block(k), layout.block(k)] = np.transpose(
+            [inertias.moved(unit, placement) for unit in np.eye(PARAMETERS)]
+        )
+        symbols += [f"{symbol}({link})" for symbol in SYMBOLS]
+    return placed, symbols
+
+
+def _name(row, kept, symbols):
+    """Return a combination in words: the kept symbol, then the others with their coefficients."""
+    text = symbols[kept]
+    for k in np.flatnonzero(row):
+        size = "" if abs(abs(row[k]) - 1.0) < SMALL else f"{abs(row[k]):.4g} "
+        text += f" {'-' if row[k] < 0.0 else '+'} {size}{symbols[k]}" if k != kept else ""
+    return text
