@@ -102,7 +102,8 @@ def identify(
 class FitData:
     """Recordings of an identification: their checks and their normal equations.
 
-    `gains` are those of the efforts with standard deviations, (2, nv), None if efforts are in N m and N.
+    `gains` are those of the efforts with standard deviations, (2, nv), None if efforts are in N m and N; `left_out_gains`
+    those without each block relative to them, (blocks, nv).
 
     `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
     model, `moving` the joints that move enough, `measured` those with efforts (bool), `findings` on the others, `duration`
@@ -117,6 +118,7 @@ class FitData:
         loaded = list_recordings("recordings", recordings)
         unloaded = [] if reference is None else list_recordings("reference", reference)
         share = MAX_VALUES // (len(loaded) + len(unloaded))
+        self.left_out_gains = None
         self.loaded = [Dataset(f"recordings[{k}]", one, model, share) for k, one in enumerate(loaded)]
         self._references = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
         self.datasets = [*self.loaded, *self._references]
@@ -140,12 +142,22 @@ class FitData:
         )
         slope = np.array([_slope(layout, k, self.fitted[k]) for k in range(model.nv)])
         count, gains = len(self.blocks), self.gains[0] / slope
+        self.left_out_gains = (slope[:, None] / left_out).T
         changes = left_out - left_out.mean(axis=1, keepdims=True)
         deviations = np.sqrt((count - 1) / count * (changes**2).sum(axis=1)) / slope
         for one in self.datasets:
             one.scale_efforts(model, 1.0 / slope)
         self.gains = gains, gains * deviations
         self.use_load_of(model)
+
+    def left_out(self):
+        """Return the normal equations without each block in turn, of efforts with the gains of the other blocks."""
+        found = [self.fitted - block for block in self.blocks]
+        for one, gains in zip(found, [] if self.left_out_gains is None else self.left_out_gains, strict=False):
+            for k, gain in enumerate(gains):
+                scale = np.append(np.ones(len(one[k]) - 1), gain)
+                one[k] = one[k] * scale[:, None] * scale
+        return found
 
     def use_load_of(self, model):
         """Sum normal equations with load columns of a model."""

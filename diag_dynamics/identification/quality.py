@@ -98,7 +98,7 @@ def quality_of(model, selection, data, last):
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
     judged = any(one.judged().any() for one in data.relations)
     start = selection.squares_of([layout.known] * count)
-    fits = selection.fits
+    fits = selection.left_out() if data.gains else selection.fits
     quality = {
         "held_out": f"each of {count} parts of all recordings, by parameters fitted to the others",
         "held_out_duration": float(sum(one.duration for one in data.loaded)),

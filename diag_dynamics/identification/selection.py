@@ -84,6 +84,10 @@ class Selection:
         """Return the fit of the steps that were taken to all rows."""
         return self._fit_to(self._data.fitted, self.free(self.taken))
 
+    def left_out(self):
+        """Return the fits of the steps that were taken without each block in turn, (blocks, size), with gains without it."""
+        return np.array([self._fit_to(sums, self.free(self.taken)).x for sums in self._data.left_out()])
+
     def with_payload(self, payload):
         """Return mass and score of a payload that is fitted beside the steps that were taken."""
         trial = copy.copy(self)

@@ -100,6 +100,18 @@ def test_intervals_contain_the_parameters(arm, seeds):
     require_coverage(own, 20 * len(seeds), 0.9, 5.0)
 
 
+@pytest.mark.full
+def test_intervals_of_gains_and_of_what_depends_on_them(arm):
+    """A gain that is 1 % larger shifts the offset of a joint by 1 % of its weight."""
+    own = []
+    for seed in range(1, 6):
+        data = recording(arm, seed, missing=[5], gains=GAINS)
+        found = dd.identify(data, arm[0], ("gains", "friction", "rotors", "gears"))
+        pairs = zip(found.quality["effort_gain"].values(), GAINS, strict=True)
+        own += errors(found) + [(gain[0] - truth) / gain[1] for gain, truth in pairs if gain]
+    require_coverage(own, 50, 0.85, 6.0)
+
+
 # --- Base parameters
 
 PANDA = "panda_description/urdf/panda.urdf"
