@@ -30,7 +30,7 @@ from diag_dynamics.text import Progress
 EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
 than 80 %, a wrong unit, or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."""
 
-THRESHOLDS = {"alarm.joints", "alarm.external_torque", "alarm.norm", "external_torque.threshold"}
+THRESHOLDS = {"alarm.joints", "alarm.external_torque", "alarm.norm", "alarm.rest_joints", "external_torque.threshold"}
 """Parameters of the monitor that set a threshold; a file of alarms sets at least one."""
 
 OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json", "lerobot")}

@@ -113,7 +113,7 @@ def _summary(found, model, path, findings):
     width = max(len("|m r|"), *map(len, found.joints))
     units = {name: "N" if slides else "N m" for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)}
     return [
-        f"{found.duration:.4g} s without contact, observer gain {found.gain:g}/s, "
+        f"{found.duration:.4g} s without contact, {found.rest:.4g} s of it at rest, observer gain {found.gain:g}/s, "
         f"{'with' if found.friction else 'without'} friction of the model",
         f"Requested false alarms: {format_rate(found.asked)}, all detectors together",
         f"  {found.describe_rate()} With the final thresholds: {found.alarms}",
@@ -125,6 +125,11 @@ def _summary(found, model, path, findings):
         *(f"  {name:{width}}  {x:.4g} {units[name]}  {contact.joints[name]:.4g}" for name, x in found.joints.items()),
         f"  {'|m r|':{width}}  {found.external_torque:.4g} N m  {contact.external_torque:.4g}",
         f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s  {contact.norm:.4g}",
+        *(["", "Thresholds of an arm at rest, on the change of m r within 0.2 s"] if found.rest_joints else []),
+        *(
+            f"  {name:{width}}  {x:.4g} {units[name]}  {contact.rest_joints.get(name, math.inf):.4g}"
+            for name, x in found.rest_joints.items()
+        ),
         *(["", "Warnings"] if found.warnings or findings or contact.warnings else []),
         *(f"  {text}" for text in (*found.warnings, *findings)),
         *(f"  Contact: {text}" for text in contact.warnings),

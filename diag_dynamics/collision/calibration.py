@@ -9,30 +9,30 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
+from diag_dynamics.arrays import Array, IntArray
 from diag_dynamics.checks import positive
 from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, AlarmThresholds, Judged
 from diag_dynamics.collision.residuals import (
     Level,
     Residuals,
     Rows,
-    block_maxima,
-    find_level,
+    fit_limits,
+    part_numbers,
     poisson_interval,
     singular_joint,
 )
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.yaml_files import yaml_text
 
-FOLDS = 5  # parts, each held out once
 CONTACT_RATIO = 10.0  # default rate of false contacts per rate of false alarms
-SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
+FACTORS = np.geomspace(1.0, 2.0, 25)  # of thresholds whose held-out parts have too many alarms
+MIN_REST = 10.0  # shortest time at rest for thresholds of its own [s]
+MIN_RATIO = 0.05  # smallest ratio of a threshold at rest to that of motion
 MAX_ALARM_TIME = 0.05  # fraction of the held-out time
 UNSEEN = -math.log(0.05)  # expected number of alarms that are none with a probability of 5 %
 
@@ -43,7 +43,7 @@ class Calibration(AlarmThresholds):
 
     Attributes
     ----------
-    joints, external_torque, norm, release, hold_off, standing
+    joints, external_torque, norm, release, hold_off, standing, rest_joints, rest_external_torque
         As of :class:`AlarmThresholds`.
     gain : float
         Of the observer [1/s].
@@ -58,12 +58,16 @@ class Calibration(AlarmThresholds):
     alarms : int
         Alarms of these thresholds in the same recordings.
     held_out : int
-        Alarms in each fifth of the recordings by thresholds from the other four.
+        Alarms in each of the `parts` by thresholds from the others.
     method : str
         ``counted``: the recordings hold enough alarms; ``tail``: extrapolated from the peaks of
         alarms; ``blocks``: from the maxima of single seconds.
     peaks : int
         Number of peaks that the thresholds are based on.
+    rest : float
+        Time at rest, in all recordings [s].
+    parts : str
+        What is held out, for example ``3 recordings``.
     warnings : tuple of str
         Why the thresholds may be wrong.
     contact : Calibration
@@ -83,6 +87,8 @@ class Calibration(AlarmThresholds):
     held_out: int
     method: str
     peaks: int
+    rest: float = 0.0
+    parts: str = ""
     warnings: tuple[str, ...] = ()
     contact: Calibration | None = None
     covariance: Array | None = field(default=None, compare=False)
@@ -103,7 +109,7 @@ class Calibration(AlarmThresholds):
         """Return the rate of false alarms in held-out parts in words."""
         rate, low, high = (format_rate(one, self.asked) for one in (self.rate, *self.rate_interval))
         alarms = f"{self.held_out} alarm{'s' * (self.held_out != 1)} in {self.duration:.4g} s"
-        return f"Held-out parts: {alarms}, {rate} (95 % interval: {low} to {high})."
+        return f"Held out: {rate} ({low} to {high}, 95 % interval): {alarms}, by {self.parts}."
 
     @property
     def vouched(self) -> float:
@@ -156,11 +162,15 @@ def _entries(thresholds: AlarmThresholds) -> dict[str, Any]:
         "joints": [f"{name}={_rounded_up(value)!r}" for name, value in thresholds.joints.items()],
         TORQUE: _rounded_up(thresholds.external_torque),
         NORM: _rounded_up(thresholds.norm),
+        "rest_joints": [f"{name}={_rounded_up(value)!r}" for name, value in thresholds.rest_joints.items()] or [""],
+        f"rest_{TORQUE}": _rounded_up(thresholds.rest_external_torque),
     }
 
 
 def _rounded_up(value: float) -> float:
-    """Return a value rounded up to four digits."""
+    """Return a value rounded up to four digits; 0 for none."""
+    if value == math.inf:
+        return 0.0
     digits = 3 - math.floor(math.log10(value))
     return float(f"{math.ceil(value * 10.0**digits * (1.0 - 1e-12)) / 10.0**digits:.12g}")
 
@@ -193,10 +203,11 @@ def calibrate_residuals(
             f"false_contacts is {contacts:g} 1/s, expected at least {rate:g} 1/s (false_alarms): contact has the lower "
             "thresholds."
         )
-    if not len(rows.stamps) or rows.time[-1] == 0.0:
+    if rows.duration == 0.0:
         raise InputError("external torque is missing: the recordings have no efforts, or too long gaps.")
     found = _calibrate_rows(rows, names, rate, template, observer)
-    lower = _calibrate_rows(rows, names, contacts, template, observer, found)
+    upper = np.append(found.limits(names), found.rest_limits(names))
+    lower = _calibrate_rows(rows, names, contacts, template, observer, upper)
     joint = singular_joint(names, residuals.covariance)
     singular = [f"external torque of '{joint}' has no noise of its own: the file gets no covariance"] * bool(joint)
     return replace(
@@ -214,59 +225,111 @@ def _calibrate_rows(
     rate: float,
     template: AlarmThresholds,
     observer: Mapping[str, Any],
-    upper: AlarmThresholds | None = None,
+    upper: Array | None = None,
 ) -> Calibration:
     """Return thresholds for a rate, no higher than `upper`, with the alarms of held-out parts."""
-    time = rows.time
-    duration = float(time[-1])
-    thresholds, level = _fit(rows, names, rate, template)
+    (limits, level), duration = _fit(rows, rate, template), rows.duration
     if level is None:
         raise InputError(
             f"the recordings have {duration:.3g} s with fewer than four separate peaks, too few for a "
             "threshold. Record a longer motion."
         )
-    if upper and thresholds.norm > upper.norm:  # all thresholds have one factor
-        thresholds = replace(thresholds, joints=upper.joints, external_torque=upper.external_torque, norm=upper.norm)
-    held_out, alarm_time = 0, 0.0
-    for low, high in pairwise([*np.linspace(0.0, duration, FOLDS + 1)[:-1], math.inf]):
-        inside = (time >= low) & (time < high)
-        rest = rows._replace(segment=2 * rows.segment + (time >= high)).select(~inside)
-        others, found = _fit(rest, names, rate, template) if inside.any() and len(rest.stamps) else (template, None)
-        if found:
-            part = rows.select(inside)
-            judged = _detect(part, names, others)
-            held_out += int(judged.begins.sum())
-            alarm_time += float(judged.alarm.mean() * part.time[-1])
+    numbers, parts = part_numbers(rows)
+    held_out = _HeldOut(rows.cut(numbers), numbers, names, rate, template)
+    factor = held_out.factor()
+    limits = limits * factor if upper is None else np.minimum(limits * factor, upper)
+    thresholds = _thresholds(names, template, limits)
+    alarms, alarm_time = held_out.alarms()
     result = Calibration(
         **vars(thresholds),
         **observer,
         asked=rate,
         duration=duration,
         alarms=int(_detect(rows, names, thresholds).begins.sum()),
-        held_out=held_out,
+        held_out=alarms,
         method=level.method,
         peaks=level.peaks,
+        rest=rows.cut(rows.rest).select(rows.rest).duration,
+        parts=parts,
     )
     return replace(result, warnings=tuple(_warnings(result, alarm_time / duration)))
 
 
-def _fit(
-    rows: Rows, names: Sequence[str], rate: float, template: AlarmThresholds
-) -> tuple[AlarmThresholds, Level | None]:
-    """Return thresholds, and the level that is their factor upon the spread of each detector."""
-    spread = np.quantile(block_maxima(rows.split(rows.values)), SPREAD, axis=0, method="lower")
-    spread[spread <= 1e-9 * spread.max()] = math.inf  # a joint without residuals gets no threshold
-    scores = rows.split((rows.values / spread).max(axis=1))
-    level = find_level(scores, float(rows.time[-1]), rate, template.release, template.hold_off)
-    *joints, torque, norm = (spread * level.value if level else spread).tolist()
-    finite = {name: limit for name, limit in zip(names, joints, strict=True) if limit < math.inf}
-    return replace(template, joints=finite, external_torque=torque, norm=norm), level
+class _HeldOut:
+    """Alarms of each part by thresholds from the other parts, times a factor."""
+
+    def __init__(
+        self, rows: Rows, numbers: IntArray, names: Sequence[str], rate: float, template: AlarmThresholds
+    ) -> None:
+        self._names, self._template, self._rate = names, template, rate
+        self._parts, self._limits = [], []
+        for k in range(int(numbers.max()) + 1):
+            inside = numbers == k
+            others = rows.select(~inside)
+            limits, level = _fit(others, rate, template) if others.duration else (np.empty(0), None)
+            if level:
+                self._parts.append(rows.select(inside))
+                self._limits.append(limits)
+        self._time = np.array([part.duration for part in self._parts])
+        self._found = [[self._judge(k, 1.0) for k in range(len(self._parts))]]
+
+    def _judge(self, k: int, factor: float) -> tuple[int, float]:
+        """Return the number of alarms in a part, and their time [s]."""
+        part = self._parts[k]
+        judged = _detect(part, self._names, _thresholds(self._names, self._template, factor * self._limits[k]))
+        return int(judged.begins.sum()), float(judged.alarm.mean() * part.duration)
+
+    def _chosen(self, without: int | None = None) -> int:
+        """Return the number of the first factor at which the parts have alarms at the rate, or at most one."""
+        counted = np.arange(len(self._parts)) != without
+        for k in range(len(FACTORS)):
+            if k == len(self._found):
+                self._found.append([self._judge(part, FACTORS[k]) for part in range(len(self._parts))])
+            count = sum(one[0] for one, counts in zip(self._found[k], counted, strict=True) if counts)
+            if count <= max(1.0, self._rate * self._time[counted].sum()):
+                break
+        return k
+
+    def factor(self) -> float:
+        """Return the smallest factor with which the alarms of held-out parts have the requested rate."""
+        return float(FACTORS[self._chosen()])
+
+    def alarms(self) -> tuple[int, float]:
+        """Return number and time [s] of the alarms, in each part with the factor from the others."""
+        found = [self._found[self._chosen(k)][k] for k in range(len(self._parts))]
+        return sum(one[0] for one in found), sum(one[1] for one in found)
+
+
+def _fit(rows: Rows, rate: float, template: AlarmThresholds) -> tuple[Array, Level | None]:
+    """Return thresholds of all detectors for a rate, of which those at rest have a part by time, at most half."""
+    options = template.release, template.hold_off
+    rest = rows.cut(rows.rest).select(rows.rest)
+    share = min(0.5, rest.duration / rows.duration)
+    limits, level = fit_limits(rows, rows.values, rate * (1.0 - share), *options)
+    changes = np.full(len(limits) - 1, math.inf)
+    if rest.duration >= MIN_REST:
+        changes, _ = fit_limits(rest, rest.changes, rate * share * rows.duration / rest.duration, *options)
+        changes = np.maximum(changes, MIN_RATIO * limits[:-1])
+    return np.append(limits, changes), level
+
+
+def _thresholds(names: Sequence[str], template: AlarmThresholds, limits: Array) -> AlarmThresholds:
+    """Return the thresholds of all detectors; those of inf are omitted."""
+    n = len(names) + 2
+    (*joints, torque, norm), (*rest_joints, rest_torque) = limits[:n].tolist(), limits[n:].tolist()
+    moving, rest = (
+        {name: limit for name, limit in zip(names, one, strict=True) if limit < math.inf}
+        for one in (joints, rest_joints)
+    )
+    return replace(
+        template, joints=moving, external_torque=torque, norm=norm, rest_joints=rest, rest_external_torque=rest_torque
+    )
 
 
 def _detect(rows: Rows, names: Sequence[str], thresholds: AlarmThresholds) -> Judged:
     torque, r = np.split(rows.x, 2, axis=1)
-    valid, detector = np.ones(len(r), dtype=bool), AlarmDetector(names, thresholds)
-    return detector.judge(rows.stamps, r, torque, valid, rows.starts, rows.values)
+    valid, detector, given = np.ones(len(r), dtype=bool), AlarmDetector(names, thresholds), (rows.values, rows.changes)
+    return detector.judge(rows.stamps, r, torque, valid, rows.starts, given, velocity=rows.speed[:, None])
 
 
 def _warnings(result: Calibration, alarm_time: float) -> list[str]:

@@ -15,13 +15,16 @@ import numpy as np
 from diag_dynamics.arrays import Array, BoolArray, IntArray, VectorLike
 from diag_dynamics.checks import instance, mapping, not_negative, number, positive, vector
 from diag_dynamics.entries import ALL, by_name
-from diag_dynamics.sweeps.alarms import judge_states
+from diag_dynamics.sweeps.alarms import KEPT, MEMORY, judge_states
 
 SECOND = 1_000_000_000  # [ns]
-RELEASE, HOLD_OFF, STANDING = 0.7, 0.5, 2.0  # defaults of :class:`AlarmThresholds`
+RELEASE, HOLD_OFF, STANDING = 0.7, 1.0, 2.0  # defaults of :class:`AlarmThresholds`
 
 TORQUE, NORM = "external_torque", "norm"
 """Names of the detectors of ‖m r‖ and of |r|; the others have the names of joints."""
+
+CHANGE = " (change)"
+"""End of the names of detectors at rest."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,8 @@ class AlarmThresholds:
         Time after an alarm within which another rise belongs to it [s].
     standing : float
         Age of an alarm from which an offset follows the torque [s]; inf: never. See docs/collision.md.
+    rest_joints, rest_external_torque
+        As `joints` and `external_torque`, for the change of m r within 0.2 s of an arm at rest.
 
     Raises
     ------
@@ -55,10 +60,15 @@ class AlarmThresholds:
     release: float = RELEASE
     hold_off: float = HOLD_OFF
     standing: float = STANDING
+    rest_joints: Mapping[str, float] = field(default_factory=dict)
+    rest_external_torque: float = math.inf
 
     def __post_init__(self) -> None:
-        checked = [(f"threshold of joint '{name}'", x, "[N m]") for name, x in mapping("joints", self.joints).items()]
-        checked += [(TORQUE, self.external_torque, "[N m]"), (NORM, self.norm, "[J^½/s]")]
+        checked = [(TORQUE, self.external_torque, "[N m]"), (NORM, self.norm, "[J^½/s]")]
+        checked.append(("rest_external_torque", self.rest_external_torque, "[N m]"))
+        for kind in ("joints", "rest_joints"):
+            limits = mapping(kind, getattr(self, kind)).items()
+            checked += [(f"threshold of joint '{name}' in {kind}", x, "[N m]") for name, x in limits]
         for name, value, unit in [*checked, ("standing", self.standing, "[s]")]:
             if value != math.inf:
                 positive(name, value, unit)
@@ -76,6 +86,17 @@ class AlarmThresholds:
         joints = by_name("alarm.joints", self.joints, (*names, ALL))
         return np.array([*(joints.get(name, math.inf) for name in names), self.external_torque, self.norm])
 
+    def rest_limits(self, names: Sequence[str]) -> Array:
+        """Return the thresholds at rest of these joints, and of ‖m r‖; inf without one.
+
+        Raises
+        ------
+        InputError
+            There is a threshold of another joint.
+        """
+        joints = by_name("alarm.rest_joints", self.rest_joints, (*names, ALL))
+        return np.array([*(joints.get(name, math.inf) for name in names), self.rest_external_torque])
+
 
 class Judged(NamedTuple):
     """Results of a detector, a row for each state.
@@ -88,12 +109,18 @@ class Judged(NamedTuple):
         Whether the detector of each joint is active.
     values : ndarray, shape (T, nv + 2)
         |m r| of joints, ‖m r‖ and |r|, lowered by the offset, as they are compared with the thresholds.
+    changes : ndarray, shape (T, nv + 1)
+        Changes of m r, of joints and of all, as they are compared with the thresholds at rest; 0 in motion.
+    rest : ndarray of bool, shape (T,)
+        Whether the arm is at rest; False without thresholds at rest.
     """
 
     alarm: BoolArray
     begins: BoolArray
     joints: BoolArray
     values: Array
+    changes: Array
+    rest: BoolArray
 
 
 class AlarmDetector:
@@ -104,6 +131,10 @@ class AlarmDetector:
     offset follows m r and r with a time constant of `standing` / 2, and afterwards decreasing torques.
     The test statistic is min(|x|, |x − offset|): a standing torque holds no alarm, a further push is
     one. The offset is reset where all torques are below their release thresholds.
+
+    An arm is at rest if all rates have been below 0.05 rad/s or m/s for 0.5 s, each with a result of the observer. Thresholds
+    at rest are compared with the change of m r within the last 0.2 s, during an alarm with the change since before it. The
+    other detectors then begin with an offset, the torque of stiction.
 
     Parameters
     ----------
@@ -117,6 +148,8 @@ class AlarmDetector:
         The joints, ``external_torque``, ``norm``.
     limits : ndarray, shape (nv + 2,)
         Their thresholds; inf without one.
+    rest_limits : ndarray, shape (nv + 1,)
+        Thresholds at rest.
 
     Raises
     ------
@@ -127,10 +160,12 @@ class AlarmDetector:
     def __init__(self, names: Sequence[str], thresholds: AlarmThresholds) -> None:
         self.thresholds = instance("thresholds", thresholds, AlarmThresholds)
         self._names = tuple(names)
-        self.detectors = (*self._names, TORQUE, NORM)
-        self.limits = thresholds.limits(self._names)
-        self._release = thresholds.release * self.limits
-        self._times = np.array([thresholds.hold_off, thresholds.standing]) * SECOND
+        self.detectors = (*self._names, TORQUE, NORM, *(name + CHANGE for name in (*self._names, TORQUE)))
+        self.limits, self.rest_limits = thresholds.limits(self._names), thresholds.rest_limits(self._names)
+        limits = np.concatenate([self.limits, self.rest_limits])
+        self._limits, self._release = np.array([limits, thresholds.release * limits]), thresholds.release * self.limits
+        self._options = np.array([thresholds.hold_off * SECOND, thresholds.standing * SECOND, 0.0, 0.0])
+        self._options[2] = np.isfinite(self.rest_limits).any()
         judge_states.compile()  # or the first alarm would wait
         self.reset()
 
@@ -139,15 +174,17 @@ class AlarmDetector:
         self._active: BoolArray = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
         self._last: int | None = None  # stamp of the last state
-        # Stamps of the first and the last state of the alarm, and whether there was one:
-        self._alarm: IntArray = np.zeros(3, dtype=np.int64)
+        self._kept: Array = np.zeros((KEPT + 2, len(self._names)))
+        self._memory: IntArray = np.zeros(MEMORY + KEPT, dtype=np.int64)
 
     @property
     def active(self) -> tuple[str, ...]:
         """Names of the active detectors."""
         return tuple(np.array(self.detectors)[self._active].tolist())
 
-    def update(self, time: float, residual: VectorLike, external_torque: VectorLike) -> Judged:
+    def update(
+        self, time: float, residual: VectorLike, external_torque: VectorLike, velocity: VectorLike | None = None
+    ) -> Judged:
         """Process one state with a result of the observer.
 
         Parameters
@@ -156,6 +193,8 @@ class AlarmDetector:
             [s]. Where it goes back, the detector is reset.
         residual, external_torque : array_like, shape (nv,)
             r [J^½/s] and m r [N m, N].
+        velocity : array_like, shape (nv,), optional
+            Rates [rad/s, m/s]. Without them the arm counts as moving.
 
         Returns
         -------
@@ -170,7 +209,8 @@ class AlarmDetector:
         stamp = np.array([round(number("time", time, "a finite number [s]") * SECOND)])
         r = vector("residual", residual, self._names)
         torque = vector("external_torque", external_torque, self._names)
-        return self.judge(stamp, r[None], torque[None], np.ones(1, dtype=bool))
+        rates = None if velocity is None else vector("velocity", velocity, self._names)[None]
+        return self.judge(stamp, r[None], torque[None], np.ones(1, dtype=bool), velocity=rates)
 
     def judge(
         self,
@@ -179,7 +219,9 @@ class AlarmDetector:
         external_torque: Array,
         valid: BoolArray,
         restarts: BoolArray | None = None,
-        values: Array | None = None,
+        given: tuple[Array, Array] | None = None,
+        *,
+        velocity: Array | None = None,
     ) -> Judged:
         """Process states in order, after those of earlier calls.
 
@@ -193,8 +235,10 @@ class AlarmDetector:
             Whether the observer has a result. A state without one has no alarm, and zero values.
         restarts : ndarray of bool, shape (T,), optional
             States before which the detector is reset.
-        values : ndarray, shape (T, nv + 2), optional
-            Maxima of the detectors' values, where a row stands for several states.
+        given : tuple, optional
+            Maxima of values and changes, of the shapes in Judged, where a row stands for several states.
+        velocity : ndarray, shape (T, m), optional
+            Rates, or the largest ones [rad/s, m/s]. Without them the arm counts as moving.
 
         Returns
         -------
@@ -202,28 +246,40 @@ class AlarmDetector:
         """
         x = np.concatenate([external_torque, residual], axis=1)
         x[~valid] = 0.0
-        values = detector_values(x) if values is None else values.copy()
+        values, changes = given or (detector_values(x), np.zeros((len(x), len(self.rest_limits))))
+        if given:
+            values, changes = values.copy(), changes.copy()
         elapsed = np.zeros(len(x), dtype=np.int64)
         np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])  # np.diff costs 7 µs of each live state
         if len(x) and self._last is not None:
             elapsed[0] = stamps[0] - self._last
         restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
-        alarm, begins = np.zeros((2, len(x)), dtype=bool)
+        alarm, begins, rest = np.zeros((3, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
-        if len(x) and not (self._is_at_rest() and (values < self._release).all()):
+        if len(x) and (self._options[2] or not self._is_idle() or not (values < self._release).all()):
+            speed = np.full(len(x), np.inf) if velocity is None else np.abs(velocity).max(axis=1, initial=0.0)
+            self._options[3] = given is not None
             judge_states(
-                *(np.ascontiguousarray(stamps), elapsed, x, np.ascontiguousarray(valid), restart),
-                *(np.array([self.limits, self._release]), self._times, values),
-                *(self._active, self._offset, self._alarm, alarm, begins, joints),
+                *(np.ascontiguousarray(stamps), elapsed, x, speed, np.ascontiguousarray(valid), restart),
+                *(self._limits, self._options, values, changes, self._active, self._offset, self._kept, self._memory),
+                *(alarm, begins, rest, joints),
             )
         elif restart.any():
             self.reset()
         if len(x):
             self._last = int(stamps[-1])
-        return Judged(alarm, begins, joints, values)
+        return Judged(alarm, begins, joints, values, changes, rest)
 
-    def _is_at_rest(self) -> bool:
+    def _is_idle(self) -> bool:
         return not (self._active.any() or self._offset.any())
+
+
+class NoAlarms(AlarmDetector):
+    """A detector that raises no alarm: its values and changes are those before any."""
+
+    def __init__(self, width: int, standing: float = STANDING) -> None:
+        super().__init__([str(k) for k in range(width)], AlarmThresholds(standing=standing))
+        self._limits[1], self._options[2] = 0.0, 1.0  # no release resets the offset of stiction
 
 
 def detector_values(x: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, IntArray
-from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, Judged
+from diag_dynamics.collision.detector import CHANGE, NORM, TORQUE, AlarmDetector, Judged
 from diag_dynamics.results import TouchedLink
 
 LABELS = {TORQUE: ("|m r|", "N m"), NORM: ("|r|", "J^0.5/s")}
@@ -34,8 +34,10 @@ class Exceeded(NamedTuple):
 
     def describe(self) -> str:
         """Return a text such as ``shoulder_lift 34 N m > 21``."""
-        label, unit = LABELS.get(self.detector, (self.detector, "N m"))
-        return f"{label} {self.value:.3g} {unit} > {self.threshold:.3g}"
+        name = self.detector.removesuffix(CHANGE)
+        label, unit = LABELS.get(name, (name, "N m"))
+        change = "" if name == self.detector else " changed by"
+        return f"{label}{change} {self.value:.3g} {unit} > {self.threshold:.3g}"
 
 
 class Alarm(NamedTuple):
@@ -63,7 +65,7 @@ class Alarm(NamedTuple):
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
-        joints = [one.describe() for one in self.exceeded if one.detector in self.joints]
+        joints = [one.describe() for one in self.exceeded if one.detector.removesuffix(CHANGE) in self.joints]
         return ", ".join(joints) or f"{self.exceeded[0].describe()}, most of it at {self.joints[0]}"
 
 
@@ -71,7 +73,7 @@ class Alarms:
     """Collect the alarms of a detector; `judged` are the detectors that have a threshold."""
 
     def __init__(self, detector: AlarmDetector) -> None:
-        self._detectors, self._limits = detector.detectors, detector.limits
+        self._detectors, self._limits = detector.detectors, np.append(detector.limits, detector.rest_limits)
         self.judged = tuple(np.array(self._detectors)[np.isfinite(self._limits)].tolist())
         self.found: list[Alarm] = []
 
@@ -81,7 +83,8 @@ class Alarms:
         for rows in np.split(on, np.flatnonzero(judged.begins[on])):
             if len(rows):
                 begins = bool(judged.begins[rows[0]]) or not self.found
-                self._add_alarm(stamps[rows], norm[rows], judged.values[rows], begins)
+                values = np.hstack([judged.values[rows], judged.changes[rows]])
+                self._add_alarm(stamps[rows], norm[rows], values, begins)
                 self.found[-1] = self.found[-1].at_link(touched, rows)
 
     def _add_alarm(self, stamps: IntArray, norm: Array, values: Array, begins: bool) -> None:
@@ -91,11 +94,12 @@ class Alarms:
             self.found.append(Alarm(int(stamps[0]), 0, (), 0.0, first))
             self._peaks = np.zeros(len(self._limits))
         peaks = self._peaks = np.maximum(self._peaks, values.max(axis=0))
-        ratios, rose, n = peaks / self._limits, peaks > self._limits, len(peaks) - 2
+        ratios, rose, n = peaks / self._limits, peaks > self._limits, len(peaks) // 2 - 1
         order = np.argsort(-ratios, kind="stable")
         exceeded = [Exceeded(self._detectors[k], float(peaks[k]), float(self._limits[k])) for k in order if rose[k]]
-        nearest = int(np.argmax(ratios[:n] if ratios[:n].any() else peaks[:n]))
-        joints = np.flatnonzero(rose[:n]).tolist() or [nearest]
+        of_joints, either = np.maximum(ratios[:n], ratios[n + 2 : -1]), rose[:n] | rose[n + 2 : -1]
+        nearest = int(np.argmax(of_joints if of_joints.any() else np.maximum(peaks[:n], peaks[n + 2 : -1])))
+        joints = np.flatnonzero(either).tolist() or [nearest]
         self.found[-1] = self.found[-1]._replace(
             end=int(stamps[-1]),
             exceeded=tuple(exceeded),

@@ -12,9 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, IntArray
-from diag_dynamics.collision.detector import SECOND, detector_values
+from diag_dynamics.collision.detector import SECOND, STANDING, NoAlarms
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
 
+FOLDS, MAX_PARTS = 5, 10  # parts of one recording, and most parts of several, each held out once
+MAX_SHARE = 0.7  # largest fraction of the time in one recording, where recordings are held out
+SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
 MAX_NUMBERS = 2_000_000  # from which cells are kept: of seven joints two minutes at 1 kHz
 CELL = 20_000_000  # only the largest values within this time are kept [ns]
 MIN_PEAKS, MAX_PEAKS = 10, 50  # fewest and most peaks from which alarms are counted or a tail is fitted
@@ -39,8 +43,12 @@ class Rows(NamedTuple):
 
     stamps: IntArray  # [ns], of a cell that of its first state
     segment: IntArray  # number of the segment without a gap
+    recording: IntArray  # number of the recording
+    rest: BoolArray  # whether the arm is at rest
     x: Array  # [m r, r]
     values: Array  # of the detectors, shape (T, nv + 2)
+    changes: Array  # of the detectors at rest, shape (T, nv + 1)
+    speed: Array  # largest rate
 
     @property
     def starts(self) -> BoolArray:
@@ -52,10 +60,19 @@ class Rows(NamedTuple):
         """Time from the first row to each one without the gaps between segments [s]."""
         return np.cumsum(np.where(self.starts, 0, np.diff(self.stamps, prepend=0))) / SECOND
 
+    @property
+    def duration(self) -> float:
+        """Time without the gaps between segments [s]."""
+        return float(self.time[-1]) if len(self.stamps) else 0.0
+
     def split(self, values: Array) -> Segments:
         """Return stamps and values of each segment."""
         cuts = np.flatnonzero(self.starts)[1:]
         return list(zip(np.split(self.stamps, cuts), np.split(values, cuts), strict=True))
+
+    def cut(self, parts: IntArray | BoolArray) -> Rows:
+        """Return the rows with a new segment where the number of a part changes."""
+        return self._replace(segment=np.cumsum(self.starts | (np.diff(parts.astype(int), prepend=0) != 0)))
 
     def select(self, rows: Any) -> Rows:
         """Return some of the rows."""
@@ -65,26 +82,37 @@ class Rows(NamedTuple):
 class Residuals:
     """Collect residuals of an observer batch by batch; an interval above `max_gap` [s] starts another segment."""
 
-    def __init__(self, width: int, max_gap: float = 0.1) -> None:
+    def __init__(self, width: int, max_gap: float = 0.1, standing: float = STANDING) -> None:
         self._max_states, self._max_gap = MAX_NUMBERS // (2 * width + 3), max_gap * SECOND
-        none = np.empty(0, dtype=np.int64)
-        self._parts = [Rows(none, none, np.empty((0, 2 * width)), np.empty((0, width + 2)))]
+        self._parts: list[Rows] = []
         self._count = self._segment = self._reduced = 0  # states, number of the segment, parts that are cells
+        self._recording = 0
         self._last: int | None = None
-        self._moment = np.zeros((width, width))
+        self._moment, self._detector = np.zeros((width, width)), NoAlarms(width, standing)
 
-    def add_states(self, stamps: IntArray, residual: Array, torque: Array, valid: BoolArray) -> None:
-        """Add states in order: stamps [ns], r, m r, and whether there is a result."""
-        torque = torque[valid]
-        stamps, x = stamps[valid], np.concatenate([torque, residual[valid]], axis=1)
-        if not len(stamps):
+    def start_recording(self) -> None:
+        """Start another recording."""
+        self._recording, self._last = self._recording + 1, None
+        self._detector.reset()
+
+    def add_states(
+        self, stamps: IntArray, residual: Array, torque: Array, valid: BoolArray, velocity: Array | None = None
+    ) -> None:
+        """Add states in order: stamps [ns], r, m r, whether there is a result, and rates."""
+        judged = self._detector.judge(stamps, residual, torque, valid, velocity=velocity)
+        speed = np.full(len(stamps), np.inf) if velocity is None else np.abs(velocity).max(axis=1, initial=0.0)
+        x, number = np.concatenate([torque, residual], axis=1), np.full(len(stamps), self._recording)
+        rows = Rows(stamps, number, number, judged.rest, x, judged.values, judged.changes, speed).select(valid)
+        if not len(rows.stamps):
             return
-        steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
-        segment = self._segment + np.cumsum((steps < 0) | (steps > self._max_gap))
-        self._last, self._segment = int(stamps[-1]), int(segment[-1])
-        self._count += len(stamps)
+        begins, last = self._last is None, rows.stamps[0] if self._last is None else np.int64(self._last)
+        steps = np.diff(rows.stamps, prepend=last)
+        segment = self._segment + begins + np.cumsum((steps < 0) | (steps > self._max_gap))
+        self._last, self._segment = int(rows.stamps[-1]), int(segment[-1])
+        self._count += len(segment)
+        torque = torque[valid]
         self._moment += torque.T @ torque
-        self._parts.append(Rows(stamps, segment, x, detector_values(x)))
+        self._parts.append(rows._replace(segment=segment))
         if self._count > self._max_states:
             self._parts[self._reduced :] = [_reduce(self._parts[self._reduced :])]
             self._reduced += 1
@@ -96,6 +124,8 @@ class Residuals:
 
     def rows(self) -> Rows:
         """Return the rows of all segments that have two or more."""
+        if not self._parts:
+            raise InputError("external torque is missing: the recordings have no efforts, or too long gaps.")
         rows = _reduce(self._parts) if self._reduced else _concatenate(self._parts)
         return rows.select(np.bincount(rows.segment)[rows.segment] > 1)
 
@@ -107,10 +137,12 @@ def _concatenate(parts: list[Rows]) -> Rows:
 def _reduce(parts: list[Rows]) -> Rows:
     """Return a row of the largest values of each cell."""
     rows = _concatenate(parts)
-    first = np.flatnonzero(rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0))
+    begins = rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0)
+    first = np.flatnonzero(begins | np.diff(rows.rest, prepend=False))
     high, low = np.maximum.reduceat(rows.x, first), np.minimum.reduceat(rows.x, first)
-    x, values = np.where(high >= -low, high, low), np.maximum.reduceat(rows.values, first)
-    return Rows(rows.stamps[first], rows.segment[first], x, values)
+    values, changes, speed = (np.maximum.reduceat(one, first) for one in (rows.values, rows.changes, rows.speed))
+    columns = {"x": np.where(high >= -low, high, low), "values": values, "changes": changes, "speed": speed}
+    return rows.select(first)._replace(**columns)
 
 
 def singular_joint(names: Sequence[str], covariance: Array) -> str:
@@ -180,6 +212,27 @@ def find_level(segments: Segments, duration: float, rate: float, release: float,
     maxima = block_maxima(segments)
     median = float(np.median(maxima))
     return _extrapolate(median, maxima[maxima > median], expected, "blocks")
+
+
+def fit_limits(rows: Rows, values: Array, rate: float, release: float, hold_off: float) -> tuple[Array, Level | None]:
+    """Return thresholds that values exceed at a rate [1/s], and the level that is their factor upon each spread."""
+    spread = np.quantile(block_maxima(rows.split(values)), SPREAD, axis=0, method="lower")
+    spread[spread <= MIN_NOISE * spread.max()] = math.inf  # a joint without residuals gets no threshold
+    level = find_level(rows.split((values / spread).max(axis=1)), rows.duration, rate, release, hold_off)
+    return spread * (level.value if level else math.inf), level
+
+
+def part_numbers(rows: Rows) -> tuple[IntArray, str]:
+    """Return the number of the part of each row, and what the parts are: recordings, or fifths of the time."""
+    number = np.unique(rows.recording, return_inverse=True)[1]
+    count = int(number[-1]) + 1
+    time = rows.time / rows.time[-1]
+    if count == 1 or (np.bincount(number, np.diff(time, prepend=0.0)) > MAX_SHARE).any():
+        return np.minimum((FOLDS * time).astype(np.int64), FOLDS - 1), f"{FOLDS} parts of the time"
+    if count > MAX_PARTS:
+        ends = np.array([time[number == k].mean() for k in range(count)])
+        number = np.unique((MAX_PARTS * ends).astype(np.int64), return_inverse=True)[1][number]
+    return number, f"{count} recordings"
 
 
 def _extrapolate(level: float, peaks: Array, expected: float, method: str) -> Level | None:

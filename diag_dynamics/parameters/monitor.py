@@ -139,11 +139,17 @@ _COLLISION = {
     "alarm.norm": Spec(
         0.0, "Norm |r| that raises an alarm, in place of external_torque.threshold [J^0.5/s]; 0 disables.", 0.0
     ),
+    "alarm.rest_joints": Spec(
+        [""], "Change of m r in 0.2 s that raises an alarm of an arm at rest, as joint=threshold; 0 disables."
+    ),
+    "alarm.rest_external_torque": Spec(0.0, "Change of all m r that raises an alarm at rest [N m]; 0 disables.", 0.0),
     "alarm.contact_joints": Spec(
         [""], "External torque |m r| of a contact, as joint=threshold [N m, N]; * for all others. 0 disables."
     ),
     "alarm.contact_external_torque": Spec(0.0, "Norm of m r of a contact [N m]; 0 disables.", 0.0),
     "alarm.contact_norm": Spec(0.0, "Norm |r| of a contact [J^0.5/s]; 0 disables.", 0.0),
+    "alarm.contact_rest_joints": Spec([""], "Change of m r of a contact at rest, as joint=threshold; 0 disables."),
+    "alarm.contact_rest_external_torque": Spec(0.0, "Change of all m r of a contact at rest [N m]; 0 disables.", 0.0),
     "alarm.release": Spec(RELEASE, "Hysteresis: an alarm ends below this fraction of its threshold.", 0.01, 1.0),
     "alarm.hold_off": Spec(
         HOLD_OFF, "Hold-off [s]: a rise within this time after an alarm is part of that alarm.", 0.0, 1000.0
@@ -427,8 +433,13 @@ def _check_contact_order(alarms, contact):
     """Reject thresholds of contact above those of a collision."""
     if not (alarms and contact):
         return
-    names = [*dict.fromkeys([*alarms.joints, *contact.joints, ALL])]
-    limits = zip([*names, TORQUE, NORM], contact.limits(names), alarms.limits(names), strict=True)
+    joints = alarms.joints, contact.joints, alarms.rest_joints, contact.rest_joints
+    names = [*dict.fromkeys([name for one in joints for name in one] + [ALL])]
+    at_rest = [f"{name} at rest" for name in (*names, TORQUE)]
+    limits = (
+        *zip([*names, TORQUE, NORM], contact.limits(names), alarms.limits(names), strict=True),
+        *zip(at_rest, contact.rest_limits(names), alarms.rest_limits(names), strict=True),
+    )
     for name, low, high in limits:
         if high < low < math.inf:
             raise InputError(
@@ -438,18 +449,16 @@ def _check_contact_order(alarms, contact):
 
 def _alarms(values, kind=""):
     """Return the thresholds of alarms or of contacts; None without any."""
-    parameter = f"alarm.{kind}joints"
-    joints = assignments(parameter, values[parameter], minimum=0.0)
-    torque, norm = (values[f"alarm.{kind}{name}"] for name in (TORQUE, NORM))
-    if not (torque or norm or any(joints.values())):
+    joints, rest_joints = (
+        {name: limit or math.inf for name, limit in assignments(one, values[one], minimum=0.0).items()}
+        for one in (f"alarm.{kind}joints", f"alarm.{kind}rest_joints")
+    )
+    torque, norm, rest = (values[f"alarm.{kind}{name}"] or math.inf for name in (TORQUE, NORM, f"rest_{TORQUE}"))
+    if min(torque, norm, rest, *joints.values(), *rest_joints.values()) == math.inf:
         return None
+    standing = values["alarm.standing"] or math.inf
     return AlarmThresholds(
-        {name: threshold or math.inf for name, threshold in joints.items()},
-        torque or math.inf,
-        norm or math.inf,
-        values["alarm.release"],
-        values["alarm.hold_off"],
-        values["alarm.standing"] or math.inf,
+        joints, torque, norm, values["alarm.release"], values["alarm.hold_off"], standing, rest_joints, rest
     )
 
 

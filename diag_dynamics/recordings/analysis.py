@@ -117,15 +117,16 @@ class Analysis:
             return None
         observed, judged, lower = self._observer.observe_batch(states, s), None, None
         residual, torque, norm, valid, collision = observed
+        columns = states.stamp, residual, torque, valid, states.jumped
         if self._detector:
-            judged = self._detector.judge(states.stamp, residual, torque, valid, states.jumped)
+            judged = self._detector.judge(*columns, velocity=states.velocity)
             self.collisions.add_states(states.stamp, norm, judged, self._touched_links(states, observed, judged.alarm))
             observed = observed._replace(collision=judged.alarm)
         else:
             touched = self._touched_links(states, observed, collision)
             self.collisions.add_states(states.stamp, torque, norm, collision, touched)
         if self._contact_detector:
-            lower = self._contact_detector.judge(states.stamp, residual, torque, valid, states.jumped)
+            lower = self._contact_detector.judge(*columns, velocity=states.velocity)
             self.contacts.add_states(states.stamp, norm, lower, self._touched_links(states, observed, lower.alarm))
         self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)
         self.balance.add_windows(self._windows.integrate_states(states, s))

@@ -83,10 +83,11 @@ def calibrate(
         friction = dynamics.model.has_friction
     positive("false_alarms", false_alarms, "[1/s]")
     template = AlarmThresholds({}, release=release, hold_off=hold_off, standing=standing)
-    residuals, efforts = Residuals(len(names), max_gap), EffortRange(names)
+    residuals, efforts = Residuals(len(names), max_gap, standing), EffortRange(names)
     many, faults = [recordings] if isinstance(recordings, Recording) else recordings, {}
     for one in many:
         motion = MotionSample(dynamics.model)
+        residuals.start_recording()
         observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, settles_on=settles_on, threads=threads)
         states, with_efforts, counts, findings = 0, False, {}, []
         for piece in [one] if isinstance(one, Recording) else one:
@@ -95,8 +96,11 @@ def calibrate(
             counts, findings = piece.counts, piece.findings  # of all pieces until here
             efforts.add_values(piece.states.position[:, -len(names) :], piece.states.effort)
             motion.add_states(piece.states)
+            first = 0
             for stamps, (residual, torque, _, valid, _) in observer.observe_states(piece.states):
-                residuals.add_states(stamps, residual, torque, valid)
+                rates = piece.states.velocity[first : first + len(stamps)]
+                residuals.add_states(stamps, residual, torque, valid, rates)
+                first += len(stamps)
         refuse_units(findings)
         if not with_efforts:
             require_efforts(states > 0, counts)

@@ -13,7 +13,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.cli.calibrate import METHODS
 from diag_dynamics.cli.main import main
-from diag_dynamics.collision import residuals
+from diag_dynamics.collision import calibration, residuals
 from diag_dynamics.collision.calibration import calibrate_residuals
 from diag_dynamics.collision.events import Alarms
 from diag_dynamics.collision.residuals import poisson_interval
@@ -23,8 +23,9 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from motions import recorded
 
 NAMES = ("shoulder", "elbow", "wrist")
-PERIOD = 10_000_000  # [ns]
-THRESHOLDS = dd.AlarmThresholds({"shoulder": 10.0, "elbow": 5.0, "wrist": 1.0}, 12.0, 20.0)
+MS = 1_000_000  # [ns]
+PERIOD = 10 * MS
+THRESHOLDS = dd.AlarmThresholds({"shoulder": 10.0, "elbow": 5.0, "wrist": 1.0}, 12.0, 20.0, hold_off=0.5)
 
 
 def columns(seconds, torque=()):
@@ -138,30 +139,40 @@ def test_states_one_by_one_have_the_alarms_of_columns():
         r[k] = 0.9 * r[k - 1] + rng.normal(size=3) * 3.0
     stamps = stamps + rng.integers(0, PERIOD // 2, len(stamps))
     torque[between(stamps, 20.0, 40.0), 1] += 9.0
-    valid, restarts = rng.random(len(stamps)) >= 0.02, np.arange(len(stamps)) == 4321
-    whole = dd.AlarmDetector(NAMES, THRESHOLDS).judge(stamps, r, torque, valid, restarts)
-    expected, _ = detect(THRESHOLDS, stamps, r, torque, valid, restarts)
-    assert whole.begins.sum() == len(expected) > 5
+    valid, restarts = rng.random(len(stamps)) >= 0.002, np.arange(len(stamps)) == 4321
+    velocity = 0.03 * (1.0 + np.sin(1e-9 * stamps)[:, None]) * rng.random((len(stamps), 3))
+    thresholds = replace(THRESHOLDS, rest_joints={"elbow": 4.0, "shoulder": 9.0}, rest_external_torque=11.0)
+    columns_of = stamps, r, torque, valid, restarts
+    whole = dd.AlarmDetector(NAMES, thresholds).judge(*columns_of, velocity=velocity)
+    alarms = Alarms(dd.AlarmDetector(NAMES, thresholds))
+    alarms.add_states(stamps, np.linalg.norm(r, axis=1), whole)
+    expected = alarms.found
+    assert whole.begins.sum() == len(expected) > 5 and any("change" in one.first for one in expected)
     for size in (1, 37, 1000):
-        detector, parts = dd.AlarmDetector(NAMES, THRESHOLDS), []
+        detector, parts = dd.AlarmDetector(NAMES, thresholds), []
         alarms = Alarms(detector)
         for first in range(0, len(stamps), size):
             part = slice(first, first + size)
-            parts.append(detector.judge(*(column[part] for column in (stamps, r, torque, valid, restarts))))
+            columns_of = [column[part] for column in (stamps, r, torque, valid, restarts)]
+            parts.append(detector.judge(*columns_of, velocity=velocity[part]))
             alarms.add_states(stamps[part], np.linalg.norm(r[part], axis=1), parts[-1])
         for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
             assert np.array_equal(column, np.concatenate(of_parts))
         assert alarms.found == expected
     some = np.flatnonzero(valid)[:500]
-    whole = dd.AlarmDetector(NAMES, THRESHOLDS).judge(stamps[some], r[some], torque[some], valid[some])
-    single = dd.AlarmDetector(NAMES, THRESHOLDS)
-    assert whole.alarm.tolist() == [single.update(stamps[k] * 1e-9, r[k], torque[k]).alarm[0] for k in some]
+    rows = r[some], torque[some], velocity[some]
+    whole = dd.AlarmDetector(NAMES, thresholds).judge(stamps[some], *rows[:2], valid[some], velocity=rows[2])
+    single = dd.AlarmDetector(NAMES, thresholds)
+    assert whole.alarm.tolist() == [
+        single.update(stamps[k] * 1e-9, r[k], torque[k], velocity[k]).alarm[0] for k in some
+    ]
 
 
 def test_limits_of_joints():
     wrong = {"external_torque": 0.0, "norm": -1.0, "release": 1.5, "hold_off": -1.0, "standing": 0.0}
+    wrong |= {"rest_external_torque": 0.0, "rest_joints": {"elbow": 0.0}}
     for key, value in (*wrong.items(), ("joints", {"elbow": -1.0}), ("joints", {"elbow": np.nan})):
-        with pytest.raises(InputError, match="elbow" if key == "joints" else key):
+        with pytest.raises(InputError, match="elbow" if "joints" in key else key):
             dd.AlarmThresholds(**{key: value})
     everyone = dd.AlarmDetector(NAMES, dd.AlarmThresholds({"*": 2.0, "wrist": np.inf}))
     assert everyone.limits.tolist() == [2.0, 2.0, np.inf, np.inf, np.inf]
@@ -169,6 +180,135 @@ def test_limits_of_joints():
         dd.AlarmDetector(NAMES, dd.AlarmThresholds({"knee": 1.0}))
     with pytest.raises(InputError, match="elbow"):
         everyone.update(0.0, [0, np.nan, 0], [0, 0, 0])
+
+
+# --- At rest
+
+
+REST = dd.AlarmThresholds({"elbow": 5.0}, release=0.7, hold_off=0.5, rest_joints={"elbow": 1.0, "wrist": 0.5})
+
+
+def judge_rest(torque, speed, period=10 * MS, stamps=None, thresholds=REST, **options):
+    """Return stamps and the results of a detector, given m r of the elbow and the speed of the arm at each state."""
+    stamps = np.arange(len(torque)) * period if stamps is None else stamps
+    x, velocity = np.zeros((2, len(stamps), 3))
+    x[:, 1], velocity[:, 2] = torque, speed
+    options = {"valid": np.ones(len(stamps), dtype=bool)} | options
+    detector = dd.AlarmDetector(NAMES, thresholds)
+    return stamps, detector.judge(stamps, np.zeros_like(x), x, velocity=velocity, **options)
+
+
+@pytest.mark.parametrize(
+    ("offset", "push", "speed", "seen"),
+    [
+        # m r at rest and by a push, greatest rate: whether there is an alarm
+        (0.0, 1.2, 0.049, True),
+        (0.0, 1.2, 0.051, False),  # the arm moves: thresholds of motion
+        (0.0, 5.2, 0.051, True),
+        (4.0, 1.2, 0.0, True),  # upon stiction
+        (4.0, 0.9, 0.0, False),
+        (9.0, 0.9, 0.0, True),  # stiction above the threshold of motion is one alarm until it counts as an offset
+        (-4.0, 1.2, 0.0, True),
+    ],
+)
+def test_a_push_at_rest(offset, push, speed, seen):
+    """The change within 0.2 s is judged, not the torque; and only of an arm at rest."""
+    t = 0.01 * np.arange(1500)
+    _, judged = judge_rest(offset + push * ((t >= 10.0) & (t < 10.5)), np.full(len(t), speed))
+    late = judged.begins & (t > 9.0)
+    if abs(offset) > 5.0:
+        assert judged.begins.sum() == 1 and judged.begins[0] and not judged.alarm[t > 8.0].any()
+    else:
+        assert judged.begins.sum() == late.sum() == seen
+        assert not seen or (t[judged.alarm][0], t[judged.alarm][-1]) == pytest.approx((10.0, 10.49))
+    assert np.array_equal(judged.rest, (t >= 0.5) & (speed < 0.05))
+
+
+def test_a_push_at_rest_is_one_alarm():
+    """While it lasts, also if it ends, if it sets the arm in motion, or begins in motion; a torque that stays ends it."""
+    t = 0.01 * np.arange(1200)
+    later = (t > 5.3) & (t < 7.0)
+    for moving, force, lasts in ((t < 0, 1.5, 6.49), (later, 1.5, 5.8), (later, 8.0, 6.49), (t < 5.4, 8.0, 7.0)):
+        _, judged = judge_rest(force * ((t >= 5.0) & (t < 6.5)), 0.2 * moving)
+        assert judged.begins.sum() == 1 and judged.begins[500]
+        begin, end = t[judged.alarm][[0, -1]]
+        assert (begin, end) == pytest.approx((5.0, lasts), abs=0.011)
+        assert np.array_equal(judged.alarm, (t >= begin - 1e-9) & (t <= end + 1e-9))
+    for force in (1.5, -40.0):
+        push = force * (t >= 4.0)
+        _, judged = judge_rest(push + 1.2 * ((t >= 8.0) & (t < 8.2)), 0.0 * t, thresholds=replace(REST, joints={}))
+        assert np.flatnonzero(judged.begins).tolist() == [400, 800]  # the torque stays, and a further push is another
+        assert not judged.alarm[(t > 6.3) & (t < 8.0)].any()
+        _, judged = judge_rest(push * (t < 9.0), 0.0 * t, thresholds=replace(REST, joints={}))
+        assert judged.begins.sum() == 1  # it ends where it was before
+
+
+def test_changes_are_by_time():
+    """Of unequal samples a slow rise is that of 0.2 s: sampled at random, in bursts, or at 5 kHz."""
+    rng, slow = np.random.default_rng(5), replace(REST, joints={})
+    steps = (
+        rng.uniform(1 * MS, 30 * MS, 500),
+        np.where(np.arange(1000) % 10, 1 * MS, 91 * MS),
+        np.full(20_000, MS // 5),
+        np.append(np.full(300, 10 * MS), 0),  # the last state twice
+    )
+    for period in steps:
+        stamps = np.cumsum(period).astype(np.int64)
+        _, judged = judge_rest(3.0 * stamps * 1e-9, np.zeros(len(stamps)), stamps=stamps, thresholds=slow)
+        assert judged.rest[-1] and not judged.begins.any()
+        np.testing.assert_allclose(judged.changes[judged.rest, 1], 0.6, rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["gap", "no result", "restart", "back", "stale", "motion"])
+def test_what_is_no_change(kind):
+    """After a gap, a state without a result, a restart or motion, another torque is no change; a repeated state is none."""
+    t = 0.01 * np.arange(600)
+    stamps, torque, speed = (1e9 * t).astype(np.int64), 3.0 * (t >= 3.0), np.zeros(len(t))
+    valid, restarts = np.ones(len(t), dtype=bool), np.zeros(len(t), dtype=bool)
+    k = 300
+    if kind == "gap":
+        stamps[k:] += 210 * MS
+    elif kind == "back":
+        stamps[k:] -= 100 * MS
+    elif kind == "no result":
+        valid[k] = False
+    elif kind == "restart":
+        restarts[k] = True
+    elif kind == "stale":
+        torque[:], stamps[k : k + 100] = 0.0, stamps[k]
+    else:
+        speed[k] = 0.06
+    options = {"valid": valid, "restarts": restarts}
+    _, judged = judge_rest(torque, speed, stamps=stamps, **options)
+    assert not judged.alarm.any() and judged.rest[-1]
+    if kind != "stale":
+        assert not judged.rest[k : k + 49].any()
+        control = judge_rest(torque, 0.0 * speed)[1]
+        assert control.begins.sum() == 1 and control.begins[k]
+
+
+def test_stiction_is_an_offset_of_the_other_detectors():
+    """At rest they begin at its torque, so that a slow push is one alarm at their own threshold, and its end is none."""
+    t = 0.01 * np.arange(2500)
+    slow = 0.5 * np.clip(t - 8.0, 0.0, 13.0) * (t < 21.0)
+    thresholds = replace(REST, rest_joints={"elbow": 100.0})
+    torque = 3.0 * (t < 23.0) + slow
+    _, judged = judge_rest(torque, 0.2 * (t < 1.0), thresholds=thresholds)
+    assert np.flatnonzero(judged.begins).tolist() == [1801]  # 3 + 5 N m
+    _, judged = judge_rest(3.0 + 0.0 * t + slow, 0.2 + 0.0 * t, thresholds=thresholds)
+    assert np.flatnonzero(judged.begins)[0] == 1201  # in motion 5 N m
+
+
+def test_alarms_at_rest_have_names():
+    t = 0.01 * np.arange(300)
+    stamps, judged = judge_rest(4.0 + 2.5 * (t >= 2.0), 0.0 * t)
+    alarms = Alarms(dd.AlarmDetector(NAMES, REST))
+    alarms.add_states(stamps, np.zeros(len(t)), judged)
+    (alarm,) = alarms.found
+    assert (alarm.joints, alarm.first) == (("elbow",), "elbow (change)") and alarm.exceeded[0].value == 2.5
+    assert alarm.describe() == "elbow changed by 2.5 N m > 1"
+    assert alarms.judged == ("elbow", "elbow (change)", "wrist (change)")
+    assert judged.joints[200].tolist() == [False, True, False]
 
 
 # --- Calibration
@@ -190,13 +330,19 @@ def noise(rng, seconds, heavy=False, jerks=()):
     return np.arange(count) * (10**9 // HZ), x * R_SPREAD, x * TORQUE_SPREAD
 
 
-def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, **options):
-    """Return the Calibration of residuals that come in parts."""
+def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=True, velocity=None, **options):
+    """Return the Calibration of residuals that come in parts, of recordings of equal length."""
     collected, valid = residuals.Residuals(len(FOUR)), np.ones(len(stamps), dtype=bool)
-    for first in range(0, len(stamps), part):
-        rows = slice(first, first + part)
-        collected.add_states(stamps[rows], r[rows], torque[rows], valid[rows])
-    return calibrate_residuals(collected, FOUR, rate, dd.AlarmThresholds(), gain=25.0, friction=False, **options)
+    for first in range(0, len(stamps), min(part, len(stamps) // recordings)):
+        rows = slice(first, first + min(part, len(stamps) // recordings))
+        if recordings > 1:
+            collected.start_recording()
+        rates = None if velocity is None else velocity[rows]
+        collected.add_states(stamps[rows], r[rows], torque[rows], valid[rows], rates)
+    with pytest.MonkeyPatch.context() as patch:
+        if not factor:
+            patch.setattr(calibration, "FACTORS", [1.0])
+        return calibrate_residuals(collected, FOUR, rate, dd.AlarmThresholds(), gain=25.0, friction=False, **options)
 
 
 @pytest.mark.parametrize(
@@ -228,15 +374,45 @@ def test_one_jerk_is_one_alarm():
     assert max(ratios) < 1.25 * min(ratios)
 
 
-def test_each_fifth_is_held_out():
-    """Its alarms are those by thresholds from the other four, which are two recordings."""
-    columns, held_out = noise(np.random.default_rng(5), 100), 0
-    for k in range(5):
-        inside = np.arange(10_000) // 2000 == k
-        others = calibrate(*(column[~inside] for column in columns), rate=0.3)
-        part = (column[inside] for column in columns)
-        held_out += dd.AlarmDetector(FOUR, others).judge(*part, np.ones(2000, dtype=bool)).begins.sum()
-    assert calibrate(*columns, rate=0.3).held_out == held_out > 20
+def test_each_part_is_held_out():
+    """Alarms are those by thresholds from the other parts: of fifths of one recording, or of whole recordings."""
+    columns = noise(np.random.default_rng(5), 200)
+    for number, parts in ((1, 5), (4, 4)):
+        part, held_out = np.arange(20_000) * parts // 20_000, 0
+        for k in range(parts):
+            inside = part == k
+            others = calibrate(*(column[~inside] for column in columns), rate=0.1, factor=False)
+            rows = (column[inside] for column in columns)
+            judged = dd.AlarmDetector(FOUR, others).judge(*rows, np.ones(inside.sum(), dtype=bool))
+            held_out += judged.begins.sum()
+        found = calibrate(*columns, rate=0.1, recordings=number, factor=False)
+        assert found.held_out == held_out > 10
+        assert found.parts == ("5 parts of the time" if number == 1 else "4 recordings")
+        assert found.describe_rate().endswith(f": {held_out} alarms in {found.duration:.4g} s, by {found.parts}.")
+        low, high = (60.0 * one / found.duration for one in poisson_interval(found.held_out))
+        assert f"{60.0 * found.rate:.3g}/min ({low:.3g}/min to {high:.3g}/min" in found.describe_rate()
+
+
+def test_recordings_that_differ_raise_the_thresholds():
+    """Of recordings that are rough by chance, other ones have the requested rate; by counts of the same, more than that."""
+    rates, rng = {True: [], False: []}, np.random.default_rng(3)
+
+    def recording(seconds):
+        return tuple(
+            column * (1 if k == 0 else size)
+            for size in [np.exp(0.25 * rng.normal())]
+            for k, column in enumerate(noise(rng, seconds))
+        )
+
+    for _ in range(8):
+        some = [np.concatenate(column) for column in zip(*(recording(60) for _ in range(6)), strict=True)]
+        some[0] = np.arange(len(some[0])) * (10**9 // HZ)
+        others = [recording(60) for _ in range(20)]
+        for factor, found in rates.items():
+            thresholds = calibrate(*some, rate=0.05, recordings=6, factor=factor)
+            judged = [dd.AlarmDetector(FOUR, thresholds).judge(*one, np.ones(6000, dtype=bool)) for one in others]
+            found.append(sum(one.begins.sum() for one in judged) / (20 * 60 * 0.05))
+    assert np.mean(rates[True]) < 1.3 < np.mean(rates[False]), rates
 
 
 def test_warnings_of_the_recording():
@@ -270,6 +446,45 @@ def test_residuals_in_parts(max_numbers, monkeypatch):
     assert (whole == expected) == (max_numbers == 10**6)
     for part in (1, 77):
         assert calibrate(stamps, r, torque, part=part) == whole
+
+
+def stopping(rng, seconds, stiction=3.0):
+    """Return stamps, r, m r and rates of an arm that moves 3 s and stands 3 s, under stiction and a tenth of the noise."""
+    stamps, r, torque = noise(rng, seconds)
+    moving = stamps % (6 * 10**9) < 3 * 10**9
+    held = stiction * rng.normal(size=(int(seconds / 6) + 1, 4))[stamps // (6 * 10**9)]
+    for column, spread in ((r, R_SPREAD), (torque, TORQUE_SPREAD)):
+        column[~moving] = 0.1 * column[~moving] + (held * spread)[~moving]
+    return stamps, r, torque, np.where(moving, 0.5, 0.01)[:, None]
+
+
+def test_rest_has_thresholds_of_its_own(tmp_path, monkeypatch):
+    """By its own spread, in one file with those of motion; both together have the requested rate, also from cells."""
+    rng, rate = np.random.default_rng(1), 0.1
+    columns = stopping(rng, 600)
+    *columns, velocity = columns
+    found, without = calibrate(*columns, rate=rate, velocity=velocity), calibrate(*columns, rate=rate)
+    assert found.rest == pytest.approx(600 * 2.5 / 6, rel=0.02) and without.rest == 0.0
+    assert not without.rest_joints and without.rest_external_torque == math.inf
+    for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True):
+        assert found.rest_joints[name] / spread == pytest.approx(0.55, abs=0.15)
+        assert found.joints[name] > 5.0 * found.rest_joints[name]
+    assert (found.contact.rest_limits(FOUR) < found.rest_limits(FOUR)).all()
+    counts = []
+    for _ in range(4):
+        stamps, r, torque, rates = stopping(rng, 600)
+        judged = dd.AlarmDetector(FOUR, found).judge(stamps, r, torque, np.ones(len(r), dtype=bool), velocity=rates)
+        counts.append((judged.begins.sum(), (judged.begins & judged.rest).sum()))
+    total, at_rest = np.sum(counts, axis=0)
+    assert 0.5 < total / (2400 * rate) < 1.3 and 0.2 < at_rest / total < 0.7
+    monkeypatch.setattr(residuals, "MAX_NUMBERS", 20_000)
+    found.save(tmp_path / "alarms.yaml")
+    seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
+    for one, other in ((seen.alarms, found), (seen.contact, found.contact)):
+        assert one.rest_limits(FOUR).tolist() == pytest.approx(other.rest_limits(FOUR).tolist(), rel=1e-3)
+        assert (one.rest_limits(FOUR) >= other.rest_limits(FOUR) * (1 - 1e-9)).all()
+    cells = calibrate(*columns, rate=rate, velocity=velocity)
+    assert cells.rest_limits(FOUR).tolist() == pytest.approx(found.rest_limits(FOUR).tolist(), rel=0.06)
 
 
 def test_contact_has_lower_thresholds():
@@ -322,6 +537,7 @@ def settings(values):
         ({"alarm.contact_joints": ["*=1", "a=3"]}, "contact for 'a' is 3 .*at most 2"),
         ({"alarm.contact_joints": ["*=2.5"]}, r"contact for '\*' is 2.5"),
         ({"alarm.contact_norm": 5.0}, "contact for 'norm' is 5 .*at most 4"),
+        ({"alarm.rest_joints": ["*=1"], "alarm.contact_rest_joints": ["a=3"]}, "'a at rest' is 3 .*at most 1"),
         ({"external_torque.gain": 0.0, "alarm.joints": [""], "alarm.norm": 0.0}, "gain"),
     ],
 )
@@ -363,6 +579,7 @@ def test_the_file_is_the_monitors(tmp_path):
     found.save(tmp_path / "alarms.yaml")
     seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
     assert seen.covariance_of(FOUR) is None and seen.settles_on == "torque"
+    assert seen.alarms.rest_limits(FOUR).tolist() == [math.inf] * 5
     limits, least = seen.alarms.limits(FOUR), found.limits(FOUR)
     assert limits.tolist() == pytest.approx(least.tolist(), rel=1e-3) and (limits >= least * (1 - 1e-9)).all()
     with pytest.raises(InputError, match="nowhere"):
@@ -404,12 +621,12 @@ def calibrated(recording, path, *options):
 def test_the_command(ur5, tables, tmp_path, capsys):
     """The thresholds of a recording find the push in another one, its joint and its torque."""
     alarms, out, joint = tmp_path / "alarms.yaml", tmp_path / "summary.json", ur5.dof_names[2]
-    options = "--false-alarms", "20/min", "--false-contacts", "40/min", "--gain", "25"
+    options = "--false-alarms", "20/min", "--false-contacts", "40/min", "--gain", "25", "--hold-off", "0.5"
     assert calibrated(tables / "free.csv", alarms, *options) == 0
     printed = capsys.readouterr().out
-    assert "20/min" in printed and "Held-out" in printed and all(name in printed for name in ur5.dof_names)
+    assert "20/min" in printed and "Held out: " in printed and all(name in printed for name in ur5.dof_names)
     rates = {"false_alarms": 1 / 3, "false_contacts": 2 / 3}
-    found = dd.calibrate(dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), **rates)
+    found = dd.calibrate(dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), **rates, hold_off=0.5)
     contact = found.contact
     methods = [METHODS[one.method].format(one.peaks) for one in (found, contact)]
     assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]}\n" in printed

@@ -122,6 +122,8 @@ OBSERVED = {
     "alarm.joints": (ALARMS, ["*=1.5"]),
     "alarm.external_torque": (ALARMS, 1.5),
     "alarm.norm": (ALARMS, 3.0),
+    "alarm.rest_joints": (ALARMS, ["turn=0.7"]),
+    "alarm.rest_external_torque": (ALARMS, 0.8),
     "alarm.release": (ALARMS, 0.9),
     "alarm.hold_off": (ALARMS, 0.05),
     "alarm.standing": (ALARMS, 0.3),
@@ -170,15 +172,18 @@ NOT_OBSERVED = {
 
 
 def pushed_messages():
-    """Return messages of an arm in motion that is pushed twice: with a gap, a jump, and values that are missing or held."""
+    """Return messages of an arm that is pushed in motion and at rest, with a gap, a jump, and missing or held values."""
     model, rng = pin.buildModelFromXML(ARM), np.random.default_rng(3)
     data, messages = model.createData(), []
     damping, friction = np.array([0.8, 0.3]), np.array([1.5, 0.6])
-    for k in range(600):
+    for k in range(900):
         t, phase = 0.01 * k, np.array([0.0, 1.0])
         w, a = np.array([2.0, 3.1]), np.array([0.7, 0.5])
         q, qd, qdd = a * np.sin(w * t + phase), a * w * np.cos(w * t + phase), -a * w * w * np.sin(w * t + phase)
         tau = pin.rnea(model, data, q, qd, qdd) + damping * qd + friction * np.tanh(qd / 5e-3)
+        if k >= 600:  # at rest, under stiction, with messages of unequal age
+            q, qd, stiction = np.array([0.3, 0.3]) + 1e-6 * k, np.array([0.01, -0.02]), np.array([0.8, -0.4])
+            tau = pin.computeGeneralizedGravity(model, data, q) + stiction - np.array([0.0, 1.0]) * (700 <= k < 740)
         tau -= np.array([4.0, 1.5]) * (150 <= k < 210 or 218 <= k < 230 or 400 <= k < 520) + 0.02 * rng.normal(size=2)
         if 300 <= k < 320:
             continue
@@ -186,7 +191,7 @@ def pushed_messages():
         q = q + 0.9 if k == 100 else np.array([0.3, 0.3]) if k >= 540 else q
         names = JOINTS[:1] if k % 50 in (20, 21, 22, 23) else JOINTS
         count = len(names)
-        stamp = START + 10 * MS * (k + 1)
+        stamp = START + 10 * MS * (k + 1) + (k >= 600) * int(rng.integers(9)) * MS
         raw = serialized(stamp, names, q[:count], qd[:count], tau[:count])
         messages.append(Message("/joint_states", stamp, raw))
     return messages

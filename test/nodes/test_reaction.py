@@ -24,6 +24,7 @@ from pushed import GAIN, Motion, feed, subscribed
 REACTION = "reaction"
 """Name of the entry on diagnostics."""
 THRESHOLDS = {"external_torque.gain": GAIN, "external_torque.friction": False, "alarm.external_torque": 20.0}
+THRESHOLDS["alarm.hold_off"] = 0.5
 UR5 = {"robot_description": str(find_urdf("ur5"))}
 JOINTS = np.array(robot(PANDA).names)
 PUSHED, FREE = (Motion(robot(PANDA), push * (JOINTS == "panda_joint2"), size=0.0)(0) for push in (30.0, 0.0))

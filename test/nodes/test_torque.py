@@ -298,7 +298,7 @@ def test_touched_link(monitor, panda, free):
 def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     """A node takes it by --params-file: gain, friction, and every threshold."""
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
-    thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5)
+    thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5, {"panda_joint2": 2.5}, 7.5)
     trust = {"asked": 1 / 60, "duration": 300.0, "alarms": 4, "held_out": 5, "method": "tail", "peaks": 50}
     contact = Calibration(norm=3.5, joints={"*": 9.0}, external_torque=30.0, gain=GAIN, friction=True, **trust)
     covariance = np.diag(np.arange(1.0, 1.0 + len(panda.names)))
@@ -312,6 +312,8 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
         assert (message.torque_norm_threshold, message.threshold) == (31.5, 4.25)
         values = {"external_torque.gain": GAIN, "external_torque.friction": True}
         values |= {"alarm.release": 0.6, "alarm.hold_off": 0.3, "alarm.standing": 1.5}
+        values |= {"alarm.rest_joints": ["panda_joint2=2.5"], "alarm.rest_external_torque": 7.5}
+        values |= {"alarm.contact_rest_joints": [""], "alarm.contact_rest_external_torque": 0.0}
         values |= {"alarm.contact_norm": 3.5, "alarm.contact_external_torque": 30.0, "alarm.contact_joints": ["*=9.0"]}
         values |= {"external_torque.settles_on": "working_moment", "external_torque.covariance_joints": [*panda.names]}
         values["external_torque.covariance"] = covariance.ravel().tolist()

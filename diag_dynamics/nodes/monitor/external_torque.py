@@ -32,12 +32,12 @@ class LiveAlarm:
         self.on = self.begins = False
         self.joints = np.zeros(len(self.limits) - 2, dtype=bool)
 
-    def accept_state(self, stamps, seen, torque, r, touched):
-        """Judge a Disturbance and its rows m r and r, which are zero if it is not valid.
+    def accept_state(self, stamps, seen, torque, r, velocity, touched):
+        """Judge a Disturbance, its rows m r and r, which are zero if it is not valid, and the rates.
 
         `touched` returns the TouchedLink of this row, None if it is unknown.
         """
-        judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]))
+        judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]), velocity=velocity)
         self.on, self.begins, self.joints = bool(judged.alarm[0]), bool(judged.begins[0]), judged.joints[0]
         self.count += self.begins
         if self.on:
@@ -208,19 +208,22 @@ class TorqueWatch:
         if self.observation.alarms is None and not seen.valid and state.effort is not None:
             self._alarm.reset()  # as the observer has been
         torque = seen.external_torque if seen.valid else np.zeros(len(self._alarm.joints))
-        r = seen.residual if seen.valid else torque
+        r, rates = seen.residual if seen.valid else torque, state.velocity[None]
         if self.load:
+            was_load = self.load.estimate.is_load
             r, torque = self.load.accept_state(time, state, seen, r, torque)
+            if self.load.estimate.is_load != was_load:
+                rates = None  # its weight is no change of the external torque
         self.seen, self._touched = seen, None
         self._position, self.contact_torque = state.position, torque
-        self._alarm.accept_state(stamps, seen, torque, r, self._touched_row)
+        self._alarm.accept_state(stamps, seen, torque, r, rates, self._touched_row)
         self.seen = seen._replace(collision=self._alarm.on)
         self._count, self._valid = self._count + 1, self._valid + seen.valid
         self._largest = max(self._largest, seen.norm)
         if self._alarm.on:
             self.cause = self._alarm.cause()
         if self._contact:
-            self._contact.accept_state(stamps, seen, torque, r, self._touched_row)
+            self._contact.accept_state(stamps, seen, torque, r, rates, self._touched_row)
             if self._contact.on:
                 self.contact_cause = self._contact.cause()
         return self.seen.collision and not self._is_reported

@@ -123,7 +123,7 @@ class MonitoredRobot:
         check_load_link(model, settings)
         if settings.observation:
             for thresholds in filter(None, (settings.observation.alarms, settings.observation.contact)):
-                thresholds.limits(model.dof_names)
+                thresholds.limits(model.dof_names), thresholds.rest_limits(model.dof_names)
             settings.observation.covariance_of(model.dof_names)
         others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
         touched = contact_points(model, self._source, settings.contact) if others else None
