@@ -101,7 +101,7 @@ def format_summary(found):
     width = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
         f"  {'joint':{width}}  {'effort error':>17}  {'external torque':>17}   damping  friction    offset  armature"
-        "      load      root"
+        " load fric root fric"
     )
     lines.append(
         f"  {'SI units':{width}}  {'N m rms':>17}  {'N m spread':>17}   N m s/rad     N m       N m     kg m²"
