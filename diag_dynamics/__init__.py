@@ -25,7 +25,8 @@ _NAMES = {
     "simulation": "CompliantLimits EnergyAudit Simulation",
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
-    "control.limits": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter PositionRepulsion",
+    "control.limits": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter "
+    "JointEnergyLimiter PositionRepulsion",
     "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
     "collision.detector": "AlarmDetector AlarmThresholds",
@@ -63,6 +64,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.limits import EffortRateLimiter as EffortRateLimiter
     from diag_dynamics.control.limits import EffortSaturation as EffortSaturation
     from diag_dynamics.control.limits import EnergyLimiter as EnergyLimiter
+    from diag_dynamics.control.limits import JointEnergyLimiter as JointEnergyLimiter
     from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion
     from diag_dynamics.control.load import LoadEstimator as LoadEstimator
     from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver

@@ -71,6 +71,44 @@ class EnergyLimiter:
         return command._replace(tau=tau, epsilon=command.epsilon - removed)
 
 
+class JointEnergyLimiter:
+    """Limiter of ½ν_k² of each joint, a filter on any law's command: ν_k(ε_k − C_k) ≤ αh_k, h_k = K_k − ½ν_k².
+
+    The constraints decouple. C_k stays in, because νᵀC = 0 holds for the sum alone. The filter predicts
+    ν_k + h(ε_k − C_k) at the end of a cycle of length h and clips it to ½ν_k² + αh h_k, so that joints at rest are limited,
+    too. An EnergyLimiter after it keeps the limits.
+
+    ν_k is the rate of joint k and of all that it induces further out, not q̇_k: ½ν_k² are the shares of the kinetic
+    energy. The limits are K_k > 0 [J], inf for none, by degree of freedom; the rate is that of EnergyLimiter.
+    """
+
+    def __init__(self, dynamics: DiagonalDynamics, limit: Gain, rate: float) -> None:
+        self.dynamics, names = actuated(dynamics), dynamics.model.dof_names
+        self.limit = per_name("limit", limit, names, "a number > 0 [J]", lambda x: x > 0.0)
+        self.rate = positive("rate", rate, "[1/s]")
+        dynamics.compile("tau_from_epsilon", "coriolis_bracket")
+
+    def filter(
+        self, q: VectorLike, qd: VectorLike, command: Command, period: float, external: VectorLike | None = None
+    ) -> Command:
+        """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
+
+        `period` is h > 0, until the next command [s].
+        """
+        nu, h = command.nu, positive("period", period, "[s]")
+        flow = command.epsilon - self.dynamics.coriolis_bracket(q, qd, nu)
+        if external is not None:
+            flow += vector("external", external, self.dynamics.model.dof_names)
+        ahead, share = nu + h * flow, 0.5 * nu * nu
+        bound = np.sqrt(2.0 * (share + min(self.rate * h, 1.0) * (self.limit - share)))
+        change = np.clip(ahead, -bound, bound) - ahead
+        if not change.any():
+            return command
+        change /= h
+        tau = command.tau + self.dynamics.tau_from_epsilon(q, change)
+        return command._replace(tau=tau, epsilon=command.epsilon + change)
+
+
 class EffortSaturation:
     """Effort limits |τ_k| ≤ L_k that keep the direction of ε: τ = g + s(τ − g) with one s in [0, 1].
 

@@ -10,6 +10,7 @@ import pytest
 
 import diag_dynamics as dd
 import robots
+from controlled import TREE, UR5, configuration
 from described import subject
 from diag_dynamics.contact.results import contact_force
 from diag_dynamics.exceptions import InputError
@@ -305,3 +306,46 @@ def without_limits(s):
 def test_errors_name_the_argument(make, key):
     with pytest.raises(InputError, match=key):
         make(arm())
+
+
+@pytest.mark.parametrize("pushed", [False, True])
+def test_joint_energies_are_clipped_at_the_end_of_a_cycle(pushed):
+    """|ν_k + h(ε_k − C_k + ε_ext,k)| is at most that of the allowed energy, by Pinocchio's C and m; the rest is unchanged."""
+    s, h, acted = arm(), 2e-3, np.zeros(N)
+    for rng, q, qd, command in commands(40):
+        t, share, alpha = s.oracle.at(q, qd), 0.5 * command.nu**2, rng.uniform(5, 200)
+        limit = np.where(rng.uniform(size=N) < 0.2, np.inf, share * rng.uniform(0.3, 3, N))
+        external = 20.0 * rng.normal(size=N) if pushed else None
+        limited = dd.JointEnergyLimiter(s.dyn, limit, alpha).filter(q, qd, command, h, external)
+        push = external if pushed else 0.0
+        before, after = (
+            command.nu + h * (epsilon - t.coriolis + push) for epsilon in (command.epsilon, limited.epsilon)
+        )
+        allowed = np.where(np.isinf(limit), np.inf, share + alpha * h * (np.where(np.isinf(limit), 0, limit) - share))
+        expected = np.sign(before) * np.minimum(np.abs(before), np.sqrt(2.0 * allowed))
+        np.testing.assert_allclose(after, expected, rtol=1e-9, atol=1e-9)
+        expected = t.m @ limited.epsilon + t.g
+        np.testing.assert_allclose(limited.tau, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        acted += limited.epsilon != command.epsilon
+    assert (acted > 5).all() and (acted < 40).all()
+
+
+@pytest.mark.parametrize("robot", (PANDA, UR5, TREE), ids=lambda robot: robot.id)
+def test_joint_energies_stay_below_their_limits(robot):
+    """At 500 Hz under steps of a stiff target, which give some joints tenfold the energy without the limiter."""
+    s, rng = subject(robot), np.random.default_rng(5)
+    nv = s.model.nv
+    limit, law, goals = rng.uniform(0.2, 0.5, nv), dd.JointTracking(s.dyn, 20.0, 10.0), rng.uniform(-1, 1, (4, nv))
+    limiter, start, peaks = dd.JointEnergyLimiter(s.dyn, limit, 50.0), configuration(s.model, rng), []
+    for limited in (True, False):
+        nothing = np.zeros(nv)
+        options = {"damping": nothing, "friction": nothing, "effort_limits": False, "limits": False}
+        robot, share = dd.Simulation(s.model, start, step=2e-3, **options), nothing
+        for k in range(1200):
+            command = law.command(robot.q, robot.qd, start + 0.5 * goals[k // 300])
+            if limited:
+                command = limiter.filter(robot.q, robot.qd, command, 2e-3)
+            robot.advance(command.tau)
+            share = np.maximum(share, 0.5 * robot.nu**2)
+        peaks.append((share / limit).max())
+    assert 0.95 < peaks[0] < 1.01 and peaks[1] > 10.0
