@@ -273,13 +273,13 @@ INTERFACES = {
             IN,
             "trajectory",
             "trajectory_msgs/JointTrajectory",
-            "mode tracking: interpolated like ros2_control's trajectory controller; within position and velocity limits",
+            "tracking, regulation: interpolated like ros2_control's controller; within position and velocity limits",
         ),
         Interface(
             IN,
             "set_point",
             "sensor_msgs/JointState",
-            "mode tracking: positions of all joints, within their limits; approached at set_point_speed",
+            "tracking, regulation: positions of all joints, within their limits; approached at set_point_speed",
         ),
         Interface(
             IN,

@@ -16,14 +16,14 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import symmetric
 
-MIN_MASS, MIN_RADIUS = 0.05, 0.01
-"""Minimum mass [kg] and radius of gyration [m] of the body at the start: a point cannot adapt."""
+MIN_MASS, MIN_RADIUS = 0.5, 0.03
+"""Minimum mass [kg] and radius of gyration [m] of the body at the start: the lighter, the slower it adapts at first."""
 
 MAX_CHANGE, MAX_CONDITION = 0.5, 1e6
 """Maximum change of the logarithm of the pseudo-inertia in a step, and condition of its factor beyond which it stays."""
 
 MARGIN = 0.25
-"""Fraction of the stable rate at rest that is accepted: motion and a heavy estimate adapt faster."""
+"""Fraction of the stable rate at rest that is accepted, because motion adapts faster."""
 
 
 class AdaptiveTracking(JointTracking):
@@ -40,7 +40,8 @@ class AdaptiveTracking(JointTracking):
     positive definite. M and P are those with payload, which are not known: the V of commands is ½|s|² of the model, and its
     rate as if P̂ were P. The estimate becomes that of the payload if the motion excites it. It adapts to lasting pushes, too.
 
-    The adaptation rate is γ > 0 [1/J]. Call `adapt` once after each command.
+    The adaptation rate is γ > 0 [1/J]; the estimate keeps the mass of the payload below `max_mass` > 0 [kg]. Call `adapt`
+    once after each command.
 
     Example
     -------
@@ -55,11 +56,20 @@ class AdaptiveTracking(JointTracking):
     """
 
     def __init__(
-        self, dynamics: DiagonalDynamics, link: str, gain: Gain, convergence: Gain, *, rate: float, **options: Any
+        self,
+        dynamics: DiagonalDynamics,
+        link: str,
+        gain: Gain,
+        convergence: Gain,
+        *,
+        rate: float,
+        max_mass: float = 5.0,
+        **options: Any,
     ) -> None:
         super().__init__(dynamics, gain, convergence, **options)
         dynamics.compile("jacobian", "link_acceleration", "placement", "factors")
         self.link, self.rate = link, positive("rate", rate, "[1/J]")
+        self.max_mass = positive("max_mass", max_mass, "[kg]")
         self._nominal = pseudo_inertia(dynamics, link)
         self.reset()
 
@@ -89,7 +99,8 @@ class AdaptiveTracking(JointTracking):
         rates, axes = np.linalg.eigh(self._factor.T @ self._power @ self._factor)
         steps = rates * (self.rate * not_negative("period", period, "[s]"))
         factor = self._factor @ axes * np.exp(-0.5 * np.clip(steps, -MAX_CHANGE, MAX_CHANGE))
-        if np.linalg.cond(factor) < MAX_CONDITION:
+        mass, last = (float(x[3] @ x[3]) for x in (factor, self._factor))
+        if np.linalg.cond(factor) < MAX_CONDITION and mass < max(last, self._nominal[3, 3] + self.max_mass):
             self._factor = factor
 
     def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
@@ -103,12 +114,13 @@ class AdaptiveTracking(JointTracking):
         return tau + J.T @ _wrench(G @ change), g + J.T @ _wrench(weight @ change)
 
     def require_stable(self, q: VectorLike, period: float) -> None:
-        """Raise InputError for gains as of JointTracking, and unless the weight of P̂ adapts stably, ω²·period < K/2."""
+        """Raise InputError for gains as of JointTracking, and unless the largest weight adapts stably, ω²·period < K/2."""
         super().require_stable(q, period)
         J, G = self.dynamics.jacobian(q, self.link), self._upward(q)
         powers = [_velocities(column).T @ G for column in J.T]
         columns = np.array([self._factor.T @ (L + L.T) @ self._factor / 2.0 for L in powers]).reshape(len(J.T), 16)
         root = (self.dynamics.factors(q).l @ columns) / np.sqrt(self.gain)[:, None]
+        root *= (self._nominal[3, 3] + self.max_mass) / self.pseudo_inertia[3, 3]
         largest = MARGIN * STABLE / period / float(np.linalg.norm(root, 2)) ** 2
         require_at_most("rate", self.rate, largest, "1/J", period)
 

@@ -24,7 +24,7 @@ class Filtered(NamedTuple):
 
     effort: np.ndarray  # [N m, N], without gravity if the robot compensates that itself
     command: Command  # within the limits of power and effort
-    energy_limited: bool  # whether the energy limiter removed power
+    energy_limited: bool  # whether an energy limiter changed the command
     contact_limited: bool  # whether the contact limiter did
 
 
@@ -37,12 +37,15 @@ class Efforts:
     def __init__(self, dynamics, values, compensated, points=None):
         model = dynamics.model
         self._names, self._compensated, self._max_period = model.dof_names, compensated, values["max_state_age"]
-        self._springs = self.energy_limiter = self.contact_limiter = None
+        self._springs = self.energy_limiter = self.joint_energy_limiter = self.contact_limiter = None
         if margin := values["limit_margin"]:
             springs = values["limit_stiffness"], values["limit_damping"]
             self._springs = limits.PositionRepulsion(dynamics, margin, *springs)
         if limit := values["energy_limit"]:
             self.energy_limiter = limits.EnergyLimiter(dynamics, limit, values["energy_rate"])
+        if any(values["joint_energy_limit"]):
+            limit = by_dof("joint_energy_limit", values["joint_energy_limit"], self._names, np.full(model.nv, np.inf))
+            self.joint_energy_limiter = limits.JointEnergyLimiter(dynamics, limit, values["energy_rate"])
         if points is not None:
             self.contact_limiter = ContactLimiter(dynamics, points, values["contact.rate"])
         self._saturation = limits.EffortSaturation(model, effort_limits(values["effort_limit"], model))
@@ -63,12 +66,13 @@ class Efforts:
         self._gravity = g = command.gravity_torque
         if self._springs:
             command = self._springs.filter(q, qd, command)
-        unlimited = command
+        unlimited, period = command, self._elapsed(state.newest) or FIRST_PERIOD
+        if self.joint_energy_limiter:
+            command = self.joint_energy_limiter.filter(q, qd, command, period, external)
         if self.energy_limiter:
             command = self.energy_limiter.filter(q, command, external)
         slower = command
         if self.contact_limiter:
-            period = self._elapsed(state.newest) or FIRST_PERIOD
             command = self.contact_limiter.filter(q, qd, command, period, external)
         saturated = self._saturation.filter(command)
         effort, self.scale = saturated.tau, saturated.scale

@@ -10,7 +10,7 @@ import numpy as np
 from diag_dynamics.checks import number
 from diag_dynamics.control.efforts import Efforts
 from diag_dynamics.control.laws import Command
-from diag_dynamics.control.modes import DAMPING, LAWS, POSE
+from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -21,6 +21,9 @@ MAX_BEYOND_LIMITS = 0.05
 
 SLOW = 0.1
 """Fraction of its maximum speed below which every joint must be at the end of a start."""
+
+CHECK_EVERY, MAX_PERIODS = 8, 100
+"""Number of states between checks of the gains, the first one included, and of the last periods that their mean counts."""
 
 START_TIMEOUT = 1.0
 """Timeout for the arm to slow down under gravity compensation [s]; an unknown load may prevent it."""
@@ -34,10 +37,10 @@ class Sent(NamedTuple):
     stamp: int  # of the command's state, or of the last valid one [ns]
     age: float  # of that state [s]
     command: Command | None = None  # of the law, after the energy and contact limiters; None without a valid state
-    energy_limited: bool = False  # whether the energy limiter removed power
+    energy_limited: bool = False  # whether an energy limiter changed the command
     contact_limited: bool = False  # whether the contact limiter did
     lyapunov_rate: float | None = None  # dV/dt since the state before [W]; None unless both have the same target
-    lost: str = ""  # why the robot's position replaced the target; empty if it did not
+    lost: str = ""  # why the robot's position replaced the target, or another mode its own; empty if it did not
 
 
 class ControlLoop:
@@ -71,6 +74,8 @@ class ControlLoop:
         self.efforts.begin()
         self._origin = None  # stamp of the observer's first state [ns]
         self._carried_since = None  # stamp at which efforts reached gravity compensation [ns]
+        self._periods, self._period = 0, 0.0  # number of measured periods of states, and their mean [s]
+        self._braking = self.modes[DAMPING]  # mode of the start
         self._mode.void()
 
     # --- Modes and targets ---
@@ -95,12 +100,39 @@ class ControlLoop:
     def switch(self, mode):
         """Put a mode in force from the next state on, with that state as its target; this starts a stopped loop again.
 
-        Efforts approach those of the new law at the effort rate.
+        Efforts approach those of the new law at the effort rate. An InputError names gains that are unstable at the rate of
+        the states.
         """
         chosen = self._mode_of(mode)
+        if self._periods >= CHECK_EVERY and (unstable := self._unstable(chosen)):
+            raise InputError(unstable)
         self.supervisor.release()
         self._mode = chosen
         chosen.void()
+
+    def _unstable(self, mode):
+        """Return why the gains of a mode are unstable at the measured rate of the states; empty if they are not."""
+        try:
+            mode.law.require_stable(self.state.position, self._period)
+        except InputError as error:
+            return f"mode {mode.name} is unstable: {error}"
+        return ""
+
+    def _check_gains(self, before):
+        """Measure the period; replace modes that it makes unstable by damping or gravity compensation, and return why."""
+        if before is None or not 0 < (gap := self.state.newest - before.newest) * 1e-9 <= self.supervisor.max_age:
+            return ""
+        self._periods += 1
+        self._period += (gap * 1e-9 - self._period) / min(self._periods, MAX_PERIODS)
+        if self._periods % CHECK_EVERY:
+            return ""
+        damping = self.modes[DAMPING]
+        self._braking = self.modes[GRAVITY_COMPENSATION] if self._unstable(damping) else damping
+        unstable = self._unstable(self._mode)
+        if unstable:
+            self._mode = self._braking
+            self._mode.void()
+        return unstable
 
     def require(self, target):
         """Raise InputError unless a target, by the name of its topic, is accepted now."""
@@ -165,6 +197,7 @@ class ControlLoop:
         is_start = supervisor.will_start or supervisor.starting
         if is_start or self._is_interrupted(before):
             self._mode.void()
+        unstable = self._check_gains(before)
         self._mode.begin(state)
         self._scale_contact(now)
         external = self._observed(state)
@@ -174,7 +207,7 @@ class ControlLoop:
             sent = self._follow(external, now)
         # After the command, because a law that fails must not prolong the hold.
         supervisor.valid(now, has_started)
-        return sent
+        return sent._replace(lost=unstable or sent.lost)
 
     def _stay_stopped(self, now):
         """Return zero effort for a valid state of a stopped loop."""
@@ -193,7 +226,7 @@ class ControlLoop:
     def _start(self, before, external, now):
         """Return damping; None once efforts have reached gravity compensation and joints are slow."""
         state, efforts = self.state, self.efforts
-        filtered = efforts.filtered(state, self.modes[DAMPING].command(state), external)
+        filtered = efforts.filtered(state, self._braking.command(state), external)
         if before is None:
             efforts.limit_to_gravity()
         if self._carried_since is None and efforts.reaches_gravity(filtered.effort, state.newest):
@@ -209,6 +242,7 @@ class ControlLoop:
         state = self.state
         command, lost = self._mode.follow(state, self.supervisor.phase == HOLDING)
         sent = self._sent_by(self.efforts.filtered(state, command, external), now)
+        self._mode.limited = bool(sent.saturated)
         rate = self._mode.measured_rate(command, state.newest)
         return sent._replace(lyapunov_rate=rate, lost=lost)
 

@@ -6,9 +6,11 @@
 import numpy as np
 
 from diag_dynamics.checks import numbers, vector
+from diag_dynamics.control.adaptive import AdaptiveTracking
 from diag_dynamics.control.by_dof import by_dof
 from diag_dynamics.control.laws import (
     GravityCompensation,
+    JointRegulation,
     JointTracking,
     PoseError,
     PoseRegulation,
@@ -28,8 +30,11 @@ DEFAULT_SPEED = 1.0
 MAX_STEP = 0.05
 """Maximum distance of a trajectory from the robot and from its target at the start, and after a hold [rad, m]."""
 
-POSE_RATE = 10.0
-"""Final decay rate of the distance to a pose [1/s]."""
+APPROACH_RATE = 10.0
+"""Final decay rate of the distance to a pose or, in regulation, to a set-point [1/s]."""
+
+POSE_DAMPING = 12.0
+"""Default damping of pose regulation [1/s]."""
 
 MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
@@ -44,6 +49,7 @@ class Mode:
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
     targets = ()  # topics: take_pose accepts "target", take_trajectory "trajectory", take_set_point "set_point"
     _moving = False  # whether the target of the last command moves, and V with it
+    limited = False  # whether effort limits changed the last command
 
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
@@ -86,6 +92,12 @@ class Mode:
         self._last = None  # V and time of the last command for the present target
 
 
+def _gains(dynamics, values, name, default=None):
+    """Return the gains of a parameter by degree of freedom."""
+    default = None if default is None else np.full(dynamics.model.nv, default)
+    return by_dof(name, values[name], dynamics.model.dof_names, default)
+
+
 class GravityCompensationMode(Mode):
     """Gravity compensation: the robot is guided by hand."""
 
@@ -101,8 +113,7 @@ class DampingMode(Mode):
     name = "damping"
 
     def __init__(self, dynamics, values):
-        gain = by_dof("damping", values["damping"], dynamics.model.dof_names)
-        super().__init__(RateDamping(dynamics, gain), values)
+        super().__init__(RateDamping(dynamics, _gains(dynamics, values, "damping")), values)
 
 
 class PoseMode(Mode):
@@ -111,9 +122,12 @@ class PoseMode(Mode):
     name, targets = "pose", ("target",)
 
     def __init__(self, dynamics, values):
-        gain = by_dof("pose_damping", values["pose_damping"], dynamics.model.dof_names)
-        stiffness = values["position_stiffness"], values["orientation_stiffness"]
-        super().__init__(PoseRegulation(dynamics, values["controlled_link"], gain, *stiffness), values)
+        stiffness, ratio = (values["position_stiffness"], values["orientation_stiffness"]), values["pose_damping_ratio"]
+        if ratio and any(values["pose_damping"]):
+            raise InputError("parameters 'pose_damping' and 'pose_damping_ratio' are both set; expected one of them.")
+        gain = None if ratio else _gains(dynamics, values, "pose_damping", POSE_DAMPING)
+        options = {"damping_ratio": ratio or None, "null_frequency": values["pose_null_frequency"]}
+        super().__init__(PoseRegulation(dynamics, values["controlled_link"], gain, *stiffness, **options), values)
         self._speed = np.array([values["position_speed"], values["orientation_speed"]])
         self._aim = None  # position [m] and axes to which the springs pull
 
@@ -127,7 +141,7 @@ class PoseMode(Mode):
         axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
         U, _, V = np.linalg.svd(X[:3, :3] @ axes)  # the nearest rotation: the URDF's angles are rounded
         self.begin(state)
-        goal, rate, before = (X[:3, :3] @ position + X[:3, 3], U @ V), np.full(2, POSE_RATE), self._target
+        goal, rate, before = (X[:3, :3] @ position + X[:3, 3], U @ V), np.full(2, APPROACH_RATE), self._target
         self._target = PoseTarget(goal, state.newest, self._aim, self._speed, rate, self._max_period, before)
         self.forget_rate()
 
@@ -146,18 +160,17 @@ class PoseMode(Mode):
         return command._replace(error=PoseError(target.goal[0] - position, to_vector(target.goal[1] @ axes.T)))
 
 
-class TrackingMode(Mode):
-    """Tracking of set-points and trajectories."""
+class JointMode(Mode):
+    """Mode with set-points and trajectories, whose law follows a desired motion of the joints."""
 
-    name, targets = "tracking", ("trajectory", "set_point")
+    targets = ("trajectory", "set_point")
 
-    def __init__(self, dynamics, values):
-        model, names = dynamics.model, dynamics.model.dof_names
-        gain = by_dof("tracking_gain", values["tracking_gain"], names)
-        convergence = by_dof("tracking_convergence", values["tracking_convergence"], names)
-        super().__init__(JointTracking(dynamics, gain, convergence, model.velocity_bound), values)
+    def __init__(self, law, approach, values):
+        super().__init__(law, values)
+        model = self._model
+        self._approach = approach  # final decay rates of the distance to a set-point [1/s]
         self._speed = values["set_point_speed"] * self.max_speed
-        self._continuous = np.array([name in model.continuous_joints for name in names])
+        self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
         self._desired = None
 
     def _stay(self, state):
@@ -168,7 +181,7 @@ class TrackingMode(Mode):
         """Make a position the target, from the desired motion on."""
         here, moving, model = self._desired.position, self._desired.velocity, self._model
         room = np.where(moving > 0.0, model.upper - here, here - model.lower)
-        motion = self._desired, self._speed, self.law.convergence, self._continuous
+        motion = self._desired, self._speed, self._approach, self._continuous
         self._target = SetPoint(position, state.newest, *motion, self._max_period, room)
         self.forget_rate()
 
@@ -244,5 +257,47 @@ class TrackingMode(Mode):
         return self.law.command(state.position, state.velocity, *self._desired)
 
 
-LAWS = {mode.name: mode for mode in (GravityCompensationMode, DampingMode, PoseMode, TrackingMode)}
-GRAVITY_COMPENSATION, DAMPING, POSE, TRACKING = MODES = tuple(LAWS)
+class TrackingMode(JointMode):
+    """Tracking, with a bound on disturbances and adaptation to a payload, both off by default."""
+
+    name = "tracking"
+
+    def __init__(self, dynamics, values):
+        gain, convergence = (_gains(dynamics, values, f"tracking_{name}") for name in ("gain", "convergence"))
+        options = {"closing": dynamics.model.velocity_bound} | {x: values[f"tracking_{x}"] for x in ("bound", "width")}
+        if link := values["payload_link"]:
+            options |= {"rate": values["payload_rate"], "max_mass": values["payload_mass"]}
+            law = AdaptiveTracking(dynamics, link, gain, convergence, **options)
+        else:
+            law = JointTracking(dynamics, gain, convergence, **options)
+        super().__init__(law, convergence, values)
+
+    def void(self):
+        """Make the next state the target, without payload."""
+        super().void()
+        self._time = None  # of the last command [ns]
+        if isinstance(self.law, AdaptiveTracking):
+            self.law.reset()
+
+    def command(self, state):
+        """Return the command towards the desired motion of now; adapt to the last one unless effort limits changed it."""
+        if isinstance(self.law, AdaptiveTracking) and self._time is not None and not self.limited:
+            self.law.adapt(min(max(state.newest - self._time, 0) * 1e-9, self._max_period))
+        self._time = state.newest
+        return super().command(state)
+
+
+class RegulationMode(JointMode):
+    """Joint springs with one damping ratio."""
+
+    name = "regulation"
+
+    def __init__(self, dynamics, values):
+        stiffness = _gains(dynamics, values, "regulation_stiffness")
+        law = JointRegulation(dynamics, stiffness, values["regulation_damping_ratio"])
+        super().__init__(law, np.full(dynamics.model.nv, APPROACH_RATE), values)
+
+
+_MODES = GravityCompensationMode, DampingMode, PoseMode, TrackingMode, RegulationMode
+LAWS = {mode.name: mode for mode in _MODES}
+GRAVITY_COMPENSATION, DAMPING, POSE, TRACKING, REGULATION = MODES = tuple(LAWS)

@@ -34,11 +34,26 @@ _WHILE_UNCONFIGURED = {
     "orientation_stiffness": Spec(20.0, "Stiffness C2 of the orientation [N m/rad].", 1e-6),
     "position_speed": Spec(0.25, "Speed of the motion to the position of a pose [m/s].", 1e-6),
     "orientation_speed": Spec(0.5, "Speed of the motion to the orientation of a pose [rad/s].", 1e-6),
-    "pose_damping": Spec(["*=12.0"], "Gains c1 of pose regulation, each as joint=gain; * for all others [1/s]."),
+    "pose_damping": Spec(
+        [""], "Gains c1 of pose regulation, each as joint=gain; * for all others, by default 12 [1/s]."
+    ),
+    "pose_damping_ratio": Spec(0.0, "Damping ratio of pose regulation in place of pose_damping; 0: none.", 0.0, 100.0),
+    "pose_null_frequency": Spec(
+        3.0, "Frequency as of which pose_damping_ratio damps slower modes and the null space [rad/s].", 1e-6
+    ),
+    "regulation_stiffness": Spec(
+        ["*=50.0"], "Stiffnesses of regulation, each as joint=stiffness; * for all others [N m/rad, N/m]."
+    ),
+    "regulation_damping_ratio": Spec(1.0, "Damping ratio of all modes of regulation; 1: critical.", 1e-3, 100.0),
     "tracking_gain": Spec(["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."),
     "tracking_convergence": Spec(
         ["*=10.0"], "Decay rates Lambda of tracking, each as joint=rate; * for all others [1/s]."
     ),
+    "tracking_bound": Spec(0.0, "Bound rho on disturbances that tracking rejects [J^0.5/s]; 0: none.", 0.0),
+    "tracking_width": Spec(0.3, "Boundary layer phi of tracking_bound [J^0.5].", 1e-6),
+    "payload_link": Spec("", "Link with an unknown payload that tracking adapts to; empty: none."),
+    "payload_mass": Spec(5.0, "Maximum mass of the unknown payload [kg].", 1e-3),
+    "payload_rate": Spec(0.5, "Rate gamma of the adaptation to a payload [1/J].", 1e-6),
     "set_point_speed": Spec(
         0.25, "Speed of the motion to a set-point, as a fraction of the URDF velocity limits.", 1e-3, 1.0
     ),
@@ -50,7 +65,10 @@ _WHILE_UNCONFIGURED = {
     "limit_stiffness": Spec(100.0, "Stiffness of the springs at the position limits [N m/rad, N/m].", 1e-6),
     "limit_damping": Spec(10.0, "Damping at the position limits [N m s/rad, N s/m].", 0.0),
     "energy_limit": Spec(0.0, "Maximum kinetic energy [J]; 0: no limit.", 0.0),
-    "energy_rate": Spec(50.0, "Rate alpha towards energy_limit [1/s]; below 1 / period of states.", 1e-6),
+    "joint_energy_limit": Spec(
+        [""], "Maximum energy shares of joints, each as joint=energy; * for all others [J]; by default none."
+    ),
+    "energy_rate": Spec(50.0, "Rate alpha towards energy limits [1/s]; below 1 / period of states.", 1e-6),
     **CONTACT,
     "contact.energy_limit": Spec(0.0, "Maximum transferable energy of all contact points [J]; 0: no limit.", 0.0),
     "contact.rate": Spec(30.0, "Rate alpha towards contact limits [1/s]; below 1 / period of states.", 1e-6),

@@ -282,10 +282,11 @@ def test_estimates_stay_physical_in_any_step():
     for _ in range(200):
         law.command(configuration(dyn.model, rng), rng.normal(size=7), READY, rng.normal(size=7))
         law.adapt(10.0)
-        assert np.linalg.eigvalsh(law.pseudo_inertia)[0] > 0.0
+        assert np.linalg.eigvalsh(law.pseudo_inertia)[0] > 0.0 and law.payload[0] < 5.0
     for make, key in (
         (lambda: dd.AdaptiveTracking(dyn, "panda_link0", 1, 1, rate=1), "link is 'panda_link0'; expected a link that"),
         (lambda: dd.AdaptiveTracking(dyn, "panda_hand", 1, 1, rate=0), "rate is 0"),
+        (lambda: dd.AdaptiveTracking(dyn, "panda_hand", 1, 1, rate=1, max_mass=0), "max_mass is 0"),
         (lambda: law.reset(np.diag([1.0, 1, 1, -1])), "pseudo_inertia is .* positive definite"),
         (lambda: law.adapt(-1.0), "period is -1"),
         (lambda: law.require_stable(READY, 0.01), "rate is 100.*; expected at most .* 1/J at 100 Hz"),

@@ -304,7 +304,7 @@ def follow(points, stamp=0):
             lambda loop: loop.take_pose("base_link", ORIGIN, UPRIGHT),
             "for mode pose, but tracking is in force",
         ),
-        (POSE, follow([(1.0, Q)]), "for mode tracking, but pose is in force"),
+        (POSE, follow([(1.0, Q)]), "for mode tracking or regulation, but pose is in force"),
         (POSE, lambda loop: loop.take_pose("wing", ORIGIN, UPRIGHT), "'wing' is not a link"),
         (POSE, lambda loop: loop.take_pose("base_link", ORIGIN, (0.0, 0.0, 0.0, 3.0)), "orientation is"),
     ],

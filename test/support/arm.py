@@ -5,6 +5,7 @@
 
 import numpy as np
 import pinocchio as pin
+import scipy.linalg
 
 from described import UR5, robot
 from diag_dynamics.control.references import Waypoints
@@ -53,6 +54,9 @@ def pinocchio_command(mode, q, qd, target, gain=1.0):
     if mode == "damping":
         c = np.where(names == "elbow_joint", 5.0, 8.0)
         return state.g - state.m @ (c * (state.m.T @ qd))
+    if mode == "regulation":  # set-points; 50 N m/rad, critically damped
+        damping = state.m @ scipy.linalg.sqrtm(50.0 * state.l @ state.l.T).real @ state.m.T
+        return state.g + 50.0 * (target - q) - 2.0 * damping @ qd
     if mode == "tracking":
         K = gain * np.where(names == "wrist_1_joint", 30.0, 20.0)
         limits = [float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names]

@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Modes of the control loop on a UR5: regulation, payloads, energies of joints, gains that the rate of states allows."""
+
+import re
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from arm import gravity_of, pinocchio_command, state_at
+from described import MS, UR5, S, robot
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, POSE, REGULATION, TRACKING
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.parameters.controller import PARAMETERS
+
+Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
+GOAL = Q + np.array([0.3, 0.2, -0.3, 0.4, -0.4, 0.5])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """Return a UR5 that is strong enough for anything."""
+    return dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf))
+
+
+class Closed:
+    """A loop that holds a simulated arm at Q, with efforts that change at once unless `values` limit them."""
+
+    def __init__(self, arm, rate=500, plant=None, **values):
+        defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {"effort_rate": ["*=1e9"]}
+        self.loop = ControlLoop(arm, defaults | values, False)
+        nothing = np.zeros(6)
+        options = {"friction": nothing, "damping": nothing, "limits": False, "step": 1.0 / rate}
+        self.arm = dd.Simulation(plant or arm, Q, **options)
+        self.stamp, self.period, self.lost, self.shares = S, S // rate, [], nothing
+        self.loop.efforts.reset(gravity_of(Q))
+
+    def go(self, cycles, push=None):
+        """Let it go on; return the last command."""
+        for _ in range(cycles):
+            self.stamp += self.period
+            sent = self.loop.step(state_at(self.stamp, self.arm.q, self.arm.qd), self.stamp)
+            self.arm.advance(sent.effort, f_ext=push)
+            self.shares = np.maximum(self.shares, 0.5 * self.arm.nu**2)
+            self.lost += [sent.lost] if sent.lost else []
+        return sent
+
+
+def test_regulation_goes_to_set_points(arm):
+    """Commands are Pinocchio's, also when the arm is displaced; the arm arrives without overshoot, and V has a rate there."""
+    closed = Closed(arm, initial_mode=REGULATION, limit_margin=0.0)
+    closed.go(5)
+    rng = np.random.default_rng(2)
+    for k in range(5):
+        q, qd = Q + 0.02 * rng.normal(size=6), 0.1 * rng.normal(size=6)
+        effort = closed.loop.step(state_at(closed.stamp + (k + 1) * MS, q, qd), closed.stamp + (k + 1) * MS).effort
+        np.testing.assert_allclose(effort, pinocchio_command("regulation", q, qd, Q), rtol=0, atol=1e-7)
+    closed.stamp += 5 * MS
+    closed.loop.take_set_point(GOAL)
+    way, sent = [], None
+    for _ in range(250):
+        sent = closed.go(10)
+        way.append(closed.arm.q)
+    assert ((np.array(way) - GOAL) * np.sign(GOAL - Q)).max() < 2e-3 and not closed.lost
+    np.testing.assert_allclose(closed.arm.q, GOAL, atol=1e-5)
+    assert sent.command.lyapunov < 1e-6 and sent.lyapunov_rate is not None
+
+
+def largest(error):
+    """Return the largest gain that a text names."""
+    return float(re.search(r"expected at most (\S+) ", str(error)).group(1))
+
+
+@pytest.mark.parametrize("rate", [125, 500, 1000])
+@pytest.mark.parametrize(
+    ("mode", "values", "key"),
+    [
+        (REGULATION, lambda x: {"regulation_stiffness": [f"*={x}"]}, "stiffness of 'wrist_3_joint'"),
+        (TRACKING, lambda x: {"tracking_gain": [f"*={x - 10.0}"]}, r"gain \+ .*convergence of 'shoulder_pan_joint'"),
+        (TRACKING, lambda x: {"tracking_bound": 0.3 * (x - 30.0)}, r"gain \+ bound/width \+ convergence"),
+        (DAMPING, lambda x: {"damping": [f"*={x}"]}, "gain of 'shoulder_pan_joint'"),
+        (POSE, lambda x: {"pose_damping_ratio": 1.0, "orientation_stiffness": x}, "orientation_stiffness"),
+        (POSE, lambda x: {"orientation_stiffness": x}, "orientation_stiffness"),
+    ],
+)
+def test_gains_that_the_rate_makes_unstable_are_refused(arm, mode, values, key, rate):
+    """A switch is rejected with the largest gain; a loop that starts in the mode leaves it; the named gain is accepted."""
+    start = {"initial_mode": GRAVITY_COMPENSATION, "controlled_link": "tool0"}
+    closed = Closed(arm, rate, **start, **values(1e6))
+    closed.go(9)
+    with pytest.raises(
+        InputError, match=rf"^mode {mode} is unstable: .*{key}.* is .*; expected .* at {rate} Hz"
+    ) as error:
+        closed.loop.switch(mode)
+    assert closed.loop.mode == GRAVITY_COMPENSATION
+    begun = Closed(arm, rate, **start | {"initial_mode": mode}, **values(1.5 * largest(error.value)))
+    begun.go(20)
+    assert re.match(rf"mode {mode} is unstable: .*{key}", begun.lost[0])
+    assert largest(begun.lost[0]) == pytest.approx(largest(error.value), rel=0.02)
+    assert begun.loop.mode == (GRAVITY_COMPENSATION if mode == DAMPING else DAMPING)
+    accepted = Closed(arm, rate, **start | {"initial_mode": mode}, **values(largest(error.value)))
+    accepted.go(40)
+    assert accepted.loop.mode == mode and not accepted.lost
+
+
+def test_gains_are_checked_when_the_rate_falls(arm):
+    """The mean of 100 periods counts: stalls of one state are no lower rate."""
+    closed = Closed(arm, 1000, initial_mode=REGULATION, regulation_stiffness=["*=1000"])
+    closed.go(100)
+    closed.stamp += 15 * MS
+    closed.go(50)
+    assert closed.loop.mode == REGULATION and not closed.lost
+    closed.period = 5 * MS
+    closed.go(200)
+    assert closed.loop.mode == DAMPING and len(closed.lost) == 1 and "at most" in closed.lost[0]
+
+
+def test_one_damping_of_poses_is_set(arm):
+    with pytest.raises(InputError, match="'pose_damping' and 'pose_damping_ratio' are both set"):
+        Closed(arm, controlled_link="tool0", pose_damping=["*=5"], pose_damping_ratio=0.7)
+
+
+def test_tracking_adapts_to_a_payload_and_forgets_it(arm):
+    """An arm with 3 kg at its tool returns to its set-point, the payload is part of the gravity torque; a switch forgets."""
+    loaded = dd.load_urdf(
+        re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf), payloads={"tool0": dd.Payload(3.0)}
+    )
+    errors = []
+    for link in ("", "tool0"):
+        closed = Closed(arm, 500, loaded, payload_link=link, payload_rate=1.8)
+        errors.append(np.abs(closed.go(2000).command.error).max())
+    assert not closed.lost
+    assert errors[1] < 0.15 * errors[0]
+    sent, law = closed.go(1), closed.loop.modes[TRACKING].law
+    free, true = (dd.DiagonalDynamics(model).gravity_torque(closed.arm.q) for model in (arm, loaded))
+    assert np.linalg.norm(sent.command.gravity_torque - true) < 0.02 * np.linalg.norm(free - true)
+    closed.loop.switch(TRACKING)
+    assert law.payload[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_nothing_adapts_while_efforts_are_limited(arm):
+    closed = Closed(arm, 250, payload_link="tool0", effort_rate=["*=1e-3"])
+    closed.loop.supervisor.valid(S)
+    closed.go(400)
+    closed.go(100, {"tool0": (0.0, 0.0, 30.0, 0.0, 0.0, 0.0)})
+    assert closed.loop.modes[TRACKING].law.payload[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_energies_of_joints_stay_below_their_limits(arm):
+    """At 500 Hz, pushed, with an observer: 1 % above at most; without limits the same push gives some tenfold the energy."""
+    names, push = arm.dof_names, {"tool0": (20.0, 30.0, 20.0, 1.0, 1.0, 1.0)}
+    limits, peaks = np.array([0.05, 0.05, 0.04, 0.02, 0.02, 0.01]), []
+    entries = [f"{name}={limit}" for name, limit in zip(names, limits, strict=True)]
+    for entry in (entries, [""]):
+        values = {"initial_mode": GRAVITY_COMPENSATION, "joint_energy_limit": entry}
+        values |= {"observer_gain": 200.0, "energy_rate": 100.0}
+        closed = Closed(arm, 500, limit_margin=0.0, **values)
+        closed.go(50)
+        closed.go(400, push)
+        peaks.append((closed.shares / limits).max())
+    assert 0.9 < peaks[0] < 1.01 and peaks[1] > 10.0
