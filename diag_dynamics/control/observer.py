@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.arrays import Array, BoolArray, VectorLike
 from diag_dynamics.checks import array_of, choice, in_order, instance, number, per_name, positive, vector
 from diag_dynamics.control.laws import Gain
 from diag_dynamics.control.limits import names_where
@@ -109,7 +109,7 @@ class DisturbanceObserver:
     def reset(self) -> None:
         """Reset r to zero; the next sample is the first one."""
         self._sample: _Sample | None = None
-        self._filtered: Array = np.zeros(len(self._names))  # m r, or r
+        self._filtered: Array = np.zeros(len(self._names))  # m r, or r; 0 where it is unknown
         self._collision = False
         self._last = Disturbance(False, "no sample since the reset")
 
@@ -120,7 +120,8 @@ class DisturbanceObserver:
         One without efforts counts as lost: the next one integrates over the gap.
 
         The sample is the time [s], positions [rad, m], shape (nq,), rates [rad/s, m/s], shape (nv,), and joint efforts
-        [N m, N] with gravity, shape (nv,): nan where unknown, None if all are.
+        [N m, N] with gravity, shape (nv,): nan where unknown, None if all are. m r of joints with unknown efforts is nan, and
+        so are the components of r that these change; "working_moment" and "held" efforts require all.
         """
         time = number("time", time, "a finite number [s]")
         if tau is None:
@@ -128,14 +129,19 @@ class DisturbanceObserver:
         q = vector("q", q, self._dynamics.model.coordinate_names)
         effort = in_order("tau", tau, self._names)
         known = array_of(effort)
-        if known is not None and known.shape == (len(self._names),) and np.isnan(known).any():
-            missing = ", ".join(f"'{name}'" for name in names_where(self._names, np.isnan(known)))
-            return Disturbance(False, f"no effort of {missing}")
+        unknown = np.zeros(len(self._names), dtype=bool)
+        if known is not None and known.shape == unknown.shape and np.isnan(known).any():
+            unknown = np.isnan(known)
+            if unknown.all() or self._held or not self._on_torque:
+                missing = ", ".join(f"'{name}'" for name in names_where(self._names, unknown))
+                return Disturbance(False, f"no effort of {missing}")
+            effort = np.where(unknown, 0.0, known)
         before = self._sample
         interval = 0.0 if before is None else time - before.time
         if before and interval == 0.0:
             return self._last
         sample = self._sample_at(time, q, qd, effort)
+        sample = sample._replace(applied=np.where(unknown, np.nan, sample.applied)) if unknown.any() else sample
         reason = "" if before else "first sample"
         if interval < 0.0:
             reason = f"time went back by {-interval:g} s"
@@ -150,8 +156,10 @@ class DisturbanceObserver:
                 applied = sample.applied if self._on_torque else self._dynamics.epsilon_from_tau(before.q, effort)
             mean = 0.5 * (applied + sample.applied - before.resisting - sample.resisting)
             external = (sample.momentum - before.momentum) / interval - mean
-            self._filtered = self._filtered - np.expm1(-self.gain * interval) * (external - self._filtered)
-            self._last = self._result(q)
+            filtered = self._filtered - np.expm1(-self.gain * interval) * (external - self._filtered)
+            unknown = np.isnan(mean)
+            self._filtered = np.where(unknown, 0.0, filtered)
+            self._last = self._result(q, unknown)
         self._sample = sample
         return self._last
 
@@ -171,8 +179,10 @@ class DisturbanceObserver:
         resisting += 0.0 if s.friction is None else s.friction
         return _Sample(time, q, s.nu, resisting, cast(Array, s.epsilon))  # there are efforts
 
-    def _result(self, q: Array) -> Disturbance:
+    def _result(self, q: Array, unknown: BoolArray) -> Disturbance:
         x, dynamics = self._filtered, self._dynamics
+        if unknown.all():
+            return Disturbance(False, "no effort of any joint at both ends of the interval")
         norm = _norm(x)
         if self._on_torque and math.isfinite(norm):
             r, torque = dynamics.epsilon_from_tau(q, x), x.copy()
@@ -182,8 +192,19 @@ class DisturbanceObserver:
             return Disturbance(False, "the residual was larger than any number")
         if not self._on_torque:
             r, torque = x.copy(), dynamics.tau_from_epsilon(q, x)
+        if unknown.any():
+            torque[unknown], r[unknown @ influence(dynamics)] = np.nan, np.nan
+            norm = _norm(r)
         self._collision = norm >= self.release if self._collision else norm > self.threshold
         return Disturbance(True, "", r, torque, norm, self._collision)
+
+
+def influence(dynamics: DiagonalDynamics) -> BoolArray:
+    """Return which components of ε each joint's torque changes, bool (nv, nv), at any position."""
+    nv = dynamics.model.nv
+    q = np.tile(dynamics.model.random(0), (nv, 1))
+    found: BoolArray = dynamics.epsilon_from_tau_batch(q, np.eye(nv)) != 0.0
+    return found
 
 
 def _norm(x: Array) -> float:

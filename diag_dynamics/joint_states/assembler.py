@@ -458,7 +458,7 @@ def _with_bases(base, batch):
         np.full(width, np.nan) if one is None else one for width, one in zip((7, 6), base, strict=True)
     )
     count = len(batch.messages)
-    effort = np.where(batch.outcome["with_effort"][:, None] > 0, np.zeros(6), np.nan)
+    effort = np.where(np.isfinite(batch.states[2]).any(axis=1)[:, None], np.zeros(6), np.nan)
     return (
         np.hstack([np.broadcast_to(position, (count, 7)), batch.states[0]]),
         np.hstack([np.broadcast_to(velocity, (count, 6)), batch.states[1]]),

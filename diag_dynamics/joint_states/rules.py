@@ -417,14 +417,10 @@ def _assemble(memory, batch, k):
         one.received |= joints[j].unstamped
         one.estimated |= joints[j].estimated
         one.with_effort &= int(np.isfinite(joints[j].effort))
-    if one.with_effort:
-        for f in range(len(memory.followers)):
-            follower = memory.followers[f]
-            fresh = abs(newest - follower.stamp) <= follower.span and np.isfinite(follower.effort)
-            batch.states[2, k, follower.source] += follower.multiplier * (follower.effort if fresh else 0.0)
-    else:
-        for j in range(len(joints)):
-            batch.states[2, k, j] = np.nan
+    for f in range(len(memory.followers)):
+        follower = memory.followers[f]
+        fresh = abs(newest - follower.stamp) <= follower.span and np.isfinite(follower.effort)
+        batch.states[2, k, follower.source] += follower.multiplier * (follower.effort if fresh else 0.0)
     return codes.STATE
 
 

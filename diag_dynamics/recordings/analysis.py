@@ -89,6 +89,7 @@ class Analysis:
         self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
         self.efforts, self.motion = EffortRange(names), MotionSample(model)
         self.histogram = np.zeros(BINS, dtype=int)
+        self.unobserved = np.zeros(model.nv, dtype=bool)  # joints without an external torque at some observed state
         self.states, self.observed, self.kinetic = 0, 0, 0.0  # number, that with a residual, and sum of K [J]
         self.findings = None  # after run()
 
@@ -112,23 +113,28 @@ class Analysis:
 
     def analyse_batch(self, states):
         """Evaluate states, add them to the results, and return the :class:`Piece`; None if no state can be evaluated."""
-        states, s = self._evaluate(states)
+        states, s = self._evaluate(self.efforts.hide_constant(states))
         if not len(states):
             return None
         observed, judged, lower = self._observer.observe_batch(states, s), None, None
-        residual, torque, norm, valid, collision = observed
-        columns = states.stamp, residual, torque, valid, states.jumped
+        _, torque, norm, valid, collision = observed
+        self.unobserved |= np.isnan(torque[valid]).any(axis=0)
+        known, strength = observed[:2], norm
+        if self.unobserved.any():  # components that an unknown effort changes have no alarm
+            known = np.nan_to_num(known[0]), np.nan_to_num(torque)
+            strength = np.linalg.norm(known[0], axis=1)
+        columns = states.stamp, *known, valid, states.jumped
         if self._detector:
             judged = self._detector.judge(*columns, velocity=states.velocity)
-            self.collisions.add_states(states.stamp, norm, judged, self._touched_links(states, observed, judged.alarm))
+            touched = self._touched_links(states, observed, judged.alarm)
+            self.collisions.add_states(states.stamp, strength, judged, touched)
             observed = observed._replace(collision=judged.alarm)
         else:
             touched = self._touched_links(states, observed, collision)
             self.collisions.add_states(states.stamp, torque, norm, collision, touched)
         if self._contact_detector:
             lower = self._contact_detector.judge(*columns, velocity=states.velocity)
-            self.contacts.add_states(states.stamp, norm, lower, self._touched_links(states, observed, lower.alarm))
-        self.efforts.add_values(states.position[:, -self.model.nv :], states.effort)
+            self.contacts.add_states(states.stamp, strength, lower, self._touched_links(states, observed, lower.alarm))
         self.balance.add_windows(self._windows.integrate_states(states, s))
         self.balance.moved = self.efforts.moved
         self.quality.add_states(states)
@@ -142,7 +148,7 @@ class Analysis:
 
     def _touched_links(self, states, observed, collision):
         """Return the TouchedLink of states during a collision, empty in the others; None without a covariance."""
-        rows = collision & observed.valid
+        rows = collision & observed.valid & np.isfinite(observed.norm)
         if self._covariance is None or not rows.any():
             return None
         columns = states.position[rows], observed.external_torque[rows], self._covariance

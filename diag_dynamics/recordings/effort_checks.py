@@ -23,8 +23,9 @@ from diag_dynamics.recordings.effort_relation import (
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
 
-ZERO, CONSTANT, TRAVEL = 1e-12, 1e-9, 0.01
-"""Effort up to which it is 0 [N m, N], range of a constant one over its largest value, travel that needs torque [rad, m]."""
+ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
+"""Effort up to which it is 0 [N m, N], range of a constant one over its largest value, travel that needs torque [rad, m],
+and fewest states after which a constant effort is unknown."""
 
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
 """First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
@@ -73,6 +74,14 @@ class EffortRange:
     def measures(self):
         """Whether the effort of any joint can have been measured."""
         return len(self.values()) < len(self._names)
+
+    def hide_constant(self, states):
+        """Add States; return them without efforts of joints that have moved while their efforts were constant."""
+        self.add_values(states.position[:, -len(self._names) :], states.effort)
+        (low, lowest), (high, highest) = self._low, self._high
+        constant = (highest - lowest > TRAVEL) & (high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high)))
+        is_clear = self.states >= MIN_STATES and constant.any() and self.measures
+        return states.without_efforts(constant) if is_clear else states
 
     def unmeasured(self):
         """Return which efforts cannot have been measured, in words; or an empty text."""

@@ -150,7 +150,7 @@ class Intake:
     def _with_gravity(self, states):
         """Return states whose efforts contain gravity, where the parameters say that they do not."""
         without = self.assembler.efforts.without_gravity
-        if without is None or not states.effort_known.any():
+        if without is None or not np.isfinite(states.effort).any():
             return states
         gravity = self._dynamics.gravity_torque_batch(states.position)
         joints = gravity.shape[1] - len(without)

@@ -12,9 +12,10 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, RowsLike, VectorLike
 from diag_dynamics.checks import choice, instance, per_name, positive
-from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
+from diag_dynamics.control.observer import SETTLES_ON, SettlesOn, influence
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.effort_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
@@ -30,13 +31,13 @@ class Observed(NamedTuple):
     t : ndarray, shape (T,)
         Times of the states as they are in the recording [s].
     residual : ndarray, shape (T, nv)
-        r, which follows ε_ext = ℓτ_ext [J^½/s].
+        r, which follows ε_ext = ℓτ_ext [J^½/s]; NaN where an unknown effort changes it.
     external_torque : ndarray, shape (T, nv)
-        m r, which follows τ_ext [N m, N].
+        m r, which follows τ_ext [N m, N]; NaN at joints whose effort is unknown.
     norm : ndarray, shape (T,)
-        |r| [J^½/s].
+        |r| [J^½/s]; NaN if any component is.
     valid : ndarray of bool, shape (T,)
-        Whether there is a result: not at the first state, after a gap, or without efforts.
+        Whether there is a result of any joint: not at the first state, after a gap, or without efforts.
     collision : ndarray of bool, shape (T,)
         Whether the norm has risen above the threshold, and not fallen below the release threshold since.
     q : ndarray, shape (T, nq)
@@ -59,16 +60,18 @@ class Observed(NamedTuple):
 
         Arguments are those of :meth:`DiagonalDynamics.wrench`.
         """
-        rows = self.q[self.valid], self.external_torque[self.valid]
-        return expand(self.dynamics.wrench_batch(*rows, link, covariance, **options), self.valid)
+        whole = self.valid & np.isfinite(self.norm)
+        rows = self.q[whole], self.external_torque[whole]
+        return expand(self.dynamics.wrench_batch(*rows, link, covariance, **options), whole)
 
     def touched_link(self, covariance: RowsLike | None, **options: Any) -> TouchedLink:
         """Return the touched link in all states; "" and NaN where there is no result.
 
         Arguments are those of :meth:`DiagonalDynamics.touched_link`.
         """
-        rows = self.q[self.valid], self.external_torque[self.valid]
-        return expand(self.dynamics.touched_link_batch(*rows, covariance, **options), self.valid)
+        whole = self.valid & np.isfinite(self.norm)
+        rows = self.q[whole], self.external_torque[whole]
+        return expand(self.dynamics.touched_link_batch(*rows, covariance, **options), whole)
 
 
 class ObservedStates(NamedTuple):
@@ -172,9 +175,14 @@ class Observer:
         self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
         self._sample = np.zeros((4, count))
         self._last = [*np.zeros((2, 1, count)), np.zeros(1), *np.zeros((2, 1), dtype=bool)]  # of the last sample
+        self._efforts, self._influence = EffortRange(names), None
 
     def observe_states(self, states):
-        """Evaluate and observe states; yield stamps [ns] and :class:`ObservedStates` of batches."""
+        """Evaluate and observe states; yield stamps [ns] and :class:`ObservedStates` of batches.
+
+        Efforts that are constant while their joint moves are unknown.
+        """
+        states = self._efforts.hide_constant(states)
         for first in range(0, len(states), SIZE):
             part = states[first : first + SIZE]
             s, columns = None, (part.position, part.velocity, np.nan_to_num(part.effort))
@@ -184,7 +192,8 @@ class Observer:
 
     def observe_batch(self, states, s):
         """Return :class:`ObservedStates`, given the BatchEvaluation of states, which "torque" does not require."""
-        samples = self._chain.select(states)
+        known = np.isfinite(states.effort).any(axis=1) if self._on_torque else states.effort_known
+        samples = self._chain.select(states, known)
         results = self._observe_samples(samples, states, s)
         if not isinstance(samples.rows, slice):  # not every state is a sample
             for k, (last, column) in enumerate(zip(self._last, results, strict=True)):
@@ -215,14 +224,18 @@ class Observer:
         terms, positions = self._balance(rows, states, s), states.position[rows]
         x, norm = np.empty_like(terms[1]), np.empty(len(interval))
         observe_samples(self._gain, interval, *terms, self._sample, x, norm)
-        valid = (interval > 0.0) & np.isfinite(norm)
+        valid = (interval > 0.0) & np.isfinite(norm) & np.isfinite(x).any(axis=1)
         x[~valid], norm[~valid] = 0.0, 0.0
         if self._on_torque:
-            residual, torque = self._dynamics.epsilon_from_tau_batch(positions, x, **threads), x
-            norm = np.sqrt((residual * residual).sum(axis=1))
+            unknown = np.isnan(x)
+            residual = self._dynamics.epsilon_from_tau_batch(positions, np.where(unknown, 0.0, x), **threads)
+            if unknown.any():
+                self._influence = influence(self._dynamics) if self._influence is None else self._influence
+                residual[unknown @ self._influence] = np.nan
+            torque, norm = x, np.sqrt((residual * residual).sum(axis=1))
         else:
             residual, torque = x, self._dynamics.tau_from_epsilon_batch(positions, x, **threads)
         above = norm > self._threshold
-        changes = np.append(True, above | ~valid | (norm < self._release))
+        changes = np.append(True, above | ~valid | ~(norm >= self._release))
         last_change = np.maximum.accumulate(np.where(changes, np.arange(len(changes)), 0))
         return [residual, torque, norm, valid, np.append(self._last[4], above)[last_change][1:]]

@@ -46,7 +46,7 @@ class Recording:
     qd : ndarray, shape (T, nv)
         Rates [rad/s, m/s].
     tau : ndarray, shape (T, nv), or None
-        Efforts with gravity in them [N m, N]; NaN in states without efforts, None if no state has any.
+        Efforts with gravity in them [N m, N]; NaN where they are unknown, None if no state has any.
     states : States
         These columns with log times, oldest stamps and flags.
     offset : int
@@ -73,7 +73,7 @@ class Recording:
         self.t: Array = (states.stamp - offset) * 1e-9
         self.q: Array = states.position
         self.qd: Array = states.velocity
-        self.tau: Array | None = states.effort if states.effort_known.any() else None
+        self.tau: Array | None = states.effort if np.isfinite(states.effort).any() else None
         self.counts, self.findings, self.path = dict(counts), findings, path
 
     def __len__(self) -> int:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ class States:
     velocity : ndarray, shape (T, nv)
         [rad/s, m/s]
     effort : ndarray, shape (T, nv)
-        [N m, N]; NaN in rows without effort.
+        [N m, N]; NaN where it is unknown.
     effort_known, stamp_received, velocity_estimated, jumped : ndarray of bool, shape (T,)
         Whether the effort of all joints is known; a time of reception stands for the stamp; a velocity is estimated from
         positions; positions jumped since the state before, so that no motion leads to this one.
@@ -53,6 +53,11 @@ class States:
 
     def __getitem__(self, rows: Any) -> States:
         return States(*(column[rows] for column in self.columns()))
+
+    def without_efforts(self, joints: Array) -> States:
+        """Return these states with unknown efforts of some joints, bool (nv,)."""
+        effort = np.where(joints, np.nan, self.effort)
+        return replace(self, effort=effort, effort_known=self.effort_known & ~joints.any())
 
     def columns(self) -> tuple[Array, ...]:
         """Return all columns, in the order of the parameters."""

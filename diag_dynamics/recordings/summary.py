@@ -52,7 +52,10 @@ def summarize(analysis):
             "judged": list(analysis.collisions.judged),
             "missing": list(analysis.missing),
             "observed": analysis.observed,
-            "says": _unknown_contacts(analysis, quality["without_effort"]),
+            "unobserved": np.array(analysis.model.dof_names)[analysis.unobserved].tolist(),
+            "says": " ".join(
+                filter(None, (_unobserved(analysis), _unknown_contacts(analysis, quality["without_effort"])))
+            ),
         },
         "collisions": _entries(analysis.collisions, time),
         "contacts": _entries(analysis.contacts, time) if analysis.contacts else None,
@@ -82,6 +85,15 @@ def _unmeasured(analysis, without_effort):
     if not names or implausible or without_effort < analysis.states:
         return analysis.efforts.unmeasured()
     return f"efforts of {', '.join(names)} are missing throughout, so no state has all efforts (locked_joints)"
+
+
+def _unobserved(analysis):
+    """Return which joints have no external torque, because their efforts are unknown; or an empty text."""
+    names = ", ".join(np.array(analysis.model.dof_names)[analysis.unobserved])
+    return (
+        names
+        and f"External torque of {names}, and with it |r|, is unknown, because efforts are. Other joints are judged."
+    )
 
 
 def _unknown_contacts(analysis, without_effort):
@@ -222,7 +234,8 @@ def _about_energy(summary):
 def _about_balance(summary):
     explained, total, balance = summary["explained"], summary["explained_with_potential"], summary["balance"]
     if explained is None:
-        yield f"No power balance: {balance['says'] if _has_efforts(summary) else 'no efforts'}."
+        none = summary["efforts"]["unmeasured"] or "no efforts"
+        yield f"No power balance: {balance['says'] if _has_efforts(summary) else none}."
         if summary["efforts"]["says"]:
             yield f"  {summary['efforts']['says']}"
         return

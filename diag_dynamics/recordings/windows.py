@@ -35,9 +35,9 @@ class SampleChain:
     def __init__(self, max_gap):
         self._max_gap, self._last, self._jumps = max_gap, -(2**62), 0  # stamp of the last sample, jumps since
 
-    def select(self, states):
-        """Return the :class:`Samples` of the next states."""
-        known = np.flatnonzero(states.effort_known)
+    def select(self, states, known=None):
+        """Return the :class:`Samples` of the next states, of those with all efforts or of those that are `known`, bool."""
+        known = np.flatnonzero(states.effort_known if known is None else known)
         jumps = np.cumsum(np.append(self._jumps, states.jumped))
         stamps, jumps_before = np.append(self._last, states.stamp[known]), np.append(0, jumps[known + 1])
         begins, interval = np.diff(jumps_before) > 0, np.diff(stamps) / SECOND

@@ -365,7 +365,7 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
     nk.VECTOR, nk.VECTOR, *[nk.MATRIX] * 3, nk.FILLED_MATRIX, nk.FILLED_MATRIX, nk.FILLED_VECTOR, nogil=True
 )
 def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm):
-    """Write x, m r or r of DisturbanceObserver, and |x| of samples.
+    """Write x, m r or r of DisturbanceObserver, and |x| of samples; x is NaN where the applied term is.
 
     `last` has x, momentum, resisting and applied terms of the sample before, and then of the last one.
     """
@@ -378,6 +378,8 @@ def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm)
                 external = (momentum[t, k] - last[1, k]) / interval[t] - mean
                 filtered = last[0, k] - math.expm1(-gain[k] * interval[t]) * (external - last[0, k])
             x[t, k] = filtered
+            if math.isnan(applied[t, k]) or math.isnan(last[3, k]):  # unknown at an end of the interval
+                x[t, k], filtered = math.nan, 0.0
             square += filtered * filtered
             last[0, k], last[1, k], last[2, k], last[3, k] = filtered, momentum[t, k], resisting[t, k], applied[t, k]
         norm[t] = math.sqrt(square)

@@ -65,7 +65,10 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
             assert actual.tobytes() == np.array([getattr(one, field) for one in expected]).tobytes()
         assert with_effort.tolist() == [one.effort is not None for one in expected]
         known = [one.effort for one in expected if one.effort is not None]
-        assert effort[with_effort].tobytes() == np.array(known).tobytes() and np.isnan(effort[~with_effort]).all()
+        assert (
+            effort[with_effort].tobytes() == np.array(known).tobytes()
+            and np.isnan(effort[~with_effort]).any(axis=1).all()
+        )
         assert received.tolist() == [one.received for one in expected]
         assert estimated.tolist() == [one.estimated for one in expected]
         total += counts
