@@ -50,6 +50,10 @@ def run(chosen):
         raise UnsupportedError("floating_base is true; expected false: identify supports fixed bases only.")
     if chosen.write_urdf and is_mjcf(robot):
         raise InputError(f"--write-urdf requires a URDF, but '{robot}' is an MJCF. Use -o ARM.yaml.")
+    if "gains" in chosen.what.split(",") and any(parameters.get("effort_scale", [])):
+        raise InputError(
+            f"effort_scale is {parameters['effort_scale']}; expected none beside gains, which the output has as effort_scale."
+        )
     with Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
@@ -101,11 +105,11 @@ def format_summary(found):
     width = max(len(name) for name in ("joint", *quality["torque_rms"]))
     lines.append(
         f"  {'joint':{width}}  {'effort error':>17}  {'external torque':>17}   damping  friction    offset  armature"
-        " load fric root fric"
+        " load fric root fric     scale"
     )
     lines.append(
         f"  {'SI units':{width}}  {'N m rms':>17}  {'N m spread':>17}   N m s/rad     N m       N m     kg m²"
-        "         1  √(s/rad)"
+        "         1  √(s/rad)  N m/unit"
     )
     for name in quality["torque_rms"]:
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))

@@ -94,6 +94,8 @@ def identify(
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for
         free &= ~selection.layout.inertial
     parameters = parameters_of(selection.layout, last.x, free, _origin(model, data, quality))
+    if data.gains:
+        parameters = parameters.with_effort_scale(effort_scale(model, data.gains[0]))
     if not asked and "inertias" not in selection.taken:
         quality["warnings"] += _warn_of_payload(selection, payloads)
     return Identification(model.with_parameters(parameters), parameters, quality, curves)
@@ -227,10 +229,11 @@ def _origin(model, data, quality):
     locked = {name: float(value) for name, value in model.locked_joints.items()}
     return ({"locked_joints": locked} if locked else {}) | {
         "recordings": [one.origin for one in data.datasets],
-        **({"effort_scale": effort_scale(model, data)} if data.gains else {}),
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "method": "filtered momentum, " + (", ".join(quality["taken"]) or "nothing taken"),
         "quality": {
-            key: quality[key] for key in ("held_out", "torque_rms", "explained", "observer_spread", "deviations")
+            key: quality[key]
+            for key in ("held_out", "torque_rms", "explained", "observer_spread", "deviations", "effort_gain")
+            if quality[key] is not None
         },
     }

@@ -120,9 +120,10 @@ def quality_of(model, selection, data, last):
         "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
     }
     if data.gains:
+        known = {name: f"{gain:.6g}" for name, gain in effort_scale(model, data.gains[0]).items() if gain == gain}
         quality["warnings"].append(
-            f"efforts were multiplied by gains, effort_scale: {effort_scale(model, data)}. They are as wrong as the weight "
-            "of the model's links"
+            f"efforts were multiplied by gains, effort_scale of the parameters: {known}. They are as wrong as the weight of "
+            "the model's links, and other joints remain unknown"
         )
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
     first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = np.nan
@@ -149,10 +150,11 @@ def _pair(names, before, after):
     return {name: [None if np.isnan(one) else one for one in pair] for name, pair in pairs}
 
 
-def effort_scale(model, data):
-    """Return gains of efforts as values of the parameter effort_scale."""
-    pairs = zip(model.dof_names, data.gains[0], strict=True)
-    return [f"{name}={gain:.6g}" for name, gain in pairs if np.isfinite(gain)]
+def effort_scale(model, gains):
+    """Return effort by reported unit, by joint; NaN where gravity shows no gain and the model has none."""
+    before = model.effort_scale
+    pairs = zip(model.dof_names, gains.tolist(), strict=True)
+    return {name: before.get(name, 1.0) * gain if gain == gain else before.get(name, gain) for name, gain in pairs}
 
 
 def _gains(names, gains):

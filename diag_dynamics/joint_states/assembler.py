@@ -96,7 +96,8 @@ class StateAssembler:
 
     def check_options(self, options):
         """Raise InputError if options name a joint that is not there."""
-        return EffortMeaning(self.joint_names, self.followers.names, options), age_limits(self.names, options)
+        efforts = EffortMeaning(self.joint_names, self.followers.names, options, self._joints.effort_scale)
+        return efforts, age_limits(self.names, options)
 
     def configure(self, options):
         """Use other options from now on; InputError if they name a joint that is not there."""

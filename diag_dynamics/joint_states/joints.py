@@ -28,6 +28,7 @@ class Joints(NamedTuple):
     upper: np.ndarray | None = None
     velocity: np.ndarray | None = None  # velocity limits [rad/s, m/s]
     effort: np.ndarray | None = None  # effort limits [N m, N]
+    effort_scale: Mapping = _NONE  # effort by reported unit [N m, N], where the options have none; NaN if unknown
 
 
 class Options(NamedTuple):
@@ -79,6 +80,7 @@ def joints_of(model):
         model.upper[at],
         model.velocity_limit[dof],
         model.effort_limit[dof],
+        model.effort_scale,
     )
 
 
@@ -128,10 +130,11 @@ class EffortMeaning:
     """Unit of a driver's efforts, whether they include gravity, and whether they are available.
 
     `factors` of joints, then mimic joints, are NaN without usable efforts; `without_gravity` is 1 for joints whose efforts
-    lack gravity, None without any; `undeclared` joints lack a scale or gravity. Undeclared efforts are N m with gravity.
+    lack gravity, None without any; `undeclared` joints lack a scale or gravity. Undeclared efforts are N m with gravity. The
+    `scale` of a robot's parameters counts for joints of which the options have none.
     """
 
-    def __init__(self, joints, followers, options):
+    def __init__(self, joints, followers, options, scale):
         for name in options.effort_includes_gravity:
             if name in followers:
                 raise InputError(
@@ -140,7 +143,7 @@ class EffortMeaning:
                 )
         names = (*joints, *followers)
         available = by_name("effort_available", options.effort_available, names)
-        scale = by_name("effort_scale", options.effort_scale, names)
+        scale = {**scale, **by_name("effort_scale", options.effort_scale, names)}
         gravity = by_name("effort_includes_gravity", options.effort_includes_gravity, names)
         factors = [scale.get(name, 1.0) if available.get(name, True) else np.nan for name in names]
         self.factors = np.array(factors, dtype=float)

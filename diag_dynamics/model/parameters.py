@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple
@@ -35,14 +35,17 @@ _UNITS = {
     "armature": "[kg m², kg]",
     "load_friction": "[N m/N m, N/N]",
     "root_friction": "[N m √(s/rad), N √(s/m)]",
+    "effort_scale": "[N m, N by reported unit]",
 }
+SIGNED = "effort_offset", "effort_scale"
 
 _HEAD = """\
 # Parameters of a robot beside its URDF: load_urdf(…, parameters=…), and parameters_file of every node of diag_dynamics.
 # Of a joint: damping [N m s/rad], friction (Coulomb) [N m], effort_offset [N m], armature (reflected rotor) [kg m²],
-# load_friction (Coulomb, by the torque of gravity) [1], root_friction (by the root of the rate) [N m √(s/rad)];
-# prismatic: N s/m, N, N, kg, 1, N √(s/m). Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in
-# the axes of the link, inertia about com [kg m²].
+# load_friction (Coulomb, by the torque of gravity) [1], root_friction (by the root of the rate) [N m √(s/rad)],
+# effort_scale (effort by reported unit, .nan if unknown) [N m]; prismatic: N s/m, N, N, kg, 1, N √(s/m), N.
+# Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in the axes of the link, inertia about com
+# [kg m²].
 """
 
 
@@ -51,7 +54,8 @@ class JointParameters(NamedTuple):
 
     Viscous friction `damping` [N m s/rad, N s/m], Coulomb `friction` [N m, N], the effort that is measured where none acts,
     `effort_offset` [N m, N], the reflected rotor inertia `armature` [kg m², kg], Coulomb friction by the torque of gravity
-    `load_friction` [1], and friction by √|q̇| `root_friction` [N m √(s/rad), N √(s/m)]. Only the offset may be negative.
+    `load_friction` [1], friction by √|q̇| `root_friction` [N m √(s/rad), N √(s/m)], and the effort by reported unit
+    `effort_scale` [N m, N], NaN if it is unknown. Only offset and scale may be negative.
     """
 
     damping: float | None = None
@@ -60,6 +64,7 @@ class JointParameters(NamedTuple):
     armature: float | None = None
     load_friction: float | None = None
     root_friction: float | None = None
+    effort_scale: float | None = None
 
     @property
     def known(self) -> dict[str, float]:
@@ -104,6 +109,13 @@ class Parameters:
     def by_joint(self, name: str) -> dict[str, float]:
         """Return one number of :class:`JointParameters` by joint, of those that have it."""
         return {joint: entry.known[name] for joint, entry in self.joints.items() if name in entry.known}
+
+    def with_effort_scale(self, scale: Mapping[str, float]) -> Parameters:
+        """Return these parameters with another effort by reported unit, by joint; NaN if it is unknown."""
+        joints = dict(self.joints)
+        for name, value in scale.items():
+            joints[name] = joints.get(name, JointParameters())._replace(effort_scale=value)
+        return replace(self, joints=joints)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Parameters:
@@ -197,11 +209,14 @@ def _joint(entry: object, source: str) -> JointParameters:
     for key, value in _mapping(entry, source, JointParameters._fields).items():
         if value is None:
             continue
-        signed = key == "effort_offset"
-        expected = f"a finite number{'' if signed else ' >= 0'} {_UNITS[key]}"
-        checked[key] = float(numbers(f"{source}: {key}", _number(value), (), expected, LARGEST))
-        if checked[key] < 0.0 and not signed:
+        expected = f"a finite number{'' if key in SIGNED else ' >= 0'} {_UNITS[key]}"
+        if key == "effort_scale":
+            expected = f"a number other than 0 {_UNITS[key]}, .nan if it is unknown"
+        is_unknown = key == "effort_scale" and _number(value) != _number(value)
+        x = np.nan if is_unknown else float(numbers(f"{source}: {key}", _number(value), (), expected, LARGEST))
+        if (x < 0.0 and key not in SIGNED) or (x == 0.0 and key == "effort_scale"):
             raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
+        checked[key] = x
     return JointParameters(**checked)
 
 

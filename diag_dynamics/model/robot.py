@@ -40,7 +40,7 @@ from diag_dynamics.sweeps.workspace import Workspace
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
 FRICTION_VELOCITY = 5e-3  # default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second
 LARGEST_GRAVITY = 1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
-BESIDE = "armature", "effort_offset", "load_friction", "root_friction"  # numbers of joints that no URDF has
+BESIDE = "armature", "effort_offset", "load_friction", "root_friction", "effort_scale"  # of joints, in no URDF
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
 
 
@@ -56,6 +56,7 @@ class Options(NamedTuple):
     effort_offset: dict[str, float]
     load_friction: dict[str, float]
     root_friction: dict[str, float]
+    effort_scale: dict[str, float]
     payloads: dict[str, Payload]
     max_coupled: int
     friction_velocity: float
@@ -106,6 +107,8 @@ class RobotModel:
         [N m, N], of the URDF or parameters beside it, those of followers included. Dynamics ignores them by default.
     load_friction, root_friction : ndarray, shape (nv,)
         Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N √(s/m)], of parameters.
+    effort_scale : mapping
+        Effort by reported unit [N m, N] of joints whose parameters have it, by name; readers of joint states apply it.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none.
     armature : ndarray, shape (nv,)
@@ -146,6 +149,7 @@ class RobotModel:
         self.effort_offset: Array = tree.reflected(options.effort_offset)
         self.load_friction: Array = tree.reflected(options.load_friction, 0.0)
         self.root_friction: Array = tree.reflected(options.root_friction, 1.5)
+        self.effort_scale: Mapping[str, float] = MappingProxyType(options.effort_scale)
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
@@ -454,6 +458,7 @@ def load_urdf(
         effort_offset=given.by_joint("effort_offset"),
         load_friction=given.by_joint("load_friction"),
         root_friction=given.by_joint("root_friction"),
+        effort_scale=given.by_joint("effort_scale"),
         payloads=checked_payloads({} if payloads is None else payloads, robot),
         max_coupled=whole("max_coupled", max_coupled),
         friction_velocity=not_negative("friction_velocity", v_0, "[rad/s, m/s]"),

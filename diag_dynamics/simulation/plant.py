@@ -73,7 +73,10 @@ UNLIMITED_BRAKE = 1e9
 
 
 class Measured(NamedTuple):
-    """Sensor values of all joints, mimic joints last; their stamp, and q and q̇ of a floating base."""
+    """Sensor values of all joints, mimic joints last; their stamp, and q and q̇ of a floating base.
+
+    Efforts are in the unit that the model's `effort_scale` converts.
+    """
 
     position: np.ndarray
     velocity: np.ndarray
@@ -99,6 +102,7 @@ class Plant:
         self._followers = Followers(joints, model.mimics)
         self.names = (*joints, *self._followers.names)
         self._driven = np.array(places(joints, model.dof_names), dtype=int)
+        self._scale = np.nan_to_num([model.effort_scale.get(name, 1.0) for name in self.names], nan=1.0)
         self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
         errors = {name: values[f"sensor_{name}"] for name in ("noise", "resolution", "delay", "dropped")}
         self.sensors = Sensors(**errors, seed=values["seed"])
@@ -155,7 +159,8 @@ class Plant:
 
     def known(self):
         """Return all :class:`Measured` that have become known since the last call."""
-        return [Measured(*values, *label) for _, values, label in self.sensors.known(self.time)]
+        found = [Measured(*values, *label) for _, values, label in self.sensors.known(self.time)]
+        return [one._replace(effort=one.effort / self._scale) for one in found]
 
     def put(self, q, qd):
         """Put the robot into a state; time and command stay, delayed measurements are lost.

@@ -8,6 +8,7 @@ import pytest
 
 import desk_arm
 import diag_dynamics as dd
+from diag_dynamics.cli.main import main
 from diag_dynamics.identification import quality
 from examples import some_of
 from motions import efforts, fourier, recorded
@@ -263,12 +264,32 @@ def test_gains_of_raw_efforts(seed):
     tau = efforts(oracle, q, qd, qdd) + 0.5 * qd + 1.0 * np.tanh(qd / 5e-3) + 0.3 * rng.normal(size=q.shape)
     found = dd.identify(recorded(model, t, q, qd, tau / GAINS), model, ("gains", "friction"))
     told = found.quality["effort_gain"]
-    assert told["panda_joint1"] is None and not any(
-        "panda_joint1=" in one for one in found.parameters.origin["effort_scale"]
-    )
+    assert told["panda_joint1"] is None and np.isnan(found.parameters.joints["panda_joint1"].effort_scale)
     known = [k for k, name in enumerate(model.dof_names) if told[name]]
     assert {1, 3} <= set(known) and found.quality["taken"] == ["gains", "friction"]
     for k in known:
         gain, deviation = told[model.dof_names[k]]
         assert abs(gain - GAINS[k]) < 3.0 * deviation < 0.1 * GAINS[k]
         assert found.model.friction[k] == pytest.approx(1.0, rel=0.35)
+
+
+def test_gains_of_the_file_are_applied_once(tmp_path):
+    """Readers multiply by them, options have precedence, efforts of other joints are unknown, and gains of gains are 1."""
+    names, gains = ("pan", "lift", "elbow"), np.array([0.5, 0.02, 0.05])
+    t, q, qd, tau = desk_arm.motion(20.0)
+    table = desk_arm.write_table(tmp_path / "raw.csv", t, q, qd, tau / gains)
+    (tmp_path / "desk.urdf").write_text(desk_arm.URDF)
+    arguments = [str(table), "--urdf", str(tmp_path / "desk.urdf"), "--what", "gains", "--quiet"]
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    assert main(["identify", *arguments, "-o", str(first)]) in (0, 1)
+    assert main(["identify", *arguments, "--parameters", str(first), "-o", str(second)]) in (0, 1)
+    for path in (first, second):
+        model = dd.load_urdf(desk_arm.URDF, parameters=path)
+        scale = [model.effort_scale[name] for name in names]
+        assert np.isnan(scale[0]) and scale[1:] == pytest.approx(gains[1:], rel=0.01)
+        read = dd.read_recording(table, model)
+        np.testing.assert_allclose(read.tau[:, 1:], tau[:, 1:] * scale[1:] / gains[1:], rtol=1e-9)
+        assert np.isnan(read.tau[:, 0]).all()
+    other = dd.read_recording(table, model, parameters={"effort_scale": ["*=0.1"]})
+    np.testing.assert_allclose(other.tau, 0.1 * tau / gains, rtol=1e-12)
+    assert main(["identify", *arguments, "--set", "effort_scale=*=2"]) == 2
