@@ -76,7 +76,7 @@ class Dataset:
 
     Velocities and efforts are at the time of the positions: `delay` and `effort_delay` [s] were removed. `spans` are the
     times of the segments that have both [s], which begin and end between states. `known` are the joints with efforts
-    (bool); those of the others are the model's. `origin` has path, robot,
+    (bool); those of the others are the model's. Errors begin with `name`, the path if there is one. `origin` has path, robot,
     number of all states, and times of the first and the last one [s]; `zero` is the stamp of the first one
     [ns]. Raises InputError if the recording is of another robot, lacks states or efforts, or has velocities
     in another unit.
@@ -86,9 +86,17 @@ class Dataset:
         self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
         self.zero, self.delay, self.findings, self.name = 0, 0.0, [], name
         self.known = np.ones(model.nv, dtype=bool)
-        self.segments = self._clean(self._read(name, recording, model, max_values), model)
+        try:
+            self._prepare(recording, model, max_values)
+        except InputError as error:
+            text = str(error)
+            raise InputError(text if text.startswith(self.name) else f"{self.name}: {text}") from error
+
+    def _prepare(self, recording, model, max_values):
+        """Read, check and clean the recording."""
+        self.segments = self._clean(self._read(self.name, recording, model, max_values), model)
         self.spans = [(one.t[0], one.t[-1]) for one in self.segments]
-        self.delay = self._remove_delay("velocity", find_delay(model, name, self.segments))
+        self.delay = self._remove_delay("velocity", find_delay(model, self.name, self.segments))
         self.effort_delay = self._remove_delay("effort", find_effort_delay(model, self))
         if not self.known.all():
             self.segments = [self._filled(one, DiagonalDynamics(model)) for one in self.segments]
@@ -133,6 +141,7 @@ class Dataset:
                 robot = piece.model.name
                 raise InputError(f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model.")
             states, counts, refused = piece.states, piece.counts, piece.findings
+            name = self.name = name if piece.path is None else f"'{piece.path}'"
             if len(piece) and not count:
                 self.zero = int(piece.stamp[0])
                 self.origin |= {"path": piece.path, "robot": piece.model.name, "start": float(piece.t[0])}

@@ -128,6 +128,7 @@ class Balance:
             "length": WINDOW,
             "moments": {name: {"count": self.count, "mean": mean, "squares": rest} for name, mean, rest in rows},
             "says": self.judgement(fault),
+            "moved": self.moved,
             "joints": self.joints,
         }
 
@@ -140,7 +141,7 @@ class Balance:
                 f"expected at least {MIN_WINDOWS}"
             )
         if explained is None:
-            return "no joint moves"
+            return "no joint moves by more than a push moves a robot that stands"
         if explained >= MIN_EXPLAINED:
             return f"the efforts explain {explained:.0%} of the change of kinetic energy"
         remedy = "check unit of the efforts, friction, rotor inertias and payload (docs/recordings.md)"

@@ -27,6 +27,8 @@ ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
 """Effort up to which it is 0 [N m, N], range of a constant one over its largest value, travel that needs torque [rad, m],
 and fewest states after which a constant effort is unknown."""
 
+PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
+
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
 """First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
 
@@ -67,8 +69,8 @@ class EffortRange:
 
     @property
     def moved(self):
-        """Whether any joint has moved."""
-        return bool(np.any(self._high[1] - self._low[1] > TRAVEL))
+        """Whether any joint has moved farther than a push moves a robot that stands."""
+        return bool(np.any(self._high[1] - self._low[1] > PUSHED))
 
     @property
     def measures(self):
@@ -174,7 +176,7 @@ def _describe_joint(relation, tolerant, k):
         return f"{begin} has the opposite sign: it is {text} (effort_scale: '{name}=-1')"
     return (
         f"{begin} is {text}; expected {low:g} to {high:g}. Check unit (N m, N), side of the gear and order of the joints "
-        "(effort_scale, docs/recordings.md)"
+        "(effort_scale). For raw units of drives use diag-dynamics identify --what gains,friction"
     )
 
 
@@ -243,7 +245,7 @@ class _Explanations:
             return left, SIGN
         return left, (
             f"efforts of all joints seem to have another unit{sign}: they are {factor:.3g} times the model torque{unit} "
-            f"(effort_scale: '*={1.0 / factor:.3g}')"
+            f"(effort_scale: '*={1.0 / factor:.3g}', or by joint from diag-dynamics identify --what gains,friction)"
         )
 
     def gravity(self):

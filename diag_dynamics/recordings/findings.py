@@ -18,7 +18,7 @@ WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no
 
 CURRENTS = (
     "efforts are {} in A, not torques in N m: all results of efforts are in A. Set effort_scale to the torque constant times "
-    "the gear ratio [N m/A], or let diag-dynamics identify find it"
+    "the gear ratio [N m/A], or find it by diag-dynamics identify --what gains,friction"
 )
 
 TEXTS = {

@@ -28,7 +28,7 @@ def summarize(analysis):
     quality["longest_gap_at"] = time(quality["longest_gap_at"])
     unmeasured = _unmeasured(analysis, quality["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
-    fault = None if good or unmeasured else analysis.motion.fault()
+    fault = None if good or unmeasured or not analysis.efforts.moved else analysis.motion.fault()
     says = fault.text if fault else ""
     return {
         "robot": analysis.model.name,
@@ -151,7 +151,7 @@ def describe_faults(summary):
         "unreadable data": "unread" in causes,
         f"{rejected} rejected message{_s(rejected)}": rejected,
         few: not none and explained < MIN_EXPLAINED,
-        "no power balance, although there are efforts": none and with_efforts,
+        "no power balance, although there are efforts": none and with_efforts and summary["balance"]["moved"],
         efforts["unmeasured"]: none and not with_efforts,
         implausible: none and "implausible effort" in causes,
         f"{unit['cause']} ({describe_ratio(unit['factor'])})" if unit else "": True,

@@ -51,7 +51,7 @@ def regress_changes(changes, integrals):
 
 
 def position_ratios(stamps, position, velocity, continuous):
-    """Return the slope of Δq over ∫q̇dt of each joint, (n,); 1 if units agree, NaN without correlation."""
+    """Return the slope of Δq over ∫q̇dt of each joint, (n,); 1 if units agree, NaN without correlation or at rest."""
     elapsed = np.diff(stamps)[:, None] / SECOND
     forward = elapsed > 0.0
     if not forward.any():
@@ -61,7 +61,8 @@ def position_ratios(stamps, position, velocity, continuous):
         integrals = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
         used = forward & (elapsed < 2.0 * np.median(elapsed[forward])) & np.isfinite(changes + integrals)
         slope, r2 = regress_changes(np.where(used, changes, 0.0), np.where(used, integrals, 0.0))
-    return np.where(r2 > MIN_R2, slope, np.nan)
+    travel = -np.fmin.reduce(position) + np.fmax.reduce(position)
+    return np.where((r2 > MIN_R2) & (travel > MIN_TRAVEL), slope, np.nan)
 
 
 def cause_of_ratio(ratio):
@@ -107,7 +108,7 @@ class RejectedUnits:
             return None
         _, stamps, position, velocity = (np.array(column) for column in zip(*self._rows, strict=True))
         ratios = position_ratios(stamps, position, velocity, self._continuous)
-        ratios = ratios[np.isfinite(ratios) & (np.ptp(position, axis=0) > MIN_TRAVEL)]
+        ratios = ratios[np.isfinite(ratios)]
         ratio = float(np.median(ratios)) if len(ratios) else math.nan
         q, lower, upper = (x[..., self._limited] for x in (position, self._lower, self._upper))
         if _are_degrees(q, lower, upper):

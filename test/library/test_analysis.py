@@ -137,6 +137,25 @@ def test_why_there_is_no_balance(analysed, motion, gravity):
     assert summary["quality"]["without_effort"] == len(t)
 
 
+def test_a_standing_arm_has_no_balance(analysed, gravity, motion):
+    """Pushes move it by up to 0.04 rad, and their power is in no effort: this is no fault of its model."""
+    t, q = motion[0], motion[1]
+    bump = np.sin(2.0 * t[:, None]) ** 8 * np.linspace(0.02, 0.04, 6)
+    rate = np.gradient(bump, t, axis=0)
+    noise = 0.05 * np.random.default_rng(0).standard_normal(q.shape)
+    summary, text, status = analysed(t, q[0] + bump, rate, gravity[0] + noise)
+    assert summary["explained"] is None and "do not explain" not in text and status == 0
+    summary, text, status = analysed(t, q[0] + 3.0 * bump, 3.0 * rate, gravity[0] + noise)
+    assert summary["explained"] < 0.3 and status == 1
+
+
+def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
+    t, q, qd, tau = (one.copy() for one in motion)
+    q[:, 5], qd[:, 5] = 4e-4 * np.sin(t), 2e-4 * np.cos(t)
+    summary, text, _ = analysed(t, q, qd, tau)
+    assert "as fast as the velocities" not in text and summary["quality"]["wrong_unit"] is None
+
+
 @pytest.mark.parametrize(
     ("value", "said"),
     [

@@ -219,6 +219,22 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
         assert status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
 
 
+FAULTS = {
+    "raw units of each joint": (lambda t, q, qd, tau: (t, q, qd, tau * [900.0, 400.0, 30.0]), "--what gains,friction"),
+    "raw units": (lambda t, q, qd, tau: (t, q, qd, 20.0 * tau), "--what gains,friction"),
+    "velocities in degrees": (lambda t, q, qd, tau: (t, q, qd * [1.0, 1.0, 20.0], tau), "joint 'elbow'"),
+    "velocities of half the rate": (lambda t, q, qd, tau: (t, q, qd * [1.0, 0.5, 1.0], tau), "joint 'lift'"),
+    "no run without a gap": (lambda *columns: [one[:8] for one in columns], "no run of 10 states"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_refusals_name_file_and_joint_or_remedy(tmp_path, capsys, case):
+    changed, key = FAULTS[case]
+    status, said = commanded(tmp_path, capsys, "identify", changed(*motion()), "--what", "friction")
+    assert status == 2 and f"identify: '{tmp_path}/log.csv'" in said and key in said
+
+
 def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     t, q, qd, tau = motion()
     columns = t, 0.0 * q + 0.3, 0.0 * qd, 0.1 + noise(tau, 0.01)
