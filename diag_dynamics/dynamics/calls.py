@@ -67,6 +67,7 @@ class SweepCaller:
         self._zeros = np.zeros((1, model.nv))
         friction = model.friction, model.load_friction, model.root_friction
         self._has_friction, self._depends_on_load, self._has_roots = (bool(one.any()) for one in friction)
+        self._motors = np.array([(one.damping, one.friction) for one in model.couplings.values()]).T
 
     # --- Calls
 
@@ -205,6 +206,10 @@ class SweepCaller:
                 direction = np.tanh(qd / v0) if v0 else np.sign(qd)
             load = np.abs(self.gravity_torque(at)) if self._depends_on_load else 0.0
             resisting += (model.friction + model.load_friction * load) * direction
+        if model.couplings:
+            rates = qd @ model.motor_rates.T
+            turned = np.tanh(rates / v0) if v0 else np.sign(rates)
+            resisting += (self._motors[0] * rates + self._motors[1] * turned) @ model.motor_rates
         return resisting
 
     def gravity_torque(self, at: States) -> Array:

@@ -56,8 +56,9 @@ class Layout:
     """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload in its link's frame.
 
     The first `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell which are positive, and
-    which are of bodies with mass; `without_rotors` whether the model's rotor inertias are left out. Arguments `rows` are
-    lists of pairs: normal equations, and whether the robot carries the payload in them.
+    which are of bodies with mass; `motors` has places of damping and friction of each coupled motor; `without_rotors`
+    whether the model's rotor inertias are left out. Arguments `rows` are lists of pairs: normal equations, and whether the
+    robot carries the payload in them.
     """
 
     def __init__(self, model, regressors, payload=None):
@@ -73,6 +74,9 @@ class Layout:
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
             self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
+        self.motors = [regressors.of_motors([motor]) for motor in range(len(model.couplings))]
+        for places, coupling in zip(self.motors, model.couplings.values(), strict=True):
+            self.known[places], self.positive[places] = coupling[1:], True
         values = (
             model.damping,
             model.friction,

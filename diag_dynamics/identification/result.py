@@ -70,9 +70,20 @@ def parameters_of(layout, x, free, origin=None):
     for k, body in enumerate(layout.bodies.tolist()):
         if free[layout.block(k)].all():
             links |= _split_body(model, body, x[layout.block(k)])
+    motors = {
+        name: coupling._replace(damping=float(x[places[0]]), friction=float(x[places[1]]))
+        for (name, coupling), places in zip(model.couplings.items(), layout.motors, strict=True)
+        if free[places].all()
+    }
     velocity = model.friction_velocity if free[layout.own(FRICTION)].any() else None
     return Parameters(
-        joints=_joints(layout, x, free), links=links, payloads=payloads, friction_velocity=velocity, origin=origin or {}
+        joints=_joints(layout, x, free),
+        links=links,
+        payloads=payloads,
+        couplings=motors,
+        motor_efforts=model.motor_efforts,
+        friction_velocity=velocity,
+        origin=origin or {},
     )
 
 
@@ -104,6 +115,9 @@ def deviations_of(layout, free, fit, fits):
         name: {key: float(larger[at[k]]) for key, at in places if free[at[k]]}
         for k, name in enumerate(layout.model.dof_names)
     }
+    for name, places in zip(layout.model.couplings, layout.motors, strict=True):
+        if free[places].all():
+            found[name] |= dict(zip(("motor_damping", "motor_friction"), larger[places].tolist(), strict=True))
     return {name: own for name, own in found.items() if own}
 
 

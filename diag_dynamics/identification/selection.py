@@ -78,6 +78,9 @@ class Selection:
         for step, columns in BY_JOINT.items():
             for column in columns if step in steps else ():
                 free[self.layout.own(column)] = own[step] & (self._loaded | (column != LOAD))
+        for places, rates in zip(self.layout.motors, self._model.motor_rates, strict=True):
+            turned = rates != 0.0
+            free[places] = "friction" in steps and self._moving[turned].all() and own["friction"][turned].any()
         return free
 
     def fit_all(self):

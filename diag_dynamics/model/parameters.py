@@ -72,6 +72,18 @@ class JointParameters(NamedTuple):
         return {name: float(value) for name, value in self._asdict().items() if value is not None}
 
 
+class Coupling(NamedTuple):
+    """Motor that turns several joints: its rate by that of each joint, its damping and its Coulomb friction at that rate.
+
+    `joints` maps names to ratios, 1 for the joint that the coupling is named after. Friction [N m s/rad, N m] acts on each of
+    the joints times its ratio, beside friction of the joints themselves.
+    """
+
+    joints: Mapping[str, float]
+    damping: float = 0.0
+    friction: float = 0.0
+
+
 @dataclass(frozen=True)
 class Parameters:
     """Parameters of a robot beside its URDF, see :meth:`RobotModel.with_parameters`.
@@ -82,6 +94,10 @@ class Parameters:
         :class:`JointParameters` by joint; inertia of a link, as :class:`Payload`, in place of what the URDF says; and
         :class:`Payload` by link, added to its own inertia and not listed by `RobotModel.payloads`. The mass of a payload
         is negative if the robot lacks a part that the URDF has.
+    couplings : mapping
+        :class:`Coupling` by the joint whose motor also turns others, as in wrists of six-axis arms.
+    motor_efforts : bool
+        Whether reported efforts are of these motors, at the side of the joints: τ = Tᵀu with motor rates T q̇.
     friction_velocity : float or None
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].
     origin : mapping
@@ -92,11 +108,13 @@ class Parameters:
     joints: Mapping[str, JointParameters] = field(default_factory=dict)
     links: Mapping[str, Payload] = field(default_factory=dict)
     payloads: Mapping[str, Payload] = field(default_factory=dict)
+    couplings: Mapping[str, Coupling] = field(default_factory=dict)
+    motor_efforts: bool = False
     friction_velocity: float | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("joints", "links", "payloads", "origin"):
+        for name in ("joints", "links", "payloads", "couplings", "origin"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name, entry in self.joints.items():
             _joint(entry, f"parameters: joint '{name}'")
@@ -129,9 +147,13 @@ class Parameters:
         if isinstance(content, Parameters):
             return content
         given = _mapping(content, source, tuple(cls.__dataclass_fields__))
-        joints, links, payloads, origin = (
-            _mapping(given.get(key) or {}, f"{source}: {key}") for key in ("joints", "links", "payloads", "origin")
+        joints, links, payloads, couplings, origin = (
+            _mapping(given.get(key) or {}, f"{source}: {key}")
+            for key in ("joints", "links", "payloads", "couplings", "origin")
         )
+        of_motors = given.get("motor_efforts", False)
+        if not isinstance(of_motors, bool):
+            raise InputError(f"{source}: motor_efforts is {of_motors!r}, expected true or false.")
         velocity = given.get("friction_velocity")
         if velocity is not None:
             velocity = not_negative("friction_velocity", _number(velocity), "[rad/s, m/s]")
@@ -139,6 +161,8 @@ class Parameters:
             {str(name): _joint(entry, f"{source}: joint '{name}'") for name, entry in joints.items()},
             {str(name): _body(entry, f"{source}: link '{name}'", False) for name, entry in links.items()},
             {str(name): _body(entry, f"{source}: payload '{name}'", True) for name, entry in payloads.items()},
+            {str(name): _coupling(entry, str(name), source) for name, entry in couplings.items()},
+            of_motors,
             velocity,
             origin,
         )
@@ -150,6 +174,8 @@ class Parameters:
             "joints": {name: entry.known for name, entry in self.joints.items()},
             "links": {name: _plain(body) for name, body in self.links.items()},
             "payloads": {name: _plain(body) for name, body in self.payloads.items()},
+            "couplings": {name: one._asdict() | {"joints": dict(one.joints)} for name, one in self.couplings.items()},
+            "motor_efforts": self.motor_efforts or None,
             "friction_velocity": None if velocity is None else float(velocity),
             "origin": dict(self.origin),
         }
@@ -168,7 +194,9 @@ class Parameters:
         for link, payload in later.payloads.items():
             payloads[link] = _union(_rigid(payloads[link]), payload, link) if link in payloads else payload
         velocity = self.friction_velocity if later.friction_velocity is None else later.friction_velocity
-        return Parameters(joints, {**self.links, **later.links}, payloads, velocity, later.origin)
+        couplings, of_motors = {**self.couplings, **later.couplings}, self.motor_efforts or later.motor_efforts
+        links = {**self.links, **later.links}
+        return Parameters(joints, links, payloads, couplings, of_motors, velocity, later.origin)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them into a YAML file; numbers come back with the same bits."""
@@ -218,6 +246,21 @@ def _joint(entry: object, source: str) -> JointParameters:
             raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
         checked[key] = x
     return JointParameters(**checked)
+
+
+def _coupling(entry: object, name: str, source: str) -> Coupling:
+    source = f"{source}: coupling '{name}'"
+    entry = _mapping(entry._asdict() if isinstance(entry, Coupling) else entry, source, Coupling._fields)
+    joints = {str(joint): _number(ratio) for joint, ratio in _mapping(entry.get("joints") or {}, source).items()}
+    joints = {name: 1.0} | {
+        one: float(numbers(f"{source}: {one}", x, (), "a finite number")) for one, x in joints.items()
+    }
+    values = [
+        not_negative(f"{source}: {key}", _number(entry.get(key, 0.0)), _UNITS[key]) for key in Coupling._fields[1:]
+    ]
+    if len(joints) < 2 or joints[name] != 1.0:
+        raise InputError(f"{source} has joints {joints}, expected others by ratio, and 1 for '{name}'.")
+    return Coupling(joints, *values)
 
 
 def _body(entry: object, source: str, may_be_negative: bool) -> Payload:

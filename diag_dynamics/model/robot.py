@@ -23,6 +23,7 @@ from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not
 from diag_dynamics.model.joint_types import SINGLE, is_angle
 from diag_dynamics.model.mimic import Mimic, resolve_mimics
 from diag_dynamics.model.parameters import (
+    Coupling,
     Parameters,
     apply_parameters,
     perturbed_links,
@@ -57,6 +58,8 @@ class Options(NamedTuple):
     load_friction: dict[str, float]
     root_friction: dict[str, float]
     effort_scale: dict[str, float]
+    couplings: dict[str, Coupling]
+    motor_efforts: bool
     payloads: dict[str, Payload]
     max_coupled: int
     friction_velocity: float
@@ -107,6 +110,10 @@ class RobotModel:
         [N m, N], of the URDF or parameters beside it, those of followers included. Dynamics ignores them by default.
     load_friction, root_friction : ndarray, shape (nv,)
         Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N √(s/m)], of parameters.
+    couplings, motor_efforts : mapping, bool
+        :class:`Coupling` of motors that turn several joints, by name; whether reported efforts are of these.
+    motor_rates : ndarray, shape (m, nv)
+        Rate of each coupled motor by the rates of joints.
     effort_scale : mapping
         Effort by reported unit [N m, N] of joints whose parameters have it, by name; readers of joint states apply it.
     friction_velocity : float
@@ -150,6 +157,9 @@ class RobotModel:
         self.load_friction: Array = tree.reflected(options.load_friction, 0.0)
         self.root_friction: Array = tree.reflected(options.root_friction, 1.5)
         self.effort_scale: Mapping[str, float] = MappingProxyType(options.effort_scale)
+        self.couplings: Mapping[str, Coupling] = MappingProxyType(options.couplings)
+        self.motor_efforts: bool = options.motor_efforts
+        self.motor_rates: Array = _motor_rates(options.couplings, tree.dof_names)
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
@@ -197,7 +207,17 @@ class RobotModel:
     def has_friction(self) -> bool:
         """Whether any joint has friction of any kind, or an offset of its effort."""
         kinds = self.damping, self.friction, self.effort_offset, self.load_friction, self.root_friction
-        return any(kind.any() for kind in kinds)
+        return any(kind.any() for kind in kinds) or any(one.damping or one.friction for one in self.couplings.values())
+
+    def joint_efforts(self, efforts: Array) -> Array:
+        """Return efforts of joints, given reported ones, (…, nv): of motors if `motor_efforts`; NaN where one is NaN."""
+        if not self.motor_efforts:
+            return efforts
+        T, at = np.eye(self.nv), [self.dof_names.index(name) for name in self.couplings]
+        T[at] = self.motor_rates
+        unknown = np.isnan(efforts)
+        found: Array = np.where(unknown @ (T != 0.0), np.nan, np.where(unknown, 0.0, efforts) @ T)
+        return found
 
     @property
     def armature(self) -> Array:  # noqa: D102  # with the other attributes
@@ -314,6 +334,8 @@ class RobotModel:
             **{name: getattr(own, name) | given.by_joint(name) for name in BESIDE},
             held={},
         )
+        options = options._replace(couplings={**own.couplings, **given.couplings})
+        options = options._replace(motor_efforts=own.motor_efforts or given.motor_efforts)
         if given.friction_velocity is not None:
             options = options._replace(friction_velocity=given.friction_velocity)
         return _model(robot, self._tree.root, options, given)
@@ -459,12 +481,25 @@ def load_urdf(
         load_friction=given.by_joint("load_friction"),
         root_friction=given.by_joint("root_friction"),
         effort_scale=given.by_joint("effort_scale"),
+        couplings=dict(given.couplings),
+        motor_efforts=given.motor_efforts,
         payloads=checked_payloads({} if payloads is None else payloads, robot),
         max_coupled=whole("max_coupled", max_coupled),
         friction_velocity=not_negative("friction_velocity", v_0, "[rad/s, m/s]"),
         estimated_links=tuple(estimate.link for estimate in found.estimates) if found else (),
     )
     return _model(robot, root, options, given)
+
+
+def _motor_rates(couplings: Mapping[str, Coupling], names: tuple[str, ...]) -> Array:
+    """Return rates of coupled motors by those of joints, (m, nv)."""
+    found = np.zeros((len(couplings), len(names)))
+    for row, (motor, coupling) in zip(found, couplings.items(), strict=True):
+        for joint, ratio in coupling.joints.items():
+            if joint not in names:
+                raise InputError(f"parameters: coupling '{motor}' names '{joint}', expected one of {', '.join(names)}.")
+            row[names.index(joint)] = ratio
+    return found
 
 
 def _gravity(value: object) -> Array:

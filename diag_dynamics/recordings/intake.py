@@ -148,7 +148,9 @@ class Intake:
         return States(stamp, stamp, np.array([now]), position, velocity, effort, flag, received, flag, flag)
 
     def _with_gravity(self, states):
-        """Return states whose efforts contain gravity, where the parameters say that they do not."""
+        """Return states whose efforts are of joints and contain gravity, where the parameters say that they do not."""
+        if self._model.motor_efforts:
+            states = replace(states, effort=self._model.joint_efforts(states.effort))
         without = self.assembler.efforts.without_gravity
         if without is None or not np.isfinite(states.effort).any():
             return states

@@ -92,6 +92,8 @@ class Plant:
     """
 
     def __init__(self, model, values):
+        if model.couplings:
+            raise UnsupportedError("the parameters have couplings, which a simulation does not support. Omit them.")
         _require_consistent(model, values)
         period = 1.0 / values["rate"]
         step = period / math.ceil(period / values["step"] - 1e-9)  # a whole number of steps a period

@@ -250,6 +250,64 @@ def test_friction_of_joints_that_stick(seed):
             assert abs(error) < 2.0 * found.quality["deviations"][name][key] < values[k]
 
 
+COUPLING = {"couplings": {"wrist_3_joint": {"joints": {"wrist_2_joint": 1.0}}}}
+
+
+@pytest.fixture(scope="module")
+def wrist(arm):
+    """Recordings of an arm whose last motor turns two joints: 0.4 N m s/rad and 0.9 N m at the sum of their rates."""
+    model, oracle = arm
+
+    def resist(qd, g):
+        rate = qd[:, 4] + qd[:, 5]
+        torque = 0.4 * rate + 0.9 * np.tanh(rate / 5e-3)
+        return friction(qd, g) + np.outer(torque, [0, 0, 0, 0, 1, 1])
+
+    return [recording(model, oracle, seed, 30.0, noise=0.3, resist=resist) for seed in SEEDS]
+
+
+def test_friction_of_a_coupled_wrist(wrist):
+    """It is within 3σ of the truth, beside that of the joints, and part of the friction of the model."""
+    for data in wrist:
+        model = data.model.with_parameters(COUPLING)
+        found = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "friction")
+        motor, deviations = found.model.couplings["wrist_3_joint"], found.quality["deviations"]
+        for value, truth, key in ((motor.damping, 0.4, "motor_damping"), (motor.friction, 0.9, "motor_friction")):
+            assert abs(value - truth) < 3.0 * deviations["wrist_3_joint"][key] < 0.4 * truth
+        for k, name in ((4, "wrist_2_joint"), (5, "wrist_3_joint")):
+            assert abs(found.model.friction[k] - FRICTION[k]) < 3.0 * deviations[name]["friction"] < 0.4 * FRICTION[k]
+        without = dd.identify(data, data.model, "friction")
+        left = [[one.quality["torque_rms"][name][1] for name in data.model.dof_names[4:]] for one in (found, without)]
+        assert (np.array(left[0]) < 0.9 * np.array(left[1])).all()
+
+
+def test_efforts_of_coupled_motors(wrist, tmp_path):
+    """Motors 5 and 6 at rates q̇₅ and q̇₅ + q̇₆: torques of joints are u₅ + u₆ and u₆, by file, unknown if one of them is."""
+    data = wrist[0]
+    path, table = tmp_path / "wrist.yaml", tmp_path / "x.npz"
+    dd.Parameters.from_dict(COUPLING | {"motor_efforts": True}).save(path)
+    model, efforts = dd.load_urdf(UR5, parameters=path), data.tau.copy()
+    efforts[:, 4] -= data.tau[:, 5]
+    efforts[-1, 5] = np.nan
+    names = data.model.dof_names
+    columns = {
+        f"{kind}_{name}": one[:, k]
+        for kind, one in zip(("q", "qd", "tau"), (data.q, data.qd, efforts), strict=True)
+        for k, name in enumerate(names)
+    }
+    np.savez(table, t=data.t, **columns)
+    read = dd.read_recording(table, model, parameters={"plausibility.beyond_velocity": 0.0})
+    np.testing.assert_allclose(read.tau[:-1], data.tau[:-1], atol=1e-9)
+    assert np.isnan(read.tau[-1, 4:]).all() and np.isfinite(read.tau[-1, :4]).all()
+    rate, unit = np.array([0, 0, 0, 0, 2.0, -0.5]), {"damping": 0.4, "friction": 0.9}
+    coupled = {"couplings": {"wrist_3_joint": COUPLING["couplings"]["wrist_3_joint"] | unit}}
+    torque = dd.DiagonalDynamics(data.model.with_parameters(coupled)).friction_torque(rate)
+    np.testing.assert_allclose(torque, [0, 0, 0, 0, 1.5, 1.5], atol=1e-12)
+    for wrong in ({"joints": {"elbow": 1.0}}, {"joints": {}}, {"damping": -1.0, "joints": {"elbow_joint": 1.0}}):
+        with pytest.raises(dd.InputError, match="coupling 'wrist_3_joint'"):
+            data.model.with_parameters({"couplings": {"wrist_3_joint": wrong}})
+
+
 PANDA = robot("panda_description/urdf/panda.urdf").urdf
 GAINS = np.array([0.02, 0.05, 0.08, 0.5, 0.4, 0.3, 0.2])  # N m by unit
 

@@ -135,7 +135,7 @@ class MonitoredRobot:
             self.without_rotors = _without_rotors(self.dynamics)
             resistance = (np.asarray(one, dtype=float) for one in (model.damping, model.friction, model.effort_offset))
             self._resistance = *resistance, float(model.friction_velocity)
-            self._geared = bool(model.load_friction.any() or model.root_friction.any())
+            self._geared = bool(model.load_friction.any() or model.root_friction.any() or model.couplings)
         if settings.frames:
             self.dynamics.compile("wrench")
         if settings.observation and settings.observation.covariance:
@@ -214,6 +214,8 @@ class MonitoredRobot:
             self.energy.forget()
             if self.torque:
                 self.torque.forget()
+        if state.effort is not None:
+            state = state._replace(effort=self.model.joint_efforts(state.effort))
         without = self.assembler.efforts.without_gravity
         if state.effort is not None and without is not None:
             gravity = self.dynamics.gravity_torque(state.position)
