@@ -33,6 +33,11 @@ class Disturbance(NamedTuple):
     collision: bool = False  # whether the norm has exceeded the threshold, and not fallen below `release` since
 
     @property
+    def is_whole(self) -> bool:
+        """Whether there is a result of all joints."""
+        return self.valid and not math.isnan(self.norm)
+
+    @property
     def torque_norm(self) -> float:
         """‖m r‖ of all joints together [N m, N of prismatic joints]; 0 if not valid."""
         torque = self.external_torque

@@ -269,8 +269,11 @@ class StateAssembler:
         if code:
             return Accepted(None)
         position, velocity, effort = self._states
-        effort = effort.copy() if with_effort else None
-        state = RobotState(position.copy(), velocity.copy(), effort, newest, oldest, received > 0, estimated > 0)
+        effort, partial = effort.copy(), None
+        if not with_effort:
+            effort, partial = None, effort if np.isfinite(effort).any() else None
+        flags = received > 0, estimated > 0
+        state = RobotState(position.copy(), velocity.copy(), effort, newest, oldest, *flags, partial)
         return Accepted(self._with_base(state) if self._base else state)
 
     def accept_odometry(self, message, now):
@@ -307,8 +310,9 @@ class StateAssembler:
         """Return a state of joints with that of the base."""
         position = np.concatenate([self._base.position, state.position])
         velocity = np.concatenate([self._base.velocity, state.velocity])
-        effort = None if state.effort is None else np.concatenate([np.zeros(6), state.effort])
-        return state._replace(position=position, velocity=velocity, effort=effort)
+        efforts = state.effort, state.partial
+        effort, partial = (None if one is None else np.concatenate([np.zeros(6), one]) for one in efforts)
+        return state._replace(position=position, velocity=velocity, effort=effort, partial=partial)
 
     # --- Many messages ---
 

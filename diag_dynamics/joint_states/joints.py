@@ -66,6 +66,7 @@ class RobotState(NamedTuple):
     oldest: int
     stamp_is_receive_time: bool
     velocity_estimated: bool = False
+    partial: np.ndarray | None = None  # efforts of which some are unknown (NaN), where `effort` is None
 
 
 def joints_of(model):

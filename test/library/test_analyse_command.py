@@ -465,7 +465,15 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
     file, arm = tmp_path / "monitor.yaml", tmp_path / "arm.yaml"
     file.write_text("/**:\n  ros__parameters:\n    external_torque: {gain: 10, threshold: 0.5}\n    max_age: 2\n")
     summary = json.loads(analyse(bag, "--parameters", file, "--json", "-")[1])
-    known = {"gain": 10.0, "threshold": 0.5, "judged": [], "missing": [], "observed": COUNT - 1, "says": ""}
+    known = {
+        "gain": 10.0,
+        "threshold": 0.5,
+        "judged": [],
+        "missing": [],
+        "observed": COUNT - 1,
+        "unobserved": [],
+        "says": "",
+    }
     assert summary["observer"] == known and summary["collisions"]
     threshold = ("--set", "external_torque.threshold=0.5", "--gain", 10)
     assert json.loads(analyse(bag, *threshold, "--json", "-")[1])["observer"] == known

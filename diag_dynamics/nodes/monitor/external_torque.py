@@ -189,7 +189,7 @@ class TorqueWatch:
     @property
     def touched(self):
         """TouchedLink at the last state, computed on demand; None without a result or covariance."""
-        if self._touched is None and self.seen.valid and self.covariance is not None:
+        if self._touched is None and self.seen.is_whole and self.covariance is not None:
             self._touched = self.dynamics.touched_link(self._position, self.contact_torque, self.covariance)
         return self._touched
 
@@ -204,11 +204,15 @@ class TorqueWatch:
         if self._origin is None:
             self._origin = state.newest  # a double resolves no nanoseconds since 1970
         time = 1e-9 * (state.newest - self._origin)
-        seen = self._observer.update(time, state.position, state.velocity, state.effort)
-        if self.observation.alarms is None and not seen.valid and state.effort is not None:
+        effort = state.partial if state.effort is None else state.effort
+        seen = self._observer.update(time, state.position, state.velocity, effort)
+        if self.observation.alarms is None and not seen.valid and effort is not None:
             self._alarm.reset()  # as the observer has been
         torque = seen.external_torque if seen.valid else np.zeros(len(self._alarm.joints))
         r, rates = seen.residual if seen.valid else torque, state.velocity[None]
+        if seen.valid and not seen.is_whole:  # components that an unknown effort changes have no alarm
+            judged = self.observation.alarms is not None
+            r, torque = np.nan_to_num(r) * judged, np.nan_to_num(torque) * judged
         if self.load:
             was_load = self.load.estimate.is_load
             r, torque = self.load.accept_state(time, state, seen, r, torque)
@@ -251,6 +255,8 @@ class TorqueWatch:
         if not self.cause and self._valid:
             level, message = OK, "no collision" if self.is_judged else "observer runs without thresholds"
             message = f"contact: {self.contact_cause}" if self.contact_cause else message
+            if without_effort:
+                level, message = WARN, f"{message}; joints without effort: {counted(without_effort)}"
         elif not self.cause:
             lacking = without_effort and f"joints without effort: {counted(without_effort)}"
             message = lacking or steady(self.seen.reason)

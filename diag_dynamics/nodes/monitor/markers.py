@@ -139,10 +139,10 @@ class MarkerMaker:
         self._force.action = Marker.ADD if link else Marker.DELETE
         if seen is None:
             return []
-        k = int(np.argmax(np.abs(seen.external_torque)))
+        k = int(np.nanargmax(np.abs(seen.external_torque)))
         lines = [f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"]
         if marked and not link:  # a force causes no residual in joints beyond its link
-            r = np.abs(seen.residual)
+            r = np.nan_to_num(np.abs(seen.residual))
             outermost = self._link_of_dof[int(np.flatnonzero(r >= MIN_RESIDUAL * r.max())[-1])]
             self._collision.pose.position = _point(placed[outermost][:3, 3])
         if link:

@@ -215,23 +215,29 @@ class MonitoredRobot:
             if self.torque:
                 self.torque.forget()
         if state.effort is not None:
-            state = state._replace(effort=self.model.joint_efforts(state.effort))
-        without = self.assembler.efforts.without_gravity
-        if state.effort is not None and without is not None:
-            gravity = self.dynamics.gravity_torque(state.position)
-            gravity[: len(gravity) - len(without)] = 0.0  # of a base, on which no effort acts
-            gravity[len(gravity) - len(without) :] *= without
-            state = state._replace(effort=state.effort + gravity)
+            state = state._replace(effort=self._of_joints(state.effort, state.position))
+        elif state.partial is not None:
+            state = state._replace(partial=self._of_joints(state.partial, state.position))
         self.state = None
         friction = self.settings.values["publish_friction"]
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
         self.state = state
         return s, state
 
+    def _of_joints(self, effort, position):
+        """Return efforts of joints with gravity."""
+        effort, without = self.model.joint_efforts(effort), self.assembler.efforts.without_gravity
+        if without is None:
+            return effort
+        gravity = self.dynamics.gravity_torque(position)
+        gravity[: len(gravity) - len(without)] = 0.0  # of a base, on which no effort acts
+        gravity[len(gravity) - len(without) :] *= without
+        return effort + gravity
+
     def wrench(self, frame):
         """Return the ExternalWrench at a link, without a load, at the last state; None without a result of the observer."""
         watch, values = self.torque, self.settings.values
-        if not watch.seen.valid:
+        if not watch.seen.is_whole:
             return None
         most = values["external_wrench.max_force_deviation"], values["external_wrench.max_torque_deviation"]
         torque = watch.contact_torque

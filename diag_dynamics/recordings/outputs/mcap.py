@@ -44,10 +44,12 @@ VALUES = {
     "total": lambda piece, _: piece.s.kinetic_energy,
     "residual": lambda piece, _: piece.observed.residual,
     "external_torque": lambda piece, _: piece.observed.external_torque,
-    "norm": lambda piece, _: np.nan_to_num(piece.observed.norm),
+    "norm": lambda piece, _: np.where(piece.observed.valid, piece.observed.norm, 0.0),
     "collision": lambda piece, _: piece.observed.collision,
     "contact": lambda piece, _: piece.contact.alarm,
-    "torque_norm": lambda piece, _: np.nan_to_num(np.linalg.norm(piece.observed.external_torque, axis=1)),
+    "torque_norm": lambda piece, _: np.where(
+        piece.observed.valid, np.linalg.norm(piece.observed.external_torque, axis=1), 0.0
+    ),
     "joint_collision": lambda piece, _: piece.judged.joints,
     "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix_batch(piece.states.position),
     "bias": lambda piece, dynamics: dynamics.bias_batch(piece.states.position, piece.states.velocity),
