@@ -178,9 +178,10 @@ def test_the_spread_of_external_torque_is_that_of_the_observer(worn):
 def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
     validate, count = quality.validate, np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
 
-    def validate_with_one_quiet_joint(models, parts):
-        found = validate(models, parts)
-        return found | {"observer_spread": found["observer_spread"] * (count if models[0] is worn.model else 1.0)}
+    def validate_with_one_quiet_joint(models, *arguments):
+        found, curves = validate(models, *arguments)
+        factor = count if models[0] is worn.model else 1.0
+        return found | {"observer_spread": found["observer_spread"] * factor}, curves
 
     monkeypatch.setattr(quality, "validate", validate_with_one_quiet_joint)
     warnings = dd.identify(worn, worn.model, "friction").quality["warnings"]
