@@ -109,7 +109,7 @@ def test_after_kill_9(live):
 
 
 def test_energies_of_joints_at_500_hz(peer):
-    """On a fast trajectory ½ν_k², by Pinocchio at the states that the simulator publishes, exceeds its limit by 1 % at most."""
+    """On a fast trajectory ½ν_k², by Pinocchio at the published states, exceeds its limit by 1 % at most."""
     names, limit = list(robot(UR5).names), 0.05
     simulated = {"lockstep": True, "rate": 500.0, "command_joints": names}
     own = {"robot_compensates_gravity": False, "autostart": True, "use_sim_time": True, "command_joints": names}
