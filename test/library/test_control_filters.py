@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-import robots
-from controlled import TREE, UR5, configuration
+from controlled import ARM as PANDA
+from controlled import READY, TREE, UR5, configuration, frictionless
 from described import subject
 from diag_dynamics.contact.results import contact_force
 from diag_dynamics.exceptions import InputError
@@ -18,10 +18,6 @@ from examples import shortened
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
-PANDA = robots.robot("panda_description/urdf/panda.urdf")._replace(
-    id="panda_arm", locked_joints={"panda_finger_joint1": 0.02}
-)
-READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
 N, PERIOD = 7, 1e-3
 
 
@@ -30,9 +26,7 @@ def arm():
 
 
 def plant(q, qd, step=PERIOD):
-    nothing = np.zeros(N)
-    options = {"damping": nothing, "friction": nothing, "effort_limits": False, "limits": False}
-    return dd.Simulation(arm().model, q, qd, step=step, **options)
+    return frictionless(arm().model, q, qd, step)
 
 
 def random_state(rng):
@@ -176,8 +170,7 @@ def test_repulsion_is_the_gradient_of_its_potential():
 
 def test_repulsion_where_there_is_little_or_no_range():
     """Continuous joints have no springs, a margin is at most half of a range, and a joint without one is an error."""
-    tree = next(robot for robot in robots.random_robots() if robot.id == "geared_tree_10")
-    model = dd.load_urdf(tree.source, **tree.options)
+    model = dd.load_urdf(TREE.source, **TREE.options)
     springs = dd.PositionRepulsion(dd.DiagonalDynamics(model), 50.0, 1.0)
     turns = ~np.isfinite(model.upper)
     assert turns.any() and not springs.effort(np.where(turns, 1e3, 0.0), np.ones(model.nv)).any()
@@ -338,9 +331,7 @@ def test_joint_energies_stay_below_their_limits(robot):
     limit, law, goals = rng.uniform(0.2, 0.5, nv), dd.JointTracking(s.dyn, 20.0, 10.0), rng.uniform(-1, 1, (4, nv))
     limiter, start, peaks = dd.JointEnergyLimiter(s.dyn, limit, 50.0), configuration(s.model, rng), []
     for limited in (True, False):
-        nothing = np.zeros(nv)
-        options = {"damping": nothing, "friction": nothing, "effort_limits": False, "limits": False}
-        robot, share = dd.Simulation(s.model, start, step=2e-3, **options), nothing
+        robot, share = frictionless(s.model, start, step=2e-3), np.zeros(nv)
         for k in range(1200):
             command = law.command(robot.q, robot.qd, start + 0.5 * goals[k // 300])
             if limited:

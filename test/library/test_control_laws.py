@@ -8,7 +8,21 @@ import pytest
 import scipy.linalg
 
 import diag_dynamics as dd
-from controlled import ALL, ARM, FRAMES, PANDA, POINT, READY, TREE, UR5, close, configuration, dense_frame, states
+from controlled import (
+    ALL,
+    ARM,
+    FRAMES,
+    PANDA,
+    POINT,
+    READY,
+    TREE,
+    UR5,
+    close,
+    configuration,
+    dense_frame,
+    frictionless,
+    states,
+)
 from coupling import Coupled, with_payloads
 from described import subject
 from diag_dynamics.exceptions import InputError
@@ -83,15 +97,9 @@ def test_regulation_commands(robot):
         close(command.lyapunov_rate, -rates @ c @ rates)
 
 
-def plant(s, q, qd, step):
-    nothing = np.zeros(s.model.nv)
-    options = {"damping": nothing, "friction": nothing, "effort_limits": False, "limits": False}
-    return dd.Simulation(s.model, q, qd, step=step, **options)
-
-
 def growth(law, period, q, qd, *target, cycles=800):
     """Return by what V grows in the second half of cycles of a period [s] with torques held; 0 where it has vanished."""
-    robot, values = plant(subject(ARM), q, qd, period / 4), []
+    robot, values = frictionless(subject(ARM).model, q, qd, period / 4), []
     for _ in range(cycles):
         command = law.command(robot.q, robot.qd, *target)
         values.append(command.lyapunov)
@@ -163,7 +171,7 @@ def follow(law, seconds, center, inertia=((0, 0, 0),) * 3, rate=1000, speeds=SPE
     """Yield time, q, qd and command of a law on a Panda with 2 kg that its model lacks."""
     options = ARM.options | {"payloads": {"panda_hand": dd.Payload(2.0, center, inertia)}}
     loaded = dd.load_urdf(ARM.source, **options)
-    robot = plant(subject(ARM)._replace(model=loaded), *desired(0.0, speeds)[:2], 1.0 / rate)
+    robot = frictionless(loaded, *desired(0.0, speeds)[:2], 1.0 / rate)
     for _ in range(round(rate * seconds)):
         time, q, qd = robot.time, robot.q, robot.qd
         command = law.command(q, qd, *desired(time, speeds))

@@ -345,7 +345,8 @@ arm = dd.load_urdf(sys.argv[1])
 points = dd.ContactPoints(arm, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1e-3}}))
 values = {name: spec.default for name, spec in PARAMETERS.items()} | {"controlled_link": "tool0"}
 values |= {"effort_rate": ["*=1e9"], "observer_gain": 20.0}
-values |= {"energy_limit": 1e-3, "contact.rate": 200.0}
+values |= {"energy_limit": 1e-3, "contact.rate": 200.0, "joint_energy_limit": ["*=1"]}
+values |= {"payload_link": "tool0", "pose_damping_ratio": 1.0}
 loop, time, limited = ControlLoop(arm, values, False, points), 10**9, set()
 q, qd = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.full(6, 0.2)
 q[2] = arm.upper[2] - 0.01  # in the margin of a limit
@@ -360,9 +361,9 @@ for mode in loop.modes:
         limited |= {name for name in ("energy_limited", "contact_limited") if getattr(sent, name)}
         if mode == "pose" and k == 3:
             loop.take_pose("forearm_link", (0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0))
-        if mode == "tracking" and k == 3:
+        if mode in ("tracking", "regulation") and k == 3:
             loop.take_set_point(q - 0.1)
-        if mode == "tracking" and k == 6:
+        if mode in ("tracking", "regulation") and k == 6:
             loop.take_trajectory(still, 0, time)
     assert not loop.taking_up
 loop.without_state(time + 10**6, "late")

@@ -10,6 +10,7 @@ import pytest
 
 import diag_dynamics as dd
 from arm import gravity_of, pinocchio_command, state_at
+from controlled import frictionless
 from described import MS, UR5, S, robot
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, POSE, REGULATION, TRACKING
@@ -32,10 +33,8 @@ class Closed:
     def __init__(self, arm, rate=500, plant=None, **values):
         defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {"effort_rate": ["*=1e9"]}
         self.loop = ControlLoop(arm, defaults | values, False)
-        nothing = np.zeros(6)
-        options = {"friction": nothing, "damping": nothing, "limits": False, "step": 1.0 / rate}
-        self.arm = dd.Simulation(plant or arm, Q, **options)
-        self.stamp, self.period, self.lost, self.shares = S, S // rate, [], nothing
+        self.arm = frictionless(plant or arm, Q, step=1.0 / rate)
+        self.stamp, self.period, self.lost, self.shares = S, S // rate, [], np.zeros(6)
         self.loop.efforts.reset(gravity_of(Q))
 
     def go(self, cycles, push=None):

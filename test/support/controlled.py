@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import diag_dynamics as dd
 import robots
 from described import subject
 
@@ -58,3 +59,10 @@ def stacked(position, axes):
 def close(actual, expected):
     """Assert equality to 1e-9, the accuracy of commands."""
     np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-9 * max(1.0, np.abs(expected).max()))
+
+
+def frictionless(model, q, qd=None, step=1e-3):
+    """Return a simulation without friction and limits."""
+    nothing = np.zeros(model.nv)
+    options = {"damping": nothing, "friction": nothing, "effort_limits": False, "limits": False}
+    return dd.Simulation(model, q, qd, step=step, **options)
