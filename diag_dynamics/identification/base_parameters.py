@@ -6,7 +6,7 @@
 import numpy as np
 
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.regressors import OWN, PARAMETERS
+from diag_dynamics.identification.regressors import PARAMETERS
 from diag_dynamics.optional import require
 
 SYMBOLS = "m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
@@ -29,7 +29,7 @@ class BaseParameters:
         count, which = PARAMETERS * len(layout.bodies), np.flatnonzero(layout.inertial)
         Y = np.zeros((2, STATES, len(regressors.rows), count))
         for k, (part, columns) in enumerate(zip(regressors.rows, regressors.columns, strict=True)):
-            inertial = columns[: -len(OWN)]
+            inertial = columns[columns < count]
             Y[:, :, k, inertial] = np.array(rows)[:, :, part][:, :, : len(inertial)]
         self._placed, symbols = _link_axes(layout)
         R, order = require("scipy.linalg", "identify").qr(
