@@ -159,7 +159,7 @@ class RobotStream:
             return
         if (received.limits, received.points) != (self._limits, self._points):
             self._lay_out(received.limits, received.points)
-        self._counted, now = self._counted + received.count, time.monotonic()
+        self._counted, now = self._counted + received.count, received.received
         if now - self._since >= RATE_PERIOD:
             self._rate = self._counted / (now - self._since) if self._since else None
             self._counted, self._since = 0, now
