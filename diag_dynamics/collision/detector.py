@@ -174,6 +174,7 @@ class AlarmDetector:
         self._active: BoolArray = np.zeros(len(self.detectors), dtype=bool)
         self._offset: Array = np.zeros(2 * len(self._names))
         self._last: int | None = None  # stamp of the last state
+        self._unknown: BoolArray = np.zeros(len(self._names), dtype=bool)
         self._kept: Array = np.zeros((KEPT + 2, len(self._names)))
         self._memory: IntArray = np.zeros(MEMORY + KEPT, dtype=np.int64)
 
@@ -222,6 +223,7 @@ class AlarmDetector:
         given: tuple[Array, Array] | None = None,
         *,
         velocity: Array | None = None,
+        unknown: BoolArray | None = None,
     ) -> Judged:
         """Process states in order, after those of earlier calls.
 
@@ -239,6 +241,8 @@ class AlarmDetector:
             Maxima of values and changes, of the shapes in Judged, where a row stands for several states.
         velocity : ndarray, shape (T, m), optional
             Rates, or the largest ones [rad/s, m/s]. Without them the arm counts as moving.
+        unknown : ndarray of bool, shape (T, nv), optional
+            Joints whose m r is 0 because it is unknown. Where they change the arm counts as moving.
 
         Returns
         -------
@@ -258,6 +262,9 @@ class AlarmDetector:
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
         if len(x) and (self._options[2] or not self._is_idle() or not (values < self._release).all()):
             speed = np.full(len(x), np.inf) if velocity is None else np.abs(velocity).max(axis=1, initial=0.0)
+            if unknown is not None:
+                speed[np.diff(unknown, axis=0, prepend=self._unknown[None]).any(axis=1)] = np.inf
+                self._unknown = unknown[-1]
             self._options[3] = given is not None
             judge_states(
                 *(np.ascontiguousarray(stamps), elapsed, x, speed, np.ascontiguousarray(valid), restart),

@@ -98,8 +98,9 @@ class Residuals:
     def add_states(
         self, stamps: IntArray, residual: Array, torque: Array, valid: BoolArray, velocity: Array | None = None
     ) -> None:
-        """Add states in order: stamps [ns], r, m r, whether there is a result, and rates."""
-        judged = self._detector.judge(stamps, residual, torque, valid, velocity=velocity)
+        """Add states in order: stamps [ns], r, m r, NaN where unknown, whether there is a result, and rates."""
+        unknown, residual, torque = np.isnan(torque), np.nan_to_num(residual), np.nan_to_num(torque)
+        judged = self._detector.judge(stamps, residual, torque, valid, velocity=velocity, unknown=unknown)
         speed = np.full(len(stamps), np.inf) if velocity is None else np.abs(velocity).max(axis=1, initial=0.0)
         x, number = np.concatenate([torque, residual], axis=1), np.full(len(stamps), self._recording)
         rows = Rows(stamps, number, number, judged.rest, x, judged.values, judged.changes, speed).select(valid)

@@ -125,7 +125,7 @@ class Analysis:
             strength = np.linalg.norm(known[0], axis=1)
         columns = states.stamp, *known, valid, states.jumped
         if self._detector:
-            judged = self._detector.judge(*columns, velocity=states.velocity)
+            judged = self._detector.judge(*columns, velocity=states.velocity, unknown=np.isnan(torque))
             touched = self._touched_links(states, observed, judged.alarm)
             self.collisions.add_states(states.stamp, strength, judged, touched)
             observed = observed._replace(collision=judged.alarm)
@@ -133,7 +133,7 @@ class Analysis:
             touched = self._touched_links(states, observed, collision)
             self.collisions.add_states(states.stamp, torque, norm, collision, touched)
         if self._contact_detector:
-            lower = self._contact_detector.judge(*columns, velocity=states.velocity)
+            lower = self._contact_detector.judge(*columns, velocity=states.velocity, unknown=np.isnan(torque))
             self.contacts.add_states(states.stamp, strength, lower, self._touched_links(states, observed, lower.alarm))
         self.balance.add_windows(self._windows.integrate_states(states, s))
         self.balance.moved = self.efforts.moved

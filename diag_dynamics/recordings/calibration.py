@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from diag_dynamics.checks import choice, instance, positive
 from diag_dynamics.collision.calibration import Calibration, calibrate_residuals
 from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
@@ -101,7 +99,7 @@ def calibrate(
             first = 0
             for stamps, (residual, torque, _, valid, _) in observer.observe_states(piece.states):
                 rates = piece.states.velocity[first : first + len(stamps)]
-                residuals.add_states(stamps, np.nan_to_num(residual), np.nan_to_num(torque), valid, rates)
+                residuals.add_states(stamps, residual, torque, valid, rates)
                 first += len(stamps)
         refuse_units(findings)
         if not with_efforts:

@@ -259,7 +259,7 @@ def test_changes_are_by_time():
         np.testing.assert_allclose(judged.changes[judged.rest, 1], 0.6, rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["gap", "no result", "restart", "back", "stale", "motion"])
+@pytest.mark.parametrize("kind", ["gap", "no result", "restart", "back", "stale", "motion", "unknown"])
 def test_what_is_no_change(kind):
     """After a gap, a state without a result, a restart or motion, another torque is no change; a repeated state is none."""
     t = 0.01 * np.arange(600)
@@ -276,9 +276,11 @@ def test_what_is_no_change(kind):
         restarts[k] = True
     elif kind == "stale":
         torque[:], stamps[k : k + 100] = 0.0, stamps[k]
-    else:
+    elif kind == "motion":
         speed[k] = 0.06
-    options = {"valid": valid, "restarts": restarts}
+    unknown = np.zeros((len(t), 3), dtype=bool)
+    unknown[:k, 1] = kind == "unknown"  # the effort of the joint
+    options = {"valid": valid, "restarts": restarts, "unknown": unknown}
     _, judged = judge_rest(torque, speed, stamps=stamps, **options)
     assert not judged.alarm.any() and judged.rest[-1]
     if kind != "stale":

@@ -37,7 +37,9 @@ class LiveAlarm:
 
         `touched` returns the TouchedLink of this row, None if it is unknown.
         """
-        judged = self._detector.judge(stamps, r[None], torque[None], np.array([seen.valid]), velocity=velocity)
+        unknown = np.isnan(seen.external_torque)[None] if seen.valid else np.ones((1, len(torque)), dtype=bool)
+        columns = stamps, r[None], torque[None], np.array([seen.valid])
+        judged = self._detector.judge(*columns, velocity=velocity, unknown=unknown)
         self.on, self.begins, self.joints = bool(judged.alarm[0]), bool(judged.begins[0]), judged.joints[0]
         self.count += self.begins
         if self.on:
