@@ -159,6 +159,7 @@ class Dataset:
             raise no_states_error(name, refused)
         if not with_efforts:
             raise InputError(f"{explain_missing_efforts(counts)}. Identification requires them.")
+        self._counts = counts
         if efforts.unmeasured() and not efforts.measures:
             raise InputError(f"{name}: {efforts.unmeasured()}. Record efforts.")
         for joint, text in efforts.values().items():
@@ -182,6 +183,8 @@ class Dataset:
         segments, restarts = _cut(states[rows], _any_since(np.flatnonzero(states.jumped), rows))
         left = len(rows) - sum(len(one.t) for one in segments)
         if not segments:
+            if self._counts.get("implausible effort"):
+                raise InputError(f"{explain_missing_efforts(self._counts)}. Identification requires them.")
             raise InputError(
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
             )

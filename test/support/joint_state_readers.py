@@ -34,6 +34,8 @@ class State(NamedTuple):
     oldest: int
     received: bool
     estimated: bool
+    partial: bytes | None = None
+    """Of efforts, where `effort` is None and some are known; NaN where one is unknown."""
 
 
 class Result(NamedTuple):
@@ -114,11 +116,11 @@ class Reader:
         return self.assembler.accept(parsed, message.now)
 
 
-def as_state(position, velocity, effort, newest, oldest, received, estimated):
-    """Return a state as plain lists and numbers."""
-    effort = None if effort is None else effort.tolist()
+def as_state(position, velocity, effort, newest, oldest, received, estimated, partial=None):
+    """Return a state as plain lists, numbers and bytes."""
+    effort, partial = None if effort is None else effort.tolist(), None if partial is None else partial.tobytes()
     stamps = int(newest), int(oldest)
-    return State(position.tolist(), velocity.tolist(), effort, *stamps, bool(received), bool(estimated))
+    return State(position.tolist(), velocity.tolist(), effort, *stamps, bool(received), bool(estimated), partial)
 
 
 def positive(counts):
@@ -141,6 +143,8 @@ def read_columns(robot, parameters, messages, pieces=1):
     for part in np.array_split(np.arange(len(messages)), pieces):
         found = intake.read(decode_messages(decoder, recorded([messages[k] for k in part]), kinds))
         efforts = [row if known else None for row, known in zip(found.effort, found.effort_known, strict=True)]
+        some = np.isfinite(found.effort).any(axis=1) & ~found.effort_known
+        partial = [row if known else None for row, known in zip(found.effort, some, strict=True)]
         columns = (
             found.position,
             found.velocity,
@@ -149,6 +153,7 @@ def read_columns(robot, parameters, messages, pieces=1):
             found.oldest_stamp,
             found.stamp_received,
             found.velocity_estimated,
+            partial,
         )
         states += [as_state(*row) for row in zip(*columns, strict=True)]
     return Result(states, positive(intake.counts), [(r.cause, r.text) for r in intake.rejections])
