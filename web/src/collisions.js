@@ -9,7 +9,7 @@ import { FLAGS } from "./layout.js";
 import { field, hasThresholds, lengthOf } from "./quantities.js";
 import { timeOfLargest } from "./sampling.js";
 
-const HOLD_OFF = 0.5; // [s]: what rises again within this time belongs to the event before, as in the monitor
+const HOLD_OFF = 1.0; // [s]: what rises again within this time belongs to the event before, as in the monitor
 const ROUNDING = 1e-6; // [s] of times in a summary
 const PERIOD = 1e-3; // [s]: events nearer than this to the moment shown are not next or previous
 
