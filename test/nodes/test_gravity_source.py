@@ -137,7 +137,7 @@ def test_wrong_messages_are_faults(peer):
 
 
 class Buffer:
-    """What the monitor needs of tf2_ros, which is not installed with the tests: one transform."""
+    """A buffer of tf2_ros, which is not installed with the tests: one transform."""
 
     transform = None
 
@@ -156,8 +156,9 @@ def test_frame_of_tf(peer):
         assert monitor.gravity() is None
         x, y, z, w = map(float, pin.Quaternion(TILT.T).coeffs())  # of the world in the root link
         stamp = SimpleNamespace(sec=0, nanosec=0)
-        transform = SimpleNamespace(rotation=SimpleNamespace(x=x, y=y, z=z, w=w))
-        monitor.node._gravity._buffer.transform = SimpleNamespace(
+        zero = SimpleNamespace(x=0.0, y=0.0, z=0.0)
+        transform = SimpleNamespace(translation=zero, rotation=SimpleNamespace(x=x, y=y, z=z, w=w))
+        monitor.node._gravity._transforms._buffer.transform = SimpleNamespace(
             header=SimpleNamespace(stamp=stamp), transform=transform
         )
         peer.pass_time(0.03)

@@ -9,10 +9,10 @@ from sensor_msgs.msg import Imu
 
 from diag_dynamics.checks import unit
 from diag_dynamics.exceptions import InputError, RejectedError
-from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.diagnostics import OK, WARN, Status
 from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.tf import Transforms, unit_quaternion
 from diag_dynamics.rotations import from_quaternion
 
 PERIOD = 0.019
@@ -34,7 +34,7 @@ class GravitySource:
         self._timeout, self._filter_time = values["gravity_timeout"], values["gravity_filter_time"]
         self._robot, self._fault = None, ""
         if self._frame:
-            self._buffer, self._listener, self._latest = _tf_buffer(node)
+            self._transforms = _transforms(node)
             node.create_timer(PERIOD, lambda: self._accept(self._read_frame), clock=steady_clock())
 
     def check(self):
@@ -94,12 +94,8 @@ class GravitySource:
         return placement[:3, :3] @ up, filter_time
 
     def _read_frame(self, robot):
-        found = self._buffer.lookup_transform(robot.model.root_link, self._frame, self._latest)
-        stamp = found.header.stamp.sec * SECOND + found.header.stamp.nanosec
-        age = 1e-9 * (self._time.now() - stamp)
-        if stamp and age > self._timeout:  # transforms that never change have no stamp
-            raise InputError(f"the transform is {age:.3g} s old")
-        return from_quaternion(*unit_quaternion(found.transform.rotation))[:, 2], 0.0
+        _, axes = self._transforms.find(robot.model.root_link, self._frame, self._timeout)
+        return axes[:, 2], 0.0
 
     def report(self):
         """Return the status of the direction in a list; empty without a source."""
@@ -111,23 +107,12 @@ class GravitySource:
         return [Status("gravity", WARN if problem else OK, problem or "direction is known", values)]
 
 
-def unit_quaternion(q):
-    """Return x, y, z and w of a message's quaternion; InputError if its length is not 1."""
-    numbers = np.array([q.x, q.y, q.z, q.w])
-    if not abs(numbers @ numbers - 1.0) < 0.01:
-        raise InputError(f"orientation is {numbers.tolist()}; expected a quaternion of length 1")
-    return numbers
-
-
-def _tf_buffer(node):
-    """Return a buffer of tf, its listener and the time of the latest transform; InputError without tf2_ros."""
+def _transforms(node):
+    """Return the transforms of tf; InputError without tf2_ros."""
     try:
-        from rclpy.time import Time
-        from tf2_ros import Buffer, TransformListener
+        return Transforms(node)
     except ImportError as error:
         raise InputError(
             f"parameter 'gravity_frame' is '{node.values['gravity_frame']}'; expected an installed package tf2_ros. "
             f"Install it or set gravity_imu ({error})."
         ) from error
-    buffer = Buffer()
-    return buffer, TransformListener(buffer, node), Time()
