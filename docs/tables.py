@@ -297,6 +297,18 @@ INTERFACES = {
         ),
         Interface(OUT, "~/status", "ControllerStatus", "mode, phase, energies, V and its rate, errors, limited joints"),
         Interface(
+            OUT,
+            "~/trajectory_feedback",
+            "trajectory_msgs/JointTrajectory",
+            "points: desired and actual motion and their difference",
+        ),
+        Interface(
+            OUT,
+            "~/trajectory_result",
+            "diagnostic_msgs/DiagnosticStatus",
+            "end or rejection of a trajectory: reason, and error_code of FollowJointTrajectory",
+        ),
+        Interface(
             OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "control, commands and inputs: once a second"
         ),
         *(
@@ -395,6 +407,8 @@ def interface_tables(node):
     if node == "controller":
         own = ", ".join(f"`{name}`" for name, _ in LIFECYCLE)
         parts.append(paragraph(f"The controller is a managed node with the services {own} of `lifecycle_msgs`."))
+        action = "`~/follow_joint_trajectory` (`control_msgs/FollowJointTrajectory`)"
+        parts.append(paragraph(f"Where `control_msgs` is installed, it serves the action {action}."))
     return "\n\n".join(parts)
 
 

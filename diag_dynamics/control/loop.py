@@ -9,6 +9,7 @@ import numpy as np
 
 from diag_dynamics.checks import number
 from diag_dynamics.control.efforts import Efforts
+from diag_dynamics.control.following import INVALID_GOAL, PATH_TOLERANCE_VIOLATED, Outcome, Tolerances
 from diag_dynamics.control.laws import Command
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE
 from diag_dynamics.control.observer import DisturbanceObserver
@@ -48,7 +49,8 @@ class ControlLoop:
 
     `values` are those of parameters.controller.PARAMETERS, `compensated` is whether the robot adds gravity compensation to
     the efforts that it receives, and `points` are ContactPoints with limits. `modes` are those that the parameters allow, by
-    name, `state` is the last valid RobotState or None, and `energy` its kinetic energy [J].
+    name, `state` is the last valid RobotState or None, `energy` its kinetic energy [J], `following` the :class:`Following` of
+    the last trajectory or None, and `tolerances` the default ones of trajectories.
     """
 
     def __init__(self, model, values, compensated, points=None):
@@ -65,6 +67,8 @@ class ControlLoop:
             raise InputError(f"parameter 'hold_time' is {hold_time:g} s, expected at least {limit}.")
         self.supervisor = Supervisor(max_age, hold_time, values["resume_after_ramp"])
         self._initial_mode = self._mode_of(values["initial_mode"])
+        self.following = None  # of the last trajectory
+        self.tolerances = Tolerances.of_parameters(values, model.dof_names)
         self.forget()
 
     def forget(self):
@@ -107,6 +111,7 @@ class ControlLoop:
         if self._periods >= CHECK_EVERY and (unstable := self._unstable(chosen)):
             raise InputError(unstable)
         self.supervisor.release()
+        self.stop_trajectory(f"mode {mode} was requested")
         self._mode = chosen
         chosen.void()
 
@@ -152,18 +157,31 @@ class ControlLoop:
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
 
-    def take_trajectory(self, waypoints, stamp, now):
-        """Follow Waypoints within position and velocity limits; see :class:`Trajectory`.
+    def take_trajectory(self, waypoints, stamp, now, tolerances=None):
+        """Follow Waypoints within position and velocity limits and Tolerances; see :class:`Trajectory`.
 
         The trajectory starts from the desired position, at a stamp [ns] or, if that is 0, with the last state.
         """
         self.require("trajectory")
-        self._mode.take_trajectory(self.state, waypoints, stamp, now)
+        tolerances = tolerances or self.tolerances
+        following = self._mode.take_trajectory(self.state, waypoints, stamp, now, tolerances)
+        self._finish("a newer trajectory replaced the trajectory")
+        self.following = following
+
+    def stop_trajectory(self, reason, canceled=False):
+        """End the trajectory for a reason: the position of the next state becomes the target."""
+        if self._finish(reason, canceled=canceled):
+            self._mode.stop()
+
+    def _finish(self, reason, code=INVALID_GOAL, canceled=False):
+        """Set the outcome of the trajectory; return whether it was being followed."""
+        return self.following is not None and self.following.finish(Outcome(code, reason, canceled))
 
     def take_set_point(self, position):
         """Go to positions [rad, m], shape (nv,), within limits; see :class:`SetPoint`."""
         self.require("set_point")
         self._mode.take_set_point(self.state, position)
+        self._finish("a set-point replaced the trajectory")
 
     def take_scale(self, scale, now):
         """Set the fraction of the allowed contact speeds, from 0 to 1, at the time `now` [ns]."""
@@ -196,8 +214,10 @@ class ControlLoop:
             self._carried_since = None
         is_start = supervisor.will_start or supervisor.starting
         if is_start or self._is_interrupted(before):
+            self._finish("no valid joint state for longer than hold_time")
             self._mode.void()
-        unstable = self._check_gains(before)
+        if unstable := self._check_gains(before):
+            self._finish(unstable)
         self._mode.begin(state)
         self._scale_contact(now)
         external = self._observed(state)
@@ -241,10 +261,22 @@ class ControlLoop:
         """Return the command of the mode in force."""
         state = self.state
         command, lost = self._mode.follow(state, self.supervisor.phase == HOLDING)
+        if lost:
+            self._finish(lost, PATH_TOLERANCE_VIOLATED)
         sent = self._sent_by(self.efforts.filtered(state, command, external), now)
         self._mode.limited = bool(sent.saturated)
         rate = self._mode.measured_rate(command, state.newest)
-        return sent._replace(lyapunov_rate=rate, lost=lost)
+        return sent._replace(lyapunov_rate=rate, lost=lost or self._check_trajectory())
+
+    def _check_trajectory(self):
+        """Return the reason of a trajectory that ends by its tolerances; stop it."""
+        following = self.following
+        if following is None or following.outcome:
+            return ""
+        lost = following.check(self.state, self._mode.desired)
+        if lost:
+            self._mode.stop()
+        return lost
 
     def _sent_by(self, filtered, now):
         """Return the :class:`Sent` for a law's filtered command."""
@@ -289,6 +321,7 @@ class ControlLoop:
         self.supervisor.invalid(now, reason)
         if self.supervisor.phase == INACTIVE:
             return None
+        self.stop_trajectory(f"no valid joint state: {reason}")
         self._mode.forget_rate()
         if self._observer:
             self._observer.reset()

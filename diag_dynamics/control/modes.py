@@ -8,6 +8,7 @@ import numpy as np
 from diag_dynamics.checks import numbers, vector
 from diag_dynamics.control.adaptive import AdaptiveTracking
 from diag_dynamics.control.by_dof import by_dof
+from diag_dynamics.control.following import Following
 from diag_dynamics.control.laws import (
     GravityCompensation,
     JointRegulation,
@@ -60,6 +61,10 @@ class Mode:
         self.void()
 
     def void(self):
+        """Make the next state the target, without what the law has learned."""
+        self.stop()
+
+    def stop(self):
         """Make the next state the target."""
         self._begun, self._lag = False, 0.0  # V of the last command relative to following_energy
         self.forget_rate()
@@ -192,8 +197,13 @@ class JointMode(Mode):
         self.begin(state)
         self._set_target(position, state)
 
-    def take_trajectory(self, state, waypoints, stamp, now):
-        """See :meth:`ControlLoop.take_trajectory`."""
+    @property
+    def desired(self):
+        """Desired motion of the last command."""
+        return self._desired
+
+    def take_trajectory(self, state, waypoints, stamp, now, tolerances):
+        """Return the Following of a trajectory; see :meth:`ControlLoop.take_trajectory`."""
         trajectory = Trajectory(waypoints, self._model.dof_names, self._model.continuous_joints, stamp)
         self._require_within_limits("trajectory.points[{}].positions", trajectory.positions)
         if (wait := (stamp - now) * 1e-9) > MAX_WAIT:
@@ -206,6 +216,7 @@ class JointMode(Mode):
         self._require_speed(trajectory)
         self._target = trajectory
         self.forget_rate()
+        return Following(self._model.dof_names, trajectory, tolerances, self._continuous)
 
     def _require_within_limits(self, what, positions):
         """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""

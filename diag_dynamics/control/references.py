@@ -162,6 +162,16 @@ class Trajectory:
         """Return whether a trajectory with a stamp ends before a time [ns]."""
         return bool(self._stamp) and self._stamp + round(self._times[-1] * 1e9) < time
 
+    @property
+    def start(self):
+        """Time from which the times of waypoints count [ns]."""
+        return self._start
+
+    @property
+    def end(self):
+        """Time of the last waypoint [ns]."""
+        return self._start + round(self._times[-1] * 1e9)
+
     def begin(self, time, position, velocity):
         """Start at a time [ns], or at the stamp, from the position and velocity at that time.
 

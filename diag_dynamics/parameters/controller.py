@@ -60,6 +60,16 @@ _WHILE_UNCONFIGURED = {
     "following_energy": Spec(
         2.0, "Tracking error energy that aborts a target [J]; a quarter pauses set-points and poses. 0 disables.", 0.0
     ),
+    "path_tolerance": Spec(
+        [""], "Maximum errors on a trajectory, each as joint=error; * for all others [rad, m]; by default none."
+    ),
+    "goal_tolerance": Spec(
+        ["*=0.05"], "Maximum errors at the end of a trajectory, each as joint=error; * for all others [rad, m]."
+    ),
+    "stopped_velocity": Spec(0.05, "Maximum speed at the end of a trajectory [rad/s, m/s]; 0: none.", 0.0),
+    "goal_time_tolerance": Spec(
+        1.0, "Maximum time from the end of a trajectory until joints are within tolerances [s]; 0: no limit.", 0.0
+    ),
     # filters
     "limit_margin": Spec(0.1, "Distance of repulsive springs from the position limits [rad, m]; 0: none.", 0.0),
     "limit_stiffness": Spec(100.0, "Stiffness of the springs at the position limits [N m/rad, N/m].", 1e-6),
@@ -90,6 +100,7 @@ _WHILE_UNCONFIGURED = {
         False, "Whether the law resumes at the first valid state after the ramp, without a mode service call."
     ),
     "max_rate.status": Spec(0.0, "Maximum rate of ~/status [Hz]; 0: every command.", 0.0),
+    "max_rate.feedback": Spec(20.0, "Maximum rate of the feedback of trajectories [Hz]; 0: every command.", 0.0),
 }
 
 AUTOSTART = Spec(

@@ -196,6 +196,10 @@ class GraphLogger:
         self.output.append(f"[{severity}] [{self.name}]: {message}")
         return True
 
+    def get_child(self, _):
+        """Return the logger of a part of the node: this one."""
+        return self
+
     debug, info, warning, error = map(logged, ("DEBUG", "INFO", "WARN", "ERROR"))
     warn = warning
 

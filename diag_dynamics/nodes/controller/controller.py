@@ -27,6 +27,7 @@ from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.effort_controller import joints_of_controller
 from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, ManagedNode
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, status_message, values_of_loop
+from diag_dynamics.nodes.controller.trajectories import ACTION, Trajectories
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
@@ -59,7 +60,7 @@ class ControllerNode(ManagedNode):
         super().__init__(NODES["controller"], PARAMETERS, **options)
         required = ParameterDescriptor(description=f"Required: {WHY_REQUIRED}.")
         self.values[COMPENSATES] = self.declare_parameter(COMPENSATES, Parameter.Type.BOOL, required).value
-        self._loop = self._states = self._descriptions = self._watch = None
+        self._loop = self._states = self._descriptions = self._watch = self._trajectories = None
         self._description, self._refused, self._other = None, "", None
         self._published, self._subscribed, self._offered = [], [], []
         self._record, self._order_known = Record(), ""
@@ -80,6 +81,8 @@ class ControllerNode(ManagedNode):
     def destroy_node(self):
         """Leave the robot by a last command, and end."""
         self.deactivate()
+        if self._trajectories:
+            self._trajectories.destroy()
         super().destroy_node()
 
     # --- Lifecycle
@@ -91,6 +94,7 @@ class ControllerNode(ManagedNode):
         self._commands = self._publisher(Float64MultiArray, COMMANDS)
         self._status = self._publisher(ControllerStatus, "~/status")
         self._status_limit = RateLimit(self.values["max_rate.status"])
+        self._trajectories = Trajectories(self, self._publisher, self._take_goal, self._cancel)
         for mode in MODES:
             callback = answered(self, Trigger, partial(self._switch, mode))
             self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", callback, qos_profile=SERVICE_QOS))
@@ -121,11 +125,7 @@ class ControllerNode(ManagedNode):
         names = model.dof_names
         for kind, topic, take in (
             (PoseStamped, "target", lambda message: loop.take_pose(*received.pose(message, model))),
-            (
-                JointTrajectory,
-                "trajectory",
-                lambda message: loop.take_trajectory(*received.trajectory(message, names), self.time.now()),
-            ),
+            (JointTrajectory, "trajectory", self._take_trajectory),
             (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
             (Float64, SCALE, lambda message: loop.take_scale(message.data, self.time.now())),
         ):
@@ -145,6 +145,9 @@ class ControllerNode(ManagedNode):
             self._watch = None
         if self._subscribed and (effort := self._loop.leave()) is not None:
             self._send(effort)
+        if self._loop and self._subscribed:
+            self._loop.stop_trajectory("the controller was deactivated")
+            self._trajectories.update()
         for subscription in self._subscribed:
             self.destroy_subscription(subscription)
         self._subscribed = []
@@ -167,9 +170,11 @@ class ControllerNode(ManagedNode):
             self.destroy_service(service)
         for publisher in self._published:
             self.destroy_publisher(publisher)
+        if self._trajectories:
+            self._trajectories.destroy()
         self._offered, self._published = [], []
         self._left = self._standing()
-        self._loop = self._descriptions = self._description = None
+        self._loop = self._descriptions = self._description = self._trajectories = None
         self._refused, self._other = "", None
 
     # --- The robot
@@ -281,6 +286,7 @@ class ControllerNode(ManagedNode):
             if 0 < len(late) < len(self._states.joint_names):
                 problem = f"joint '{late[0]}' is older than {self.values['joint_timeout']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
+        self._trajectories.update()
 
     def _rejected(self, now, cause, reason):
         self._record.refuse(f"rejected: {cause}", reason)
@@ -288,7 +294,7 @@ class ControllerNode(ManagedNode):
         return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
-        """Send a command, and publish the status."""
+        """Send a command, and publish status and feedback."""
         if sent is None:
             return
         self._send(sent.effort)
@@ -298,6 +304,7 @@ class ControllerNode(ManagedNode):
         self._record.command(now, sent, self._loop, self.values["max_state_age"])
         if self._status.get_subscription_count() and self._status_limit.due(now):
             self._status.publish(status_message(self._loop, sent))
+        self._trajectories.update()
 
     def _send(self, effort):
         self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
@@ -305,26 +312,54 @@ class ControllerNode(ManagedNode):
     # --- Targets and modes
 
     def _take_target(self, topic, take, message):
+        """Take a target; return whether it is accepted."""
         if self.phase != ACTIVE:
-            return
+            return False
         _, fault = attempt(self._check_and_take, topic, take, message)
         if fault is None:
             self._record.counts[f"{topic} accepted"] += 1
             self.get_logger().debug(f"{topic} accepted")
-            return
+            self._trajectories.update()
+            return True
+        if topic in ("trajectory", ACTION):
+            self._trajectories.reject(fault.reason)
         self._record.refuse(f"{topic} rejected", fault.reason)
         self.get_logger().debug(f"{topic} rejected: {fault.reason}")
         self.get_logger().warning(f"Rejected on {topic}: {fault.reason}", throttle_duration_sec=1.0)
+        return False
 
     def _check_and_take(self, topic, take, message):
         if topic != SCALE:
-            self._loop.require(topic)  # before a long message is read
+            self._loop.require("trajectory" if topic == ACTION else topic)  # before a long message is read
         take(message)
+
+    def _take_trajectory(self, message, tolerances=None):
+        loop = self._loop
+        points = received.trajectory(message, loop.dynamics.model.dof_names)
+        loop.take_trajectory(*points, self.time.now(), tolerances)
+        self._trajectories.add(loop.following)
+
+    def _take_goal(self, goal):
+        """Follow the trajectory of an action goal; return whether it is accepted."""
+
+        def take(goal):
+            tolerances = received.tolerances(goal, self._loop.dynamics.model.dof_names, self._loop.tolerances)
+            self._take_trajectory(goal.trajectory, tolerances)
+
+        if self.phase != ACTIVE:
+            self.get_logger().warning(
+                f"Rejected on {ACTION}: the controller is {self.phase}.", throttle_duration_sec=1.0
+            )
+        return self._take_target(ACTION, take, goal)
+
+    def _cancel(self):
+        self._loop.stop_trajectory("canceled by request", canceled=True)
 
     def _switch(self, mode, *_):
         if self.phase != ACTIVE:
             raise InputError(f"the controller is {self.phase}. Activate it first.")
         self._loop.switch(mode)
+        self._trajectories.update()
         self.get_logger().debug(f"mode {mode} requested")
         return f"mode {mode}"
 

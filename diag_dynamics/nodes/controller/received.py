@@ -5,6 +5,7 @@
 
 import numpy as np
 
+from diag_dynamics.control.following import Tolerances
 from diag_dynamics.control.references import Waypoints
 from diag_dynamics.exceptions import InputError
 
@@ -64,6 +65,41 @@ def trajectory(message, names):
     accelerations, with_acceleration = _field(points, "accelerations", order)
     waypoints = Waypoints(times, positions, velocities, accelerations, with_velocity, with_acceleration)
     return waypoints, stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def tolerances(goal, names, defaults):
+    """Return the Tolerances of a FollowJointTrajectory goal: 0 is a default, and -1 is none."""
+    for field in ("component_path_tolerance", "component_goal_tolerance"):
+        if getattr(goal, field, ()):
+            raise InputError(
+                f"{field} is set, expected none because the robot has joints of one degree of freedom only."
+            )
+    if getattr(goal, "multi_dof_trajectory", None) and goal.multi_dof_trajectory.joint_names:
+        raise InputError(f"multi_dof_trajectory has joint '{goal.multi_dof_trajectory.joint_names[0]}', expected none.")
+    tables = {"path_tolerance": defaults.path.copy(), "goal_tolerance": defaults.goal.copy()}
+    for what, table in tables.items():
+        for entry in getattr(goal, what):
+            if entry.name not in names:
+                raise InputError(f"{what} has '{entry.name}', expected joints of {', '.join(names)}.")
+            of, k = f"of joint '{entry.name}'", names.index(entry.name)
+            table[0, k] = _tolerance(f"{what}.position {of}", entry.position, table[0, k])
+            table[1, k] = _tolerance(f"{what}.velocity {of}", entry.velocity, table[1, k])
+            if entry.acceleration > 0.0:
+                raise InputError(
+                    f"{what}.acceleration {of} is {entry.acceleration}, but accelerations are not measured."
+                )
+    duration = goal.goal_time_tolerance
+    time = _tolerance("goal_time_tolerance", duration.sec + 1e-9 * duration.nanosec, defaults.time)
+    return Tolerances(*tables.values(), time)
+
+
+def _tolerance(name, value, default):
+    """Return a tolerance by the conventions of control_msgs/JointTolerance."""
+    if value == 0.0:
+        return default
+    if value != -1.0 and not 0.0 < value < np.inf:
+        raise InputError(f"{name} is {value}, expected a number > 0, 0 (the default) or -1 (none).")
+    return value if value > 0.0 else np.inf
 
 
 def _order(what, listed, names):

@@ -1,0 +1,227 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Trajectories of the controller in lockstep with the simulator: topics and action, by a goal handle of the test's own."""
+
+import contextlib
+from types import SimpleNamespace
+from unittest import mock
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.action import CancelResponse, GoalResponse
+from trajectory_msgs.msg import JointTrajectory
+
+from controllers import START_AT, begin_at_rest, lockstep_arm, trajectory
+from nodes import UR5, S, nanoseconds, robot
+
+NAMES = robot(UR5).names
+START = np.array(START_AT)
+GOAL = START + 0.1
+MODULE = "diag_dynamics.nodes.controller.trajectories"
+
+
+class Message(SimpleNamespace):
+    """Stands in for messages of control_msgs, which PyPI has not."""
+
+
+STAND_IN = SimpleNamespace(Result=Message, Feedback=Message)
+
+
+class Handle:
+    """A goal handle with the transitions of rcl_action."""
+
+    def __init__(self, request):
+        self.request, self.state, self.feedback, self.wait = request, "executing", [], None
+
+    @property
+    def is_cancel_requested(self):
+        return self.state == "canceling"
+
+    def execute(self, callback):
+        self.wait = callback(self)
+
+    def publish_feedback(self, feedback):
+        assert self.state == "executing"
+        self.feedback.append(feedback)
+
+    def _end(self, state, allowed):
+        assert self.state in allowed, (self.state, state)
+        self.state = state
+
+    def succeed(self):
+        self._end("succeeded", ("executing", "canceling"))
+
+    def abort(self):
+        self._end("aborted", ("executing", "canceling"))
+
+    def canceled(self):
+        self._end("canceled", ("canceling",))
+
+    def result(self):
+        """Return the result that the coroutine of the server returns; it must be done."""
+        if self.wait:
+            with pytest.raises(StopIteration) as end:
+                self.wait.send(None)
+            self.wait, self._result = None, end.value.value
+        return self._result
+
+
+class Server:
+    """An action server whose requests are calls of the test; rclpy calls the callbacks in the same order."""
+
+    def __init__(self, node, kind, name, execute, *, goal_callback, handle_accepted_callback, cancel_callback):
+        self.accept, self.begin, self.confirm = goal_callback, handle_accepted_callback, cancel_callback
+        self.destroyed, node.action = False, self
+        assert name == "~/follow_joint_trajectory"
+
+    def send(self, message, path=(), goal=(), time=0.0):
+        """Return the handle of a goal, or None if it is rejected."""
+        seconds = SimpleNamespace(sec=int(time), nanosec=round(S * (time % 1.0)))
+        fields = {"trajectory": message, "path_tolerance": path, "goal_tolerance": goal, "goal_time_tolerance": seconds}
+        request = Message(**fields)
+        if self.accept(request) == GoalResponse.REJECT:
+            return None
+        handle = Handle(request)
+        self.begin(handle)
+        return handle
+
+    def cancel(self, handle):
+        if self.confirm(handle) == CancelResponse.ACCEPT:
+            handle.state = "canceling"
+        return handle.state == "canceling"
+
+    def destroy(self):
+        self.destroyed = True
+
+
+@pytest.fixture(scope="module")
+def arm(peer):
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(mock.patch(f"{MODULE}.ActionServer", Server))
+        stack.enter_context(mock.patch(f"{MODULE}.FollowJointTrajectory", STAND_IN))
+        values = {"controlled_link": "tool0", "effort_rate": ["*=5000.0"], "max_rate.feedback": 50.0}
+        arm = stack.enter_context(lockstep_arm(peer, "/followed", list(NAMES), **values))
+        arm.results = peer.topic(DiagnosticStatus, f"{arm.name}/trajectory_result")
+        arm.feedback = peer.topic(JointTrajectory, f"{arm.name}/trajectory_feedback")
+        yield arm
+
+
+@pytest.fixture(autouse=True)
+def from_the_start(arm):
+    begin_at_rest(arm)
+    arm.results.forget()
+    arm.feedback.forget()
+
+
+def to_goal(names=NAMES, goal=GOAL):
+    return trajectory([(1.0, goal, [0] * len(names))], names)
+
+
+def server(arm):
+    return arm.process.node.action
+
+
+def go(arm, seconds):
+    """Let the arm go on for a time of its stamps."""
+    first = nanoseconds(arm.wait_for(lambda s: True, "a status").header.stamp)
+    status = arm.wait_for(lambda s: nanoseconds(s.header.stamp) - first >= seconds * S, "time")
+    return np.array(arm.simulator.states.messages[-1].position), status
+
+
+def result(arm):
+    (status,) = arm.results.messages
+    return int(status.values[0].value), status
+
+
+def test_a_topic_reports_feedback_and_success(arm):
+    arm.trajectory.publish(to_goal())
+    arm.peer.wait_until(lambda: arm.results.messages, "the result")
+    assert result(arm)[0] == 0 and result(arm)[1].level == DiagnosticStatus.OK
+    assert 40 <= len(arm.feedback.messages) <= 55
+    for message in arm.feedback.messages:
+        desired, actual, error = message.points
+        state = arm.simulator.states.repeated(nanoseconds(message.header.stamp))
+        np.testing.assert_array_equal(actual.positions, state.position)
+        np.testing.assert_allclose(error.positions, np.subtract(desired.positions, actual.positions), atol=1e-12)
+        t = desired.time_from_start.sec + 1e-9 * desired.time_from_start.nanosec
+        part = min(t, 1.0) ** 2 * (3.0 - 2.0 * min(t, 1.0))  # a cubic between rests, written out
+        np.testing.assert_allclose(desired.positions, START + part * 0.1, atol=2e-3)
+
+
+def test_an_action_in_another_order_of_joints_succeeds(arm):
+    handle = server(arm).send(to_goal(NAMES[::-1], GOAL[::-1]))
+    go(arm, 0.5)
+    assert handle.state == "executing" and len(handle.feedback) > 20
+    assert handle.feedback[-1].joint_names == list(NAMES)
+    q, _ = go(arm, 0.8)
+    assert handle.state == "succeeded" and handle.result() == Message(error_code=0, error_string="")
+    np.testing.assert_allclose(q, GOAL, atol=5e-3)
+    assert result(arm)[0] == 0
+
+
+def test_cancel_holds_the_position(arm):
+    handle = server(arm).send(to_goal())
+    place, _ = go(arm, 0.5)
+    assert server(arm).cancel(handle)
+    q, status = go(arm, 1.0)
+    assert handle.state == "canceled" and "canceled" in handle.result().error_string
+    assert np.abs(q - place).max() < 0.03 and max(map(abs, status.tracking_error)) < 1e-3
+    assert not server(arm).cancel(Handle(None))
+
+
+@pytest.mark.parametrize("by", ["action", "topic", "mode", "invalid state", "path"])
+def test_abort(arm, by):
+    """The other goal, or the robot where it is, counts from then on."""
+    tolerance = SimpleNamespace(name=NAMES[2], position=1e-7, velocity=0.0, acceleration=0.0)
+    handle = server(arm).send(to_goal(), path=[tolerance] if by == "path" else ())
+    place, _ = go(arm, 0.5)
+    other, reason, code = None, "a newer trajectory", -1
+    if by == "action":
+        other = server(arm).send(to_goal(goal=START))
+    elif by == "topic":
+        arm.trajectory.publish(to_goal(goal=START))
+    elif by == "mode":
+        arm.switch("damping")
+        reason = "mode damping was requested"
+    elif by == "invalid state":
+        arm.process.node._take_joint_state(b"no message")
+        reason = "no valid joint state"
+    else:
+        reason, code = f"joint '{NAMES[2]}' on the trajectory is", -4
+    q, _ = go(arm, 1.5)
+    assert handle.state == "aborted" and handle.result().error_code == code
+    assert reason in handle.result().error_string
+    if other:
+        assert other.state == "succeeded"
+    if by in ("action", "topic"):
+        np.testing.assert_allclose(q, START, atol=5e-3)
+    else:
+        assert np.abs(q - place).max() < 0.12 and (by == "path" or np.abs(q - GOAL).max() > 0.01)
+
+
+def test_rejection_names_the_joint(arm):
+    for send, reason in (
+        (lambda: server(arm).send(to_goal(NAMES[1:], GOAL[1:])), f"lacks joint '{NAMES[0]}'"),
+        (lambda: server(arm).send(to_goal(goal=START + 7.0)), f"of joint '{NAMES[0]}' is 7.3, expected within"),
+        (lambda: server(arm).send(trajectory([(0.0, GOAL, [0] * 6)], NAMES)), "from where joint 'shoulder"),
+        (lambda: server(arm).send(to_goal(), goal=[SimpleNamespace(name="wing")]), "goal_tolerance has 'wing'"),
+        (lambda: arm.trajectory.publish(to_goal(NAMES[1:], GOAL[1:])), f"lacks joint '{NAMES[0]}'"),
+    ):
+        arm.results.forget()
+        assert send() is None
+        arm.peer.wait_until(lambda: arm.results.messages, "the result")
+        code, status = result(arm)
+        assert code == -1 and reason in status.message and status.level == DiagnosticStatus.ERROR
+    arm.switch("damping")
+    assert server(arm).send(to_goal()) is None
+
+
+def test_deactivation_aborts_and_cleanup_removes_the_action(arm):
+    action, handle = server(arm), server(arm).send(to_goal())
+    go(arm, 0.3)
+    assert arm.peer.transition(arm.name, "deactivate")
+    assert handle.state == "aborted" and "deactivated" in handle.result().error_string
+    assert action.send(to_goal()) is None and not action.destroyed
+    assert arm.peer.transition(arm.name, "cleanup") and action.destroyed
