@@ -4,16 +4,18 @@
 """Trajectories of the controller in lockstep with the simulator: topics and action, by a goal handle of the test's own."""
 
 import contextlib
-from types import SimpleNamespace
+import sys
+from types import ModuleType, SimpleNamespace
 from unittest import mock
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import CancelResponse, GoalResponse
 from trajectory_msgs.msg import JointTrajectory
 
-from controllers import START_AT, begin_at_rest, lockstep_arm, trajectory
+from controllers import START_AT, begin_at_rest, lockstep_arm, pose_error, pose_message, pose_of, trajectory
 from nodes import UR5, S, nanoseconds, robot
 
 NAMES = robot(UR5).names
@@ -96,9 +98,24 @@ class Server:
         self.destroyed = True
 
 
+class Buffer:
+    """A buffer of tf2_ros with one transform."""
+
+    transform = None
+
+    def lookup_transform(self, target, source, time):
+        if source != "table":
+            raise LookupError(f'"{source}" passed to lookupTransform argument source_frame does not exist')
+        assert target == "world"  # the root of a UR5
+        return self.transform
+
+
 @pytest.fixture(scope="module")
 def arm(peer):
+    module = ModuleType("tf2_ros")
+    module.Buffer, module.TransformListener = Buffer, lambda buffer, node: None
     with contextlib.ExitStack() as stack:
+        stack.enter_context(mock.patch.dict(sys.modules, tf2_ros=module))
         stack.enter_context(mock.patch(f"{MODULE}.ActionServer", Server))
         stack.enter_context(mock.patch(f"{MODULE}.FollowJointTrajectory", STAND_IN))
         values = {"controlled_link": "tool0", "effort_rate": ["*=5000.0"], "max_rate.feedback": 50.0}
@@ -216,6 +233,33 @@ def test_rejection_names_the_joint(arm):
         assert code == -1 and reason in status.message and status.level == DiagnosticStatus.ERROR
     arm.switch("damping")
     assert server(arm).send(to_goal()) is None
+
+
+def test_a_pose_in_a_frame_of_tf(arm):
+    """Its target is Pinocchio's composition of transform and pose; unknown and old frames are named."""
+    arm.switch("pose")
+    position, axes = pose_of(START)
+    placement = pin.SE3(pin.rpy.rpyToMatrix(0.2, -0.4, 1.1), np.array([0.5, -0.3, 0.2]))
+    x, y, z, w = map(float, pin.Quaternion(placement.rotation).coeffs())
+    p = SimpleNamespace(**dict(zip("xyz", placement.translation, strict=True)))
+    stamp = SimpleNamespace(sec=0, nanosec=0)
+    transform = SimpleNamespace(translation=p, rotation=SimpleNamespace(x=x, y=y, z=z, w=w))
+    buffer = arm.process.node._transforms._buffer
+    buffer.transform = SimpleNamespace(header=SimpleNamespace(stamp=stamp), transform=transform)
+    goal = pin.SE3(axes, position + np.array([0.05, 0.1, -0.05]))
+    pose = placement.inverse() * goal
+    arm.target.publish(pose_message("table", pose.translation, pose.rotation))
+    arm.wait_for(lambda s: pose_error(s)[0] > 0.1, "the target", timeout=1.0)
+    arm.wait_for(lambda s: max(pose_error(s)) < 1e-3 and s.energy < 1e-6, "its pose")
+    found = pose_of(arm.simulator.states.messages[-1].position)
+    np.testing.assert_allclose(found[0], goal.translation, atol=2e-3)
+    np.testing.assert_allclose(found[1], goal.rotation, atol=5e-3)
+    arm.refuses(lambda: arm.target.publish(pose_message("map", position)), "frame_id is 'map'")
+    stamp.nanosec = 1  # of the epoch
+    if arm.process.node.time.now() > 2 * S:
+        arm.refuses(lambda: arm.target.publish(pose_message("table", position)), "the transform is")
+    arm.process.node._transforms = None
+    arm.refuses(lambda: arm.target.publish(pose_message("table", position)), "needs package tf2_ros")
 
 
 def test_deactivation_aborts_and_cleanup_removes_the_action(arm):

@@ -35,6 +35,7 @@ from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, St
 from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
+from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact import bounded_points
 from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
@@ -64,6 +65,7 @@ class ControllerNode(ManagedNode):
         self._description, self._refused, self._other = None, "", None
         self._published, self._subscribed, self._offered = [], [], []
         self._record, self._order_known = Record(), ""
+        self._transforms = None  # of tf
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
@@ -94,6 +96,8 @@ class ControllerNode(ManagedNode):
         self._commands = self._publisher(Float64MultiArray, COMMANDS)
         self._status = self._publisher(ControllerStatus, "~/status")
         self._status_limit = RateLimit(self.values["max_rate.status"])
+        if self.values["controlled_link"] and self._transforms is None:
+            self._transforms = Transforms.if_installed(self)
         self._trajectories = Trajectories(self, self._publisher, self._take_goal, self._cancel)
         for mode in MODES:
             callback = answered(self, Trigger, partial(self._switch, mode))
@@ -124,7 +128,7 @@ class ControllerNode(ManagedNode):
         loop, model = self._loop, self._loop.dynamics.model
         names = model.dof_names
         for kind, topic, take in (
-            (PoseStamped, "target", lambda message: loop.take_pose(*received.pose(message, model))),
+            (PoseStamped, "target", lambda message: loop.take_pose(*received.pose(message, model, self._transforms))),
             (JointTrajectory, "trajectory", self._take_trajectory),
             (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
             (Float64, SCALE, lambda message: loop.take_scale(message.data, self.time.now())),

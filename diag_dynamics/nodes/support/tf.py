@@ -20,6 +20,14 @@ class Transforms:
         self._time, self._latest, self._buffer = node.time, Time(), Buffer()
         self._listener = TransformListener(self._buffer, node)
 
+    @classmethod
+    def if_installed(cls, node):
+        """Return the transforms of a node; None without tf2_ros."""
+        try:
+            return cls(node)
+        except ImportError:
+            return None
+
     def find(self, target, source, max_age):
         """Return the position [m] and the axes of the frame `source` in `target`.
 
