@@ -92,8 +92,8 @@ class Plant:
     """
 
     def __init__(self, model, values):
-        if model.couplings:
-            raise UnsupportedError("the parameters have couplings, which a simulation does not support. Omit them.")
+        if model.motor_efforts:
+            raise UnsupportedError("motor_efforts is true; expected false, because simulated efforts are of joints.")
         _require_consistent(model, values)
         period = 1.0 / values["rate"]
         step = period / math.ceil(period / values["step"] - 1e-9)  # a whole number of steps a period

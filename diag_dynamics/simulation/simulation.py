@@ -16,7 +16,7 @@ from diag_dynamics.checks import in_order, number, numbers, per_name, vector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.dynamics.arguments import States
 from diag_dynamics.dynamics.calls import raise_failure
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.model.links import wrenches_on_links
@@ -125,6 +125,13 @@ class Simulation:
         Largest efforts [N m, N], to which commands are cut. True: those of the URDF, where 0 is no limit. False: none.
     effort_offset : float or array_like, shape (nv,), optional
         Part of a command that has no effect, and of the effort that is measured [N m, N]; by default that of the model.
+
+    Raises
+    ------
+    InputError
+        An argument has a wrong value.
+    UnsupportedError
+        A coupled motor of the model has friction.
     """
 
     def __init__(
@@ -140,6 +147,11 @@ class Simulation:
         effort_limits: bool | VectorLike | float = True,
         effort_offset: VectorLike | float | None = None,
     ) -> None:
+        for name, motor in model.couplings.items():
+            if motor.damping or motor.friction:
+                raise UnsupportedError(
+                    f"the coupled motor of joint '{name}' has friction, which a simulation lacks. Omit its coupling."
+                )
         self.dynamics, self.model, self._memory = DiagonalDynamics(model), model, Memory(model)
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
