@@ -52,7 +52,8 @@ class Selection:
         self._weight = WEIGHT if data.duration >= SHORT else SHORT_WEIGHT
         self._moving = data.moving if steps else np.zeros(model.nv, dtype=bool)
         if steps and not self._moving.any() and not payload:
-            raise InputError(f"no joint moves enough: {data.findings[-1].text}.")
+            files = ", ".join(one.name for one in data.datasets)
+            raise InputError(f"{files}: no joint moves enough: {data.findings[-1].text}.")
         efforts = self.layout.squares([(data.fitted, True)], np.zeros(self.layout.size))
         self._negligible = max(MIN_VARIANCE * efforts.mean(), 1e-300)
         self._floor = MIN_RESIDUAL * self.residuals(efforts[None])
