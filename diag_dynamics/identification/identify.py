@@ -149,7 +149,7 @@ class FitData:
         deviations = np.sqrt((count - 1) / count * (changes**2).sum(axis=1)) / slope
         for one in self.datasets:
             one.scale_efforts(model, 1.0 / slope)
-        self.gains = gains, gains * deviations
+        self.gains = gains, np.abs(gains) * deviations
         self.use_load_of(model)
 
     def left_out(self):
