@@ -114,8 +114,10 @@ def format_summary(found):
     for name in quality["torque_rms"]:
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
         lines.append(f"  {name:{width}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")
-    for name, (_, damping, friction) in found.parameters.couplings.items():
-        lines.append(f"  motor of {name} at its rate: damping {damping:.3g} N m s/rad, friction {friction:.3g} N m")
+    for name, motor in found.parameters.couplings.items():
+        if "motor_damping" in quality["deviations"].get(name, {}):
+            values = f"damping {motor.damping:.3g} N m s/rad, friction {motor.friction:.3g} N m"
+            lines.append(f"  motor of {name} at its rate: {values}")
     for key, what in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
         if None not in quality[key]:
             lines.append(f"  variance explained of {what}: {quality[key][0]:.3f} → {quality[key][1]:.3f}")

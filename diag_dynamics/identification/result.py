@@ -63,7 +63,7 @@ class Identification:
 
 
 def parameters_of(layout, x, free, origin=None):
-    """Return the :class:`Parameters` of the `free` unknowns (bool), and of rotors that were left out."""
+    """Return the :class:`Parameters` of the `free` unknowns (bool), of rotors that were left out and of all couplings."""
     model, links, payloads = layout.model, {}, {}
     if layout.payload:
         payloads[layout.payload.link] = Payload(*inertias.about_centre(x[layout.robot :]))
@@ -73,7 +73,6 @@ def parameters_of(layout, x, free, origin=None):
     motors = {
         name: coupling._replace(damping=float(x[places[0]]), friction=float(x[places[1]]))
         for (name, coupling), places in zip(model.couplings.items(), layout.motors, strict=True)
-        if free[places].all()
     }
     velocity = model.friction_velocity if free[layout.own(FRICTION)].any() else None
     return Parameters(

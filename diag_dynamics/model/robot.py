@@ -159,6 +159,8 @@ class RobotModel:
         self.effort_scale: Mapping[str, float] = MappingProxyType(options.effort_scale)
         self.couplings: Mapping[str, Coupling] = MappingProxyType(options.couplings)
         self.motor_efforts: bool = options.motor_efforts
+        if self.motor_efforts and not self.couplings:
+            raise InputError("parameters: motor_efforts is true, but couplings are missing. Give both.")
         self.motor_rates: Array = _motor_rates(options.couplings, tree.dof_names)
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)

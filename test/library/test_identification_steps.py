@@ -304,6 +304,12 @@ def test_efforts_of_coupled_motors(wrist, tmp_path):
     coupled = {"couplings": {"wrist_3_joint": COUPLING["couplings"]["wrist_3_joint"] | unit}}
     torque = dd.DiagonalDynamics(data.model.with_parameters(coupled)).friction_torque(rate)
     np.testing.assert_allclose(torque, [0, 0, 0, 0, 1.5, 1.5], atol=1e-12)
+    kept = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "rotors").parameters
+    assert kept.motor_efforts and kept.couplings == model.couplings
+    with pytest.raises(dd.InputError, match="expected no gains, because motor_efforts is true"):
+        dd.identify(data, model, ("gains", "friction"))
+    with pytest.raises(dd.InputError, match="motor_efforts is true, but couplings are missing"):
+        data.model.with_parameters({"motor_efforts": True})
     for wrong in ({"joints": {"elbow": 1.0}}, {"joints": {}}, {"damping": -1.0, "joints": {"elbow_joint": 1.0}}):
         with pytest.raises(dd.InputError, match="coupling 'wrist_3_joint'"):
             data.model.with_parameters({"couplings": {"wrist_3_joint": wrong}})
