@@ -74,7 +74,8 @@ def parameters_of(layout, x, free, origin=None):
         name: coupling._replace(damping=float(x[places[0]]), friction=float(x[places[1]]))
         for (name, coupling), places in zip(model.couplings.items(), layout.motors, strict=True)
     }
-    velocity = model.friction_velocity if free[layout.own(FRICTION)].any() else None
+    is_velocity_used = any(free[layout.own(column)].any() for column in (FRICTION, LOAD, ROOT))
+    velocity = model.friction_velocity if is_velocity_used else None
     return Parameters(
         joints=_joints(layout, x, free),
         links=links,

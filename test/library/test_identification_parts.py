@@ -9,8 +9,9 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.fit import Body, Problem, solve
-from diag_dynamics.identification.regressors import Regressors
+from diag_dynamics.identification.fit import Body, Layout, Problem, solve
+from diag_dynamics.identification.regressors import FRICTION, LOAD, OFFSET, ROOT, Regressors
+from diag_dynamics.identification.result import parameters_of
 from examples import some_of
 from motions import efforts
 from oracles import Oracle
@@ -143,3 +144,13 @@ def test_rows_of_unknown_efforts_say_nothing():
     assert whole[3].any() and not part[3].any()
     for k in np.flatnonzero(known):
         np.testing.assert_array_equal(part[k], whole[k])
+
+
+@pytest.mark.parametrize("column", [FRICTION, LOAD, ROOT, OFFSET])
+def test_the_file_has_the_friction_velocity_that_was_fitted_with(column):
+    model = dd.load_urdf(PANDA.urdf, mimic="free", friction_velocity=0.02)
+    layout = Layout(model, Regressors(model))
+    free = np.zeros(layout.size, dtype=bool)
+    free[layout.own(column)[2]] = True
+    expected = None if column == OFFSET else 0.02
+    assert parameters_of(layout, layout.known, free).friction_velocity == expected
