@@ -251,18 +251,19 @@ def test_friction_of_joints_that_stick(seed):
             assert abs(error) < 2.0 * found.quality["deviations"][name][key] < values[k]
 
 
-COUPLING = {"couplings": {"wrist_3_joint": {"joints": {"wrist_2_joint": 1.0}}}}
+RATIO = -0.7  # of the last motor's rate to that of the joint before
+COUPLING = {"couplings": {"wrist_3_joint": {"joints": {"wrist_2_joint": RATIO}}}}
 
 
 @pytest.fixture(scope="module")
 def wrist(arm):
-    """Recordings of an arm whose last motor turns two joints: 0.4 N m s/rad and 0.9 N m at the sum of their rates."""
+    """Recordings of an arm whose last motor turns two joints: 0.4 N m s/rad and 0.9 N m at its rate."""
     model, oracle = arm
 
     def resist(qd, g):
-        rate = qd[:, 4] + qd[:, 5]
+        rate = RATIO * qd[:, 4] + qd[:, 5]
         torque = 0.4 * rate + 0.9 * np.tanh(rate / 5e-3)
-        return friction(qd, g) + np.outer(torque, [0, 0, 0, 0, 1, 1])
+        return friction(qd, g) + np.outer(torque, [0, 0, 0, 0, RATIO, 1])
 
     return [recording(model, oracle, seed, 30.0, noise=0.3, resist=resist) for seed in SEEDS]
 
@@ -283,12 +284,12 @@ def test_friction_of_a_coupled_wrist(wrist):
 
 
 def test_efforts_of_coupled_motors(wrist, tmp_path):
-    """Motors 5 and 6 at rates q̇₅ and q̇₅ + q̇₆: torques of joints are u₅ + u₆ and u₆, by file, unknown if one of them is."""
+    """Motors at rates q̇₅ and R q̇₅ + q̇₆: torques of joints are u₅ + R u₆ and u₆, by file, unknown if one of them is."""
     data = wrist[0]
     path, table = tmp_path / "wrist.yaml", tmp_path / "x.npz"
     dd.Parameters.from_dict(COUPLING | {"motor_efforts": True}).save(path)
     model, efforts = dd.load_urdf(UR5, parameters=path), data.tau.copy()
-    efforts[:, 4] -= data.tau[:, 5]
+    efforts[:, 4] -= RATIO * data.tau[:, 5]
     efforts[-1, 5] = np.nan
     names = data.model.dof_names
     columns = {
@@ -303,7 +304,7 @@ def test_efforts_of_coupled_motors(wrist, tmp_path):
     rate, unit = np.array([0, 0, 0, 0, 2.0, -0.5]), {"damping": 0.4, "friction": 0.9}
     coupled = {"couplings": {"wrist_3_joint": COUPLING["couplings"]["wrist_3_joint"] | unit}}
     torque = dd.DiagonalDynamics(data.model.with_parameters(coupled)).friction_torque(rate)
-    np.testing.assert_allclose(torque, [0, 0, 0, 0, 1.5, 1.5], atol=1e-12)
+    np.testing.assert_allclose(torque, np.array([0, 0, 0, 0, RATIO, 1.0]) * (0.4 * -1.9 - 0.9), atol=1e-12)
     kept = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "rotors").parameters
     assert kept.motor_efforts and kept.couplings == model.couplings
     with pytest.raises(dd.InputError, match="expected no gains, because motor_efforts is true"):
