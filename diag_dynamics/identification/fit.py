@@ -76,7 +76,7 @@ class Layout:
             self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
         self.motors = [regressors.of_motors([motor]) for motor in range(len(model.couplings))]
         for places, coupling in zip(self.motors, model.couplings.values(), strict=True):
-            self.known[places], self.positive[places] = coupling[1:], True
+            self.known[places], self.positive[places] = (coupling.damping, coupling.friction), True
         values = (
             model.damping,
             model.friction,
