@@ -80,8 +80,7 @@ class EffortRange:
     def hide_constant(self, states):
         """Add States; return them without efforts of joints that have moved while their efforts were constant."""
         self.add_values(states.position[:, -len(self._names) :], states.effort)
-        (low, lowest), (high, highest) = self._low, self._high
-        constant = (highest - lowest > TRAVEL) & (high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high)))
+        constant = self._constant()
         is_clear = self.states >= MIN_STATES and constant.any() and self.measures
         return states.without_efforts(constant) if is_clear else states
 
@@ -97,13 +96,16 @@ class EffortRange:
 
     def values(self):
         """Return the values of efforts that cannot have been measured as texts, by joint."""
-        (low, lowest), (high, highest) = self._low, self._high
-        largest = np.maximum(np.abs(low), np.abs(high))
-        with np.errstate(invalid="ignore"):
-            constant = (highest - lowest > TRAVEL) & (high - low <= CONSTANT * largest)
-        texts = np.where(constant, [f"{value:.6g}" for value in low], "")
+        low, largest = self._low[0], np.maximum(np.abs(self._low[0]), np.abs(self._high[0]))
+        texts = np.where(self._constant(), [f"{value:.6g}" for value in low], "")
         texts = np.where(np.isfinite(low), np.where(largest < ZERO, "0", texts), "missing").tolist()
         return {name: text for name, text in zip(self._names, texts, strict=True) if text and self.states > 1}
+
+    def _constant(self):
+        """Return which joints have moved while their efforts were constant or missing, bool (n,)."""
+        (low, lowest), (high, highest) = self._low, self._high
+        with np.errstate(invalid="ignore"):
+            return (highest - lowest > TRAVEL) & (high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high)))
 
 
 class MotionSample:
