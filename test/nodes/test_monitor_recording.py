@@ -111,6 +111,9 @@ JOINTS = ("lift", "turn")
 PUSHED = {"external_torque.gain": 30.0, "external_torque.threshold": 6.0, "max_age": 0.0}
 ALARMS = {"external_torque.gain": 30.0, "max_age": 0.0, "alarm.joints": ["lift=2.5", "turn=1"], "alarm.release": 0.5}
 
+IDENTIFIED = """{joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}},
+couplings: {turn: {joints: {lift: -0.3}, friction: 0.4}}, motor_efforts: true}"""
+
 OBSERVED = {
     # by parameter: the value that differs from the one in force
     "external_torque.gain": (PUSHED, 60.0),
@@ -131,7 +134,7 @@ OBSERVED = {
     "gravity": (PUSHED, [0.0, 3.0, -9.0]),
     "locked_joints": (PUSHED, ["turn=0.1"]),
     "armature": (PUSHED, ["lift=0.2"]),
-    "parameters_file": (PUSHED, "joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}}"),
+    "parameters_file": (PUSHED, IDENTIFIED),
     "friction_velocity": (PUSHED, 0.5),
     "effort_available": (PUSHED, ["turn=false"]),
     "effort_scale": (PUSHED, ["turn=0.8"]),
