@@ -171,6 +171,17 @@ def test_missing_efforts(monitor, standing, panda):
     assert entry.level == WARN and entry.message.endswith(f"joints without effort: 1: {panda.names[2]}")
 
 
+def test_a_threshold_of_r_judges_no_part_of_the_efforts(monitor, standing):
+    """Its norm is unknown, so only states with all efforts raise the alarm."""
+    q, qd, tau = standing(0)
+    part = q, qd, np.where(np.arange(len(tau)) == 2, math.nan, tau)
+    with monitor.having(**{"external_torque.threshold": 1e-3, "external_torque.release_threshold": 1e-3}):
+        restart(monitor)
+        found = feed(monitor, [part] * 5 + [standing(0)] * 2)
+    torques = np.nan_to_num([one.external_torque for one in found[1:5]])
+    assert np.abs(torques).max() > 1e-2 and not any(one.collision for one in found[:5]) and found[-1].collision
+
+
 # --- collisions
 
 
