@@ -24,6 +24,10 @@ EPILOG = """exit status: 0 identified; 1 doubtful: no parameter reduces the erro
 verified; 2 not identified, for example efforts with a wrong unit, sign or order. Requirements of recordings:
 docs/identification.md."""
 
+COLUMNS = "damping", "friction", "offset", "armature", "load friction", "root friction", "effort scale"
+UNITS = "N m s/rad", "N m", "N m", "kg m²", "1", "N m √(s/rad)", "N m/unit"
+HEADS = ("joint", "effort error", "external torque", COLUMNS), ("SI units", "N m rms", "N m spread", UNITS)
+
 OUTPUTS = {"-o": "output", "--json": "json", "--report": "report", "--write-urdf": "write_urdf"}
 
 
@@ -103,17 +107,16 @@ def format_summary(found):
     lines = [f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}"]
     lines += ["", f"Held out: {quality['held_out']} ({quality['held_out_duration']:.1f} s), before → after:", ""]
     width = max(len(name) for name in ("joint", *quality["torque_rms"]))
-    lines.append(
-        f"  {'joint':{width}}  {'effort error':>17}  {'external torque':>17}   damping  friction    offset  armature"
-        " load fric root fric     scale"
-    )
-    lines.append(
-        f"  {'SI units':{width}}  {'N m rms':>17}  {'N m spread':>17}   N m s/rad     N m       N m     kg m²"
-        "         1  √(s/rad)  N m/unit"
-    )
-    for name in quality["torque_rms"]:
+    joints = [found.parameters.joints.get(name, JointParameters()) for name in quality["torque_rms"]]
+    shown = [k for k, values in enumerate(zip(*joints, strict=True)) if any(value is not None for value in values)]
+    widths = [max(10, len(head) + 2, len(unit) + 2) for head, unit in zip(COLUMNS, UNITS, strict=True)]
+    for first, error, spread, heads in HEADS:
+        numbers = "".join(f"{heads[k]:>{widths[k]}}" for k in shown)
+        lines.append(f"  {first:{width}}  {error:>17}  {spread:>17}{numbers}")
+    for name, joint in zip(quality["torque_rms"], joints, strict=True):
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
-        lines.append(f"  {name:{width}}  {'  '.join(columns)}  {_numbers(found.parameters.joints.get(name))}")
+        numbers = "".join(f"{'' if joint[k] is None else f'{joint[k]:.3g}':>{widths[k]}}" for k in shown)
+        lines.append(f"  {name:{width}}  {'  '.join(columns)}{numbers}".rstrip())
     for name, motor in found.parameters.couplings.items():
         if "motor_damping" in quality["deviations"].get(name, {}):
             values = f"damping {motor.damping:.3g} N m s/rad, friction {motor.friction:.3g} N m"
@@ -133,11 +136,6 @@ def format_summary(found):
 
 def _arrow(pair):
     return " → ".join(f"{'-' if value is None else f'{value:.3g}':>7}" for value in pair)
-
-
-def _numbers(joint):
-    values = JointParameters() if joint is None else joint
-    return "".join(f"{'' if value is None else f'{value:.3g}':>10}" for value in values)
 
 
 def _payload(payload):
