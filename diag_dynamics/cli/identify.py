@@ -65,7 +65,8 @@ def run(chosen):
             raise UnsupportedError(f"robot '{model.name}' has a floating base, which identify does not support.")
         reference = common.stream_recordings(chosen, chosen.reference, parameters, model, progress)
         loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
-        found = identify(loaded, model, chosen.what.split(","), reference=unloaded or None)
+        what = [name.strip() for name in chosen.what.split(",")]
+        found = identify(loaded, model, what, reference=unloaded or None)
         shared = _write_parameters(chosen, found, parameters.get("parameters_file"), robot)
         if chosen.report:
             write_report(chosen.report, found)
