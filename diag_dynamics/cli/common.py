@@ -263,6 +263,8 @@ def check_outputs(chosen, outputs):
         for other, what in taken.items():
             if full == other or other in full.parents:
                 raise InputError(f"{option} is '{path}', but {what}. Choose another file.")
+        if path.endswith("/") and not full.is_dir():
+            raise InputError(f"{option} is '{path}', but there is no such folder. Create it, or name a file.")
         if not full.parent.is_dir():
             raise InputError(f"{option} is '{path}', but there is no folder '{full.parent}'.")
         taken[full] = f"{option} writes this file"
