@@ -3,6 +3,7 @@
 
 """Parameters of the monitor without a node: from YAML files, and from a command line."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches
@@ -17,6 +18,7 @@ from diag_dynamics.parameters.spec import current
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"
+EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")  # of a number
 """Name of the node, whose sections of a file count."""
 
 OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -90,6 +92,12 @@ def _flatten(section, prefix=""):
             yield f"{prefix}{name}", value
 
 
+def _as_float(value):
+    """Return a whole number, or one such as 1e6, which YAML 1.1 reads as text, as float; other values as they are."""
+    is_number = type(value) is int or (isinstance(value, str) and EXPONENT.fullmatch(value))
+    return float(value) if is_number else value
+
+
 def _check(name, value, source):
     """Return the value with the type of the parameter, by its name; nothing for a parameter of rclpy."""
     if name.startswith(OF_RCLPY):
@@ -102,7 +110,7 @@ def _check(name, value, source):
     is_list = isinstance(default, list)
     kind = type(default[0] if is_list else default)
     entries = value if is_list and isinstance(value, list) else [value]
-    entries = [float(entry) if kind is float and type(entry) is int else entry for entry in entries]
+    entries = [_as_float(entry) if kind is float else entry for entry in entries]
     for entry in entries:
         if type(entry) is not kind:
             raise InputError(f"{source}: parameter '{name}' has {entry!r}, expected {kind.__name__}.")
