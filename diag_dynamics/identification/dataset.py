@@ -18,7 +18,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.data_checks import find_delay, find_effort_delay
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.effort_checks import EffortRange
-from diag_dynamics.recordings.findings import Finding, explain_missing_efforts, no_states_error
+from diag_dynamics.recordings.findings import Finding, explain_missing_efforts, no_states_error, word_for_missing
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import refuse_units
@@ -90,7 +90,8 @@ class Dataset:
             self._prepare(recording, model, max_values)
         except InputError as error:
             text = str(error)
-            raise InputError(text if text.startswith(self.name) else f"{self.name}: {text}") from error
+            named = text.startswith((self.name, "'"))  # readers quote the path
+            raise InputError(text if named else f"{self.name}: {text}") from error
 
     def _prepare(self, recording, model, max_values):
         """Read, check and clean the recording."""
@@ -136,6 +137,7 @@ class Dataset:
         """Return the states of a recording, thinned to a number of values."""
         limit, step, parts, jumps, count = max_values // (model.nq + 2 * model.nv), 1, [], [], 0
         refused, counts, with_efforts, estimated, efforts = [], {}, False, 0, EffortRange(model.dof_names)
+        unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
         for piece in _pieces(name, recording):
             if piece.model.dof_names != model.dof_names:
                 robot = piece.model.name
@@ -148,6 +150,7 @@ class Dataset:
             with_efforts = with_efforts or piece.tau is not None
             estimated += int(states.velocity_estimated.sum())
             efforts.add_values(states.position, states.effort)
+            unknown += np.isnan(states.effort).sum(axis=0)
             jumps.append(count + np.flatnonzero(states.jumped))
             parts.append(states[-(count + 1) % step :: step])  # rows step − 1, 2 step − 1, …
             count += len(piece)
@@ -157,13 +160,16 @@ class Dataset:
         refuse_units(refused)
         if not count:
             raise no_states_error(name, refused)
+        missing = word_for_missing(counts)
         if not with_efforts:
             raise InputError(f"{explain_missing_efforts(counts)}. Identification requires them.")
         self._counts = counts
         if efforts.unmeasured() and not efforts.measures:
-            raise InputError(f"{name}: {efforts.unmeasured()}. Record efforts.")
-        for joint, text in efforts.values().items():
-            self._set_unknown(model, joint, f"{text} throughout")
+            raise InputError(f"{name}: {efforts.unmeasured(missing)}. Record efforts.")
+        lacking = [name for name, number in zip(model.dof_names, unknown, strict=True) if 2 * number > count]
+        self._no_efforts = f"{explain_missing_efforts(counts, lacking)}. Identification requires them."
+        for word, joints in efforts.groups(missing).items():
+            self._set_unknown(model, joints, f"{word} throughout")
         self._add(step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}")
         text = "velocities were estimated from positions. Record the velocities of the driver if it sends any"
         self._add(estimated, "velocity estimated", text)
@@ -175,7 +181,7 @@ class Dataset:
         efforts = states.effort[:, self.known]
         finite = np.isfinite(np.hstack([states.position, states.velocity, efforts])).all(axis=1)
         if not finite.any():
-            raise InputError("no state of the recording has positions, velocities and efforts of all joints.")
+            raise InputError(self._no_efforts)
         fast = _find_fast(model, states.velocity, finite)
         rows = np.flatnonzero(finite & ~fast)
         again = np.diff(states.stamp[rows], prepend=-1) == 0
@@ -202,23 +208,26 @@ class Dataset:
         """Find joints whose effort hardly changes while they move: no sensor measures that."""
         moving = np.abs(states.velocity[1:]) > MOVING
         changed = (moving & (np.diff(states.effort, axis=0) != 0.0)).sum(axis=0)
-        for k in np.flatnonzero(self.known & (moving.sum(axis=0) > MIN_MOVING)):
-            if changed[k] < MIN_CHANGED * moving[:, k].sum():
-                self._set_unknown(model, model.dof_names[k], "constant for long while it moves")
+        count = moving.sum(axis=0)
+        constant = self.known & (count > MIN_MOVING) & (changed < MIN_CHANGED * count)
+        joints = [model.dof_names[k] for k in np.flatnonzero(constant)]
+        self._set_unknown(model, joints, "constant for long during motion")
 
     def scale_efforts(self, model, gains):
         """Multiply efforts by gains; those of joints without a gain (NaN) become unknown."""
-        for k in np.flatnonzero(np.isnan(gains) & self.known):
-            self._set_unknown(model, model.dof_names[k], "in a unit whose gain gravity does not show")
+        joints = [model.dof_names[k] for k in np.flatnonzero(np.isnan(gains) & self.known)]
+        self._set_unknown(model, joints, "in a unit whose gain gravity does not show")
         scaled = [one.states.effort * np.where(np.isnan(gains), 1.0, gains) for one in self.segments]
         pairs = zip(self.segments, scaled, strict=True)
         segments = [Segment(t, replace(states, effort=effort)) for (t, states), effort in pairs]
         self.segments = [self._filled(one, DiagonalDynamics(model)) for one in segments]
 
-    def _set_unknown(self, model, joint, text):
-        """Leave the effort of a joint out; InputError if none is left."""
-        self.known[model.dof_names.index(joint)] = False
-        text = f"efforts of {joint} are {text} (effort_available): nothing is fitted to them"
+    def _set_unknown(self, model, joints, text):
+        """Leave the efforts of joints out; InputError if none is left."""
+        if not joints:
+            return
+        self.known &= ~np.isin(model.dof_names, joints)
+        text = f"efforts of {', '.join(joints)} are {text} (effort_available): nothing is fitted to them"
         self.findings.append(Finding("effort unknown", 1, text))
         if not self.known.any():
             texts = "; ".join(one.text for one in self.findings if one.cause == "effort unknown")

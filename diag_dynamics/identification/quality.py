@@ -117,10 +117,11 @@ def quality_of(model, selection, data, last):
         "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
         "payload": payload_certainty(layout, last) if layout.payload else None,
         "warnings": selection.warnings,
-        "findings": [str(finding) for finding in findings + data.findings * selection.asks_for_joints],
+        "findings": [*_shared_texts(data.datasets), *map(str, data.findings * selection.asks_for_joints)],
     }
     if data.gains:
-        known = {name: f"{gain:.6g}" for name, gain in effort_scale(model, data.gains[0]).items() if gain == gain}
+        scales = effort_scale(model, data.gains[0]).items()
+        known = ", ".join(f"{name}={gain:.6g}" for name, gain in scales if gain == gain) or "none"
         quality["warnings"].append(
             f"efforts were multiplied by gains, effort_scale of the parameters: {known}. They are as wrong as the weight of "
             "the model's links, and other joints remain unknown"
@@ -129,6 +130,15 @@ def quality_of(model, selection, data, last):
     first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = np.nan
     (t, measured, own, error), (_, _, fitted, rest) = (_split(one, model.nv) for one in (first, then))
     return quality, Curves(t[:, 0], measured, own, fitted, error, rest)
+
+
+def _shared_texts(datasets):
+    """Return findings of recordings as texts, each once, after the recordings that it does not share with all."""
+    names = {}
+    for one in datasets:
+        for finding in one.findings:
+            names.setdefault(str(finding), []).append(one.name)
+    return [text if len(own) == len(datasets) else f"{', '.join(own)}: {text}" for text, own in names.items()]
 
 
 def _split(rows, nv):
@@ -191,10 +201,12 @@ def _warnings(quality, without_reference, nothing):
             if None not in (first, then) and then > (1.0 + GAIN) * first:
                 warnings.append(f"the held-out {what} of joint '{name}' increased from {first:.3g} to {then:.3g}")
     for step, joints in quality["kept"].items():
-        for name, (without, own) in joints.items():
+        if joints:
+            changes = [own / without - 1.0 if without else 0.0 for without, own in joints.values()]
+            span = " to ".join(dict.fromkeys(f"{change:+.1%}" for change in (min(changes), max(changes))))
             warnings.append(
-                f"{step} of joint '{name}': the model's values are kept. Its cross-validation residual is {own:.3g} with "
-                f"fitted values and {without:.3g} with the model's; expected a reduction by {GAIN:.0%}"
+                f"{step} of {', '.join(joints)}: the model's values are kept. Fitted values change the cross-validation "
+                f"residual by {span}; expected a reduction by {GAIN:.0%}"
             )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:

@@ -84,14 +84,21 @@ class EffortRange:
         is_clear = self.states >= MIN_STATES and constant.any() and self.measures
         return states.without_efforts(constant) if is_clear else states
 
-    def unmeasured(self):
-        """Return which efforts cannot have been measured, in words; or an empty text."""
+    def groups(self, missing="missing"):
+        """Return joints whose efforts cannot have been measured, by the word for these; `missing` is that of unknown ones."""
         values = self.values()
-        if list(values.values()) == ["missing"] * len(self._names):
+        several = len(set(values.values()) - {"0", "missing"}) > 1
+        words = {"0": "0", "missing": missing}
+        words = {name: words.get(text, "constant" if several else text) for name, text in values.items()}
+        return {word: [name for name in words if words[name] == word] for word in words.values()}
+
+    def unmeasured(self, missing="missing"):
+        """Return which efforts cannot have been measured, in words; or an empty text."""
+        groups = self.groups(missing)
+        if len(groups.get(missing, ())) == len(self._names):
             return ""
         return "; ".join(
-            f"efforts of {', '.join(name for name in values if values[name] == one)} are {one} throughout (effort_available)"
-            for one in dict.fromkeys(values.values())
+            f"efforts of {', '.join(names)} are {word} throughout (effort_available)" for word, names in groups.items()
         )
 
     def values(self):

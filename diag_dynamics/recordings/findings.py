@@ -48,13 +48,19 @@ class Finding(NamedTuple):
         return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
 
 
-def explain_missing_efforts(counts):
-    """Return why a recording has no efforts, by the counts of its messages."""
+def word_for_missing(counts):
+    """Return how efforts are called that no state has, by the counts of messages."""
+    return "missing or implausible" if counts.get("implausible effort", 0) else "missing"
+
+
+def explain_missing_efforts(counts, joints=()):
+    """Return why a recording has no efforts, or none of some joints, by the counts of its messages."""
     implausible = counts.get("implausible effort", 0)
     if implausible:
         return (
-            f"the recording has no plausible efforts: those of {implausible} states exceed plausibility.effort or "
-            "plausibility.beyond_effort (are they in N m?)"
+            f"the recording has no plausible efforts{' of ' * bool(joints)}{', '.join(joints)}: those of {implausible} "
+            "states exceed plausibility.effort or plausibility.beyond_effort. Are they in N m? Else set effort_scale, or "
+            "raise both and use diag-dynamics identify --what gains,friction"
         )
     return "no state of the recording has efforts of all joints"
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, WINDOW
-from diag_dynamics.recordings.findings import NOTE, Finding, explain_missing_efforts
+from diag_dynamics.recordings.findings import NOTE, Finding, explain_missing_efforts, word_for_missing
 from diag_dynamics.recordings.quality import describe_ratio
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
@@ -83,17 +83,17 @@ def _unmeasured(analysis, without_effort):
     """Return which efforts cannot have been measured, in words; or an empty text."""
     names, implausible = analysis.reading.intake.assembler.lacking_effort, analysis.reading.counts["implausible effort"]
     if not names or implausible or without_effort < analysis.states:
-        return analysis.efforts.unmeasured()
+        return analysis.efforts.unmeasured(word_for_missing(analysis.reading.counts))
     return f"efforts of {', '.join(names)} are missing throughout, so no state has all efforts (locked_joints)"
 
 
 def _unobserved(analysis):
     """Return which joints have no external torque, because their efforts are unknown; or an empty text."""
-    names = ", ".join(np.array(analysis.model.dof_names)[analysis.unobserved])
-    return (
-        names
-        and f"External torque of {names}, and with it |r|, is unknown, because efforts are. Other joints are judged."
-    )
+    names, some = ", ".join(np.array(analysis.model.dof_names)[analysis.unobserved]), not analysis.unobserved.all()
+    if not names:
+        return ""
+    text = f"External torque of {names if some else 'all joints'}, and with it |r|, is unknown, because efforts are."
+    return text + " Other joints are judged." * some
 
 
 def _unknown_contacts(analysis, without_effort):

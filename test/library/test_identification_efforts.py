@@ -200,6 +200,10 @@ def commanded(tmp_path, capsys, command, columns, *options):
 UNMEASURED = {
     "all": (lambda tau: 0.0 * tau, "efforts of pan, lift, elbow are 0 throughout"),
     "denormal": (lambda tau: 0.0 * tau + 1e-308, "efforts of pan, lift, elbow are 0 throughout"),
+    "two constant": (
+        lambda tau: tau * [1.0, 0.0, 0.0] + [0.0, 1.5, 2.5],
+        "efforts of lift, elbow are constant throughout",
+    ),
     "one constant": (lambda tau: tau * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.5], "efforts of elbow are 1.5 throughout"),
 }
 
@@ -211,9 +215,9 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
     t, q, qd, tau = motion()
     alarms = "-o", str(tmp_path / "alarms.yaml")
     for command, expected, *options in (
-        ("identify", 1 if "one" in case else 2),
+        ("identify", 1 if "constant" in case else 2),
         ("analyse", 1),
-        ("calibrate", 1 if "one" in case else 2, *alarms),
+        ("calibrate", 1 if "constant" in case else 2, *alarms),
     ):
         status, said = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)), *options)
         assert status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
@@ -221,6 +225,14 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
 
 FAULTS = {
     "raw units of each joint": (lambda t, q, qd, tau: (t, q, qd, tau * [900.0, 400.0, 30.0]), "--what gains,friction"),
+    "implausible": (
+        lambda t, q, qd, tau: (t, q, qd, np.where((np.arange(len(t))[:, None] - [0, 1, 2]) % 3, 1e7, 1.0) * tau),
+        "no plausible efforts of pan, lift, elbow: those",
+    ),
+    "one implausible": (
+        lambda t, q, qd, tau: (t, q, qd, tau * [0.0, 1e7, 0.0]),
+        "efforts of lift are missing or implausible throughout",
+    ),
     "raw units": (lambda t, q, qd, tau: (t, q, qd, 20.0 * tau), "--what gains,friction"),
     "velocities in degrees": (lambda t, q, qd, tau: (t, q, qd * [1.0, 1.0, 20.0], tau), "joint 'elbow'"),
     "velocities of half the rate": (lambda t, q, qd, tau: (t, q, qd * [1.0, 0.5, 1.0], tau), "joint 'lift'"),
@@ -233,6 +245,22 @@ def test_refusals_name_file_and_joint_or_remedy(tmp_path, capsys, case):
     changed, key = FAULTS[case]
     status, said = commanded(tmp_path, capsys, "identify", changed(*motion()), "--what", "friction")
     assert status == 2 and f"identify: '{tmp_path}/log.csv'" in said and key in said
+
+
+def test_findings_of_several_recordings(tmp_path, capsys):
+    """A finding that all share stands once; another one names its recording. Names of steps may have spaces."""
+    t, q, qd, tau = motion()
+    (tmp_path / "desk.urdf").write_text(URDF)
+    paths = []
+    for name, measured in (("a.csv", [1.0, 1.0, 1.0]), ("b.csv", [1.0, 1.0, 0.0])):
+        columns = t, q, qd, (tau + 0.05 * np.tanh(qd / 5e-3)) * measured
+        paths.append(str(write_table(tmp_path / name, *columns)))
+    options = "--urdf", str(tmp_path / "desk.urdf"), "--what", "friction, rotors"
+    for tables, owner in ((paths, f"'{paths[1]}': "), (2 * paths[1:], "")):
+        assert main(["identify", *tables, *options]) == 0
+        said = capsys.readouterr().out
+        assert said.count("effort unknown") == 1 and f"\n  {owner}effort unknown: efforts of elbow" in said
+        assert "friction" in said and "effort scale" not in said
 
 
 def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):

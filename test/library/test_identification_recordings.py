@@ -118,10 +118,7 @@ def test_the_wrist_whose_torque_goes_with_its_posture(kuka):
     assert found.parameters.joints["lwr_6_joint"] == dd.JointParameters(armature=0.0)  # sensors feel no rotor
     before, after = np.transpose(list(found.quality["torque_rms"].values()))
     assert (after <= 1.1 * before).all() and after.mean() < 0.29
-    assert (
-        sum("friction of joint 'lwr_6_joint': the model's values are kept" in one for one in found.quality["warnings"])
-        == 1
-    )
+    assert sum("friction of lwr_6_joint: the model's values are kept" in one for one in found.quality["warnings"]) == 1
 
 
 @FULL
