@@ -354,3 +354,16 @@ def test_lists_on_a_command_line(assignments, expected):
 def test_numbers_of_joints_in_programs_are_checked(numbers):
     with pytest.raises(dd.InputError, match=f"joint 'a': {next(iter(numbers))} is .* expected a finite number >= 0"):
         dd.Parameters(joints={"a": dd.JointParameters(**numbers)})
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("1e6", 1e6), ("1.5e-3", 0.0015), ("-2E+2", -200.0), ("1e", None), ("e6", None)]
+)
+def test_numbers_with_exponents(text, value):
+    """YAML 1.1 reads 1e6 as text."""
+    entry = [f"plausibility.effort={text}"]
+    if value is None:
+        with pytest.raises(dd.InputError, match="expected float"):
+            parameters_of([], entry)
+    else:
+        assert parameters_of([], entry) == {"plausibility.effort": value}
