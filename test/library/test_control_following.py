@@ -186,7 +186,7 @@ def test_violated_tolerances_stop_the_robot(arm):  # noqa: F811
         closed.go(seconds, push={"tool0": push})
         outcome = closed.loop.following.outcome
         assert outcome.code == code and closed.lost == [outcome.reason] and "error of joint '" in outcome.reason
-        assert not np.allclose(closed.arm.q, Q + 0.2, atol=0.02)
+        assert not np.allclose(closed.loop.modes[TRACKING].desired.position, Q + 0.2, atol=0.02)
 
 
 def test_following_energy_ends_a_trajectory(arm):  # noqa: F811
