@@ -114,7 +114,7 @@ class FitData:
     the time of all [s].
 
     Normal equations are those of `blocks`, parts of equal duration, and their sum `fitted`; and of references, `unloaded`,
-    None without any. `parts` are the segments of each block.
+    None without any. `parts` are the segments of each block with the joints that have efforts there (bool).
     """
 
     def __init__(self, model, payloads, recordings, reference, tolerant, with_gains=False):
@@ -182,7 +182,7 @@ class FitData:
             number = np.minimum(since * count / duration, count - 1).astype(int)
             elapsed += segment.duration
             for block in np.unique(number).tolist():
-                parts[block].append(segment.part(number == block))
+                parts[block].append((segment.part(number == block), known))
             first = 1
             for rows, weights in self.regressors.filtered_rows(*segment.columns, known):
                 part = number[first : first + len(rows)]

@@ -39,38 +39,42 @@ class Curves(NamedTuple):
 
 
 def validate(models, parts):
-    """Return how well models explain segments of a block each, by key of the quality; NaN and None are unknown.
+    """Return how well models explain a block each, by key of the quality; NaN and None are unknown.
 
-    Then rows of curves: time, measured effort, the model's and the error of each joint.
+    A block is pairs of a segment and of the joints that have efforts there. Then rows of curves: time, measured effort,
+    the model's and the error of each joint.
     """
     model, elapsed, curves = models[0], 0.0, [np.empty((0, 1 + 3 * models[0].nv))]
-    each = -(-sum(len(one.t) for segments in parts for one in segments) // MAX_STEPS)
+    each = -(-sum(len(one.t) for block in parts for one, _ in block) // MAX_STEPS)
     sums, balance, errors, observed, energies = WindowSums(model.nv), Balance(model.dof_names), [], [], []
-    for one, segments in zip(models, parts, strict=True):
+    for one, block in zip(models, parts, strict=True):
         dynamics = DiagonalDynamics(one)
         observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
-        for part in portions(segments):
+        for part, known in ((part, known) for segment, known in block for part in portions([segment])):
             t, q, qd, tau = part.columns
             tau = tau - dynamics.friction_torque_batch(qd, q)  # of rates as they are: that of filtered ones turns later
             s = dynamics.evaluate_batch(q, qd, tau)
-            balance.add_windows(sums.integrate_states(part.states, s))
+            if known.all():
+                balance.add_windows(sums.integrate_states(part.states, s))
             _, torque, _, valid, _ = observer.observe_batch(replace(part.states, effort=tau), s)
-            observed.append(torque[valid])
+            observed.append(np.where(known, torque[valid], np.nan))
             energies.append(s.kinetic_energy.copy())
             if part.duration >= MIN_SMOOTHED:
                 measured = smoothed(*part.columns)[2]
                 q, qd, tau, qdd = smoothed(t, q, qd, tau)
                 inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
-                errors.append((tau - dynamics.inverse_dynamics_batch(q, qd, qdd))[inner])
-                columns = np.hstack([measured[inner], measured[inner] - errors[-1], errors[-1]])
+                error = (tau - dynamics.inverse_dynamics_batch(q, qd, qdd))[inner]
+                errors.append(np.where(known, error, np.nan))
+                columns = np.hstack([measured[inner], measured[inner] - error, error])
                 curves.append(_downsample(elapsed + t[inner] - t[0], columns, each))
             elapsed += part.duration
-    unknown, torque = np.full(model.nv, np.nan), np.concatenate(observed)
+    none = [np.empty((0, model.nv))]
+    error, torque = (np.ma.masked_invalid(np.concatenate(none + one)) for one in (errors, observed))
     return {
-        "torque_rms": np.sqrt((np.concatenate(errors) ** 2).mean(axis=0)) if errors else unknown,  # below 5 Hz [N m, N]
+        "torque_rms": np.sqrt((error**2).mean(axis=0)).filled(np.nan),  # below 5 Hz [N m, N]
         "explained": balance.explained,  # of dK/dt
         "explained_total": balance.explained_total,  # of d(K + U)/dt
-        "observer_spread": torque.std(axis=0) if len(torque) else unknown,  # of the external torque m r [N m, N]
+        "observer_spread": torque.std(axis=0).filled(np.nan),  # of the external torque m r [N m, N]
         "kinetic_energy": float(np.concatenate(energies).mean()),  # [J]
     }, np.concatenate(curves)
 
@@ -91,8 +95,6 @@ def quality_of(model, selection, data, last):
     if free.any() or layout.without_rotors:
         models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
         after, then = validate(models, data.parts)
-    if not data.measured.all():
-        before, after = (_without_unknown(one, data.measured) for one in (before, after))
     findings = [finding for one in data.datasets for finding in one.findings]
     shares = after["explained"], after["explained_total"]
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
@@ -144,12 +146,6 @@ def _shared_texts(datasets):
 def _split(rows, nv):
     """Return times and the three kinds of columns of curves."""
     return np.split(rows, [1, 1 + nv, 1 + 2 * nv], axis=1)
-
-
-def _without_unknown(values, measured):
-    """Return values of :func:`validate` of a robot without efforts of some joints: None for those, and for all powers."""
-    found = {key: np.where(measured, values[key], np.nan) for key in ("torque_rms", "observer_spread")}
-    return values | found | dict.fromkeys(("explained", "explained_total"))
 
 
 def _pair(names, before, after):

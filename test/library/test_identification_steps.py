@@ -147,8 +147,20 @@ def test_efforts_of_some_joints_only(worn, kind):
     assert None not in quality["torque_rms"]["elbow_joint"]
     masses = [dd.DiagonalDynamics(one).mass_matrix(np.zeros(6))[3, 3] for one in (model, found.model)]
     assert 0.5 < masses[1] / masses[0] < 1.5
-    with pytest.raises(dd.InputError, match=r"recordings\[0\] has no efforts: .*efforts of elbow_joint"):
+    with pytest.raises(dd.InputError, match=r"recordings\[0\] has no efforts: efforts of .*elbow_joint"):
         dd.identify(changed(worn, tau=np.tile(np.where(worn.t < 8.0, 1.0, 2.0)[:, None], 6)), model)
+
+
+def test_efforts_that_one_of_two_recordings_lacks(worn):
+    """Errors of the joint are those of the recording that has them."""
+    tau = worn.tau.copy()
+    tau[:, 3] = np.nan
+    both, alone = (dd.identify(one, worn.model, "friction") for one in ([worn, changed(worn, tau=tau)], worn))
+    for key in ("torque_rms", "observer_spread", "explained"):
+        assert str(both.quality[key]).count("None") == 0
+    for key in ("torque_rms", "observer_spread"):
+        pairs = (one.quality[key]["wrist_1_joint"] for one in (both, alone))
+        np.testing.assert_allclose(*pairs, rtol=0.1)
 
 
 def late(data, delay):
