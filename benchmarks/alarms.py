@@ -8,9 +8,12 @@ writes into a folder that is given.
 
 Real recordings without contact (../shared/recordings) have pushes put into their efforts: on an arm that is held on its way,
 a push is what the efforts are short of. One half of a recording calibrates, the other one is pushed. The simulated arm is
-pushed indeed, under a tracking law, and has other friction than the observers know of.
+pushed indeed, under a tracking law, and has other friction than the observers know of. Another one stops after each motion,
+where its friction holds it, and is pushed there or on its way.
 
-The first is the classical observer (De Luca and Mattone, 2003) in other coordinates: m r is its residual.
+Detectors of two sets judge moving and standing arms apart; those of one set judge all states by one set of thresholds.
+
+The first observer is the classical observer (De Luca and Mattone, 2003) in other coordinates: m r is its residual.
 """
 
 import argparse
@@ -39,7 +42,10 @@ RECORDINGS = Path(
 GAIN, FALSE_ALARMS = 25.0, 1 / 60  # [1/s], the latter of all detectors together
 PUSH, LATEST, PAUSE = 0.3, 0.6, 1.5  # [s]: how long a push lasts, until when it may be seen, between two of them
 FORCES = (10.0, 20.0, 40.0)  # [N]
+MOTION, PERIOD_OF_STOPS = 3.0, 6.0  # [s]
+PUSHED = {"standing": (4.0, 5.4), "moving": (0.5, 2.2)}  # when a push begins, after the beginning of a motion [s]
 PERIOD = 2e-3  # [s] of the simulated samples
+STICTION = 8.0  # ratio of the friction of an arm that stops to that of the other one
 KNOWN = 0.8  # part of the simulated friction that the observers know of
 VELOCITY_NOISE, EFFORT_NOISE = 2e-3, 0.1  # standard deviations [rad/s], [N m]
 
@@ -99,11 +105,12 @@ class Push(NamedTuple):
     force: np.ndarray
 
 
-def pushes(rng, robot, stamps, count, force):
-    """Pushes of a force [N] at random links, in random directions."""
-    first, room = stamps[0] + int(1e9), stamps[-1] - stamps[0] - int(3e9)
-    ats = first + np.sort(rng.uniform(0, room - count * int(PAUSE * 1e9), count)).astype(int)
-    ats += np.arange(count) * int(PAUSE * 1e9)
+def pushes(rng, robot, stamps, count, force, ats=None):
+    """Pushes of a force [N] at random links, in random directions, at random times or those that are given [ns]."""
+    if ats is None:
+        first, room = stamps[0] + int(1e9), stamps[-1] - stamps[0] - int(3e9)
+        ats = first + np.sort(rng.uniform(0, room - count * int(PAUSE * 1e9), count)).astype(int)
+        ats += np.arange(count) * int(PAUSE * 1e9)
     directions = rng.normal(size=(count, 3))
     directions *= force / np.linalg.norm(directions, axis=1, keepdims=True)
     return [Push(int(at), str(rng.choice(robot.links)), f) for at, f in zip(ats, directions, strict=True)]
@@ -200,6 +207,23 @@ class Sines:
         return self.centre + self.swing * np.sin(angle), size * np.cos(angle), -size * self.pace * np.sin(angle)
 
 
+class Stops:
+    """Motions to random poses of all joints, with a stop after each."""
+
+    def __init__(self, model, rng):
+        lower, upper = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0)
+        self.poses = 0.5 * (lower + upper) + rng.uniform(-0.3, 0.3, (1000, model.nv)) * (upper - lower)
+
+    def __call__(self, t):
+        """Position, velocity and acceleration at a time [s]."""
+        k, passed = divmod(t, PERIOD_OF_STOPS)
+        first, last = self.poses[int(k)], self.poses[int(k) + 1]
+        x = min(passed / MOTION, 1.0)
+        shapes = 10 * x**3 - 15 * x**4 + 6 * x**5, 30 * x**2 - 60 * x**3 + 30 * x**4, 60 * x - 180 * x**2 + 120 * x**3
+        q, qd, qdd = (np.multiply(last - first, one / MOTION**n) for n, one in enumerate(shapes))
+        return first + q, qd, qdd
+
+
 def simulate(robot, true, path, begin, seconds, rng, given=()):
     """A Panda on its path, by a tracking law, pushed indeed; with more friction than its model knows of."""
     model, n = robot.model, robot.model.nv
@@ -226,55 +250,60 @@ def simulate(robot, true, path, begin, seconds, rng, given=()):
 
 
 class Row(NamedTuple):
-    """What one observer is worth."""
+    """What one observer is worth with some detectors."""
 
     robot: str
     observer: str
     detectors: str
     duration: float  # [s] calibrated with
+    rest: float  # [s] of it at rest
     held_out: str
-    false: str  # alarms of the trial without a push, per minute
+    false: str  # alarms of the trial without a push
     spread: float  # rms of m r in it [N m]
-    seen: dict  # by force: of all, of which seen
-    median: float  # delay [s] of pushes that are seen, of all forces
+    seen: dict  # by trial: of all, of which seen
+    delays: dict  # by trial: median delay [s] of pushes that are seen
+    median: float  # delay [s] of pushes that are seen, of all trials
     common: float  # the same of those that both observers see
 
 
+SETS = {"two sets": True, "one set": False}
+
+
 def judge(name, names, quiet, trials):
-    """Rows of both observers: calibrated on `quiet`, judged on `trials`, each by observer; of all detectors and of some."""
+    """Rows of both observers: calibrated on `quiet`, judged on `trials`, each by observer; with one set and with two."""
     rows, delays = [], {}
-    for observer, free in quiet.items():
-        residuals = Residuals(len(names))
-        stamps, observed = free[0]
-        residuals.add_states(stamps, observed.residual, observed.external_torque, observed.valid)
-        found = calibrate_residuals(residuals, names, FALSE_ALARMS, AlarmThresholds({}), gain=GAIN, friction=False)
-        which = {
-            "all": found,
-            "joints alone": AlarmThresholds(found.joints),
-            "|m r| alone": AlarmThresholds({}, external_torque=found.external_torque),
-            "|r| alone": AlarmThresholds({}, norm=found.norm),
-        }
-        for label, thresholds in which.items():
-            seen, late = {}, []
-            for force, given, by in trials:
-                stamps, observed = by[observer]
-                at = stamps[_judged(names, thresholds, stamps, observed).begins]
-                lags = [_delay(at, push) for push in given]
-                seen.setdefault(force, []).extend(lags)
-                late += lags
-            stamps, observed = free[1]
-            false = int(_judged(names, thresholds, stamps, observed).begins.sum())
-            minutes = (stamps[-1] - stamps[0]) / 6e10
-            delays[observer, label] = np.array(late)
+    for label, knows_rest in SETS.items():
+        for observer, free in quiet.items():
+            residuals = Residuals(len(names))
+            residuals.add_states(*_columns(*free[0], knows_rest))
+            found = calibrate_residuals(residuals, names, FALSE_ALARMS, AlarmThresholds({}), gain=GAIN, friction=False)
+            seen = {}
+            for trial, given, by in trials:
+                at = by[observer][0].stamps[_judged(names, found, *by[observer], knows_rest).begins]
+                seen.setdefault(trial, []).extend(_delay(at, push) for push in given)
+            states, observed = free[1]
+            false = int(_judged(names, found, *free[1], knows_rest).begins.sum())
+            late = delays[observer, label] = np.concatenate(list(seen.values()))
             rows.append(
                 Row(
-                    name, observer, label, found.duration, f"{found.held_out}", f"{false} in {60 * minutes:.0f} s",
+                    name, observer, label, found.duration, found.rest, f"{found.held_out}",
+                    f"{false} in {1e-9 * (states.stamps[-1] - states.stamps[0]):.0f} s",
                     float(np.sqrt(np.nanmean(observed.external_torque**2))),
-                    {force: (len(lags), int(np.isfinite(lags).sum())) for force, lags in seen.items()},
-                    float(np.median([x for x in late if np.isfinite(x)] or [np.nan])), np.nan,
+                    {trial: (len(lags), int(np.isfinite(lags).sum())) for trial, lags in seen.items()},
+                    {trial: _median(np.array(lags)) for trial, lags in seen.items()}, _median(late), np.nan,
                 )
             )  # fmt: skip
     return [row._replace(common=_common(delays, row)) for row in rows]
+
+
+def _median(late):
+    """Median of the finite delays [s]."""
+    return float(np.median(late[np.isfinite(late)])) if np.isfinite(late).any() else np.nan
+
+
+def _columns(states, observed, knows_rest):
+    velocity = states.qd if knows_rest else None
+    return states.stamps, observed.residual, observed.external_torque, observed.valid, velocity
 
 
 def _common(delays, row):
@@ -282,8 +311,9 @@ def _common(delays, row):
     return float(np.median(delays[row.observer, row.detectors][both])) if both.any() else np.nan
 
 
-def _judged(names, thresholds, stamps, observed):
-    return AlarmDetector(names, thresholds).judge(stamps, observed.residual, observed.external_torque, observed.valid)
+def _judged(names, thresholds, states, observed, knows_rest):
+    *columns, velocity = _columns(states, observed, knows_rest)
+    return AlarmDetector(names, thresholds).judge(*columns, velocity=velocity)
 
 
 def _delay(begins, push):
@@ -300,7 +330,7 @@ def recorded(robot, states, count, rng):
 
     def by(some):
         known = robot.without_friction(some)
-        return {name: (some.stamps, observe(robot, known)) for name, observe in OBSERVERS.items()}
+        return {name: (known, observe(robot, known)) for name, observe in OBSERVERS.items()}
 
     calm = [by(first), by(second)]
     trials = []
@@ -308,32 +338,39 @@ def recorded(robot, states, count, rng):
         each = max(1, int((1e-9 * (second.stamps[-1] - second.stamps[0]) - 3.0) / (1.5 * PAUSE)))
         for _ in range(-(-count // each)):
             given = pushes(rng, robot, second.stamps, each, force)
-            trials.append((force, given, by(pushed(robot, second, given))))
+            trials.append((f"{force:g} N", given, by(pushed(robot, second, given))))
     quiet = {name: [one[name] for one in calm] for name in OBSERVERS}
     return judge(robot.name, robot.model.dof_names, quiet, trials)
 
 
-def simulated(count, seconds, rng):
-    """Rows of the simulated Panda."""
+def simulated(count, seconds, rng, stops):
+    """Rows of the simulated Panda, on sines or with stops."""
     options = {"locked_joints": {"panda_finger_joint1": 0.0}, "mimic": "lock"}
     n = 7
-    true = rng.uniform(0.2, 1.0, n), rng.uniform(0.3, 1.0, n)
+    true = tuple((STICTION if stops else 1.0) * rng.uniform(low, 1.0, n) for low in (0.2, 0.3))
     robot = Robot(
-        f"Panda, simulated, {KNOWN:.0%} of its friction known", find_urdf("panda"), LINKS,
+        f"Panda, simulated{' with stops' * stops}, {KNOWN:.0%} of its friction known", find_urdf("panda"), LINKS,
         (KNOWN * true[0], KNOWN * true[1], np.zeros(n)), **options,
     )  # fmt: skip
 
     def by(some):
         known = robot.without_friction(some)
-        return {name: (some.stamps, observe(robot, known)) for name, observe in OBSERVERS.items()}
+        return {name: (known, observe(robot, known)) for name, observe in OBSERVERS.items()}
 
-    path = Sines(robot.model, rng)
-    calm = [by(simulate(robot, true, path, begin, seconds, rng)) for begin in (0.0, 500.0)]
+    path = (Stops if stops else Sines)(robot.model, rng)
+    calm = [by(simulate(robot, true, path, begin, seconds, rng)) for begin in (0.0, 600.0)]
     trials = []
-    for force in FORCES:
-        length = 3.0 + 2.0 * PAUSE * count
-        given = pushes(rng, robot, np.array([0, round(1e9 * length)]), count, force)
-        trials.append((force, given, by(simulate(robot, true, path, 1000.0 + 10.0 * force, length, rng, given))))
+    for number, force in enumerate(FORCES):
+        for kind, (first, last) in (PUSHED if stops else {"": (0.0, 0.0)}).items():
+            length, ats = 3.0 + 2.0 * PAUSE * count, None
+            if stops:
+                length = PERIOD_OF_STOPS * (count + 1)
+                ats = np.round(1e9 * (PERIOD_OF_STOPS * np.arange(count) + rng.uniform(first, last, count)))
+                ats = ats.astype(np.int64)
+            given = pushes(rng, robot, np.array([0, round(1e9 * length)]), count, force, ats)
+            begin = PERIOD_OF_STOPS * (200 + 70 * number)
+            states = simulate(robot, true, path, begin, length, rng, given)
+            trials.append((f"{kind} {force:g} N".strip(), given, by(states)))
     quiet = {name: [one[name] for one in calm] for name in OBSERVERS}
     return judge(robot.name, robot.model.dof_names, quiet, trials)
 
@@ -341,8 +378,9 @@ def simulated(count, seconds, rng):
 HEAD = f"""# Benchmark of collision thresholds
 
 `make bench ARGS="--only alarms"`. Both observers at {GAIN:g} 1/s, calibrated by `diag_dynamics.calibrate` to
-{format_rate(FALSE_ALARMS)} for all their detectors together, and judged by the same detector; `alone`: by some of the same
-thresholds. Pushes of {PUSH:g} s, half a sine, at random links and in random directions; seen within {LATEST:g} s.
+{format_rate(FALSE_ALARMS)} for all their detectors together, and judged by the same detector. *Two sets*: standing and
+moving arms are judged apart. Pushes of {PUSH:g} s, half a sine, at random links and in random directions; seen within
+{LATEST:g} s. Each cell has the pushes that are seen, and their median delay.
 *Held out*: alarms in parts of what calibrated, by thresholds from the other parts. *False*: alarms of motion without a
 push that no threshold is from. *Common*: delays of pushes that both observers see by the same detectors. A push that
 comes while a false alarm is on counts as not seen.
@@ -358,23 +396,27 @@ def table(rows):
     for row in rows:
         if row.robot != shown:
             shown = row.robot
-            heads = [f"{force:g} N" for force in row.seen]
+            heads = list(row.seen)
             lines += [
                 f"## {row.robot}",
                 "",
-                f"Calibrated on {row.duration:.0f} s.",
+                f"Calibrated on {row.duration:.0f} s, of which {row.rest:.0f} s at rest.",
                 "",
                 "| detectors | settles on | held out | false | rms m r [N m] "
                 f"| {' | '.join(heads)} | median delay | common |",
                 "|---" * (7 + len(heads)) + "|",
             ]
-        seen = [f"{part} of {whole}" for whole, part in row.seen.values()]
-        cells = [row.detectors.replace("|", r"\|"), row.observer, row.held_out, row.false, f"{row.spread:.3g}", *seen]
-        cells += ["none" if np.isnan(late) else f"{1e3 * late:.0f} ms" for late in (row.median, row.common)]
+        seen = [f"{part} of {whole}, {_in_ms(row.delays[trial])}" for trial, (whole, part) in row.seen.items()]
+        cells = [row.detectors, row.observer, row.held_out, row.false, f"{row.spread:.3g}", *seen]
+        cells += [_in_ms(late) for late in (row.median, row.common)]
         lines.append(f"| {' | '.join(cells)} |")
-        if row.detectors == "|r| alone" and row.observer == "working moment":
+        if row.detectors == "one set" and row.observer == "working moment":
             lines.append("")
     return "\n".join(lines)
+
+
+def _in_ms(late):
+    return "none" if np.isnan(late) else f"{1e3 * late:.0f} ms"
 
 
 def compare(short):
@@ -386,7 +428,9 @@ def compare(short):
             rows += recorded(*panda(Path(folder)), count, rng)
         else:
             print(f"{RECORDINGS} is not there: only what is simulated")
-    return rows + simulated(*((10, 40.0) if short else (40, 180.0)), np.random.default_rng(20))
+    for stops in (False, True):
+        rows += simulated(*((10, 60.0) if short else (40, 300.0)), np.random.default_rng(20), stops)
+    return rows
 
 
 def write(rows, folder):
