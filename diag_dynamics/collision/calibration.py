@@ -67,7 +67,7 @@ class Calibration(AlarmThresholds):
     rest : float
         Time at rest, in all recordings [s].
     parts : str
-        What is held out, for example ``3 recordings``.
+        The parts that are held out in turn, for example ``3 recordings``.
     warnings : tuple of str
         Why the thresholds may be wrong.
     contact : Calibration
@@ -301,7 +301,7 @@ class _HeldOut:
 
 
 def _fit(rows: Rows, rate: float, template: AlarmThresholds) -> tuple[Array, Level | None]:
-    """Return thresholds of all detectors for a rate, of which those at rest have a part by time, at most half."""
+    """Return thresholds of all detectors for a rate. Detectors at rest get its share by time at rest, at most half."""
     options = template.release, template.hold_off
     rest = rows.cut(rows.rest).select(rows.rest)
     share = min(0.5, rest.duration / rows.duration)

@@ -83,7 +83,9 @@ def identify(
     if reference is not None and not asked:
         raise InputError(f"what is {what!r}; expected payload:<link>, because reference is a recording without it.")
     if "gains" in names and model.motor_efforts:
-        raise InputError(f"what is {what!r}; expected no gains, because motor_efforts is true: gains are of joints.")
+        raise InputError(
+            f"what is {what!r}; expected no gains, because motor_efforts is true and a gain belongs to one joint."
+        )
     require_single_joints(model)
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
     links = [model.link_names[link] for link in model.bodies["link"][ends]]

@@ -37,7 +37,7 @@ class Identification:
         Plain values in SI units by the keys of docs/identification.md. Pairs are before and after, on the part
         held out, for parameters fitted to the rest.
     curves : Curves
-        Efforts on held-out parts, of which the report draws curves.
+        Efforts on held-out parts, which the report draws.
     """
 
     def __init__(self, model: RobotModel, parameters: Parameters, quality: dict[str, Any], curves: Any = None) -> None:

@@ -66,7 +66,7 @@ class RobotState(NamedTuple):
     oldest: int
     stamp_is_receive_time: bool
     velocity_estimated: bool = False
-    partial: np.ndarray | None = None  # efforts of which some are unknown (NaN), where `effort` is None
+    partial: np.ndarray | None = None  # efforts, NaN where unknown, if some but not all are known
 
 
 def joints_of(model):
@@ -132,7 +132,7 @@ class EffortMeaning:
 
     `factors` of joints, then mimic joints, are NaN without usable efforts; `without_gravity` is 1 for joints whose efforts
     lack gravity, None without any; `undeclared` joints lack a scale or gravity. Undeclared efforts are N m with gravity. The
-    `scale` of a robot's parameters counts for joints of which the options have none.
+    `scale` of a robot's parameters is used for joints without one in the options.
     """
 
     def __init__(self, joints, followers, options, scale):

@@ -39,7 +39,7 @@ _WHILE_UNCONFIGURED = {
     ),
     "pose_damping_ratio": Spec(0.0, "Damping ratio of pose regulation in place of pose_damping; 0: none.", 0.0, 100.0),
     "pose_null_frequency": Spec(
-        3.0, "Frequency as of which pose_damping_ratio damps slower modes and the null space [rad/s].", 1e-6
+        3.0, "pose_damping_ratio damps slower modes and the null space as if they had this frequency [rad/s].", 1e-6
     ),
     "regulation_stiffness": Spec(
         ["*=50.0"], "Stiffnesses of regulation, each as joint=stiffness; * for all others [N m/rad, N/m]."

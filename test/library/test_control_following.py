@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_control_loop import Closed, Q, arm, state_at  # noqa: F401
 
-from arm import waypoints
-from described import MS, S
+import diag_dynamics as dd
+from arm import Closed, Q, state_at, waypoints
+from described import MS, UR5, S, robot
 from diag_dynamics.control.following import Following, Tolerances
 from diag_dynamics.control.modes import TRACKING
 from diag_dynamics.control.references import Desired
@@ -129,8 +129,14 @@ def test_wrong_tolerances(wrong, key):
 # --- The loop
 
 
+@pytest.fixture(scope="module")
+def arm():
+    """Return a UR5."""
+    return dd.load_urdf(robot(UR5).path)
+
+
 @pytest.fixture
-def closed(arm):  # noqa: F811
+def closed(arm):
     """A UR5 half-way along a trajectory of one second to Q + 0.2."""
     moving = Closed(arm, Q).go(0.1)
     follow(moving, Q + 0.2)
@@ -175,7 +181,7 @@ def test_ends(closed, end, reason):
     assert np.abs(closed.arm.q - place).max() < 0.05 and np.abs(closed.arm.qd).max() < 0.02
 
 
-def test_violated_tolerances_stop_the_robot(arm):  # noqa: F811
+def test_violated_tolerances_stop_the_robot(arm):
     """A push ends the trajectory by its path, or late at the end; the reason is the loss that the loop reports."""
     free = np.full((2, 6), INF)
     for path, code, seconds in ((0.02, -4, 0.9), (INF, -5, 2.2)):
@@ -189,7 +195,7 @@ def test_violated_tolerances_stop_the_robot(arm):  # noqa: F811
         assert not np.allclose(closed.loop.modes[TRACKING].desired.position, Q + 0.2, atol=0.02)
 
 
-def test_following_energy_ends_a_trajectory(arm):  # noqa: F811
+def test_following_energy_ends_a_trajectory(arm):
     closed = Closed(arm, Q, following_energy=1e-7).go(0.1)
     follow(closed, Q + 0.2)
     outcome = closed.go(0.9).loop.following.outcome

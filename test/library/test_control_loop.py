@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from arm import gravity_of, pinocchio_command, state_at, waypoints
+from arm import Closed, Q, gravity_of, loop_of, pinocchio_command, state_at, waypoints
 from described import MS, UR5, S, robot
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
@@ -24,7 +24,6 @@ from diag_dynamics.parameters.controller import PARAMETERS
 from examples import shortened, some_of
 
 NAMES = ("shoulder", "elbow", "wrist")
-Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 RATE = 400.0
 
 
@@ -38,12 +37,6 @@ def arm():
 def strong():
     """Return a UR5 that is strong enough for anything."""
     return dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf))
-
-
-def loop_of(arm, compensated=False, **values):
-    """Return a loop with the default parameters but for `values`."""
-    defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-    return ControlLoop(arm, defaults | {"controlled_link": "tool0"} | values, compensated)
 
 
 def slow_loop_of(arm, compensated=False, **values):
@@ -402,32 +395,6 @@ def test_a_pose_in_the_axes_of_a_moving_link(strong):
 
 
 # --- The loop closed by a simulated arm
-
-
-class Closed:
-    """A loop, by default with its defaults, on an arm without friction that nothing stops, at 1 kHz."""
-
-    def __init__(self, arm, q, qd=None, carried=True, **values):
-        """Put the arm somewhere; carried, it is at first."""
-        self.loop = loop_of(arm, **values)
-        nothing = np.zeros(6)
-        self.arm = dd.Simulation(arm, q, qd, friction=nothing, damping=nothing, limits=False)
-        self.stamp, self.sent, self.fastest, self.most = S, None, nothing, 0.0
-        self.way, self.lost = [np.array(q, dtype=float)], []
-        if carried:
-            self.loop.efforts.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))
-
-    def go(self, seconds, push=None):
-        """Let it go on; a push is a wrench on the tool."""
-        for _ in range(round(1000 * seconds)):
-            self.stamp += MS
-            self.sent = self.loop.step(state_at(self.stamp, self.arm.q, self.arm.qd), self.stamp)
-            self.arm.advance(self.sent.effort, f_ext=push)
-            self.way.append(self.arm.q.copy())
-            self.most = max(self.most, self.loop.energy)
-            self.fastest = np.maximum(self.fastest, np.abs(self.arm.qd))
-            self.lost += [self.sent.lost] if self.sent.lost else []
-        return self
 
 
 GOALS = [0.3, -1.5, 1.04, -0.6, 0.5, 0.2], [0.3, -2.2, 0.2, -0.6, 0.5, 0.2], Q + 1.0, Q - 1.0

@@ -20,7 +20,9 @@ from nodes import UR5, robot
 
 pytestmark = pytest.mark.live
 
-FollowJointTrajectory = pytest.importorskip("control_msgs.action", reason="control_msgs").FollowJointTrajectory
+FollowJointTrajectory = pytest.importorskip(
+    "control_msgs.action", reason="control_msgs is not installed: it is part of ROS 2, not of PyPI"
+).FollowJointTrajectory
 NAMES, Q = robot(UR5).names, np.array(START_AT)
 PARAMETERS = {
     "robot_description": robot(UR5).path,
@@ -57,6 +59,11 @@ class Live:
         self.peer.destroy_node()
         self.context.try_shutdown()
 
+    def is_in_force(self):
+        """Whether the law has taken the arm up."""
+        loop = self.node._loop
+        return loop and loop.state and not loop.taking_up
+
     def wait(self, condition, what, rounds=20_000):
         """Feed the same state until a condition holds."""
         for _ in range(rounds):
@@ -83,8 +90,7 @@ def live():
     live = Live()
     try:
         live.wait(live.client.server_is_ready, "the action")
-        loop = lambda: live.node._loop  # noqa: E731
-        live.wait(lambda: loop() and loop().state and not loop().taking_up, "the law in force")
+        live.wait(live.is_in_force, "the law in force")
         yield live
     finally:
         live.close()

@@ -1,15 +1,20 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A UR5: its states, and the commands that it should be given by Pinocchio alone."""
+"""A UR5: its states, loops that control it, and the commands that it should be given by Pinocchio alone."""
 
 import numpy as np
 import pinocchio as pin
 import scipy.linalg
 
-from described import UR5, robot
+import diag_dynamics as dd
+from described import MS, UR5, S, robot
+from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.references import Waypoints
 from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.parameters.controller import PARAMETERS
+
+Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 
 
 def state_at(stamp, q, qd=None):
@@ -69,3 +74,35 @@ def pinocchio_command(mode, q, qd, target, gain=1.0):
     wrench[:3] = 200.0 * (target[0] - position)
     wrench[3:] = 0.5 * 20.0 * sum(np.cross(axes[:, j], target[1][:, j]) for j in range(3))
     return state.g - 12.0 * state.M @ qd + oracle.effort_of(q, {"tool0": wrench}, "world")
+
+
+def loop_of(arm, compensated=False, **values):
+    """Return a loop with the default parameters but for `values`."""
+    defaults = {name: spec.default for name, spec in PARAMETERS.items()}
+    return ControlLoop(arm, defaults | {"controlled_link": "tool0"} | values, compensated)
+
+
+class Closed:
+    """A loop, by default with its defaults, on an arm without friction that nothing stops, at 1 kHz."""
+
+    def __init__(self, arm, q, qd=None, carried=True, **values):
+        """Put the arm somewhere; carried, it is at first."""
+        self.loop = loop_of(arm, **values)
+        nothing = np.zeros(6)
+        self.arm = dd.Simulation(arm, q, qd, friction=nothing, damping=nothing, limits=False)
+        self.stamp, self.sent, self.fastest, self.most = S, None, nothing, 0.0
+        self.way, self.lost = [np.array(q, dtype=float)], []
+        if carried:
+            self.loop.efforts.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))
+
+    def go(self, seconds, push=None):
+        """Let it go on; a push is a wrench on the tool."""
+        for _ in range(round(1000 * seconds)):
+            self.stamp += MS
+            self.sent = self.loop.step(state_at(self.stamp, self.arm.q, self.arm.qd), self.stamp)
+            self.arm.advance(self.sent.effort, f_ext=push)
+            self.way.append(self.arm.q.copy())
+            self.most = max(self.most, self.loop.energy)
+            self.fastest = np.maximum(self.fastest, np.abs(self.arm.qd))
+            self.lost += [self.sent.lost] if self.sent.lost else []
+        return self
