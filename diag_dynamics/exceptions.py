@@ -58,6 +58,10 @@ class InertiaWarning(ModelWarning):
     """A link's inertia is not that of a rigid body, or estimated; the model uses it as it is."""
 
 
+class LoopError(UrdfError):
+    """A closed loop cannot be built from its description, or cannot be closed at these positions."""
+
+
 class MimicJointError(UrdfError):
     """Mimic joints are coupled in a way that the model does not support.
 

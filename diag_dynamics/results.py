@@ -14,7 +14,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, BoolArray
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.sweeps import evaluation, external, records
+from diag_dynamics.sweeps import evaluation, external
 from diag_dynamics.sweeps import workspace as ws
 
 if TYPE_CHECKING:
@@ -167,8 +167,8 @@ class Evaluation:
         """
         model, (Q, QD) = self._model, self._motion()
         energy = np.empty((len(Q), len(model.link_names)))
-        work = np.empty(len(model.bodies), records.WORK)
-        if not evaluation.link_energies(model.bodies, model.links, work, Q, QD, energy):
+        own = model.new_workspace()
+        if not evaluation.link_energies(own.robot, model.links, Q, QD, energy):
             name = "qd" if self.nu.ndim == 1 else "QD"
             raise InputError(f"{name} is too large: the kinetic energy of a link overflows.")
         return read_only(energy[0] if self.nu.ndim == 1 else energy)

@@ -10,8 +10,6 @@ from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 
-from diag_dynamics.sweeps import workspace as ws
-
 CHUNKS_PER_THREAD = 4
 """A delayed thread leaves its share to the others."""
 
@@ -38,7 +36,7 @@ class Workspaces:
         try:
             return self._idle.pop()
         except IndexError:
-            return ws.Workspace(self._model.bodies, self._model.gravity)
+            return self._model.new_workspace()
 
     def release(self, workspace):
         """Return a workspace to the idle ones."""

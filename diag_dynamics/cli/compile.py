@@ -22,6 +22,7 @@ from diag_dynamics.threads import cores
 UNITS = {
     "simulation.steps": 25,
     "sweeps.batch": 21,
+    "sweeps.couplings": 12,
     "sweeps.regressors": 6,
     "sweeps.external": 6,
     "sweeps.factorization": 6,

@@ -18,7 +18,6 @@ from diag_dynamics.model import Payload
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.sweeps.mobilities import FRAME
 from diag_dynamics.sweeps.regressors import LOAD, update_load
-from diag_dynamics.sweeps.workspace import Workspace
 
 PRIOR = 3.0, 0.3  # standard deviations of mass [kg] and first moment [kg m] without any state
 MODEL_ERRORS = 5.0  # number of states that count as one beside those within the observer's memory
@@ -128,7 +127,7 @@ class LoadEstimator:
         before, self.dynamics, self._frames = self.dynamics, dynamics, np.zeros(1, FRAME)
         self._frames["body"], self._frames["rotation"] = body, placement[:3, :3].ravel()
         self._frames["translation"] = placement[:3, 3]
-        self._workspace = Workspace(dynamics.model.bodies, dynamics.model.gravity)
+        self._workspace = dynamics.model.new_workspace()
         if dynamics.model.bodies is not before.model.bodies:
             self._time = None
             self.reset()

@@ -61,7 +61,7 @@ class SweepCaller:
 
     def __init__(self, model: RobotModel) -> None:
         self.model, self.nv = model, model.nv
-        self._workspace = ws.Workspace(model.bodies, model.gravity)
+        self._workspace = model.new_workspace()
         self.robot = self._workspace.robot
         self._workspaces = threads.Workspaces(model)
         self._zeros = np.zeros((1, model.nv))
@@ -131,7 +131,7 @@ class SweepCaller:
             raise InputError(f"{problem}.")
         if status:
             # Factorized again in new memory: another thread may have used the shared one since.
-            own = ws.Workspace(self.model.bodies, self.model.gravity)
+            own = self.model.new_workspace()
             factorization.joint_inertias(own.robot, at.q, *np.empty((2, self.nv)))
             raise_failure(self.model, status, own.work, at)
 

@@ -9,7 +9,6 @@ from diag_dynamics.dynamics.calls import root_of_rate
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.identification.kernels.regressors import PARAMETERS, fill_regressors, low_pass
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.sweeps.workspace import Workspace
 
 OWN = DAMPING, FRICTION, OFFSET, ROTOR, LOAD, ROOT = range(6)  # unknowns of a degree of freedom beside inertias
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns
@@ -59,7 +58,7 @@ class Regressors:
             self.rows.append(slice(end, end + len(self.columns[k]) + 1))
             end = self.rows[k].stop
         self.load_of, self._friction_velocity = None, model.friction_velocity
-        self._workspace = Workspace(bodies, model.gravity)
+        self._workspace = model.new_workspace()
         self._directions = np.zeros((len(bodies), len(bodies), 12))
 
     def own(self, column):

@@ -96,11 +96,14 @@ def _composed(joint: Any, leaders: Mimic) -> Mimic:
     return Mimic(leaders.leader, product, offset)
 
 
-def coupled_groups(mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None]) -> dict[str, set[str]]:
+def coupled_groups(
+    mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None], closed: Iterable[set[str]] = ()
+) -> dict[str, set[str]]:
     """Return the group of each joint that is eliminated together with others, the same set for all of its members.
 
     A group is all moving joints from the lowest body that carries a source joint and its mimic joints, exclusive, down to
-    these. Groups that share a joint are one group. `carriers` has the joint that carries each moving joint, or None.
+    these, or the joints of a `closed` loop. Groups that share a joint are one group. `carriers` has the joint that carries
+    each moving joint, or None.
     """
     depth: dict[str | None, int] = {None: 0}
     for name, carrier in carriers.items():
@@ -109,8 +112,8 @@ def coupled_groups(mimics: Mapping[str, Mimic], carriers: Mapping[str, str | Non
     for name, mimic in mimics.items():
         families.setdefault(mimic.leader, [mimic.leader]).append(name)
     groups: dict[str, set[str]] = {}
-    for family in families.values():
-        group = _joints_between(family, depth, carriers)
+    found = [_joints_between(family, depth, carriers) for family in families.values()]
+    for group in [*found, *map(set, closed)]:
         for other in {id(groups[name]): groups[name] for name in group if name in groups}.values():
             group |= other
         groups.update(dict.fromkeys(group, group))

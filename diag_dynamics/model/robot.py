@@ -21,6 +21,15 @@ from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError
 from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
 from diag_dynamics.model.joint_types import SINGLE, is_angle
+from diag_dynamics.model.loops import (
+    Curve,
+    Loop,
+    close,
+    coupling_tables,
+    read_couplings,
+    resolve_curves,
+    without_curves,
+)
 from diag_dynamics.model.mimic import Mimic, resolve_mimics
 from diag_dynamics.model.parameters import (
     Coupling,
@@ -32,10 +41,11 @@ from diag_dynamics.model.parameters import (
 )
 from diag_dynamics.model.remarks import remarks_of, warn, warning_of
 from diag_dynamics.model.sources import expanded, folder_of, urdf_text
-from diag_dynamics.model.transmissions import reflected_inertias
+from diag_dynamics.model.transmissions import driven_joints, reflected_inertias
 from diag_dynamics.model.tree import Tree, massless_freedoms, positions_to_hold, reject_massless
 from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_urdf
 from diag_dynamics.sweeps import joints, kinematics
+from diag_dynamics.sweeps.couplings import CouplingTables
 from diag_dynamics.sweeps.workspace import Workspace
 
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
@@ -64,6 +74,9 @@ class Options(NamedTuple):
     max_coupled: int
     friction_velocity: float
     estimated_links: tuple[str, ...]
+    loops: tuple[Loop, ...] = ()
+    curves: dict[str, Curve] = {}  # noqa: RUF012  # never changed
+    driven: frozenset[str] = frozenset()
     omitted: tuple[str, ...] = ()
     held: dict[str, float] = {}  # noqa: RUF012  # never changed
 
@@ -164,6 +177,9 @@ class RobotModel:
         self.motor_rates: Array = _motor_rates(options.couplings, tree.dof_names)
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
+        self.followers: Mapping[str, tuple[str, ...]] = MappingProxyType(tree.coupled.followers if tree.coupled else {})
+        self.loops: tuple[tuple[Loop, ...], ...] = tuple(map(tuple, tree.coupled.loops if tree.coupled else ()))
+        self.coupling_tables: CouplingTables | None = coupling_tables(tree, tree.coupled)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
         self.locked_joints: Mapping[str, float] = MappingProxyType(tree.locked)
         self.payloads: Mapping[str, Payload] = MappingProxyType(options.payloads)
@@ -241,6 +257,14 @@ class RobotModel:
         """Positions of zero, floating joints at the identity; shape (nq,)."""
         return np.array([1.0 if orientation == 3 else 0.0 for orientation in self.orientations])
 
+    @property
+    def start(self) -> Array:
+        """Positions at which loops are closed first, otherwise :attr:`neutral`; shape (nq,)."""
+        q, start = self.neutral, self._tree.coupled.start if self._tree.coupled else {}
+        for k, name in enumerate(self.coordinate_names):
+            q[k] = start.get(name, q[k])
+        return q
+
     def random(self, rng: np.random.Generator | int | None = None) -> Array:
         """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m; `rng` may be a seed."""
         try:
@@ -296,7 +320,11 @@ class RobotModel:
     @cached_property
     def workspace(self) -> Workspace:
         """Arguments of sweeps; shared, so only for those that write to no memory of the workspace."""
-        return Workspace(self.bodies, self.gravity)
+        return self.new_workspace()
+
+    def new_workspace(self) -> Workspace:
+        """Return arguments of sweeps with memory of their own."""
+        return Workspace(self.bodies, self.gravity, self.coupling_tables)
 
     def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
         """Return this model with these texts as `omitted`."""
@@ -397,6 +425,7 @@ def load_urdf(
     xacro_args: Mapping[str, Any] | None = None,
     estimate_inertias: float | None = None,
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
+    loops: str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None = None,
 ) -> RobotModel:
     """Build a model from a URDF; meshes are read by `estimate_inertias` only.
 
@@ -434,6 +463,8 @@ def load_urdf(
         for untrusted descriptions; meshes need trimesh.
     parameters : str, os.PathLike, Parameters or dict
         Parameters beside the URDF; `armature` and `friction_velocity` have precedence over those in it.
+    loops : str, os.PathLike, dict or list
+        Closed loops and non-linear mimic joints: a YAML file or its content, or a list of :class:`Loop`.
 
     Raises
     ------
@@ -441,6 +472,8 @@ def load_urdf(
         The URDF is malformed, not a tree, or too large; or a xacro file cannot be expanded.
     MimicJointError
         A mimic joint has no valid source, or a coupled group is too large.
+    LoopError
+        A loop cannot be closed from its start values, or its independent joints are not as many as it has.
     MasslessLinkError
         Joints move no inertia: the mass matrix would be singular.
 
@@ -458,6 +491,7 @@ def load_urdf(
         found = estimated(urdf_text(source), estimate_inertias, folder)
         source = found.text
     element = parse_urdf(urdf_text(source))
+    closed, curves = read_couplings(loops)
     robot, root = read_urdf(element, whole("max_joints", max_joints))
     given = Parameters() if parameters is None else read_parameters(parameters)
     robot = apply_parameters(robot, given)
@@ -489,6 +523,9 @@ def load_urdf(
         max_coupled=whole("max_coupled", max_coupled),
         friction_velocity=not_negative("friction_velocity", v_0, "[rad/s, m/s]"),
         estimated_links=tuple(estimate.link for estimate in found.estimates) if found else (),
+        loops=closed,
+        curves={} if mimic == "free" else curves,
+        driven=driven_joints(element),
     )
     return _model(robot, root, options, given)
 
@@ -550,8 +587,16 @@ def _model(robot: Any, root: str, options: Options, applied: Parameters | None =
 
 
 def _tree(robot: Any, root: str, options: Options) -> Tree:
+    if options.curves:
+        robot = without_curves(robot, options.curves)
     mimics, locked = resolve_mimics(robot, options.mimic, options.locked | options.held)
-    tree = Tree(robot, root, options.floating_base, locked, mimics)
+    coupled = None
+    if options.loops or options.curves:
+        curves = resolve_curves(robot, options.curves, mimics, locked)
+        cut = Tree(robot, root, options.floating_base, locked, {})
+        coupled = close(cut, options.loops, curves, mimics, options.driven)
+        mimics = coupled.mimics
+    tree = Tree(robot, root, options.floating_base, locked, mimics, coupled)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):
         if size > options.max_coupled:
             text = f"robot '{robot.name}' has a group of {len(group)} coupled joints, '{group[0]}' to '{group[-1]}', of"

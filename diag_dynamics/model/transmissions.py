@@ -23,6 +23,15 @@ ACTUATORS = ("actuator", "leftActuator", "rightActuator")
 JOINTS = ("joint", "flexJoint", "rollJoint")
 
 
+def driven_joints(robot: Any) -> frozenset[str]:
+    """Return the joints of transmissions, and those of ros2_control with a command interface."""
+    joints = [
+        joint for one in robot.iter("transmission") for joint in one.iterchildren() if local_name(joint) in JOINTS
+    ]
+    joints += [joint for joint in robot.findall("ros2_control/joint") if joint.find("command_interface") is not None]
+    return frozenset(joint.get("name") or "" for joint in joints)
+
+
 def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     """Return N²J [kg m², prismatic: kg] by joint, the sum over its actuators, and remarks on what is ignored."""
     types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}

@@ -10,12 +10,11 @@ import numpy as np
 from diag_dynamics import rotations
 from diag_dynamics.exceptions import MasslessLinkError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
-from diag_dynamics.model.mimic import coupled_groups
+from diag_dynamics.model.mimic import Mimic, coupled_groups
 from diag_dynamics.rigid_body import parallel_axes
 from diag_dynamics.sweeps import factorization
-from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.joints import SINGULAR
-from diag_dynamics.sweeps.records import BODY, LINK
+from diag_dynamics.sweeps.records import BODY, LINK, VIRTUAL
 
 _UPPER = np.triu_indices(3)
 
@@ -47,22 +46,30 @@ class Tree:
     body, and its placement (4, 4) in that body's frame.
     """
 
-    def __init__(self, robot, root, floating_base, locked, mimics):
+    def __init__(self, robot, root, floating_base, locked, mimics, coupled=None):
         self.robot, self.root, self.floating_base = robot, root, floating_base
-        self.locked, self.mimics = locked, mimics
+        self.locked, self.mimics, self.coupled = locked, mimics, coupled
+        self._followers = coupled.followers if coupled else {}
         self.joints, self.groups, self.group_sizes = [], [], []
         self._coordinates = self._dofs = 0
         self._records = [np.zeros((), BODY)]
         self.last_body = {None: 0}  # of each moving joint, by name
-        self._moving = {}
+        self.moving = {}
         places = self._merge_links()
         self._order = {link: k for k, link in enumerate(places)}
-        groups = coupled_groups(mimics, {name: joint.carrier for name, joint in self._moving.items()})
+        carriers = {name: joint.carrier for name, joint in self.moving.items()}
+        ratios = (
+            mimics | {name: Mimic(curve.source, 0.0, 0.0) for name, curve in coupled.curves.items()}
+            if coupled
+            else mimics
+        )
+        groups = coupled_groups(ratios, carriers, coupled.groups if coupled else ())
         for block in self._blocks(groups):
             self._add_block(block)
             if block[0] in groups:
                 self.groups.append(tuple(block))
-                self.group_sizes.append(sum(len(self._moving[name].type.freedoms) for name in block))
+                sizes = (len(self._followers.get(name, self.moving[name].type.freedoms)) for name in block)
+                self.group_sizes.append(sum(sizes))
         links = {link.name: link for link in robot.links}
         self.links = [(links[link], self.last_body[carrier], place) for link, (carrier, place) in places.items()]
         self.dof_names = tuple(name for joint in self.joints for name in joint.dof_names)
@@ -84,7 +91,7 @@ class Tree:
             base, taken = "root_joint", {joint.name for joint in self.robot.joints}
             while base in taken:
                 base += "_"
-            self._moving[base] = MovingJoint(base, "floating", None, np.eye(4))
+            self.moving[base] = MovingJoint(base, "floating", None, np.eye(4))
         places = {self.root: (base, np.eye(4))}
         stack = list(outboard.get(self.root, ()))
         while stack:
@@ -98,15 +105,15 @@ class Tree:
                 turn = np.eye(4)  # z of a body is the joint's axis
                 if joint.type != "floating":
                     turn[:3, :3] = rotations.frame_about(joint.axis)
-                self._moving[joint.name] = MovingJoint(joint.name, joint.type, carrier, origin @ turn, joint)
+                self.moving[joint.name] = MovingJoint(joint.name, joint.type, carrier, origin @ turn, joint)
                 carrier, origin = joint.name, turn.T
             places[joint.child] = carrier, origin
         return places
 
     def _blocks(self, groups):
         """Yield the names of joints base to tip, depth first; those of a group come together."""
-        carried, rank = {}, {name: k for k, name in enumerate(self._moving)}
-        for name, joint in self._moving.items():
+        carried, rank = {}, {name: k for k, name in enumerate(self.moving)}
+        for name, joint in self.moving.items():
             carried.setdefault(joint.carrier, []).append(name)
         ahead, done = carried.get(None, [])[::-1], set()
         while ahead:
@@ -118,11 +125,28 @@ class Tree:
             yield block
             ahead += [one for member in block[::-1] for one in carried.get(member, ())[::-1] if one not in done]
 
+    @property
+    def count(self):
+        """The number of bodies, that of the world included."""
+        return len(self._records)
+
+    def first_body(self, name):
+        """Return the first body of a moving joint."""
+        last = self.last_body[name]
+        return last - int(self._records[last]["rank"])
+
+    def group_of(self, body):
+        """Return the first and the last body of the group of a body."""
+        return int(self._records[body]["first"]), int(self._records[body]["last"])
+
     def _add_block(self, block):
         """Add the bodies of joints that are eliminated together."""
         first, start = len(self._records), self._dofs
         for name in block:
-            self._add_joint(self._moving[name])
+            if name in self._followers:
+                self._add_follower(self.moving[name])
+            else:
+                self._add_joint(self.moving[name])
         for record in self._records[first:]:
             record["first"], record["last"], record["start"] = first, len(self._records) - 1, start
         for name in block:
@@ -131,6 +155,23 @@ class Tree:
                 record, led = self._records[self.last_body[name]], self._records[self.last_body[leader]]
                 record["q"], record["dof"], record["leader"] = led["q"], led["dof"], self.last_body[leader]
                 record["multiplier"], record["offset"] = multiplier, offset
+            for rank, leader in enumerate(self._followers.get(name, ())):
+                record, led = self._records[self.first_body(name) + rank], self._records[self.last_body[leader]]
+                record["q"], record["dof"], record["leader"] = led["q"], led["dof"], self.last_body[leader]
+
+    def _add_follower(self, joint):
+        """Add a body of a joint for each independent joint that it follows."""
+        parent, placement, leaders = self.last_body[joint.carrier], joint.placement, self._followers[joint.name]
+        for rank in range(len(leaders)):
+            body = np.zeros((), BODY)
+            body["parent"], body["direction"] = parent, joint.type.freedoms[0][1]
+            body["kind"] = VIRTUAL if rank else joint.type.kind
+            body["dofs"], body["rank"] = len(leaders), rank
+            body["link"] = self._order[joint.joint.child]
+            body["rotation"], body["translation"] = placement[:3, :3].ravel(), placement[:3, 3]
+            parent, placement = len(self._records), np.eye(4)
+            self._records.append(body)
+        self.last_body[joint.name] = parent
 
     def _add_joint(self, joint):
         """Add the bodies of a joint, one for each degree of freedom."""
@@ -170,7 +211,7 @@ class Tree:
         """Return damping or friction of each degree of freedom, with that of mimic joints times |multiplier|^exponent."""
         values = self.per_dof("dynamics", attribute, 0.0)
         for name, mimic in self.mimics.items():
-            own = self._moving[name].number("dynamics", attribute, 0.0)
+            own = self.moving[name].number("dynamics", attribute, 0.0)
             values[self._records[self.last_body[name]]["dof"]] += own * abs(mimic.multiplier) ** exponent
         return values
 
@@ -188,8 +229,9 @@ class Tree:
         """Return the arrays of bodies and links, given rotor inertias by joint [kg m², kg] and payloads by link."""
         links = self._link_records(payloads)
         bodies = np.array(self._records, BODY)
-        for name in self._moving:
-            bodies["armature"][self.last_body[name]] = armature.get(name, 0.0)
+        for name in self.moving:
+            first = self.first_body(name) if name in self._followers else self.last_body[name]
+            bodies["armature"][first : self.last_body[name] + 1] = armature.get(name, 0.0)
         for part in ("mass", "first_moment", "inertia"):
             np.add.at(bodies[part], links["body"], links[part])
         return bodies, links
@@ -242,14 +284,16 @@ def _displacement(joint, position):
 def massless_freedoms(model):
     """Return the degrees of freedom that move no inertia in four configurations, and the smallest D of each."""
     rng = np.random.default_rng(0)
-    own = ws.Workspace(model.bodies, model.gravity)
+    own = model.new_workspace()
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
-    for spread in (0.0, 1.0, 1.0, 1.0):
-        q = model.neutral
+    closed = model.start
+    for spread in (0.0, 1.0, 1.0, 1.0) if model.coupling_tables is None else (0.0, 0.05, 0.05, 0.05):
+        q = closed.copy()
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
-        factorization.joint_inertias(own.robot, q, D, magnitude)
+        if factorization.joint_inertias(own.robot, q, D, magnitude) != 0:
+            continue  # a loop cannot be closed there
         massless &= ~(SINGULAR * magnitude < D)
         smallest = np.minimum(smallest, D)
     return np.flatnonzero(massless), smallest

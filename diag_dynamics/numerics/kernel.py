@@ -82,6 +82,11 @@ def precompile(*modules):
             entry.compile()
 
 
+def compile_ahead(entry):
+    """Have :func:`precompile` compile what has a name, a module and a method `compile`."""
+    _entries.append(entry)
+
+
 def _decorator(kind, **options):
     """Return numba's decorator for a kind of function."""
     return numba.njit(error_model="numpy", **options, **getattr(linking, kind, {}))
@@ -97,7 +102,7 @@ class Entry:
         functools.update_wrapper(self, function)
         self._signature, self._nogil = signature, nogil
         self.run = self._compile_and_run
-        _entries.append(self)
+        compile_ahead(self)
 
     def __call__(self, *arguments):  # noqa: D102  # the docstring is the function's
         return self.run(*arguments)

@@ -10,8 +10,7 @@ import numpy as np
 from diag_dynamics.model.links import wrenches_at
 from diag_dynamics.page.forces import NO_FORCES, UPPER, Forces
 from diag_dynamics.page.layout import CAUSES, Layout
-from diag_dynamics.sweeps import evaluation, factorization, records
-from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps import evaluation, factorization
 
 GAP = 0.5
 """Largest time between two states over which dK/dt is a difference [s]."""
@@ -100,7 +99,7 @@ class FrameMaker:
         self._dynamics, self._model, self.layout = dynamics, model, Layout(model, points, links)
         self._forces = Forces(dynamics, forces)
         self._before = np.nan, np.nan  # time and K of the last state
-        self._workspace, self._wrenches = ws.Workspace(model.bodies, model.gravity), {}
+        self._workspace, self._wrenches = model.new_workspace(), {}
 
     def frames(self, states):
         """Return the frames of states, shape (T,) of ``layout.dtype``; dK continues from the last call."""
@@ -176,8 +175,7 @@ class FrameMaker:
     def _link_energies(self, states):
         energies = np.empty((len(states.t), len(self._model.link_names)))
         q, qd = (np.ascontiguousarray(x, dtype=float) for x in (states.q, states.qd))
-        bodies, links = self._model.bodies, self._model.links
-        if not evaluation.link_energies(bodies, links, np.empty(len(bodies), records.WORK), q, qd, energies):
+        if not evaluation.link_energies(self._workspace.robot, self._model.links, q, qd, energies):
             energies[:] = np.nan
         return energies
 

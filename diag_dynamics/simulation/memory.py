@@ -98,14 +98,14 @@ class Memory:
         """Simulate a model with the same degrees of freedom; parameters and state stay."""
         bodies = model.bodies.copy()  # in which joints can be locked
         self._arrays["armature"] = bodies["armature"].copy()
-        self.workspace = ws.Workspace(bodies, model.gravity)
+        self.workspace = ws.Workspace(bodies, model.gravity, model.coupling_tables)
         self._locate()
 
     def _locate(self):
         nq, nv = len(self._arrays["place"]), len(self._arrays["zeros"])
         parts = np.split(self._arrays["state"], np.cumsum([nq, nv, nv]))
         self._named = self._arrays | dict(zip(STATE, parts, strict=True))
-        self._damped = ws.Workspace(self.workspace.bodies, self.workspace.gravity)
+        self._damped = ws.Workspace(*self.workspace.__reduce__()[1])
         robots = {"robot": self.workspace.robot, "damped_robot": self._damped.robot}
         self._table = Addresses(SIMULATION, **robots, **self._named)
         self.address = self._table.at

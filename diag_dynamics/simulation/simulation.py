@@ -25,7 +25,6 @@ from diag_dynamics.simulation import steps as compiled
 from diag_dynamics.simulation.memory import Memory
 from diag_dynamics.sweeps import classical
 from diag_dynamics.sweeps.records import WRENCH
-from diag_dynamics.sweeps.workspace import Workspace
 
 _NO_WRENCHES = np.zeros(0, WRENCH)
 
@@ -39,7 +38,7 @@ def rest_position(model):
 
 def potential_energy(model, q):
     """Return the energy of the robot in the field of gravity [J], −g·Σ m_i c_i in the world's axes; q of shape (nq,)."""
-    workspace, moment = Workspace(model.bodies, model.gravity), np.zeros(3)
+    workspace, moment = model.new_workspace(), np.zeros(3)
     q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
     classical.first_moment(workspace.robot, q, moment)
     return -float(model.gravity @ moment)

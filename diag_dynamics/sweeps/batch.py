@@ -254,6 +254,22 @@ def _write(at, first, last, results, numbers):
     return True
 
 
+@nk.large_kernel
+def _evaluate_each(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
+    """As :func:`evaluate_many`, state by state: ratios that change are of one state."""
+    out = ws.robot_of(robot).scratch
+    for t in range(begin, end):
+        if evaluation.sweep_state(robot, Q[t], QD[t], TAU[min(t, len(TAU) - 1)], out) != 0:
+            return begin + (t - begin) // WIDTH * WIDTH
+        for j in range(N_RESULTS):
+            ws.copy(out[j], results[j, t])
+        for j in range(ws.N_NUMBERS):
+            numbers[j, t] = out[ws.KINETIC_ENERGY + j, 0]
+        ws.copy(Q[t], positions[t])
+        ws.copy(QD[t], rates[t])
+    return end
+
+
 @nk.entry_kernel(nk.ROBOT, *[nk.MATRIX] * 3, nk.COUNT, nk.COUNT, nk.FILLED_STATES, *[nk.FILLED_MATRIX] * 3, nogil=True)
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
@@ -263,6 +279,8 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
     `positions` and `rates` copies of Q and QD. The states that fail are some of the WIDTH that follow.
     """
     at = ws.robot_of(robot)
+    if at.work[0].couple != 0:
+        return _evaluate_each(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates)
     for first in range(begin, end, WIDTH):
         last = min(first + WIDTH, end)
         if not _are_valid(at, Q, QD, TAU, first, last):

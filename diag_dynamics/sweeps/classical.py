@@ -39,7 +39,7 @@ def _aba_inward_group(bodies, last, qd, work, Q, qdd):
     """The inward step of :func:`forward_dynamics` at a group."""
     first = bodies[last].first
     groups.compose(bodies, first, last, work, Q)
-    y = groups.gather_bias(bodies, first, last, qd, work, work.V, qdd)
+    y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, qdd)
     status = groups.eliminate(bodies, first, last, work, Q, False)
     if status != 0:
         return status
@@ -65,7 +65,7 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
                 qdd[bodies[j].dof] -= groups.induced_rate(
                     bodies, j, records.motion_of(base.acceleration), qdd, Q, records.force_of(work[j].G)
                 )
-    records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, qdd)))
+    records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, w, qdd)))
 
 
 @nk.kernel
@@ -75,6 +75,9 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
     Inertia `added`, if not None, enters D as armature does.
     """
     n = len(bodies)
+    status = joints.couple_with_rates(q, qd, work)
+    if status != 0:
+        return status
     joints.set_base_at_rest(work)
     for i in range(1, n):
         body, w = bodies[i], work[i]
@@ -109,7 +112,7 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
         A = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].acceleration))
         A = sp.add_motion(A, records.motion_of(w.zeta))
         qdd[body.dof] -= sp.power(records.force_of(w.G), A)
-        records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, qdd)))
+        records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, w, qdd)))
     return 0 if joints.are_finite(qdd) else -1
 
 
@@ -137,6 +140,9 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     bodies, gravity, work, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
         return -1
+    status = joints.couple_with_rates(q, qd, work)
+    if status != 0:
+        return status
     ws.clear(tau)
     joints.set_base_at_rest(work)
     joints.set_base_acceleration(gravity, weight, work)
@@ -145,7 +151,10 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
         V, A = joints.update_motion(bodies, i, q, qd, qdd, work)
         y = sp.add_force(joints.momentum(body, A), sp.cross_force(V, joints.momentum(body, V)))
         records.set_force(work[i].y, y)
-        tau[body.dof] += body.multiplier * (body.armature * body.multiplier * qdd[body.dof])
+        if body.armature != 0.0:
+            first = joints.turning(bodies, i)
+            rate = joints.joint_rate(bodies, first, qdd, work) + joints.ratio_rate(bodies, first, qd, work)
+            tau[body.dof] += work[i].multiplier * (body.armature * rate)
     joints.moments_inward(bodies, work, tau)
     return 0 if joints.are_finite(tau) else -1
 
@@ -159,6 +168,9 @@ def momentum(robot, q, qd, result):
     bodies, gravity, work, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd)):
         return -1
+    status = joints.couple_with_rates(q, qd, work)
+    if status != 0:
+        return status
     nv = len(qd)
     ws.clear(result)
     joints.set_base_at_rest(work)
@@ -171,14 +183,19 @@ def momentum(robot, q, qd, result):
         records.set_motion(w.acceleration, g)
         records.set_force(w.y, joints.momentum(body, V))
         records.set_force(w.z, joints.momentum(body, g))
-        result[body.dof] += body.multiplier * (body.armature * body.multiplier * qd[body.dof])
+        if body.armature != 0.0:
+            first = joints.turning(bodies, i)
+            spin = body.armature * joints.joint_rate(bodies, first, qd, work)
+            result[body.dof] += w.multiplier * spin
+            result[nv + body.dof] += w.multiplier_rate * spin
     for i in range(len(bodies) - 1, 0, -1):
         body, w = bodies[i], work[i]
         V = records.motion_of(work[i + body.dofs - 1 - body.rank].V)  # of the whole joint
         h, F = records.force_of(w.y), records.force_of(w.z)
         along = sp.along(body.direction, sp.subtract_force(F, sp.cross_force(V, h)))
-        result[body.dof] += body.multiplier * sp.along(body.direction, h)
-        result[nv + body.dof] += body.multiplier * along
+        momentum_along = sp.along(body.direction, h)
+        result[body.dof] += w.multiplier * momentum_along
+        result[nv + body.dof] += w.multiplier * along + w.multiplier_rate * momentum_along
         if body.parent > 0:
             records.add_to_force(work[body.parent].y, joints.force_inboard(body, w, h))
             records.add_to_force(work[body.parent].z, joints.force_inboard(body, w, F))
@@ -191,7 +208,9 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     bodies, _, work, _ = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
-    joints.update_placements(bodies, q, work)
+    status = joints.update_placements(bodies, q, work)
+    if status != 0:
+        return status
     ws.clear(tau)
     for j in range(len(wrenches)):
         F = joints.wrench_on_body(bodies, wrenches[j], in_world, work)
@@ -205,7 +224,9 @@ def mass_matrix(robot, q, M):
     bodies, _, work, _ = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
-    joints.initialize(bodies, q, work)
+    status = joints.initialize(bodies, q, work)
+    if status != 0:
+        return status
     if len(bodies) > 1:
         groups.compose(bodies, 1, len(bodies) - 1, work, M)  # all bodies as one group: its 𝓜 is M
     return 0 if joints.are_finite(flat(M)) else -1

@@ -17,8 +17,9 @@ def _initialize(bodies, q, qd, work):
     """Placed bodies with their own inertias, at rest as yet."""
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd)):
         return -1
-    joints.initialize(bodies, q, work)
-    return 0
+    status = joints.initialize(bodies, q, work)
+    joints.couple_rates(qd, work)
+    return status
 
 
 @nk.large_kernel
@@ -44,8 +45,9 @@ def _propagate_rates(bodies, i, qd, x, work):
     body, w, parent = bodies[i], work[i], work[bodies[i].parent]
     W = joints.motion_outboard(body, w, records.motion_of(parent.W))
     rate = joints.motion_outboard(body, w, records.motion_of(parent.W_rate))
-    rate = sp.add_motion(rate, sp.cross_motion(W, joints.joint_motion(bodies, i, qd)))
-    W = sp.add_motion(W, joints.own_motion(body, x))
+    rate = sp.add_motion(rate, sp.cross_motion(W, joints.joint_motion(bodies, i, qd, work)))
+    W = sp.add_motion(W, joints.own_motion(body, w, x))
+    rate = sp.add_motion(rate, sp.motion_along(body.direction, w.multiplier_rate * x[body.dof]))
     records.set_motion(w.W, W)
     records.set_motion(w.W_rate, rate)
 
@@ -82,7 +84,9 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
     """Ṁx: the rate of the momenta M x while x is constant, in an outward and an inward sweep."""
     bodies, _, work, _ = ws.opened(robot)
     status = _initialize(bodies, q, qd, work)
-    if status != 0 or not joints.are_finite(x):
+    if status != 0:
+        return status
+    if not joints.are_finite(x):
         return -1
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
@@ -94,7 +98,12 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
     for i in range(len(bodies) - 1, 0, -1):
         body, w = bodies[i], work[i]
         h, rate = records.force_of(w.y), records.force_of(w.z)
-        result[body.dof] += body.multiplier * sp.along(body.direction, rate)
+        result[body.dof] += w.multiplier * sp.along(body.direction, rate)
+        result[body.dof] += w.multiplier_rate * sp.along(body.direction, h)
+        if body.armature != 0.0:
+            first = joints.turning(bodies, i)
+            spin, changing = joints.joint_rate(bodies, first, x, work), joints.ratio_rate(bodies, first, x, work)
+            result[body.dof] += body.armature * (w.multiplier_rate * spin + w.multiplier * changing)
         if body.parent > 0:
             records.add_to_force(work[body.parent].z, groups.rate_inboard(bodies, i, qd, work, h, rate))
             records.add_to_force(work[body.parent].y, joints.force_inboard(body, w, h))
@@ -113,7 +122,9 @@ def coriolis_product(robot, q, qd, x, result):
     """C_s(q, q̇) x with C_s q̇ = c and Ṁ − 2C_s skew: Newton–Euler with two velocities."""
     bodies, _, work, _ = ws.opened(robot)
     status = _initialize(bodies, q, qd, work)
-    if status != 0 or not joints.are_finite(x):
+    if status != 0:
+        return status
+    if not joints.are_finite(x):
         return -1
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
@@ -123,6 +134,10 @@ def coriolis_product(robot, q, qd, x, result):
         b = _two_velocity_force(body, V, records.motion_of(w.W))
         records.set_force(w.y, sp.add_force(joints.momentum(body, records.motion_of(w.W_rate)), b))
     ws.clear(result)
+    for i in range(1, len(bodies)):
+        if bodies[i].armature != 0.0:
+            changing = joints.ratio_rate(bodies, joints.turning(bodies, i), x, work)
+            result[bodies[i].dof] += work[i].multiplier * bodies[i].armature * changing
     joints.moments_inward(bodies, work, result)
     return 0 if joints.are_finite(result) else -1
 
@@ -173,7 +188,7 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
                     u[k] = eta[k] - groups.induced_rate(bodies, j, W_A, u, table[0], records.force_of(work[j].G))
         V = joints.update_velocity(body, qd, work, w)
         W = sp.add_motion(
-            joints.motion_outboard(body, w, records.motion_of(work[body.parent].W)), joints.own_motion(body, u)
+            joints.motion_outboard(body, w, records.motion_of(work[body.parent].W)), joints.own_motion(body, w, u)
         )
         records.set_motion(w.W, W)
         records.set_force(w.y, _two_velocity_force(body, V, W))
@@ -181,7 +196,7 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
     last = len(bodies) - 1
     while last > 0:
         first = bodies[last].first
-        y = groups.gather_bias(bodies, first, last, qd, work, work.W, result)
+        y = groups.gather_bias(bodies, first, last, qd, u, work, work.W, result)
         y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, table[0], result))
         base = bodies[first].parent
         W_A = records.motion_of(work[base].W)

@@ -43,15 +43,18 @@ def outward_step(bodies, i, q, qd, work):
     """The outward step of one state at a body."""
     body, w = bodies[i], work[i]
     X = joints.update_placement(body, q, w)
-    outward_joint(body, X, joints.own_motion(body, qd), w, work[body.parent])
+    outward_joint(body, X, joints.own_motion(body, w, qd), w, work[body.parent])
     w.armature = body.armature
 
 
 @nk.large_kernel
 def _outward(bodies, gravity, q, qd, work):
+    """The outward sweep of one state; returns a status."""
+    status = joints.couple_with_rates(q, qd, work)
     start_at_world(gravity, work[0])
     for i in range(1, len(bodies)):
         outward_step(bodies, i, q, qd, work)
+    return status
 
 
 @nk.large_kernel
@@ -150,7 +153,7 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out, factorized):
     z = groups.gather(bodies, first, last, work, -1.0, kappa)
     if not factorized:
         groups.compose(bodies, first, last, work, Q)
-    y = groups.gather_bias(bodies, first, last, qd, work, work.V, bias)
+    y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, bias)
     groups.compose_rates(bodies, first, last, qd, work, Q_rate)
     status = 0 if factorized else groups.eliminate(bodies, first, last, work, Q, False)
     if status != 0:
@@ -310,6 +313,18 @@ def _inward(bodies, qd, tau, work, table, out, factorized):
     return 0 if _complete(out, len(qd)) else -1
 
 
+@nk.kernel
+def sweep_state(robot, q, qd, tau, out):
+    """Fill the rows of `out` from NU on but those of q and q̇; returns a status."""
+    if not (joints.are_finite(q) and joints.are_finite(qd) and joints.are_finite(tau)):
+        return -1
+    bodies, gravity, work, table = ws.opened(robot)
+    if not joints.are_orientations(bodies, q):
+        return -1
+    status = _outward(bodies, gravity, q, qd, work)
+    return status if status != 0 else _inward(bodies, qd, tau, work, table, out, False)
+
+
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)
 def evaluate(robot, q, qd, tau, out):
     """Fill the rows of `out`, from NU to RATES, at one state.
@@ -320,15 +335,9 @@ def evaluate(robot, q, qd, tau, out):
         return ws.BAD_LENGTH
     if not ws.lengths_match(robot, q, qd, tau):
         return ws.BAD_LENGTH
-    if not (joints.are_finite(q) and joints.are_finite(qd) and joints.are_finite(tau)):
-        return -1
-    bodies, gravity, work, table = ws.opened(robot)
-    if not joints.are_orientations(bodies, q):
-        return -1
     ws.copy(q, out[ws.POSITIONS])
     ws.copy(qd, out[ws.RATES])
-    _outward(bodies, gravity, q, qd, work)
-    return _inward(bodies, qd, tau, work, table, out, False)
+    return sweep_state(robot, q, qd, tau, out)
 
 
 @nk.large_kernel
@@ -336,6 +345,7 @@ def nu_dot_from_tau(robot, qd, tau, nu_dot):
     """ν̇ = ε − C − ε_g from q̇ and τ over bodies that are factorized and have V. Returns a status."""
     bodies, gravity, work, table = ws.opened(robot)
     out = ws.robot_of(robot).scratch
+    joints.couple_rates(qd, work)
     _outward_factorized(bodies, gravity, work)
     status = _inward(bodies, qd, tau, work, table, out, True)
     ws.copy(out[ws.NU_DOT], nu_dot)
@@ -388,34 +398,38 @@ def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm)
                 last[0, k] = 0.0
 
 
-@nk.entry_kernel(records.BODIES, records.LINKS, records.WORKS, nk.MATRIX, nk.MATRIX, nk.FILLED_MATRIX, nogil=True)
-def link_energies(bodies, links, work, Q, QD, energies):
+@nk.entry_kernel(nk.ROBOT, records.LINKS, nk.MATRIX, nk.MATRIX, nk.FILLED_MATRIX, nogil=True)
+def link_energies(robot, links, Q, QD, energies):
     """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each of many states, a row each.
 
     Returns whether all are finite, which finite K does not imply. Rows of QD may be longer than nv.
     """
     finite = True
     for t in range(len(Q)):
-        finite &= _link_energies_at(bodies, links, work, Q[t], QD[t], energies[t])
+        finite &= _link_energies_at(robot, links, Q[t], QD[t], energies[t])
     return finite
 
 
-@nk.entry_kernel(records.BODIES, records.LINKS, records.WORKS, nk.MATRIX, nk.FILLED_VECTOR)
-def link_energy(bodies, links, work, state, energy):
+@nk.entry_kernel(nk.ROBOT, records.LINKS, nk.MATRIX, nk.FILLED_VECTOR)
+def link_energy(robot, links, state, energy):
     """Kinetic energy of every link, as :func:`link_energies` has it, of a state that :func:`evaluate` has filled."""
-    return _link_energies_at(bodies, links, work, state[ws.POSITIONS], state[ws.RATES], energy)
+    return _link_energies_at(robot, links, state[ws.POSITIONS], state[ws.RATES], energy)
 
 
 @nk.kernel
-def _link_energies_at(bodies, links, work, q, qd, energy):
+def _link_energies_at(robot, links, q, qd, energy):
+    bodies, _, work, _ = ws.opened(robot)
     ws.clear(energy)
+    if joints.couple(q, work) != 0:
+        return False
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         joints.update_placement(body, q, w)
         joints.update_velocity(body, qd, work, w)
-        rate = body.multiplier * qd[body.dof]
-        energy[body.link] += 0.5 * body.armature * (rate * rate)
+        if body.rank == 0 and body.armature != 0.0:
+            rate = joints.joint_rate(bodies, i, qd, work)
+            energy[body.link] += 0.5 * body.armature * (rate * rate)
     for j in range(len(links)):
         V = records.motion_of(work[links[j].body].V)
         energy[links[j].index] += 0.5 * sp.power(joints.momentum(links[j], V), V)

@@ -194,7 +194,9 @@ def wrench(robot, point, q, tau, result):
     at, memory, (bodies, _, work, _) = _point_at(point), ws.robot_of(robot).scratch, ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
         return -1
-    joints.update_placements(bodies, q, work)
+    status = joints.update_placements(bodies, q, work)
+    if status != 0:
+        return status
     width = kinematics.set_jacobian(bodies, at.body, at.point, work, memory[:6])
     rows, rest = memory[6:12, :width], memory[12]
     _scaled_rows(at, bodies, work, memory[:6], width, rows)
@@ -313,7 +315,9 @@ def touched_link(robot, candidates, q, tau, result):
     result[0] = _dot(y, y)
     if result[0] < at.threshold:
         return 0
-    joints.update_placements(bodies, q, work)
+    status = joints.update_placements(bodies, q, work)
+    if status != 0:
+        return status
     largest, total = -math.inf, 0.0
     for k in range(len(probability)):
         probability[k] = _evidence(at, at.bodies[k], bodies, work, memory)

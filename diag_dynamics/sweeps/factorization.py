@@ -55,8 +55,8 @@ def factorize_at(bodies, q, work, Q):
     """D and G of every body at the positions q."""
     if not joints.are_positions(bodies, q):
         return -1
-    joints.initialize(bodies, q, work)
-    return factorize(bodies, work, Q)
+    status = joints.initialize(bodies, q, work)
+    return status if status != 0 else factorize(bodies, work, Q)
 
 
 @nk.large_kernel
@@ -71,13 +71,16 @@ def scale_by_inertia(bodies, work, exponent, x):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
 def joint_inertias(robot, q, D, size):
-    """D of every joint and its size in is_singular; a singular joint counts as locked."""
+    """D of every joint and its size in is_singular; a singular joint counts as locked. Returns a status."""
     bodies, _, work, table = ws.opened(robot)
-    joints.initialize(bodies, q, work)
+    status = joints.initialize(bodies, q, work)
+    if status != 0:
+        return status
     factorize(bodies, work, table[0], True)
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
+    return 0
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, records.WRENCHES, nk.FLAG, nk.FILLED_MATRIX)
@@ -234,11 +237,12 @@ def tau_from_epsilon(robot, q, epsilon, tau):
 def qd_from_momentum(robot, q, added, momentum, qd):
     """q̇ = (M + diag(added))⁻¹ momentum; the added inertia enters D as armature does, and `inf` locks its joint."""
     bodies, _, work, table = ws.opened(robot)
-    joints.initialize(bodies, q, work)
+    status = joints.initialize(bodies, q, work)
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):
             work[i].armature += added[bodies[i].dof]
-    status = factorize(bodies, work, table[0])
+    if status == 0:
+        status = factorize(bodies, work, table[0])
     kappa_from_tau(bodies, momentum, work, table[0], qd)
     scale_by_inertia(bodies, work, -1.0, qd)
     qd_from_xi(bodies, qd, work, table[0], qd)

@@ -57,13 +57,15 @@ def compose(bodies, first, last, work, Q):
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, d, owner = records.inertia_of(w.P), body.dof, work[body.leader]
-        column = sp.scale_force(sp.column_along(body.direction, P), body.multiplier)
-        Q[d, d - start] += body.multiplier * (sp.along(body.direction, column) + body.multiplier * w.armature)
-        owner.size += body.multiplier * body.multiplier * joints.scale_along(body.direction, w)
+        column = sp.scale_force(sp.column_along(body.direction, P), w.multiplier)
+        Q[d, d - start] += w.multiplier * (sp.along(body.direction, column) + w.multiplier * w.armature)
+        owner.size += w.multiplier * w.multiplier * joints.scale_along(body.direction, w)
         column = joints.force_inboard(body, w, column)
         j = body.parent
         while j >= first:
-            product = bodies[j].multiplier * sp.along(bodies[j].direction, column)
+            product = work[j].multiplier * sp.along(bodies[j].direction, column)
+            if body.kind == records.VIRTUAL and j >= i - body.rank:  # one rotor turns at the sum of their rates
+                product += work[j].multiplier * w.multiplier * w.armature
             Q[bodies[j].dof, d - start] += product
             Q[d, bodies[j].dof - start] += product
             column = joints.force_inboard(bodies[j], work[j], column)
@@ -122,14 +124,21 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, P_rate, d = records.inertia_of(w.P), records.inertia_of(w.P_rate), body.dof
-        column = sp.scale_force(sp.column_along(body.direction, P), body.multiplier)
-        rate = sp.scale_force(sp.column_along(body.direction, P_rate), body.multiplier)
-        Q_rate[d, d - start] += body.multiplier * sp.along(body.direction, rate)
+        column = sp.column_along(body.direction, P)
+        rate = sp.scale_force(sp.column_along(body.direction, P_rate), w.multiplier)
+        rate = sp.add_force(rate, sp.scale_force(column, w.multiplier_rate))
+        column = sp.scale_force(column, w.multiplier)
+        own = w.multiplier * sp.along(body.direction, rate) + w.multiplier_rate * sp.along(body.direction, column)
+        Q_rate[d, d - start] += own + 2.0 * w.multiplier * w.multiplier_rate * w.armature
         rate = rate_inboard(bodies, i, qd, work, column, rate)
         column = joints.force_inboard(body, w, column)
         j = body.parent
         while j >= first:
-            product = bodies[j].multiplier * sp.along(bodies[j].direction, rate)
+            product = work[j].multiplier * sp.along(bodies[j].direction, rate)
+            product += work[j].multiplier_rate * sp.along(bodies[j].direction, column)
+            if body.kind == records.VIRTUAL and j >= i - body.rank:
+                changing = work[j].multiplier_rate * w.multiplier + work[j].multiplier * w.multiplier_rate
+                product += changing * w.armature
             Q_rate[bodies[j].dof, d - start] += product
             Q_rate[d, bodies[j].dof - start] += product
             rate = rate_inboard(bodies, j, qd, work, column, rate)
@@ -141,7 +150,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
         elif body.parent > 0:
             X, parent = records.placement_of(w), work[body.parent]
             records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, P_rate))
-            moved = sp.transport(joints.joint_motion(bodies, i, qd), P)
+            moved = sp.transport(joints.joint_motion(bodies, i, qd, work), P)
             records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, moved))
 
 
@@ -150,7 +159,7 @@ def rate_inboard(bodies, i, qd, work, F, rate):
     """Rate of XᵀF, as Ẋ = −(v_J×) X."""
     if bodies[i].rank > 0:
         return rate
-    moved = sp.cross_force(joints.joint_motion(bodies, i, qd), F)
+    moved = sp.cross_force(joints.joint_motion(bodies, i, qd, work), F)
     return sp.force_to_parent(records.placement_of(work[i]), sp.add_force(rate, moved))
 
 
@@ -233,7 +242,7 @@ def momentum_rate(bodies, i, V_A, qd, work, Q_rate):
 def moments_of_wrench(bodies, i, first, work, F, moments):
     """Add the moments of a wrench on body i along the rigid joints from body `first` outward; return the wrench inboard."""
     while i >= first:
-        moments[bodies[i].dof] += bodies[i].multiplier * sp.along(bodies[i].direction, F)
+        moments[bodies[i].dof] += work[i].multiplier * sp.along(bodies[i].direction, F)
         F = joints.force_inboard(bodies[i], work[i], F)
         i = bodies[i].parent
     return F
@@ -262,7 +271,7 @@ def gather(bodies, first, last, work, sign, moments):
     for i in range(last, first - 1, -1):
         body = bodies[i]
         f = records.force_of(work[i].z)
-        moments[body.dof] += sign * body.multiplier * sp.along(body.direction, f)
+        moments[body.dof] += sign * work[i].multiplier * sp.along(body.direction, f)
         f = joints.force_inboard(body, work[i], f)
         if body.parent >= first:
             records.add_to_force(work[body.parent].z, f)
@@ -272,10 +281,10 @@ def gather(bodies, first, last, work, sign, moments):
 
 
 @nk.large_kernel
-def gather_bias(bodies, first, last, qd, work, V, moments):
+def gather_bias(bodies, first, last, qd, rates, work, V, moments):
     """Subtract the bias moments of a group with velocities V, V̇ of A and q̈ zero; returns the bias wrench on the base.
 
-    It follows :func:`compose`. V is field V of the bodies, or W for the bilinear form.
+    It follows :func:`compose`. V is field V of the bodies and `rates` are q̇, or W and its rates for the bilinear form.
     """
     for i in range(first, last + 1):
         body, w = bodies[i], work[i]
@@ -284,7 +293,9 @@ def gather_bias(bodies, first, last, qd, work, V, moments):
             A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].bias))
         if body.rank == 0:
             V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(V[body.parent]))
-            zeta = sp.cross_motion(V_plus, joints.joint_motion(bodies, i, qd))
+            zeta = sp.cross_motion(V_plus, joints.joint_motion(bodies, i, qd, work))
+            changing = joints.ratio_rate(bodies, i, rates, work)
+            zeta = sp.add_motion(zeta, sp.motion_along(body.direction, changing))
         records.set_motion(w.zeta, zeta)
         records.set_motion(w.bias, sp.add_motion(A, zeta))
     F = sp.NO_FORCE
@@ -292,7 +303,11 @@ def gather_bias(bodies, first, last, qd, work, V, moments):
         body, w = bodies[i], work[i]
         P, y = records.inertia_of(w.P), records.force_of(w.y)
         f = sp.add_force(y, sp.inertia_times(P, records.motion_of(w.bias)))
-        moments[body.dof] -= body.multiplier * sp.along(body.direction, f)
+        moment = sp.along(body.direction, f)
+        if body.armature != 0.0:
+            joint = joints.turning(bodies, i)
+            moment += body.armature * joints.ratio_rate(bodies, joint, rates, work)
+        moments[body.dof] -= w.multiplier * moment
         f = joints.force_inboard(body, w, sp.add_force(y, sp.inertia_times(P, records.motion_of(w.zeta))))
         if body.parent >= first:
             records.add_to_force(work[body.parent].y, f)

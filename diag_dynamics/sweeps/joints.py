@@ -6,6 +6,8 @@
 import math
 
 from diag_dynamics.numerics import kernel as nk
+from diag_dynamics.numerics.callback import call_address
+from diag_dynamics.numerics.tables import address_of
 from diag_dynamics.sweeps import records
 from diag_dynamics.sweeps import spatial as sp
 
@@ -22,10 +24,37 @@ these are rounding errors, 1e-14 of the inertia outboard."""
 # --- Positions --------------------------------------------------------------------------------------------
 
 
+POSITIONS, RATES, BOTH = range(3)
+"""What :func:`couplings.couple` finds."""
+
+
 @nk.kernel
-def _position(body, q):
+def couple(q, work):
+    """Find positions and ratios of followers whose ratios change, before bodies are placed; returns a status."""
+    if work[0].couple == 0:
+        return 0
+    return call_address(work[0].couple, work[0].couplings, address_of(q), 0, POSITIONS)
+
+
+@nk.kernel
+def couple_with_rates(q, qd, work):
+    """As :func:`couple`, with the rates of ratios."""
+    if work[0].couple == 0:
+        return 0
+    return call_address(work[0].couple, work[0].couplings, address_of(q), address_of(qd), BOTH)
+
+
+@nk.kernel
+def couple_rates(qd, work):
+    """The rates of ratios behind :func:`couple`."""
+    if work[0].couple != 0:
+        call_address(work[0].couple, work[0].couplings, 0, address_of(qd), RATES)
+
+
+@nk.kernel
+def _position(body, q, w):
     """Angle or displacement of the joint of a body, of one degree of freedom."""
-    return body.multiplier * q[body.q] + body.offset
+    return body.multiplier * q[body.q] + w.offset
 
 
 @nk.kernel
@@ -50,7 +79,7 @@ def floating_placement(body, position, quaternion):
 def update_placement(body, q, w):
     """Write and return X of a body; the later bodies of a joint are in the frame of the first."""
     if body.kind == records.REVOLUTE:
-        X = placement(sp.ANGULAR_Z, body, sp.reduced_angle(_position(body, q)))
+        X = placement(sp.ANGULAR_Z, body, sp.reduced_angle(_position(body, q, w)))
         records.set_placement(w, X)
     else:
         _update_placement_general(body, q, w)
@@ -61,7 +90,7 @@ def update_placement(body, q, w):
 def _update_placement_general(body, q, w):
     k, X = body.q, sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation))
     if body.kind == records.PRISMATIC:
-        X = placement(sp.LINEAR_Z, body, _position(body, q))
+        X = placement(sp.LINEAR_Z, body, _position(body, q, w))
     elif body.rank == 0 and body.kind == records.PLANAR:
         moved = sp.add(X.translation, sp.apply(X.rotation, (q[k], q[k + 1], 0.0)))
         X = sp.Placement(placement(sp.ANGULAR_Z, body, sp.reduced_angle(q[k + 2])).rotation, moved)
@@ -72,9 +101,11 @@ def _update_placement_general(body, q, w):
 
 @nk.kernel
 def update_placements(bodies, q, work):
-    """X of every body."""
+    """X of every body; returns a status."""
+    status = couple(q, work)
     for i in range(1, len(bodies)):
         update_placement(bodies[i], q, work[i])
+    return status
 
 
 @nk.kernel
@@ -90,11 +121,13 @@ def pose(bodies, i, base, work):
 
 @nk.kernel
 def initialize(bodies, q, work):
-    """X of every body and P before any child has been added."""
+    """X of every body and P before any child has been added; returns a status."""
+    status = couple(q, work)
     for i in range(1, len(bodies)):
         update_placement(bodies[i], q, work[i])
         init_articulated_inertia(bodies[i], work[i])
         work[i].armature = bodies[i].armature
+    return status
 
 
 @nk.kernel
@@ -134,9 +167,9 @@ def are_finite(x):
 
 
 @nk.kernel
-def own_motion(body, rates):
+def own_motion(body, w, rates):
     """S q̇ of one body; a follower's rate is its leader's, multiplied."""
-    return sp.motion_along(body.direction, body.multiplier * rates[body.dof])
+    return sp.motion_along(body.direction, w.multiplier * rates[body.dof])
 
 
 @nk.kernel
@@ -149,21 +182,46 @@ def joint_vector(body, x):
 
 
 @nk.kernel
-def joint_motion(bodies, i, rates):
+def joint_motion(bodies, i, rates, work):
     """v_J, the motion of the frame of body i against its parent's; zero for the later bodies of a joint."""
     if bodies[i].dofs == 1:
-        return own_motion(bodies[i], rates)
+        return own_motion(bodies[i], work[i], rates)
     v_J = sp.NO_MOTION
     if bodies[i].rank == 0:
         for j in range(i, i + bodies[i].dofs):
-            v_J = sp.add_motion(v_J, own_motion(bodies[j], rates))
+            v_J = sp.add_motion(v_J, own_motion(bodies[j], work[j], rates))
     return v_J
 
 
 @nk.kernel
+def turning(bodies, i):
+    """First of the bodies at whose rates the rotor of body i turns: all of a follower's, and body i alone otherwise."""
+    return i - bodies[i].rank if bodies[i].kind == records.VIRTUAL else i
+
+
+@nk.kernel
+def joint_rate(bodies, i, rates, work):
+    """Rate of the joint of one degree of freedom, or of the follower, whose first body is i."""
+    rate = 0.0
+    for j in range(i, i + bodies[i].dofs):
+        rate += work[j].multiplier * rates[bodies[j].dof]
+    return rate
+
+
+@nk.kernel
+def ratio_rate(bodies, i, rates, work):
+    """Ġ q̇ of the joint whose first body is i: its acceleration while all independent rates are constant."""
+    rate = 0.0
+    for j in range(i, i + bodies[i].dofs):
+        rate += work[j].multiplier_rate * rates[bodies[j].dof]
+    return rate
+
+
+@nk.kernel
 def zeta(bodies, i, rates, work):
-    """ζ = V × v_J of the joint whose first body is i; V of all its bodies is known."""
-    return sp.cross_motion(records.motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates))
+    """ζ = V × v_J + S Ġ q̇ of the joint whose first body is i; V of all its bodies is known."""
+    turned = sp.cross_motion(records.motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates, work))
+    return sp.add_motion(turned, sp.motion_along(bodies[i].direction, ratio_rate(bodies, i, rates, work)))
 
 
 @nk.kernel
@@ -184,7 +242,7 @@ def set_base_acceleration(gravity, weight, work):
 def update_velocity(body, rates, work, w):
     """V of a placed body."""
     V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
-    V = sp.add_motion(V_plus, own_motion(body, rates))
+    V = sp.add_motion(V_plus, own_motion(body, w, rates))
     records.set_motion(w.V, V)
     return V
 
@@ -196,7 +254,7 @@ def update_motion(bodies, i, q, qd, qdd, work):
     X = update_placement(body, q, w)
     V = update_velocity(body, qd, work, w)
     A = sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
-    A = sp.add_motion(A, own_motion(body, qdd))
+    A = sp.add_motion(A, own_motion(body, w, qdd))
     if body.rank == body.dofs - 1:  # the joint's last body: the earlier ones have no inertia
         A = sp.add_motion(A, zeta(bodies, i - body.rank, qd, work))
     records.set_motion(w.acceleration, A)
@@ -209,7 +267,7 @@ def moments_inward(bodies, work, tau):
     for i in range(len(bodies) - 1, 0, -1):
         body, w = bodies[i], work[i]
         y = records.force_of(w.y)
-        tau[body.dof] += body.multiplier * sp.along(body.direction, y)
+        tau[body.dof] += w.multiplier * sp.along(body.direction, y)
         if body.parent > 0:
             records.add_to_force(work[body.parent].y, force_inboard(body, w, y))
 

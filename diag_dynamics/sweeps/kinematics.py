@@ -23,7 +23,9 @@ def placement(robot, q, body, result):
     bodies, _, work, _ = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
-    joints.update_placements(bodies, q, work)
+    status = joints.update_placements(bodies, q, work)
+    if status != 0:
+        return status
     X = joints.pose(bodies, body, 0, work)
     for k in range(3):
         records.set_vector(result[k], 0, X.rotation[k])
@@ -44,7 +46,7 @@ def set_jacobian(bodies, body, point, work, J):
     R, p = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (point[0], point[1], point[2])
     i = body
     while i > 0:
-        S, k = sp.motion_along(bodies[i].direction, bodies[i].multiplier), bodies[i].dof
+        S, k = sp.motion_along(bodies[i].direction, work[i].multiplier), bodies[i].dof
         width = max(width, k + 1)
         linear = sp.apply_transposed(R, sp.add(S.linear, sp.cross(S.angular, p)))
         angular = sp.apply_transposed(R, S.angular)
@@ -65,7 +67,9 @@ def jacobian(robot, q, body, point, J):
     bodies, _, work, _ = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
-    joints.update_placements(bodies, q, work)
+    status = joints.update_placements(bodies, q, work)
+    if status != 0:
+        return status
     set_jacobian(bodies, body, point, work, J)
     return 0
 
@@ -78,6 +82,9 @@ def motion(robot, q, qd, qdd, body, result):
     bodies, _, work, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
         return -1
+    status = joints.couple_with_rates(q, qd, work)
+    if status != 0:
+        return status
     joints.set_base_at_rest(work)
     records.set_motion(work[0].acceleration, sp.NO_MOTION)
     for i in range(1, body + 1):
@@ -101,7 +108,7 @@ def dexp_inverse(bodies, u, rates, u_rates):
         if body.dofs == 1:
             if groups.is_leader(bodies, i):
                 u_rates[body.dof] = rates[body.dof]
-        elif body.rank == 0:
+        elif body.rank == 0 and groups.is_leader(bodies, i):
             rate = sp.dexp_inverse(joints.joint_vector(body, u), joints.joint_vector(body, rates))
             for j in range(i, i + body.dofs):
                 direction = bodies[j].direction
@@ -116,7 +123,7 @@ def integrate_positions(bodies, start, u, q):
         if body.dofs == 1:
             if groups.is_leader(bodies, i):
                 q[k] = start[k] + u[body.dof]
-        elif body.rank == 0:
+        elif body.rank == 0 and groups.is_leader(bodies, i):
             U = joints.joint_vector(body, u)
             moved = sp.screw_translation(U)
             if body.kind == records.FLOATING:
@@ -180,7 +187,7 @@ def difference(robot, start, end, continuous, v):
             if groups.is_leader(bodies, i):
                 apart = end[body.q] - start[body.q]
                 v[body.dof] = _wrapped(apart) if continuous[body.dof] != 0.0 else apart
-        elif body.rank == 0:
+        elif body.rank == 0 and groups.is_leader(bodies, i):
             U = _log(body, start, end)
             for j in range(i, i + body.dofs):
                 v[bodies[j].dof] = sp.entry(bodies[j].direction, U.linear, U.angular)

@@ -12,10 +12,10 @@ from numba import types
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import spatial as sp
 
-REVOLUTE, PRISMATIC, PLANAR, FLOATING = range(4)
-"""Kinds of joints."""
+REVOLUTE, PRISMATIC, PLANAR, FLOATING, VIRTUAL = range(5)
+"""Kinds of joints; VIRTUAL is that of a later body of a follower, see couplings."""
 
-POSITIONS_OF = {REVOLUTE: 1, PRISMATIC: 1, PLANAR: 3, FLOATING: 7}
+POSITIONS_OF = {REVOLUTE: 1, PRISMATIC: 1, PLANAR: 3, FLOATING: 7, VIRTUAL: 1}
 """Position coordinates of a joint of each kind."""
 
 BODY = np.dtype(
@@ -28,7 +28,7 @@ BODY = np.dtype(
         ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
         ("dof", "i8"),  # index of its degree of freedom, or of its leader's
         ("leader", "i8"),  # body that owns its degree of freedom: this one, or the leader of a mimic joint
-        ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows
+        ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows, 0 if its ratio changes
         ("offset", "f8"),
         ("first", "i8"),  # first and last body of its group
         ("last", "i8"),
@@ -79,6 +79,11 @@ WORK = np.dtype(
         ("W_rate", "f8", 6),
         ("zeta", "f8", 6),
         ("bias", "f8", 6),
+        ("multiplier", "f8"),  # rate = multiplier q̇[dof]: the body's own, or G of a ratio that changes
+        ("multiplier_rate", "f8"),
+        ("offset", "f8"),  # of the position
+        ("couple", "i8"),  # of the world: addresses of couplings.couple and its table, 0 if no ratio changes
+        ("couplings", "i8"),
     ],
     align=True,
 )

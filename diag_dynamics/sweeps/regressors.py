@@ -30,7 +30,8 @@ def coefficients(S, V):
 
 @nk.kernel
 def propagate_motions(bodies, last, gravity, q, qd, work):
-    """Compute X, V and −g of the bodies up to `last`."""
+    """Compute X, V and −g of the bodies up to `last`; returns a status."""
+    status = joints.couple_with_rates(q, qd, work)
     joints.set_base_at_rest(work)
     joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, last + 1):
@@ -38,6 +39,7 @@ def propagate_motions(bodies, last, gravity, q, qd, work):
         X = joints.update_placement(body, q, w)
         joints.update_velocity(body, qd, work, w)
         records.set_motion(w.acceleration, sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration)))
+    return status
 
 
 @nk.kernel
@@ -52,9 +54,11 @@ def _load_columns(bodies, frame, work, momentum, bias):
     up = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
     while i > 0:
         body, T = bodies[i], sp.Placement(R, p)
-        S = sp.motion_along(body.direction, body.multiplier)
+        S = sp.motion_along(body.direction, work[i].multiplier)
         moving = records.motion_of(work[i - body.rank + body.dofs - 1].V)
-        turning = sp.motion_to_child(T, sp.cross_motion(moving, S))
+        turning = sp.cross_motion(moving, S)
+        turning = sp.add_motion(turning, sp.motion_along(body.direction, work[i].multiplier_rate))
+        turning = sp.motion_to_child(T, turning)
         S = sp.motion_to_child(T, S)
         own, gravity, kinetic = coefficients(S, V), coefficients(S, up), coefficients(turning, V)
         for j in range(LOAD):
@@ -137,7 +141,9 @@ def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, 
     bodies, gravity, work, _ = ws.opened(robot)
     if not (ws.lengths_match(robot, q, qd, torque) and joints.are_positions(bodies, q) and joints.are_finite(qd)):
         return -1
-    propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
+    status = propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
+    if status != 0:
+        return status
     interval, gain, forgetting, weight = rates[0], rates[1], rates[2], rates[3]
     _load_columns(bodies, frames[0], work, columns[2], columns[3])
     if interval == 0.0:

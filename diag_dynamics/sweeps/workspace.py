@@ -8,6 +8,7 @@ import numpy as np
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import Addresses, Table, array
 from diag_dynamics.sweeps import records
+from diag_dynamics.sweeps.couplings import Couplings
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ENERGY_SHARE, NU_DOT, XI_DOT = range(7, 12)
@@ -55,7 +56,7 @@ class Workspace:
         Those of the table.
     """
 
-    def __init__(self, bodies, gravity):
+    def __init__(self, bodies, gravity, couplings=None):
         moving, body = bodies[1:], np.arange(1, len(bodies))
         own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
@@ -63,7 +64,11 @@ class Workspace:
         nq = max((int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
         self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
         self.work, self.table = np.zeros(len(bodies), records.WORK), np.zeros((2, nv, widest))
+        for name in ("multiplier", "offset"):
+            self.work[name] = bodies[name]
+        self.couplings = couplings and Couplings(self.bodies, self.work, nq, nv, couplings)
         lanes = np.zeros(len(bodies), records.LANES)
+        self._tables = couplings
         self._addresses = Addresses(
             ROBOT,
             bodies=self.bodies,
@@ -80,7 +85,7 @@ class Workspace:
         self.robot = self._addresses.at
 
     def __reduce__(self):
-        return type(self), (self.bodies, self.gravity)  # addresses would be those of the original
+        return type(self), (self.bodies, self.gravity, self._tables)  # addresses would be those of the original
 
 
 robot_of = ROBOT.opened

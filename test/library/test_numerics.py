@@ -351,18 +351,17 @@ def test_precompile(monkeypatch):
 SCRIPT = """
 import numpy as np
 import diag_dynamics as dd
-from diag_dynamics.sweeps import evaluation, factorization, records, workspace
+from diag_dynamics.sweeps import evaluation, factorization
 
 urdf = '''<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -2"/><mass value="3"/>
 <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
 <joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'''
 model = dd.load_urdf(urdf)
 D, size = np.zeros((2, 1))
-own = workspace.Workspace(model.bodies, model.gravity)
+own = model.new_workspace()
 factorization.joint_inertias(own.robot, np.zeros(1), D, size)
 energies = np.zeros((1, 2))
-work = np.zeros(len(model.bodies), records.WORK)
-evaluation.link_energies(model.bodies, model.links, work, *np.zeros((2, 1, 1)), energies)
+evaluation.link_energies(own.robot, model.links, *np.zeros((2, 1, 1)), energies)
 print(D[0], sum(factorization.joint_inertias.run.stats.cache_hits.values()))
 """
 

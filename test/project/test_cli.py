@@ -358,7 +358,7 @@ def test_all_entry_kernels_are_compiled():
     with_entries = {
         path.relative_to(ROOT / "diag_dynamics").with_suffix("").as_posix().replace("/", ".")
         for path in (ROOT / "diag_dynamics").rglob("*.py")
-        if re.search(r"^@(nk\.)?entry_kernel\(", path.read_text(encoding="utf-8"), re.M)
+        if re.search(r"^@((nk\.)?entry_kernel\(|Callback$)", path.read_text(encoding="utf-8"), re.M)
     }
     assert with_entries == set(compiling.UNITS)
     assert list(compiling.UNITS.values()) == sorted(compiling.UNITS.values(), reverse=True)

@@ -44,9 +44,11 @@ def propagate_directions(bodies, gravity, q, qd, work, directions):
             a = bodies[a].parent
         if body.rank == body.dofs - 1:
             for j in range(i - body.rank, i + 1):  # bodies of one joint share a frame
-                S = sp.motion_along(bodies[j].direction, bodies[j].multiplier)
+                S = sp.motion_along(bodies[j].direction, work[j].multiplier)
+                changing = sp.motion_along(bodies[j].direction, work[j].multiplier_rate)
+                turning = sp.add_motion(sp.cross_motion(V, S), changing)
                 records.set_motion(directions[i, j], S)
-                records.set_motion(directions[i, j, 6:], sp.cross_motion(V, S))
+                records.set_motion(directions[i, j, 6:], turning)
 
 
 @entry_kernel(ROBOT, MATRIX, MATRIX, MATRIX, FILLED_STATES, FILLED_MATRIX, FILLED_MATRIX, nogil=True)

@@ -30,7 +30,7 @@ from diag_dynamics.msg import (
     WorkingMoments,
 )
 from diag_dynamics.msg import Load as LoadMessage
-from diag_dynamics.sweeps import evaluation, records
+from diag_dynamics.sweeps import evaluation
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.wire.cdr import Template
 
@@ -119,7 +119,7 @@ class MessageMaker:
         self._texts, self._places = dict.fromkeys(EVALUATED, self._dofs), {}
         self._texts["kinetic_energy"] = self._dofs | {"link_names": list(model.link_names)}
         self._texts["state"] = self._dofs | {"position_names": positions, "model_revision": revision}
-        self._link_energy, self._work = np.empty(len(model.link_names)), np.zeros(len(model.bodies), records.WORK)
+        self._link_energy, self._workspace = np.empty(len(model.link_names)), model.new_workspace()
 
     def make(self, topic, kind, state, texts, values, shape=()):
         """Return a message about a RobotState.
@@ -174,7 +174,7 @@ class MessageMaker:
         """Return the fields that are no rows; None for those that are unknown."""
         if topic == "kinetic_energy":
             energies = self._link_energy
-            if not evaluation.link_energy(self._model.bodies, self._model.links, self._work, s.rows, energies):
+            if not evaluation.link_energy(self._workspace.robot, self._model.links, s.rows, energies):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
             return {"link_energy": energies, "base_energy": s.base_energy}
         if topic == "coriolis":

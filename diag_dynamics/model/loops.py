@@ -1,0 +1,499 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Closed loops and non-linear mimic joints: what a file says of them, the independent joints, and tables for the sweeps."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable, Mapping, Sequence, Set
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.checks import choice, listed, mapping, number, numbers, unit
+from diag_dynamics.exceptions import InputError, LoopError
+from diag_dynamics.model.joint_types import SINGLE
+from diag_dynamics.model.mimic import Mimic
+from diag_dynamics.rotations import from_rpy
+from diag_dynamics.sweeps import couplings, kinematics
+from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.yaml_files import read_yaml
+
+TYPES = {"point": 1, "revolute": 2, "weld": 3}
+"""Pairs of points that coincide, by what closes a loop."""
+
+DEPENDENT = 1e-7
+"""Singular value of a loop's equations, by the largest, below which they depend on each other at the start."""
+
+GAP = 1e-3
+"""Largest distance of the ends of a loop [m], as the digits of a description leave it."""
+
+MAX_STEP, MAX_STEPS = 0.3, 200
+"""Largest correction of a joint by a step to the start, and the number of steps."""
+
+
+class LoopEnd(NamedTuple):
+    """A frame on a link where a loop is closed: position [m] and roll, pitch, yaw [rad] in the link's frame."""
+
+    link: str
+    xyz: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    @property
+    def placement(self) -> Array:
+        """The frame (4, 4) in the link."""
+        result = np.eye(4)
+        result[:3, :3], result[:3, 3] = from_rpy(*self.rpy), self.xyz
+        return result
+
+
+class Loop(NamedTuple):
+    """A loop that is closed where two frames meet: their origins ("point"), axes too ("revolute"), or all ("weld").
+
+    `axis` is in both frames. `independent` are joints of the loop whose rates are degrees of freedom, chosen if it is empty.
+    `start` has positions [rad, m] near those in which the loop is first closed, by joint: they choose the branch.
+    """
+
+    name: str
+    a: LoopEnd
+    b: LoopEnd
+    type: str = "point"
+    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    independent: tuple[str, ...] = ()
+    start: Mapping[str, float] = {}  # never changed
+
+    @property
+    def points(self) -> list[tuple[Array, Array]]:
+        """Pairs of points that coincide, each in the frame of its link."""
+        axis = np.asarray(self.axis) / np.linalg.norm(self.axis)
+        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        offsets = [np.zeros(3), axis, across][: TYPES[self.type]]
+        a, b = self.a.placement, self.b.placement
+        return [(a[:3, 3] + a[:3, :3] @ one, b[:3, 3] + b[:3, :3] @ one) for one in offsets]
+
+
+class Curve(NamedTuple):
+    """A joint whose position is a function of that of another one, as pieces of a polynomial.
+
+    A row of `pieces` has the source's position where a piece begins, and coefficients of the distance from there, the
+    constant first. `argument` and `result` are factor and offset of the source's position and of the polynomial.
+    """
+
+    source: str
+    pieces: Array
+    argument: tuple[float, float] = (1.0, 0.0)
+    result: tuple[float, float] = (1.0, 0.0)
+
+    def __call__(self, x: float) -> float:
+        """Return the position at a position of the source."""
+        argument = self.argument[0] * x + self.argument[1]
+        row = self.pieces[max(0, int(np.searchsorted(self.pieces[:, 0], argument, "right")) - 1)]
+        value: float = self.result[0] * np.polynomial.Polynomial(row[1:])(argument - row[0]) + self.result[1]
+        return float(value)
+
+
+# --- The file -------------------------------------------------------------------------------------------------
+
+
+def read_couplings(source: Any) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
+    """Return loops and non-linear mimic joints of a YAML file, or of its content; a list has loops alone."""
+    if source is None:
+        return (), {}
+    name = "loops"
+    if isinstance(source, str | os.PathLike):
+        name, source = os.fspath(source), read_yaml(source, os.fspath(source))
+    if not isinstance(source, Mapping):
+        source = {"loops": source}
+    if unknown := set(source) - {"loops", "mimics"}:
+        raise InputError(f"{name}: {listed(sorted(map(repr, unknown)))} is unknown, expected loops or mimics.")
+    given = source.get("loops") or ()
+    if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
+        raise InputError(f"{name}: loops is {given!r}, expected a list.")
+    loops = tuple(one if isinstance(one, Loop) else _loop(name, k, one) for k, one in enumerate(given))
+    curves = {
+        joint: one if isinstance(one, Curve) else _curve(f"{name}: mimics of '{joint}'", one)
+        for joint, one in mapping(f"{name}: mimics", source.get("mimics") or {}).items()
+    }
+    return loops, curves
+
+
+def _loop(source: str, number_: int, given: Any) -> Loop:
+    where = f"{source}: loop {number_}"
+    given = mapping(where, given)
+    where = f"{source}: loop '{given.get('name', number_)}'"
+    if unknown := set(given) - set(Loop._fields):
+        raise InputError(f"{where}: {listed(sorted(map(repr, unknown)))} is unknown, expected {listed(Loop._fields)}.")
+    for key in ("a", "b"):
+        if key not in given:
+            raise InputError(f"{where} has no {key}: expected the link and frame of this end.")
+    kind = given.get("type", "point")
+    choice(f"{where}: type", kind, TYPES)
+    start = {
+        joint: number(f"{where}: start of '{joint}'", x, "a finite number [rad, m]")
+        for joint, x in mapping(f"{where}: start", given.get("start") or {}).items()
+    }
+    axis = unit(f"{where}: axis", given.get("axis", (0.0, 0.0, 1.0)))
+    independent = given.get("independent") or ()
+    independent = (independent,) if isinstance(independent, str) else tuple(map(str, independent))
+    ends = (_end(f"{where}: {key}", given[key]) for key in ("a", "b"))
+    return Loop(str(given.get("name", number_)), *ends, kind, tuple(axis.tolist()), independent, start)
+
+
+def _end(where: str, given: Any) -> LoopEnd:
+    if isinstance(given, str):
+        return LoopEnd(given)
+    given = mapping(where, given)
+    if "link" not in given or set(given) - set(LoopEnd._fields):
+        raise InputError(
+            f"{where} has {listed(list(map(repr, given)))}, expected link, and xyz and rpy if they are not 0."
+        )
+    vectors = (numbers(f"{where}: {key}", given.get(key, (0, 0, 0)), (3,), "three numbers") for key in ("xyz", "rpy"))
+    return LoopEnd(str(given["link"]), *(tuple(one.tolist()) for one in vectors))
+
+
+def _curve(where: str, given: Any) -> Curve:
+    given = mapping(where, given)
+    if "source" not in given or len({"polynomial", "table"} & set(given)) != 1 or len(given) != 2:
+        raise InputError(f"{where} has {listed(list(map(repr, given)))}, expected source, and polynomial or table.")
+    if "polynomial" in given:
+        values = np.atleast_1d(np.asarray(given["polynomial"], float))
+        if values.ndim != 1 or not np.isfinite(values).all():
+            raise InputError(
+                f"{where}: polynomial is {given['polynomial']!r}, expected coefficients, the constant first."
+            )
+        return Curve(str(given["source"]), np.array([[0.0, *values]]))
+    try:
+        table = np.asarray(given["table"], float)
+        good = table.ndim == 2 and table.shape[1] == 2 and len(table) > 1 and np.isfinite(table).all()
+    except (TypeError, ValueError):
+        good = False
+    if not good or not (np.diff(table[:, 0]) > 0.0).all():
+        expected = "two rows or more of the source's position, ascending, and the joint's"
+        raise InputError(f"{where}: table is {given['table']!r}, expected {expected}.")
+    return Curve(str(given["source"]), _spline(*table.T))
+
+
+def _spline(x: Array, y: Array) -> Array:
+    """Return the pieces of the natural cubic spline through points, straight outside of them."""
+    h, slope = np.diff(x), np.diff(y) / np.diff(x)
+    A, right = np.eye(len(x)), np.zeros(len(x))
+    for k in range(1, len(x) - 1):
+        A[k, k - 1 : k + 2] = h[k - 1], 2.0 * (h[k - 1] + h[k]), h[k]
+        right[k] = 6.0 * (slope[k] - slope[k - 1])
+    bend = np.linalg.solve(A, right)  # second derivatives at the points
+    first = slope - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
+    inside = np.column_stack([x[:-1], y[:-1], first, bend[:-1] / 2.0, np.diff(bend) / (6.0 * h)])
+    last = slope[-1] + h[-1] * (bend[-2] + 2.0 * bend[-1]) / 6.0
+    return np.vstack([[x[0], y[0], first[0], 0, 0], inside, [x[-1], y[-1], last, 0, 0]])
+
+
+# --- Joints that depend on others -----------------------------------------------------------------------------
+
+
+class Coupled(NamedTuple):
+    """Joints of a robot that depend on others by changing ratios.
+
+    `followers` has the independent joints on which each depends, by name; `mimics` are those of a constant ratio. `groups`
+    are joints of each closed group, `loops` their loops, `equations` the mimic joints in them, `curves` the others.
+    """
+
+    followers: dict[str, tuple[str, ...]]
+    mimics: dict[str, Mimic]
+    groups: list[set[str]]
+    loops: list[list[Loop]]
+    equations: list[dict[str, Curve]]
+    curves: dict[str, Curve]
+    start: dict[str, float]
+
+
+def without_curves(robot: Any, curves: Iterable[str]) -> Any:
+    """Return a robot whose joints with curves mimic none."""
+    joints = [copy.copy(joint) for joint in robot.joints]
+    for joint in joints:
+        if joint.name in curves:
+            joint.mimic = None
+    robot = copy.copy(robot)
+    robot.joints = joints
+    return robot
+
+
+def resolve_curves(
+    robot: Any, curves: Mapping[str, Curve], mimics: dict[str, Mimic], held: dict[str, float]
+) -> dict[str, Curve]:
+    """Return curves by follower with independent sources, those of mimic joints of followers too.
+
+    Followers of a joint that is held are held as well, and mimic joints of a follower leave `mimics`.
+    """
+    joints, found = {joint.name: joint for joint in robot.joints}, {}
+    for name, curve in curves.items():
+        for joint in (name, curve.source):
+            if joint not in joints:
+                raise InputError(f"mimics of '{name}': '{joint}' is not a joint of robot '{robot.name}'.")
+            if joints[joint].type not in SINGLE:
+                text = f"mimics of '{name}': joint '{joint}' is {joints[joint].type}, expected one degree of freedom."
+                raise InputError(text)
+        if name in held:
+            continue
+        if curve.source in curves:
+            raise InputError(
+                f"mimics of '{name}': its source '{curve.source}' is in mimics, too; name an independent joint."
+            )
+        leader, factor, offset = mimics.get(curve.source, Mimic(curve.source, 1.0, 0.0))
+        if leader in curves:
+            raise InputError(f"mimics of '{name}': its source '{curve.source}' follows '{leader}', which is in mimics.")
+        if leader in held:
+            held[name] = curve(held[curve.source])
+            continue
+        found[name] = curve._replace(source=leader, argument=(factor, offset))
+    for name, mimic in list(mimics.items()):
+        if mimic.leader in curves:
+            del mimics[name]
+            if mimic.leader in held:
+                held[name] = mimic.multiplier * held[mimic.leader] + mimic.offset
+            else:
+                found[name] = found[mimic.leader]._replace(result=(mimic.multiplier, mimic.offset))
+    return found
+
+
+def linear(mimic: Mimic) -> Curve:
+    """Return the curve of a mimic joint of constant ratio."""
+    return Curve(mimic.leader, np.array([[0.0, mimic.offset, mimic.multiplier]]))
+
+
+def close(
+    tree: Any, loops: Sequence[Loop], curves: dict[str, Curve], mimics: dict[str, Mimic], driven: Set[str]
+) -> Coupled:
+    """Find what depends on what, given the cut tree in which all joints are independent.
+
+    `driven` joints are independent if they can be.
+    """
+    result = Coupled(
+        {name: (curve.source,) for name, curve in curves.items()}, dict(mimics), [], [], [], dict(curves), {}
+    )
+    cut = _Cut(tree)
+    families = [(cut.members(loop), [loop]) for loop in loops]
+    sources = {name: curve.source for name, curve in curves.items()} | {f: mimic.leader for f, mimic in mimics.items()}
+    families += [(cut.between(name, source) | {name, source}, []) for name, source in sources.items()]
+    for members, own in _merged(families):
+        if own and members:
+            result.groups.append(members)
+            result.loops.append(own)
+    for members, own in zip(result.groups, result.loops, strict=True):
+        equations = {name: curve for name, curve in result.curves.items() if name in members}
+        equations |= {name: linear(mimic) for name, mimic in result.mimics.items() if name in members}
+        for name in equations:
+            result.curves.pop(name, None)
+            result.mimics.pop(name, None)
+        result.equations.append(equations)
+        _choose(cut, members, own, equations, driven, result)
+    return result
+
+
+def _merged(families: list[tuple[set[str], list[Loop]]]) -> list[tuple[set[str], list[Loop]]]:
+    """Return families that share no joint, those that did as one."""
+    merged: list[tuple[set[str], list[Loop]]] = []
+    for members, own in families:
+        for other in [one for one in merged if one[0] & members]:
+            merged.remove(other)
+            members, own = members | other[0], other[1] + own
+        merged.append((members, own))
+    return merged
+
+
+def _choose(cut: _Cut, members: set[str], loops: list[Loop], equations: Any, driven: Set[str], result: Coupled) -> None:
+    """Close a group at its start, and divide its joints into independent ones and followers."""
+    names = [name for name in cut.names if name in members]
+    title = f"{'loop' if len(loops) == 1 else 'loops'} {listed([repr(loop.name) for loop in loops])}"
+    given = {name for loop in loops for name in loop.independent}
+    if foreign := given - members:
+        text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
+        raise LoopError(text)
+    q, J, gap = cut.closed(names, loops, equations, given)
+    if gap > GAP:
+        text = f"{title} cannot be closed from the start values: the ends stay {gap:.3g} m apart. Give other ones."
+        raise LoopError(text)
+    values = np.linalg.svd(J, compute_uv=False)
+    rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum()) if len(values) else 0
+    free = len(names) - rank
+    if free < 1:
+        raise LoopError(
+            f"{title} leaves none of its joints free: {listed(names)}. Lock them, or cut the loop elsewhere."
+        )
+    if given and len(given) != free:
+        text = f"{title}: {len(given)} independent joints are given, {listed(sorted(given))}; it has {free}"
+        raise LoopError(f"{text} degree{'s' * (free > 1)} of freedom.")
+    followers = _pivots(J, names, rank, given, driven)
+    J_d = J[:, [names.index(name) for name in followers]]
+    ratio = np.linalg.svd(J_d, compute_uv=False)[-1] / values[0]
+    if not ratio > couplings.NEARLY_SINGULAR:
+        independent = listed([name for name in names if name not in followers])
+        raise LoopError(
+            f"{title}: the start is singular for the independent joints {independent}. Give other start values."
+        )
+    independent = tuple(name for name in names if name not in followers)
+    result.followers.update(dict.fromkeys(followers, independent))
+    result.start.update(q)
+
+
+def _pivots(J: Array, names: list[str], rank: int, given: set[str], driven: Set[str]) -> list[str]:
+    """Return the joints whose columns are farthest from each other, driven ones last and given ones never."""
+    A, chosen = J.copy(), []
+    weight = np.array([0.0 if name in given else 1e-6 if name in driven else 1.0 for name in names])
+    for _ in range(rank):
+        lengths = weight * np.linalg.norm(A, axis=0)
+        k = int(np.argmax(lengths))
+        if not lengths[k] > 0.0:
+            break
+        axis = A[:, k] / np.linalg.norm(A[:, k])
+        A -= np.outer(axis, axis @ A)
+        weight[k] = 0.0
+        chosen.append(k)
+    return [names[k] for k in sorted(chosen)]
+
+
+class _Cut:
+    """The tree of a robot whose loops are cut, and closures there."""
+
+    def __init__(self, tree: Any) -> None:
+        self.tree = tree
+        bodies, _ = tree.records({}, {})
+        self._workspace = ws.Workspace(bodies, np.zeros(3))
+        self._places = {link.name: (body, place) for link, body, place in tree.links}
+        self._carriers = {name: joint.carrier for name, joint in tree.moving.items()}
+        self._of_body = {body: name for name, body in tree.last_body.items()}
+        self.names = [joint.name for joint in tree.joints]
+        self._q = {name: k for k, name in enumerate(tree.coordinate_names)}
+        self._dof = {name: k for k, name in enumerate(tree.dof_names)}
+
+    def _carriers_of(self, name: str | None) -> set[str]:
+        """Return a joint and all that carry it."""
+        path = set()
+        while name is not None:
+            path.add(name)
+            name = self._carriers[name]
+        return path
+
+    def between(self, name: str | None, other: str | None) -> set[str]:
+        """Return the joints that carry one of two joints, and are it, but not the other."""
+        return self._carriers_of(name) ^ self._carriers_of(other)
+
+    def members(self, loop: Loop) -> set[str]:
+        """Return the joints between the ends of a loop."""
+        for end in (loop.a, loop.b):
+            if end.link not in self._places:
+                raise LoopError(f"loop '{loop.name}': '{end.link}' is not a link of this robot.")
+        members = self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
+        for name in (*loop.independent, *loop.start):
+            if name not in self.tree.moving:
+                raise LoopError(f"loop '{loop.name}': '{name}' is not a joint that moves.")
+        for name in members:
+            if name not in self._dof:
+                raise LoopError(
+                    f"loop '{loop.name}': joint '{name}' in it has several degrees of freedom, expected one."
+                )
+        return members
+
+    def body_and_point(self, link: str, point: Array) -> tuple[int, Array]:
+        """Return the body of a link, and a point of the link in the frame of the body."""
+        body, place = self._places[link]
+        return body, place[:3, 3] + place[:3, :3] @ point
+
+    def _point(self, q: Array, link: str, point: Array) -> tuple[Array, Array]:
+        """Return position and Jacobian of a point of a link in the world."""
+        body, point = self.body_and_point(link, point)
+        X, J = np.empty((3, 4)), np.empty((6, len(self._dof)))
+        kinematics.placement(self._workspace.robot, q, body, X)
+        kinematics.jacobian(self._workspace.robot, q, body, point, J)
+        return X[:, :3] @ point + X[:, 3], X[:, :3] @ J[:3]
+
+    def _equations(self, q: Array, loops: list[Loop], equations: Mapping[str, Curve]) -> tuple[Array, Array]:
+        phi, J = [], []
+        for loop in loops:
+            for a, b in loop.points:
+                (at_a, J_a), (at_b, J_b) = self._point(q, loop.a.link, a), self._point(q, loop.b.link, b)
+                phi.append(at_a - at_b)
+                J.append(J_a - J_b)
+        for name, curve in equations.items():
+            row, x = np.zeros((1, len(self._dof))), q[self._q[curve.source]]
+            row[0, self._dof[name]] = 1.0
+            row[0, self._dof[curve.source]] = -(curve(x + 1e-6) - curve(x - 1e-6)) / 2e-6
+            phi.append(np.array([q[self._q[name]] - curve(x)]))
+            J.append(row)
+        return np.concatenate(phi), np.concatenate(J)
+
+    def closed(
+        self, names: list[str], loops: list[Loop], equations: Mapping[str, Curve], held: set[str]
+    ) -> tuple[dict[str, float], Array, float]:
+        """Return positions of joints near the start values in which loops are closed, J of them, and the gap that remains.
+
+        Positions of `held` joints stay, if there is a solution with them.
+        """
+        q = np.array([1.0 if index == 3 else 0.0 for index in self.tree.orientations])
+        for loop in loops:
+            for name, value in loop.start.items():
+                q[self._q[name]] = value
+        columns, places = [self._dof[name] for name in names], [self._q[name] for name in names]
+        moves = np.array([name not in held for name in names])
+        best = np.inf
+        for _ in range(MAX_STEPS):
+            phi, J = self._equations(q, loops, equations)
+            J = J[:, columns]
+            gap = float(np.abs(phi).max())
+            if gap < 1e-14 or (gap < 1e-6 and gap > 0.5 * best):
+                break
+            best = min(best, gap)
+            step = np.linalg.lstsq(J * moves, phi, rcond=1e-9)[0] * moves
+            q[places] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
+        return {name: float(q[self._q[name]]) for name in names}, J, gap
+
+
+# --- Tables for the sweeps ------------------------------------------------------------------------------------
+
+
+def coupling_tables(tree: Any, coupled: Coupled | None) -> couplings.CouplingTables | None:
+    """Return the tables of a tree with followers, or None."""
+    if coupled is None or not coupled.followers:
+        return None
+    places = {link.name: (body, place) for link, body, place in tree.links}
+    first_body = {name: tree.first_body(name) for name in tree.moving}
+    loops, closures, curves, pieces = [], [], [], []
+
+    def add_curve(name: str, curve: Curve, loop: int) -> None:
+        ends = len(pieces), len(pieces) + len(curve.pieces)
+        pieces.extend(curve.pieces)
+        curves.append((loop, first_body[name], first_body[curve.source], *ends, curve.argument, curve.result))
+
+    for number_, (members, own, equations) in enumerate(
+        zip(coupled.groups, coupled.loops, coupled.equations, strict=True)
+    ):
+        begin = len(closures)
+        for loop in own:
+            for points in loop.points:
+                ends = []
+                for end, point in zip((loop.a, loop.b), points, strict=True):
+                    body, place = places[end.link]
+                    ends.append((body, place[:3, 3] + place[:3, :3] @ point))
+                closures.append((ends[0][0], ends[1][0], ends[0][1], ends[1][1]))
+        for name, curve in equations.items():
+            add_curve(name, curve, number_)
+        inside = [first_body[name] for name in members]
+        first, last = tree.group_of(inside[0])
+        followers = sum(name in coupled.followers for name in members)
+        loops.append((first, last, begin, len(closures), 3 * (len(closures) - begin) + len(equations), followers))
+    for name, curve in coupled.curves.items():
+        add_curve(name, curve, -1)
+    width = max((len(row) for row in pieces), default=2)
+    table = np.array([[*row, *[0.0] * (width - len(row))] for row in pieces]).reshape(len(pieces), width)
+    start = np.zeros(tree.count)
+    for name, value in coupled.start.items():
+        start[first_body[name]] = value
+    return couplings.CouplingTables(
+        np.array(loops, couplings.LOOP),
+        np.array(closures, couplings.CLOSURE),
+        np.array(curves, couplings.CURVE),
+        table,
+        start,
+    )

@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Functions that kernels call by address: what few robots need is compiled for these alone."""
+
+import functools
+import logging
+import threading
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from diag_dynamics.numerics.cache import code_folder
+from diag_dynamics.numerics.kernel import compile_ahead
+from diag_dynamics.numerics.progress import report_compilation
+
+logger = logging.getLogger(__name__)
+
+_NUMBER, _lock = types.int64, threading.RLock()
+_SIGNATURE = _NUMBER(_NUMBER, _NUMBER, _NUMBER, _NUMBER)
+
+
+class Callback:
+    """A function of four integers, and the address of its code."""
+
+    def __init__(self, function):
+        functools.update_wrapper(self, function)
+        compile_ahead(self)
+
+    def compile(self):
+        """Compile the function, or load it from the cache."""
+        return self.address
+
+    @functools.cached_property
+    def address(self):
+        """Where the machine code begins; compiled when it is first asked for, and kept on disk."""
+        with _lock, report_compilation(self.__name__):
+            folder, before = code_folder(self.__module__), numba.config.CACHE_DIR
+            try:
+                numba.config.CACHE_DIR = str(folder or before)
+                self._compiled = numba.cfunc(_SIGNATURE, cache=folder is not None, error_model="numpy")(
+                    self.__wrapped__
+                )
+            except Exception as error:  # a full disk; a damaged file may unpickle into any
+                logger.warning("The cache %s cannot be used for %s: %r", folder, self.__name__, error)
+                self._compiled = numba.cfunc(_SIGNATURE, error_model="numpy")(self.__wrapped__)
+            finally:
+                numba.config.CACHE_DIR = before
+            return self._compiled.address
+
+
+@intrinsic
+def call_address(typingctx, address, a, b, c, d):
+    """Call the :class:`Callback` at an address."""
+
+    def lower(context, builder, signature, args):
+        number = context.get_value_type(_NUMBER)
+        function = ir.FunctionType(number, [number] * 4)
+        return builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+
+    return _NUMBER(_NUMBER, *_SIGNATURE.args), lower
