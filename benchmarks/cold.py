@@ -118,8 +118,8 @@ def table(found):
     return "\n".join(lines) + "\n"
 
 
-def page(found, done, machine):
-    """The whole page; `done` is the table of tasks."""
+def page(found, machine):
+    """The whole page."""
     rounds = len(found[0][1])
     return f"""\
 # Benchmark of start-up
@@ -129,16 +129,9 @@ with what the cold start has left there. Medians of {rounds}. *Everything*: load
 inverse dynamics, factors, the four sweeps, placement, reflected mass, batch, observer, two laws, simulation.
 
 {table(found)}
-## Ten tasks
-
-Programs as a user would write them, Pinocchio's beside them: lines, and CPU-seconds of the whole process once. Pinocchio's
-simulation is of order 1 without friction and limits, and its energies are those of m = U√D of the dense M. Its `aba` knows
-no mimic joints, so that but for the first task its fingers are independent of each other.
-
-{done}
 {machine}"""
 
 
-def write(found, done, machine, folder: Path):
+def write(found, machine, folder: Path):
     """Write the page."""
-    (folder / "start.md").write_text(page(found, done, machine), encoding="utf-8")
+    (folder / "start.md").write_text(page(found, machine), encoding="utf-8")

@@ -29,7 +29,6 @@ try:
     import single
     import start
     import stepping
-    import tasks
     import throughput
     import top
     from cases import FEW, ROBOTS, Case, Robot
@@ -144,11 +143,8 @@ def cold_starts(short, folder, _):
     _say("measures cold starts")
     found = cold.measure(1 if short else 3)
     print(cold.table(found))
-    _say("measures ten tasks")
-    done = tasks.table(tasks.measure())
-    print(done)
     if folder:
-        cold.write(found, done, report.machine(("numpy", "numba", "llvmlite")), folder)
+        cold.write(found, report.machine(("numpy", "numba", "llvmlite")), folder)
 
 
 def analyses(short, folder, _):
