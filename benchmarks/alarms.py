@@ -3,8 +3,7 @@
 
 """Alarms by an observer that settles on the torque beside those by one that settles on its working moment, calibrated alike.
 
-`python benchmarks/alarms.py` in the sourced environment writes alarms.md into results; with --short it pushes less often and
-writes into a folder that is given.
+`make bench ARGS="--only alarms"` writes alarms.md into results.
 
 Real recordings without contact (../shared/recordings) have pushes put into their efforts: on an arm that is held on its way,
 a push is what the efforts are short of. One half of a recording calibrates, the other one is pushed. The simulated arm is
@@ -16,7 +15,6 @@ Detectors of two sets judge moving and standing arms apart; those of one set jud
 The first observer is the classical observer (De Luca and Mattone, 2003) in other coordinates: m r is its residual.
 """
 
-import argparse
 import os
 import tempfile
 import xml.etree.ElementTree as ET
@@ -34,7 +32,6 @@ from diag_dynamics.control.observer import SETTLES_ON
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.observer import ObservedStates
 
-RESULTS = Path(__file__).resolve().parent / "results"
 RECORDINGS = Path(
     os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).resolve().parents[2] / "shared" / "recordings")
 )
@@ -437,18 +434,3 @@ def write(rows, folder):
     """Write the table."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "alarms.md").write_text(table(rows), encoding="utf-8")
-
-
-def main():
-    """Measure, and write the table."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("folder", nargs="?", type=Path, default=RESULTS)
-    options.add_argument("--short", action="store_true", help="fewer pushes, for a look at whether it works")
-    chosen = options.parse_args()
-    rows = compare(chosen.short)
-    write(rows, chosen.folder)
-    print(table(rows))
-
-
-if __name__ == "__main__":
-    main()

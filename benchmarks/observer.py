@@ -3,15 +3,13 @@
 
 """The disturbance observer on total joint rates beside the classical one on momenta, tuned by the same procedure.
 
-`python benchmarks/observer.py` in the sourced environment writes observer.md and observer.png into results; with --short it
-does a fifteenth and writes into a folder that is given. Everything is simulated, from a fixed seed; there are no times in it.
+`make bench ARGS="--only observer"` writes observer.md and observer.png into results. Everything is simulated, from a fixed
+seed; there are no times in it.
 
 The classical observer (De Luca and Mattone, 2003) is r = K_O[p − p₀ − ∫(τ + C_sᵀq̇ − g + r)dt] with p = Mq̇, here with
 Pinocchio's matrices. Both see the same samples and are integrated by the same rule.
 """
 
-import argparse
-from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
@@ -23,8 +21,6 @@ from diag_dynamics.model.catalog import find_urdf
 
 matplotlib.use("agg")
 from matplotlib import pyplot as plt
-
-RESULTS = Path(__file__).resolve().parent / "results"
 
 PERIOD, DURATION = 1e-3, 2.0  # [s] of samples, and of a run
 GAINS = (25.0, 100.0)  # [1/s]
@@ -365,18 +361,3 @@ def write(outcomes, folder):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "observer.md").write_text(table(outcomes), encoding="utf-8")
     draw(outcomes, folder / "observer.png")
-
-
-def main():
-    """Simulate, judge, and write the table and the picture."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("folder", nargs="?", type=Path, default=RESULTS)
-    options.add_argument("--short", action="store_true", help="a fifteenth of the runs, for a look at whether it works")
-    chosen = options.parse_args()
-    outcomes = compare(chosen.short)
-    write(outcomes, chosen.folder)
-    print(table(outcomes))
-
-
-if __name__ == "__main__":
-    main()
