@@ -29,6 +29,7 @@ _NAMES = {
     "JointEnergyLimiter PositionRepulsion",
     "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
+    "control.tank": "EnergyTank",
     "collision.detector": "AlarmDetector AlarmThresholds",
     "collision.calibration": "Calibration",
     "recordings.recording": "Recording read_recording stream_recording",
@@ -68,6 +69,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion
     from diag_dynamics.control.load import LoadEstimator as LoadEstimator
     from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver
+    from diag_dynamics.control.tank import EnergyTank as EnergyTank
     from diag_dynamics.dynamics import DiagonalDynamics as DiagonalDynamics
     from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError
     from diag_dynamics.exceptions import InertiaWarning as InertiaWarning

@@ -11,6 +11,7 @@ from diag_dynamics.control import limits
 from diag_dynamics.control.by_dof import by_dof, effort_limits
 from diag_dynamics.control.laws import Command
 from diag_dynamics.control.limits import ContactLimiter
+from diag_dynamics.control.tank import EnergyTank
 
 MAX_RAMP_TIME = 0.1
 """Maximum time in which efforts reach gravity compensation without a warning [s]."""
@@ -37,7 +38,7 @@ class Efforts:
     def __init__(self, dynamics, values, compensated, points=None):
         model = dynamics.model
         self._names, self._compensated, self._max_period = model.dof_names, compensated, values["max_state_age"]
-        self._springs = self.energy_limiter = self.joint_energy_limiter = self.contact_limiter = None
+        self._springs = self.energy_limiter = self.joint_energy_limiter = self.tank = self.contact_limiter = None
         if margin := values["limit_margin"]:
             springs = values["limit_stiffness"], values["limit_damping"]
             self._springs = limits.PositionRepulsion(dynamics, margin, *springs)
@@ -46,6 +47,8 @@ class Efforts:
         if any(values["joint_energy_limit"]):
             limit = by_dof("joint_energy_limit", values["joint_energy_limit"], self._names, np.full(model.nv, np.inf))
             self.joint_energy_limiter = limits.JointEnergyLimiter(dynamics, limit, values["energy_rate"])
+        if capacity := values["tank_energy"]:
+            self.tank = EnergyTank(dynamics, capacity, values["energy_rate"], not compensated)
         if points is not None:
             self.contact_limiter = ContactLimiter(dynamics, points, values["contact.rate"])
         self._saturation = limits.EffortSaturation(model, effort_limits(values["effort_limit"], model))
@@ -57,7 +60,9 @@ class Efforts:
         self.begin()
 
     def begin(self):
-        """Start from the last effort."""
+        """Start from the last effort, with a full tank."""
+        self._held = []  # efforts since the last valid state, at most two
+        self.fill_tank()
         self._gravity, self._time, self.scale = np.zeros_like(self.sent), None, 1.0  # time of the last command [ns]
 
     def filtered(self, state, command, external):
@@ -71,6 +76,10 @@ class Efforts:
             command = self.joint_energy_limiter.filter(q, qd, command, period, external)
         if self.energy_limiter:
             command = self.energy_limiter.filter(q, command, external)
+        if self.tank:
+            self.tank.measure(q, *self._held[:1], held=len(self._held) == 1)
+            self._held = []
+            command = self.tank.filter(q, qd, command, period, external)
         slower = command
         if self.contact_limiter:
             command = self.contact_limiter.filter(q, qd, command, period, external)
@@ -88,6 +97,7 @@ class Efforts:
         After a stall efforts change by no more than within the longest cycle.
         """
         self.sent, waiting = self._ramp.filter(effort, self._elapsed(time))
+        self._held = [*self._held, self.sent][:2]
         if self._time is None or not -self._max_period * 1e9 <= time - self._time < 0:
             self._time = time
         return self.sent, waiting
@@ -96,6 +106,11 @@ class Efforts:
         """Return the time since the last command [s], no more than the longest cycle."""
         elapsed = 0.0 if self._time is None else (time - self._time) * 1e-9
         return min(max(elapsed, 0.0), self._max_period)
+
+    def fill_tank(self):
+        """Fill the tank, if there is one."""
+        if self.tank:
+            self.tank.fill()
 
     def reset(self, sent):
         """Start from an effort that has been sent, without rate limit."""

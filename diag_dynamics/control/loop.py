@@ -37,7 +37,7 @@ class Sent(NamedTuple):
     saturated: tuple  # joints whose effort or effort rate was limited
     stamp: int  # of the command's state, or of the last valid one [ns]
     age: float  # of that state [s]
-    command: Command | None = None  # of the law, after the energy and contact limiters; None without a valid state
+    command: Command | None = None  # of the law, after the limiters of energy and contact; None without a valid state
     energy_limited: bool = False  # whether an energy limiter changed the command
     contact_limited: bool = False  # whether the contact limiter did
     lyapunov_rate: float | None = None  # dV/dt since the state before [W]; None unless both have the same target
@@ -104,13 +104,14 @@ class ControlLoop:
     def switch(self, mode):
         """Put a mode in force from the next state on, with that state as its target; this starts a stopped loop again.
 
-        Efforts approach those of the new law at the effort rate. An InputError names gains that are unstable at the rate of
-        the states.
+        Efforts approach those of the new law at the effort rate, and the energy tank is filled. An InputError names gains
+        that are unstable at the rate of the states.
         """
         chosen = self._mode_of(mode)
         if self._periods >= CHECK_EVERY and (unstable := self._unstable(chosen)):
             raise InputError(unstable)
         self.supervisor.release()
+        self.efforts.fill_tank()
         self.stop_trajectory(f"mode {mode} was requested")
         self._mode = chosen
         chosen.void()
@@ -247,6 +248,7 @@ class ControlLoop:
         """Return damping; None once efforts have reached gravity compensation and joints are slow."""
         state, efforts = self.state, self.efforts
         filtered = efforts.filtered(state, self._braking.command(state), external)
+        efforts.fill_tank()  # which a sinking arm has drained
         if before is None:
             efforts.limit_to_gravity()
         if self._carried_since is None and efforts.reaches_gravity(filtered.effort, state.newest):

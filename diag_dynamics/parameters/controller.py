@@ -79,6 +79,11 @@ _WHILE_UNCONFIGURED = {
         [""], "Maximum energy shares of joints, each as joint=energy; * for all others [J]; by default none."
     ),
     "energy_rate": Spec(50.0, "Rate alpha towards energy limits [1/s]; below 1 / period of states.", 1e-6),
+    "tank_energy": Spec(
+        0.0,
+        "Energy that laws may add to the arm in total [J]; braking refills it, a mode service, too. 0: no limit.",
+        0.0,
+    ),
     **CONTACT,
     "contact.energy_limit": Spec(0.0, "Maximum transferable energy of all contact points [J]; 0: no limit.", 0.0),
     "contact.rate": Spec(30.0, "Rate alpha towards contact limits [1/s]; below 1 / period of states.", 1e-6),

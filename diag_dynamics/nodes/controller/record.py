@@ -131,6 +131,9 @@ def values_of_loop(loop):
         "kinetic energy [J]": f"{loop.energy:.6g}",
         "contact limits": f"{bound.points.count} points, scale {bound.scale:g}" if bound else "none",
     }
+    if tank := loop.efforts.tank:
+        values["tank energy [J]"] = f"{tank.energy:.6g}"
+        values["power refused by the tank [W]"] = f"{tank.refused:.6g}"
     if bound and bound.seen:
         values["contact energy [J]"] = f"{bound.seen.energy:.6g}"
         values["contact energy limit [J]"] = f"{bound.seen.limit:.6g}"

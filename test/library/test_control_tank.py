@@ -1,0 +1,451 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Energy tank: a ledger of the port's work bounds the energy that a person or a remote device extracts from an arm."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import diag_dynamics as dd
+from arm import state_at
+from controlled import ARM, READY, TREE, UR5, configuration, frictionless
+from described import MS, S, subject
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.parameters.controller import PARAMETERS
+from examples import shortened
+
+pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+
+N, CAPACITY, RATE = 7, 0.5, 50.0
+SUBSTEPS = 2
+"""Steps of the simulation, and of the ledger, in a cycle."""
+
+
+def frame(q, link="panda_hand"):
+    """Return the position of a link's origin and the Jacobian of its velocity, in the root's axes, by Pinocchio."""
+    oracle = subject(ARM).oracle
+    full = oracle.full
+    at, configured = full.model.getFrameId(link, pin.FrameType.BODY), full.configuration(oracle.q_full(q))
+    pin.framesForwardKinematics(full.model, full.data, configured)
+    J = pin.computeFrameJacobian(full.model, full.data, configured, at, pin.LOCAL_WORLD_ALIGNED)
+    return full.data.oMf[at].translation.copy(), J[:3, full._order] @ oracle.G
+
+
+def kinetic_energy(q, qd):
+    """Return K [J] by Pinocchio's mass matrix."""
+    return 0.5 * qd @ subject(ARM).oracle.at(q, qd).M @ qd
+
+
+class HeldArm:
+    """An arm whose hand a person holds: a mass on a spring and a damper, coupled to the hand by another pair.
+
+    `extracted` is the work of the arm on the person, Σ −τᵀΔq of the held torques in each step of the simulation.
+    """
+
+    def __init__(self, rng, period):
+        """Draw a person, and the motion of the arm."""
+        self.plant = frictionless(subject(ARM).model, READY, 0.2 * rng.normal(size=N), period / SUBSTEPS)
+        self.step, self.extracted = period / SUBSTEPS, 0.0
+        self.anchor = frame(READY)[0]
+        self.x, self.v = self.anchor.copy(), np.zeros(3)
+        self.mass, self.spring, self.damper = rng.uniform(0.5, 3), rng.uniform(50, 400), rng.uniform(5, 40)
+        self.coupling = rng.uniform(500, 2000)
+
+    def advance(self, tau):
+        """Hold an effort for a cycle."""
+        for _ in range(SUBSTEPS):
+            q, (x, J) = self.plant.q, frame(self.plant.q)
+            force = self.coupling * (self.x - x) + 20.0 * (self.v - J @ self.plant.qd)
+            pull = force + self.spring * (self.x - self.anchor) + self.damper * self.v
+            self.v -= self.step / self.mass * pull
+            self.x += self.step * self.v
+            self.plant.advance(tau + J.T @ force)
+            self.extracted -= (J.T @ force) @ (self.plant.q - q)
+
+
+class Moving:
+    """Set-points that move by sines, whatever the arm does."""
+
+    def __init__(self, rng, period):
+        """Draw the motion."""
+        self.pace, self.period = rng.uniform(4, 9, N), period
+
+    def aim(self, k, q):
+        """Return the set-point of cycle k."""
+        return READY + 0.3 * np.sin(self.pace * k * self.period)
+
+
+class Remote:
+    """A remote device: a damped mass on the law's own spring, which both ends feel late by `delay` [s].
+
+    Without delay the spring between both is passive.
+    """
+
+    def __init__(self, rng, period, delay, stiffness):
+        """Draw the motion of the device."""
+        self.position, self.velocity = READY.copy(), 0.5 * rng.normal(size=N)
+        self.late, self.period, self.stiffness = 1 + round(delay / period), period, stiffness
+        self.arrived, self.asked = [READY] * self.late, [READY] * self.late
+
+    def aim(self, k, q):
+        """Return the set-point of cycle k."""
+        self.arrived.append(q)
+        spring = self.stiffness * (self.position - self.arrived[-self.late])
+        self.velocity = self.velocity - self.period / 0.5 * (spring + 0.5 * self.velocity)
+        self.position = self.position + self.period * self.velocity
+        self.asked.append(self.position)
+        return self.asked[-self.late]
+
+
+class Run(NamedTuple):
+    """Energies [J] of a run."""
+
+    first: float  # K at its start
+    extracted: float  # at most, by the ledger
+    least: float  # of the tank
+    excess: float  # of K + x and the extracted energy over those at the start, at most
+
+
+def ledger_of(seed, period, device, tank, stiffness=60.0, ratio=0.1):
+    """Run a device and a held arm, with a tank or without."""
+    rng = np.random.default_rng(seed)
+    arm, law, tau = HeldArm(rng, period), dd.JointRegulation(subject(ARM).dyn, stiffness, ratio), None
+    first, ledgers = kinetic_energy(arm.plant.q, arm.plant.qd), []
+    device = device(rng, period)
+    for k in range(round(2.0 / period)):
+        q, qd = arm.plant.q, arm.plant.qd
+        command = law.command(q, qd, device.aim(k, q))
+        if tank:
+            tank.measure(q, tau)
+            command = tank.filter(q, qd, command, period)
+        x = tank.energy if tank else 0.0
+        ledgers.append((arm.extracted, x, arm.extracted + x + kinetic_energy(q, qd)))
+        tau = command.tau
+        arm.advance(tau)
+    extracted, x, total = np.array(ledgers).T
+    return Run(first, extracted.max(), x.min(), total.max() - total[0])
+
+
+def tank_of(capacity=CAPACITY, robot=ARM):
+    return dd.EnergyTank(subject(robot).dyn, capacity, RATE)
+
+
+def remote(delay):
+    return lambda rng, period: Remote(rng, period, delay, 60.0)
+
+
+DEVICES = {"moving": Moving, "late by 0.1 s": remote(0.1), "late by 0.2 s": remote(0.2)}
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("period", [1e-3, 4e-3])
+def test_nobody_extracts_more_than_the_tank_and_the_motion(device, period):
+    """At most K(0) + x(0) leaves the port, and no cycle adds to K + x + extracted; without tank a multiple leaves it."""
+    for seed in range(shortened(6, 2 if period > 2e-3 else 1)):
+        run = ledger_of(seed, period, DEVICES[device], tank_of())
+        assert run.excess < 1e-9 and run.least > -3e-3 * (period / 4e-3)
+        assert 0.3 * CAPACITY < run.extracted <= run.first + CAPACITY + 3e-3 * (period / 4e-3)
+        assert ledger_of(seed, period, DEVICES[device], None).extracted > 4.0 * (run.first + CAPACITY)
+    if device != "moving" and period > 2e-3:
+        assert ledger_of(0, period, remote(0.0), None).extracted < 0.5
+
+
+def moved(robot, gravity):
+    """Return the model that moves: of a robot that compensates gravity itself, one that weighs nothing."""
+    options = {} if gravity else {"gravity": (0.0, 0.0, 0.0)}
+    return dd.load_urdf(robot.source, **robot.options, **options)
+
+
+@pytest.mark.parametrize("robot", (ARM, UR5, TREE), ids=lambda robot: robot.id)
+@pytest.mark.parametrize("gravity", [True, False])
+def test_the_measured_energy_is_exact(robot, gravity):
+    """K + x changes by the work of external torques alone, for any held efforts, and positions that begin another turn.
+
+    A robot that compensates gravity itself moves as if it weighed nothing.
+    """
+    s, rng, h = subject(robot), np.random.default_rng(3), 1e-3
+    nv, turns = s.model.nv, ~np.isfinite(s.model.upper)
+    start = np.where(turns, np.pi - 0.02, configuration(s.model, rng))
+    plant = frictionless(moved(robot, gravity), start, np.where(turns, 1.0, rng.normal(size=nv)), h)
+    tank, work, tau, spent = dd.EnergyTank(s.dyn, 1e3, RATE, gravity), 0.0, None, []
+    tank.energy = 500.0
+    for _ in range(200):
+        q, qd = plant.q, plant.qd
+        x = tank.measure(np.where(turns, np.remainder(q + np.pi, 2 * np.pi) - np.pi, q), tau)
+        spent.append(x + 0.5 * qd @ s.oracle.at(q, qd).M @ qd - work)
+        pulled = 2.0 * rng.normal(size=nv)
+        tau = 10.0 * rng.normal(size=nv) + gravity * s.oracle.gravity_torque(q)
+        plant.advance(tau + pulled)
+        work += pulled @ (plant.q - q)
+    np.testing.assert_allclose(spent, spent[0], rtol=0, atol=1e-8)
+    assert abs(x - 500.0) > 0.02 and (plant.q[turns] > np.pi).all()
+
+
+def test_what_exceeds_the_capacity_is_lost_and_changed_efforts_give_nothing_back():
+    """Decision table of half a radian: x before, torque on the hand's joint, whether it was held, x after."""
+    tank, q = dd.EnergyTank(dd.DiagonalDynamics(moved(ARM, False)), 2.0, RATE), READY
+    assert tank.energy == 2.0
+    table = [
+        (1.0, 1.0, True, 0.5),
+        (1.0, -1.0, True, 1.5),
+        (1.0, -4.0, True, 2.0),
+        (1.0, 4.0, True, -1.0),
+        (1.0, 1.0, False, 0.5),
+        (1.0, -1.0, False, 1.0),
+    ]
+    for before, torque, held, after in table:
+        tank.energy = before
+        assert tank.measure(q) == before
+        q = q + 0.5 * np.eye(N)[6]
+        assert tank.measure(q, torque * np.eye(N)[6], held) == pytest.approx(after, abs=1e-12)
+    tank.fill()
+    assert tank.energy == 2.0
+
+
+def commands(count):
+    """Yield random numbers, a state and a command, whose power is of either sign."""
+    rng, law = np.random.default_rng(8), dd.GravityCompensation(subject(ARM).dyn)
+    for _ in range(count):
+        q, qd = configuration(subject(ARM).model, rng), rng.normal(size=N)
+        command, epsilon = law.command(q, qd), np.exp(rng.uniform(-2, 6)) * rng.normal(size=N)
+        yield rng, q, qd, command._replace(tau=command.tau + subject(ARM).oracle.at(q, qd).m @ epsilon, epsilon=epsilon)
+
+
+@pytest.mark.parametrize("pushed", [False, True])
+def test_commands_of_the_filter(pushed):
+    """Power and predicted work by Pinocchio's m, C and M: ε loses only power, then τ − g is scaled no more than needed."""
+    h, tank, seen = 2e-3, tank_of(), np.zeros(3, int)
+    for rng, q, qd, command in commands(300):
+        t, nu = subject(ARM).oracle.at(q, qd), command.nu
+        external = 5.0 * rng.normal(size=N) if pushed else None
+        push = t.m @ external if pushed else np.zeros(N)
+        tank.energy = CAPACITY * rng.choice([-0.1, 0.0, 1e-3, 0.05, rng.uniform(0.1, 1)])
+        out = tank.filter(q, qd, command, h, external)
+        power, covered = nu @ command.epsilon, RATE * (tank.energy - 0.1 * CAPACITY)
+        allowed = power if power <= covered else max(covered, min(power, 0.0) - RATE * nu @ nu)
+        braked = command.epsilon + nu * (allowed - power) / (nu @ nu)
+        scale = (out.epsilon @ braked) / (braked @ braked)
+        np.testing.assert_allclose(out.epsilon, scale * braked, rtol=0, atol=1e-9 * np.abs(braked).max())
+        np.testing.assert_allclose(out.tau, t.m @ out.epsilon + t.g, rtol=0, atol=1e-8 * np.abs(command.tau).max())
+        assert tank.refused == pytest.approx(power - nu @ out.epsilon, abs=1e-9 * (1 + abs(power)))
+
+        def work(f, t=t, qd=qd, braked=braked, push=push):
+            """Return the work [J] of a held effort by a step of second order."""
+            effort = f * t.m @ braked
+            return effort @ (h * qd + 0.5 * h * h * np.linalg.solve(t.M, effort + push - t.C_s @ qd))
+
+        x = max(tank.energy, 0.0)
+        if scale > 1.0 - 1e-12:
+            assert work(1.0) <= x + 1e-12
+        else:
+            assert work(scale) == pytest.approx(x, abs=1e-9) and scale >= 0.0 and work(1.0) > x
+        seen += np.array([out is command, scale < 1.0 - 1e-9, abs(power - allowed) > 1e-6])
+    assert (seen > 20).all()
+
+
+@pytest.mark.parametrize("energy", [0.0, -0.2])
+def test_an_empty_tank_brakes_and_holds(energy):
+    """Damping and gravity compensation are unchanged; a far target moves a resting arm by no more than rounding and dt."""
+    dyn, tank, h = subject(ARM).dyn, tank_of(), 1e-3
+    tank.energy = energy
+    for _, q, qd, command in commands(20):
+        for law in (dd.RateDamping(dyn, 100.0), dd.GravityCompensation(dyn)):
+            command = law.command(q, qd if isinstance(law, dd.RateDamping) else 0.0 * qd)
+            assert tank.filter(q, qd, command, h) is command
+    robot, law, tau = frictionless(subject(ARM).model, READY, np.full(N, 0.5)), dd.RateDamping(dyn, 10.0), None
+    K = robot.kinetic_energy
+    for k in range(700):
+        tank.measure(robot.q, tau)
+        tank.energy = min(tank.energy, energy)  # it stays empty
+        q, qd = robot.q, robot.qd
+        far = dd.JointTracking(dyn, 20.0, 10.0).command(q, qd, READY + 1.0)
+        tau = tank.filter(q, qd, law.command(q, qd) if k < 500 else far, h).tau
+        robot.advance(tau)
+        if k == 499:
+            rest = robot.q
+    assert robot.kinetic_energy < 1e-3 * K and np.abs(robot.q - rest).max() < 2e-3
+    np.testing.assert_allclose(tau, subject(ARM).oracle.gravity_torque(robot.q), atol=0.2)
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda d: dd.EnergyTank(d, 0.0, 1.0), "capacity is 0.0"),
+        (lambda d: dd.EnergyTank(d, 1.0, np.inf), "rate is inf"),
+        (lambda d: tank_of().measure(READY[:3]), "q has shape"),
+        (lambda d: (tank := tank_of()).measure(READY) and tank.measure(READY, np.full(N, np.nan)), "tau of joint"),
+        (
+            lambda d: tank_of().filter(READY, READY, dd.GravityCompensation(d).command(READY, READY), 0.0),
+            "period is 0.0",
+        ),
+    ],
+)
+def test_errors_name_the_argument(make, key):
+    with pytest.raises(InputError, match=key):
+        make(subject(ARM).dyn)
+
+
+# --- In the control loop
+
+
+def loop_of(compensated=False, points=None, **values):
+    """Return a loop of the arm, whose efforts have reached gravity compensation at READY."""
+    defaults = {name: spec.default for name, spec in PARAMETERS.items()}
+    loop = ControlLoop(subject(ARM).model, defaults | {"following_energy": 0.0} | values, compensated, points)
+    loop.efforts.reset(np.zeros(N) if compensated else subject(ARM).oracle.gravity_torque(READY))
+    return loop
+
+
+class Driven:
+    """A loop on an arm without friction, with set-points at random."""
+
+    def __init__(self, loop, seed=0, gravity=True):
+        """Put the arm at rest."""
+        self.loop, self.rng, self.stamp = loop, np.random.default_rng(seed), S
+        self.plant = frictionless(moved(ARM, gravity), READY)
+
+    def cycle(self, torque=0.0, valid=True):
+        """Run a cycle with a state or without, and an external torque; return what was sent."""
+        self.stamp += MS
+        q, qd = self.plant.q, self.plant.qd
+        if valid:
+            sent = self.loop.step(state_at(self.stamp, q, qd), self.stamp)
+        else:
+            sent = self.loop.without_state(self.stamp, "no state")
+        self.plant.advance(sent.effort + torque)
+        return sent
+
+    def aim(self, size=0.8):
+        """Choose another set-point."""
+        model = subject(ARM).model
+        self.loop.take_set_point(np.clip(READY + size * self.rng.uniform(-1, 1, N), model.lower, model.upper))
+
+
+def test_the_loop_measures_what_it_sends():
+    """Efforts at their rate and limits: K + x keeps the capacity in free motion, which is refused power; a mode fills x."""
+    driven = Driven(
+        loop_of(
+            tank_energy=CAPACITY,
+            effort_rate=["*=500"],
+            effort_limit=["*=60", "panda_joint5=12", "panda_joint6=12", "panda_joint7=12"],
+            set_point_speed=1.0,
+        )
+    )
+    tank, refused = driven.loop.efforts.tank, 0
+    for k in range(shortened(2000, 800)):
+        if k % 200 == 10:
+            driven.aim()
+        K = kinetic_energy(driven.plant.q, driven.plant.qd)
+        driven.cycle()
+        refused += tank.refused > 1e-3
+        assert K + tank.energy == pytest.approx(CAPACITY, abs=1e-9)
+    assert refused > 50 and driven.loop.energy > 1e-3
+    driven.loop.switch("damping")
+    assert tank.energy == CAPACITY
+
+
+def test_a_hold_gives_nothing_back():
+    """While states are missing, the last effort may have been replaced: only its positive work counts. A start fills x."""
+    driven = Driven(loop_of(tank_energy=CAPACITY))
+    tank = driven.loop.efforts.tank
+    for k in range(200):
+        driven.cycle()
+        if k == 10:
+            driven.aim()
+    assert tank.energy < CAPACITY - 0.01
+    for sign in (1.0, -1.0):
+        q, effort = driven.plant.q, driven.cycle().effort
+        x = tank.energy
+        driven.cycle(valid=False)
+        moving = effort - subject(ARM).oracle.gravity_torque(q)
+        driven.plant.reset(q + sign * 1e-3 * np.sign(moving), driven.plant.qd)  # wherever the arm goes meanwhile
+        model, U = subject(ARM).model, dd.simulation.potential_energy
+        work = effort @ (driven.plant.q - q) - U(model, driven.plant.q) + U(model, q)
+        driven.cycle()
+        assert tank.energy == pytest.approx(x - max(work, 0.0), abs=1e-9) and work * sign > 0.0
+    driven.loop.forget()
+    assert tank.energy == CAPACITY
+
+
+def test_a_robot_with_gravity_compensation():
+    """Its efforts contain no weight: they alone are the work."""
+    driven = Driven(loop_of(compensated=True, tank_energy=CAPACITY), gravity=False)
+    for k in range(300):
+        K = kinetic_energy(driven.plant.q, driven.plant.qd)
+        driven.cycle()
+        if k == 10:
+            driven.aim()
+        assert K + driven.loop.efforts.tank.energy == pytest.approx(CAPACITY, abs=1e-9)
+    assert K > 0.01
+
+
+LIMITS = dd.ContactLimits({"energy": {"energy": 0.3}, "force": {"mass": 4.0, "stiffness": 3e4, "force": 80.0}})
+
+
+def used(q, qd):
+    """Return the largest B of links' origins by Pinocchio: energy along the motion, or square of the force, by its limit."""
+    M, parts = subject(ARM).oracle.at(q, qd).M, [0.0]
+    for link in ("panda_link3", "panda_link5", "panda_link7", "panda_hand"):
+        J = frame(q, link)[1]
+        v = J @ qd
+        if v.any():
+            E = 0.5 * (v @ v) ** 2 / (v @ J @ np.linalg.solve(M, J.T @ v))  # ½m|v|², m = 1/(uᵀJM⁻¹Jᵀu)
+            mass = 2.0 * E / (v @ v)
+            parts += [E / 0.3, 3e4 / (1.0 / mass + 1.0 / 4.0) * (v @ v) / 80.0**2]
+    return max(parts)
+
+
+@pytest.mark.parametrize(
+    ("push", "gain", "most"), [(0.0, 0.0, 1.0), (30.0, 500.0, 1.05)], ids=["motions", "pushes that are observed"]
+)
+def test_tank_and_contact_limits_together(push, gain, most):
+    """B stays below its limit at every sample of fast motions; a push exceeds it by its observer's lag."""
+    model, limited = subject(ARM).model, []
+    shapes = dd.link_geometry(model, ARM.urdf, "frames").points
+    points = dd.ContactPoints(model, shapes, LIMITS, "limit")
+    for bounded in (True, False):
+        loop = loop_of(
+            points=points if bounded else None,
+            tank_energy=2.0,
+            effort_rate=["*=1e5"],
+            set_point_speed=1.0,
+            observer_gain=gain,
+        )
+        driven, B, force = Driven(loop, seed=1), [], np.zeros(3)
+        for k in range(shortened(2000, 700)):
+            if k % 250 == 10:
+                driven.aim()
+            if k % 600 == 150:
+                force = push / 3**0.5 * driven.rng.normal(size=3)
+            pushed = force * max(0.0, np.sin(np.pi * (k - 150) / 300)) if push else np.zeros(3)
+            B.append(used(driven.plant.q, driven.plant.qd))
+            sent = driven.cycle(frame(driven.plant.q)[1].T @ pushed)
+            assert (np.abs(sent.effort) <= model.effort_limit + 1e-9).all()
+            limited.append(sent.contact_limited)
+        assert 0.9 < max(B) <= most if bounded else max(B) > 3.0
+    assert sum(limited) > 100
+
+
+def test_known_pushes_keep_the_contact_limits():
+    """With the force of a push known exactly, B ≤ 1 at every sample, by the tank before the contact limiter."""
+    dyn, rng, h = subject(ARM).dyn, np.random.default_rng(2), 1e-3
+    shapes = dd.link_geometry(subject(ARM).model, ARM.urdf, "frames").points
+    contact = dd.ContactLimiter(dyn, dd.ContactPoints(subject(ARM).model, shapes, LIMITS, "limit"), 30.0)
+    law, tank, tau = dd.JointRegulation(dyn, 50.0, 0.7), tank_of(2.0), None
+    plant, target, force, B = frictionless(subject(ARM).model, READY), READY, np.zeros(3), []
+    for k in range(shortened(1500, 700)):
+        q, qd = plant.q, plant.qd
+        if k % 150 == 0:
+            target, force = READY + 0.6 * rng.normal(size=N), 30.0 * rng.normal(size=3)
+        push = frame(q)[1].T @ force
+        external = dyn.epsilon_from_tau(q, push)
+        B.append(used(q, qd))
+        tank.measure(q, tau)
+        command = tank.filter(q, qd, law.command(q, qd, target), h, external)
+        tau = contact.filter(q, qd, command, h, external).tau
+        plant.advance(tau + push)
+    assert 0.9 < max(B) <= 1.0 and tank.energy > -1e-3
