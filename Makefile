@@ -14,7 +14,7 @@ LINT ?= lint
 
 FULL := -m '' --robots=all --hypothesis-profile=full
 
-.PHONY: help setup setup-tests demo demo-control demo-identify test test-full test-oldest bench docs docs-tables page lint format lock clean
+.PHONY: help setup setup-tests demo demo-control demo-identify test test-full test-oldest bench study docs docs-tables page lint format lock clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
@@ -55,6 +55,9 @@ test-oldest:  ## numerical tests with the oldest supported numba; requires Pytho
 
 bench: setup-tests  ## benchmarks of library, nodes and observer into benchmarks/results/; ARGS=--short: two minutes
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
+
+study: setup-tests  ## compare control laws in simulation, with plots: docs/control-study.md; half an hour
+	@$(in_env) python3 benchmarks/study.py $(ARGS)
 
 docs: setup-tests  ## build the site: build/docs/index.html; warnings are errors
 	@$(in_env) python3 docs/site/build.py build/docs
