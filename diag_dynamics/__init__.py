@@ -14,8 +14,9 @@ __version__ = "0.2.0"
 
 # Imported when first used: a program that imports only a message does not wait for a compiler.
 _NAMES = {
-    "model": "JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
+    "model": "FlexibleJoint JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
+    "dynamics.flexible": "FlexibleDynamics FlexibleEvaluation",
     "results": "BatchEvaluation Evaluation ExternalWrench Factors Momentum TouchedLink",
     "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError "
     "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
@@ -71,6 +72,8 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver
     from diag_dynamics.control.tank import EnergyTank as EnergyTank
     from diag_dynamics.dynamics import DiagonalDynamics as DiagonalDynamics
+    from diag_dynamics.dynamics.flexible import FlexibleDynamics as FlexibleDynamics
+    from diag_dynamics.dynamics.flexible import FlexibleEvaluation as FlexibleEvaluation
     from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError
     from diag_dynamics.exceptions import InertiaWarning as InertiaWarning
     from diag_dynamics.exceptions import InputError as InputError
@@ -85,6 +88,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.identification.excite import excite as excite
     from diag_dynamics.identification.identify import identify as identify
     from diag_dynamics.identification.result import Identification as Identification
+    from diag_dynamics.model import FlexibleJoint as FlexibleJoint
     from diag_dynamics.model import JointParameters as JointParameters
     from diag_dynamics.model import Mimic as Mimic
     from diag_dynamics.model import Parameters as Parameters

@@ -13,7 +13,7 @@ import numpy as np
 
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
 from diag_dynamics.identification.data_checks import check_efforts, check_motion, find_gains
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
 from diag_dynamics.identification.fit import Carrier, Layout
@@ -85,6 +85,11 @@ def identify(
     if "gains" in names and model.motor_efforts:
         raise InputError(
             f"what is {what!r}; expected no gains, because motor_efforts is true and a gain belongs to one joint."
+        )
+    if model.flexible_joints:
+        raise UnsupportedError(
+            f"joint '{min(model.flexible_joints)}' is flexible; expected rigid joints, because recordings lack springs. "
+            "Load the model without flexible_joints."
         )
     require_single_joints(model)
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]

@@ -19,6 +19,7 @@ from lxml import etree
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import listed, not_negative, numbers
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.flexible import FlexibleJoint, checked_joint
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_body, not_physical
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.tree import Tree
@@ -44,6 +45,8 @@ _HEAD = """\
 # Of a joint: damping [N m s/rad], friction (Coulomb) [N m], effort_offset [N m], armature (reflected rotor) [kg m²],
 # load_friction (Coulomb, by the torque of gravity) [1], root_friction (by the root of the rate) [N m √(s/rad)],
 # effort_scale (effort by reported unit, .nan if unknown) [N m]; prismatic: N s/m, N, N, kg, 1, N √(s/m), N.
+# Of flexible_joints: stiffness [N m/rad], rotor_inertia of the motor [kg m²], damping [N m s/rad], gear, and what joint
+# states carry, position: motor or link, effort: motor or spring.
 # Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in the axes of the link, inertia about com
 # [kg m²].
 """
@@ -103,6 +106,8 @@ class Parameters:
     origin : mapping
         Origin of the numbers, as plain values of YAML: recordings, date, method, quality, and the `locked_joints` with which
         they were identified.
+    flexible_joints : mapping
+        :class:`FlexibleJoint` by joint.
     """
 
     joints: Mapping[str, JointParameters] = field(default_factory=dict)
@@ -112,9 +117,10 @@ class Parameters:
     motor_efforts: bool = False
     friction_velocity: float | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
+    flexible_joints: Mapping[str, FlexibleJoint] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("joints", "links", "payloads", "couplings", "origin"):
+        for name in ("joints", "links", "payloads", "couplings", "origin", "flexible_joints"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name, entry in self.joints.items():
             _joint(entry, f"parameters: joint '{name}'")
@@ -147,9 +153,9 @@ class Parameters:
         if isinstance(content, Parameters):
             return content
         given = _mapping(content, source, tuple(cls.__dataclass_fields__))
-        joints, links, payloads, couplings, origin = (
+        joints, links, payloads, couplings, origin, flexible = (
             _mapping(given.get(key) or {}, f"{source}: {key}")
-            for key in ("joints", "links", "payloads", "couplings", "origin")
+            for key in ("joints", "links", "payloads", "couplings", "origin", "flexible_joints")
         )
         of_motors = given.get("motor_efforts", False)
         if not isinstance(of_motors, bool):
@@ -165,6 +171,7 @@ class Parameters:
             of_motors,
             velocity,
             origin,
+            {str(name): _flexible(entry, f"{source}: flexible joint '{name}'") for name, entry in flexible.items()},
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -177,6 +184,7 @@ class Parameters:
             "couplings": {name: one._asdict() | {"joints": dict(one.joints)} for name, one in self.couplings.items()},
             "motor_efforts": self.motor_efforts or None,
             "friction_velocity": None if velocity is None else float(velocity),
+            "flexible_joints": {name: one._asdict() for name, one in self.flexible_joints.items()},
             "origin": dict(self.origin),
         }
         return {key: value for key, value in content.items() if value not in (None, {})}
@@ -195,8 +203,8 @@ class Parameters:
             payloads[link] = _union(_rigid(payloads[link]), payload, link) if link in payloads else payload
         velocity = self.friction_velocity if later.friction_velocity is None else later.friction_velocity
         couplings, of_motors = {**self.couplings, **later.couplings}, self.motor_efforts or later.motor_efforts
-        links = {**self.links, **later.links}
-        return Parameters(joints, links, payloads, couplings, of_motors, velocity, later.origin)
+        links, flexible = {**self.links, **later.links}, {**self.flexible_joints, **later.flexible_joints}
+        return Parameters(joints, links, payloads, couplings, of_motors, velocity, later.origin, flexible)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them into a YAML file; numbers come back with the same bits."""
@@ -246,6 +254,11 @@ def _joint(entry: object, source: str) -> JointParameters:
             raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
         checked[key] = x
     return JointParameters(**checked)
+
+
+def _flexible(entry: object, source: str) -> FlexibleJoint:
+    entry = _mapping(entry._asdict() if isinstance(entry, FlexibleJoint) else entry, source, FlexibleJoint._fields)
+    return checked_joint({key: _number(value) for key, value in entry.items()}, source)
 
 
 def _coupling(entry: object, name: str, source: str) -> Coupling:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, vector, whole
 from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError
+from diag_dynamics.model.flexible import FlexibleJoint, flexible_joints
 from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
 from diag_dynamics.model.joint_types import SINGLE, is_angle
@@ -79,6 +80,7 @@ class Options(NamedTuple):
     driven: frozenset[str] = frozenset()
     omitted: tuple[str, ...] = ()
     held: dict[str, float] = {}  # noqa: RUF012  # never changed
+    flexible_joints: dict[str, FlexibleJoint] = {}  # noqa: RUF012  # never changed
 
 
 class RobotModel:
@@ -132,7 +134,10 @@ class RobotModel:
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none.
     armature : ndarray, shape (nv,)
-        Reflected rotor inertia [kg m², kg], that of followers included.
+        Reflected rotor inertia [kg m², kg], that of followers included. A flexible joint has B where its effort is the
+        motor's, as if it were rigid, and 0 where it is the spring torque.
+    flexible_joints : mapping
+        :class:`FlexibleJoint` of degrees of freedom with a spring, by name.
     mimics : mapping
         :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name.
     coupled_groups : tuple of tuple of str
@@ -147,7 +152,9 @@ class RobotModel:
     """
 
     def __init__(self, tree: Tree, options: Options) -> None:
-        bodies, links = tree.records(options.armature, options.payloads)
+        flexible = flexible_joints(tree, options.flexible_joints, options.armature)
+        rotors = {name: joint.reflected_inertia for name, joint in flexible.items() if joint.effort == "motor"}
+        bodies, links = tree.records(options.armature | rotors, options.payloads)
         of_urdf = tree.robot.joints
         self.name: str = tree.robot.name
         self.dof_names: tuple[str, ...] = tree.dof_names
@@ -171,6 +178,7 @@ class RobotModel:
         self.root_friction: Array = tree.reflected(options.root_friction, 1.5)
         self.effort_scale: Mapping[str, float] = MappingProxyType(options.effort_scale)
         self.couplings: Mapping[str, Coupling] = MappingProxyType(options.couplings)
+        self.flexible_joints: Mapping[str, FlexibleJoint] = MappingProxyType(flexible)
         self.motor_efforts: bool = options.motor_efforts
         if self.motor_efforts and not self.couplings:
             raise InputError("parameters: motor_efforts is true, but couplings are missing. Give both.")
@@ -362,13 +370,22 @@ class RobotModel:
         robot = apply_parameters(self._tree.robot, given)
         options = own._replace(
             **{name: getattr(own, name) | given.by_joint(name) for name in BESIDE},
+            flexible_joints={**own.flexible_joints, **given.flexible_joints},
             held={},
         )
+        kept = {name: x for name, x in own.armature.items() if name not in given.flexible_joints}
+        options = options._replace(armature=kept | given.by_joint("armature"))
         options = options._replace(couplings={**own.couplings, **given.couplings})
         options = options._replace(motor_efforts=own.motor_efforts or given.motor_efforts)
         if given.friction_velocity is not None:
             options = options._replace(friction_velocity=given.friction_velocity)
         return _model(robot, self._tree.root, options, given)
+
+    def with_effort_of(self, part: Literal["motor", "spring"]) -> RobotModel:
+        """Return this model with this effort of flexible joints: of the "spring", it is the model of the links."""
+        own = self._options
+        flexible = {name: joint._replace(effort=part) for name, joint in own.flexible_joints.items()}
+        return _model(self._tree.robot, self._tree.root, own._replace(flexible_joints=flexible, massless="error"))
 
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
         """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
@@ -505,6 +522,7 @@ def load_urdf(
         if reason and link.name not in given.lighter_links:
             text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
             warn(text, InertiaWarning)
+    rotors = {name: inertia for name, inertia in rotors.items() if name not in given.flexible_joints}
     v_0 = next((v for v in (friction_velocity, given.friction_velocity) if v is not None), FRICTION_VELOCITY)
     options = Options(
         floating_base=bool(floating_base),
@@ -526,6 +544,7 @@ def load_urdf(
         loops=closed,
         curves={} if mimic == "free" else curves,
         driven=driven_joints(element),
+        flexible_joints=dict(given.flexible_joints),
     )
     return _model(robot, root, options, given)
 

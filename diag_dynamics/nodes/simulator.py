@@ -357,8 +357,9 @@ class SimulatorNode(TableNode, Node):
             self._joint_states.publish(self._last)
         if self._truth.get_subscription_count():
             simulation, stamp = plant.simulation, self._stamp
-            state = RobotState(simulation.q, simulation.qd, simulation.effort, stamp, stamp, False)
-            self._truth.publish(self._maker.evaluated("state", simulation.evaluate(simulation.effort), state))
+            effort = simulation.with_spring_torques(simulation.effort)
+            state = RobotState(simulation.q, simulation.qd, effort, stamp, stamp, False)
+            self._truth.publish(self._maker.evaluated("state", simulation.evaluate(effort), state))
 
     def _publish_time(self):
         if self._clock_out:

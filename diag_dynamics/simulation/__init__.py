@@ -17,8 +17,8 @@ hard limit or leans on a compliant one; a joint that sticks is locked. A step in
 again at order 1, in sub-steps.
 
 simulation: the public class. memory: its arrays. modes: mode of each joint, and the solver of stiction.
-runge_kutta: order 4. euler: order 1 and impacts. steps: the choice between them. plant, drives, pace: the robot of the
-simulator node.
+flexible: motors behind springs. runge_kutta: order 4. euler: order 1 and impacts. steps: the choice between them. plant,
+drives, pace: the robot of the simulator node.
 """
 
 from diag_dynamics.simulation.simulation import (

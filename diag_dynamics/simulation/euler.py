@@ -6,6 +6,7 @@
 import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
+from diag_dynamics.simulation import flexible
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
 from diag_dynamics.simulation.modes import HELD, classify_joints, solve_stiction
 from diag_dynamics.simulation.runge_kutta import wrench_efforts
@@ -49,9 +50,10 @@ def euler_step(address, h, load):
 def _free_rates(address, h, tau):
     """Rates after a step of joints that only have dampers: (M + h d) q̈ = τ − d q̇ − c − g."""
     sim = opened(address)
+    flexible.eliminate_motors(address, h, tau)
     for k in range(len(tau)):
-        sim.effort[k] = tau[k] + sim.pushed[k] - sim.damping[k] * sim.qd[k]
-        sim.added[k] = h * sim.damping[k]
+        sim.effort[k] = sim.link_effort[k] + sim.pushed[k] - sim.damping[k] * sim.qd[k]
+        sim.added[k] = h * sim.damping[k] + sim.reflected[k]
     status = classical.accelerations_with_added_inertia(sim.robot, sim.q, sim.qd, sim.effort, sim.added, sim.qdd)
     for k in range(len(tau)):
         sim.after[k] = sim.qd[k] + h * sim.qdd[k]
@@ -87,7 +89,9 @@ def _move(address, h, tau):
         qd, u = sim.qd[k], sim.u[k]
         if not (math.isfinite(u) and math.isfinite(sim.q[k])):
             return -1
-        effort += tau[k] * u
+        if sim.rotor_inertia[k] > 0.0:
+            damping -= flexible.move_motor(address, k, h, tau[k])
+        effort += tau[k] * (h * sim.thetad[k] if sim.rotor_inertia[k] > 0.0 else u)
         wrenches += sim.pushed[k] * u
         damping -= sim.damping[k] * qd * u
         if sim.spring[k] != 0.0:  # work of its force at the end, and elastic energy
@@ -176,12 +180,12 @@ def kinetic_energy(nu):
 
 @large_kernel
 def _energy(address):
-    """Kinetic and potential energy [J], ½νᵀν − g·Σ m c."""
+    """Kinetic and potential energy [J], ½νᵀν − g·Σ m c, and that of springs."""
     sim = opened(address)
     _, gravity, _, _ = ws.opened(sim.robot)
     classical.first_moment(sim.robot, sim.q, sim.moment)
     potential = -(gravity[0] * sim.moment[0] + gravity[1] * sim.moment[1] + gravity[2] * sim.moment[2])
-    return kinetic_energy(sim.nu) + potential
+    return kinetic_energy(sim.nu) + potential + flexible.stored_energy(address)
 
 
 @large_kernel

@@ -14,8 +14,8 @@ STAGES = 6
 EFFORT, WRENCHES, DAMPING, FRICTION, LIMITS, N_ACCOUNTS = range(6)
 """Energy accounts [J]: work of efforts, wrenches, damping, friction, and of limits without elastic energy."""
 
-STATE = "q", "qd", "nu", "accounts"
-"""Parts of the vector `state`: q, q̇, ν and the energy accounts."""
+STATE = "q", "qd", "nu", "accounts", "theta", "thetad"
+"""Parts of the vector `state`: q, q̇, ν, the energy accounts, and θ and θ̇ of flexible joints."""
 
 BY_DOF = (
     # Parameters.
@@ -30,11 +30,16 @@ BY_DOF = (
     "upper",
     "stiffness",  # of the joint's limits [N m/rad, N/m]; inf is a hard limit
     "limit_damping",  # [N m s/rad, N s/m]
+    "rotor_inertia",  # B of flexible joints, 0 of others [kg m², kg]
+    "spring_stiffness",  # of flexible joints [N m/rad, N/m]
+    "spring_damping",  # [N m s/rad, N s/m]
     # Modes in the present step: see modes.py.
     "mode",
     "spring",
     "depth",
     # Scratch of a step.
+    "link_effort",  # of drives, and of springs by the motors' inertia [N m, N]
+    "reflected",  # inertia of a motor through its spring [kg m², kg]
     "pushed",  # efforts of the wrenches [N m, N]
     "effort",  # sum of efforts [N m, N]
     "added",  # inertia added to a joint's [kg m², kg]
@@ -51,12 +56,13 @@ BY_DOF = (
     "path",  # ∫q̇ [rad, m]
     "stage_nu",  # ν at a stage [J^½]
     "explicit_nu",  # ν at a stage before its implicit part [J^½]
+    "motor_start",  # θ̇ at a stage before its implicit part [rad/s, m/s]
     "constant_effort",  # efforts of drives and friction [N m, N]
 )
 """Vectors of shape (nv,)."""
 
-BY_STAGE = ("rates", "charts", "explicit", "implicit", "stage_pushed")
-"""Matrices of shape (STAGES, nv): q̇, the rate of u, the explicit and implicit parts of ν̇, and efforts of the wrenches."""
+BY_STAGE = ("rates", "charts", "explicit", "implicit", "stage_pushed", "motor_rates", "spring_torques")
+"""Matrices of shape (STAGES, nv): q̇, the rate of u, explicit and implicit parts of ν̇, efforts of the wrenches, θ̇ and τ_J."""
 
 SIMULATION = Table(
     "Simulation",
@@ -82,8 +88,8 @@ class Memory:
     def __init__(self, model):
         nq, nv = model.nq, model.nv
         self._arrays = {
-            "state": np.zeros(nq + 2 * nv + N_ACCOUNTS),
-            "last": np.zeros(nq + 2 * nv + N_ACCOUNTS),
+            "state": np.zeros(nq + 4 * nv + N_ACCOUNTS),
+            "last": np.zeros(nq + 4 * nv + N_ACCOUNTS),
             "steps": np.zeros(1, np.int64),
             "coordinate": np.zeros(nv, np.int64),
             "place": np.zeros(nq),
@@ -103,7 +109,7 @@ class Memory:
 
     def _locate(self):
         nq, nv = len(self._arrays["place"]), len(self._arrays["zeros"])
-        parts = np.split(self._arrays["state"], np.cumsum([nq, nv, nv]))
+        parts = np.split(self._arrays["state"], np.cumsum([nq, nv, nv, N_ACCOUNTS, nv]))
         self._named = self._arrays | dict(zip(STATE, parts, strict=True))
         self._damped = ws.Workspace(*self.workspace.__reduce__()[1])
         robots = {"robot": self.workspace.robot, "damped_robot": self._damped.robot}

@@ -14,6 +14,7 @@ limit a joint rests while the limit pushes it back. Each degree of freedom has i
 import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
+from diag_dynamics.simulation import flexible
 from diag_dynamics.simulation.memory import opened
 from diag_dynamics.sweeps import classical, factorization, kinematics
 from diag_dynamics.sweeps import workspace as ws
@@ -74,6 +75,7 @@ def solve_stiction(address, h, tau):
     """
     sim = opened(address)
     n, changed = len(tau), True
+    flexible.eliminate_motors(address, h, tau)
     for k in range(n):
         sim.qdd[k] = -sim.qd[k] / h
     status = classical.inverse_dynamics(sim.robot, sim.q, sim.qd, sim.qdd, 1.0, sim.bias)
@@ -91,7 +93,8 @@ def _solve_modes(address, h, tau):
     sim = opened(address)
     holding = False
     for k in range(len(tau)):
-        mode, added, momentum = sim.mode[k], h * sim.damping[k], h * (tau[k] + sim.pushed[k] - sim.bias[k])
+        mode, added = sim.mode[k], h * sim.damping[k] + sim.reflected[k]
+        momentum = h * (sim.link_effort[k] + sim.pushed[k] - sim.bias[k]) + sim.reflected[k] * sim.qd[k]
         if sim.spring[k] != 0.0:
             added += h * (sim.limit_damping[k] + h * sim.stiffness[k])
             momentum -= h * sim.stiffness[k] * sim.depth[k]

@@ -60,6 +60,8 @@ class Wave:
         q, qd = simulation.q, simulation.qd
         qdd = qdd_d + DAMPING * (qd_d - qd) + STIFFNESS * (q_d - q)
         tau = simulation.dynamics.inverse_dynamics(q, qd, qdd) + simulation.damping * qd_d
+        flexible = simulation.flexible
+        tau[flexible.dofs] += flexible.rotor_inertia * qdd[flexible.dofs]
         return tau + simulation.friction * np.sign(qd_d) + simulation.effort_offset
 
 
@@ -94,6 +96,11 @@ class Plant:
     def __init__(self, model, values):
         if model.motor_efforts:
             raise UnsupportedError("motor_efforts is true; expected false, because simulated efforts are of joints.")
+        if model.flexible_joints and values["without_command"] == "brake":
+            raise UnsupportedError(
+                "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, and joint "
+                f"'{next(iter(model.flexible_joints))}' is flexible."
+            )
         _require_consistent(model, values)
         period = 1.0 / values["rate"]
         step = period / math.ceil(period / values["step"] - 1e-9)  # a whole number of steps a period
@@ -156,6 +163,13 @@ class Plant:
         position = np.append(own, followers.positions(own))
         velocity = np.append(rate, followers.velocities(rate))
         effort = np.append(effort, np.zeros(len(followers.names)))  # mimic joints have no drives
+        theta, thetad, torque = simulation.theta, simulation.thetad, simulation.spring_torque
+        for i, (name, joint) in enumerate(simulation.model.flexible_joints.items()):
+            k = self.names.index(name)
+            if joint.position == "motor":
+                position[k], velocity[k] = theta[i], thetad[i]
+            if joint.effort == "spring":
+                effort[k] = torque[i]
         base = (q[:7], qd[:6]) if simulation.model.floating_base else None
         self.sensors.measure(self.time, position, velocity, effort, (stamp, base))
 

@@ -10,6 +10,7 @@ Carpenter, Applied Numerical Mathematics 44, 2003). One is explicit, the other i
 import numpy as np
 
 from diag_dynamics.numerics.kernel import large_kernel
+from diag_dynamics.simulation.flexible import rigid_part
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, STAGES, WRENCHES, opened
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.sweeps import classical, evaluation, factorization, groups, kinematics
@@ -86,6 +87,13 @@ def _start_stages(address, h, tau):
             friction = sim.friction[k] * sim.mode[k]
         sim.added[k] = h * GAMMA * (resistance + h * GAMMA * stiffness)
         sim.constant_effort[k] = tau[k] - friction
+        if sim.rotor_inertia[k] > 0.0:
+            B, rate = sim.rotor_inertia[k], sim.thetad[k]
+            sim.added[k] += B * rigid_part(B, sim.spring_stiffness[k], sim.spring_damping[k], h * GAMMA)
+            sim.constant_effort[k] = -friction
+            sim.motor_rates[0, k] = rate
+            sim.spring_torques[0, k] = sim.spring_stiffness[k] * (sim.theta[k] - sim.q[sim.coordinate[k]])
+            sim.spring_torques[0, k] += sim.spring_damping[k] * (rate - sim.qd[k])
         stiff |= sim.added[k] > 0.0
     return stiff
 
@@ -125,7 +133,7 @@ def _stage_rates(address, h, i, stiff, load):
         if stiff:
             _first_implicit_part(address)
     elif stiff:
-        status = _solve_implicitly(address, h, i)
+        status = _solve_implicitly(address, h, i, load.tau)
     else:
         ws.copy(nu, rates)
         factorization.scale_by_inertia(bodies, work, -0.5, rates)
@@ -146,12 +154,13 @@ def _first_implicit_part(address):
         momentum[k] = -sim.damping[k] * sim.qd[k]
         if sim.spring[k] != 0.0:
             momentum[k] -= sim.limit_damping[k] * sim.qd[k] + sim.stiffness[k] * sim.depth[k]
+        momentum[k] += sim.spring_torques[0, k]
     factorization.kappa_from_tau(bodies, momentum, work, table[0], implicit)
     factorization.scale_by_inertia(bodies, work, -0.5, implicit)
 
 
 @large_kernel
-def _solve_implicitly(address, h, i):
+def _solve_implicitly(address, h, i, tau):
     """q̇ and ν after the implicit part of a stage, and that part of ν̇."""
     sim = opened(address)
     bodies, _, work, table = ws.opened(sim.robot)
@@ -167,12 +176,50 @@ def _solve_implicitly(address, h, i):
             for j in range(i):
                 stretch += h * IMPLICIT[i, j] * sim.rates[j, k]
             momentum[k] -= h * GAMMA * sim.stiffness[k] * stretch
+        if sim.rotor_inertia[k] > 0.0:
+            momentum[k] += _eliminate_motor(address, k, h, i, tau[k])
     status = factorization.qd_from_momentum(sim.damped_robot, sim.place, sim.added, momentum, rates)
     factorization.xi_from_qd(bodies, rates, work, table[0], nu)
     factorization.scale_by_inertia(bodies, work, 0.5, nu)
     for k in range(len(nu)):
         implicit[k] = (nu[k] - sim.explicit_nu[k]) / (h * GAMMA)
+        if sim.rotor_inertia[k] > 0.0:
+            part = rigid_part(sim.rotor_inertia[k], sim.spring_stiffness[k], sim.spring_damping[k], h * GAMMA)
+            rate = (1.0 - part) * (sim.motor_start[k] - rates[k])
+            sim.motor_rates[i, k] = rates[k] + rate
+            sim.spring_torques[i, k] += (sim.spring_damping[k] + h * GAMMA * sim.spring_stiffness[k]) * rate
     return status
+
+
+@large_kernel
+def _eliminate_motor(address, k, h, i, tau):
+    """Return the impulse of a motor on its link in the implicit part of a stage, less that of the added inertia."""
+    sim = opened(address)
+    B, stiffness = sim.rotor_inertia[k], sim.spring_stiffness[k]
+    stretch, rate = sim.theta[k] - sim.q[sim.coordinate[k]], sim.thetad[k]
+    for j in range(i):
+        stretch += h * IMPLICIT[i, j] * (sim.motor_rates[j, k] - sim.rates[j, k])
+        rate += h * (EXPLICIT[i, j] * tau - IMPLICIT[i, j] * sim.spring_torques[j, k]) / B
+    sim.spring_torques[i, k] = stiffness * stretch
+    sim.motor_start[k] = rate - h * GAMMA * stiffness * stretch / B
+    part = rigid_part(B, stiffness, sim.spring_damping[k], h * GAMMA)
+    return h * GAMMA * stiffness * stretch + part * B * sim.motor_start[k]
+
+
+@large_kernel
+def _move_motor(address, k, h, tau):
+    """Move a motor to the end of the step; add the loss of its spring and return ∫θ̇."""
+    sim = opened(address)
+    path, loss, impulse = 0.0, 0.0, h * tau
+    for i in range(STAGES):
+        b, rate = h * WEIGHTS[i], sim.motor_rates[i, k]
+        path += b * rate
+        loss += b * sim.spring_damping[k] * (rate - sim.rates[i, k]) ** 2
+        impulse -= b * sim.spring_torques[i, k]
+    sim.theta[k] += path
+    sim.thetad[k] += impulse / sim.rotor_inertia[k]
+    sim.accounts[DAMPING] -= loss
+    return path
 
 
 @large_kernel
@@ -197,7 +244,7 @@ def _combine_stages(address, h, stiff, load):
             sim.u[k], sim.path[k] = 0.0, 0.0
         elif sim.mode[k] != FREE:
             sim.accounts[FRICTION] -= sim.friction[k] * sim.mode[k] * sim.path[k]
-        work += load.tau[k] * sim.path[k]
+        work += load.tau[k] * (_move_motor(address, k, h, load.tau[k]) if sim.rotor_inertia[k] > 0.0 else sim.path[k])
     sim.accounts[EFFORT] += work
     kinematics.integrate_positions(bodies, sim.q, sim.u, sim.q)
     status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)

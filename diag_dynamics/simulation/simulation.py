@@ -12,10 +12,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
-from diag_dynamics.checks import in_order, number, numbers, per_name, vector
-from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.checks import in_order, number, per_name, vector
 from diag_dynamics.dynamics.arguments import States
 from diag_dynamics.dynamics.calls import raise_failure
+from diag_dynamics.dynamics.flexible import FlexibleDynamics, potential_energy
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import places, single_joints
@@ -23,7 +23,6 @@ from diag_dynamics.model.links import wrenches_on_links
 from diag_dynamics.results import Evaluation
 from diag_dynamics.simulation import steps as compiled
 from diag_dynamics.simulation.memory import Memory
-from diag_dynamics.sweeps import classical
 from diag_dynamics.sweeps.records import WRENCH
 
 _NO_WRENCHES = np.zeros(0, WRENCH)
@@ -34,14 +33,6 @@ def rest_position(model):
     lower, upper = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6)
     outside = (lower > 0.0) | (upper < 0.0)
     return np.where(outside, 0.5 * (lower + upper), model.neutral)
-
-
-def potential_energy(model, q):
-    """Return the energy of the robot in the field of gravity [J], −g·Σ m_i c_i in the world's axes; q of shape (nq,)."""
-    workspace, moment = model.new_workspace(), np.zeros(3)
-    q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
-    classical.first_moment(workspace.robot, q, moment)
-    return -float(model.gravity @ moment)
 
 
 class CompliantLimits(NamedTuple):
@@ -80,7 +71,7 @@ class EnergyAudit(NamedTuple):
     potential: float
     """Change of the energy in the field of gravity."""
     elastic: float
-    """Change of the elastic energy of compliant limits."""
+    """Change of the elastic energy of compliant limits and flexible joints."""
 
     @property
     def residual(self) -> float:
@@ -99,8 +90,8 @@ class Simulation:
     """A robot, its state and the effort on its joints, advanced in fixed steps.
 
     Every model that :class:`DiagonalDynamics` takes can move: floating bases, planar and floating joints, coupled mimic
-    joints, payloads, locked joints. The same inputs give the same bits. A wrong argument is an InputError that names it, and
-    leaves the state as it was. Arrays that properties return are copies.
+    joints, payloads, locked and flexible joints. The same inputs give the same bits. A wrong argument is an InputError that
+    names it, and leaves the state as it was. Arrays that properties return are copies.
 
     Parameters
     ----------
@@ -124,6 +115,14 @@ class Simulation:
         Largest efforts [N m, N], to which commands are cut. True: those of the URDF, where 0 is no limit. False: none.
     effort_offset : float or array_like, shape (nv,), optional
         Part of a command that has no effect, and of the effort that is measured [N m, N]; by default that of the model.
+
+    Attributes
+    ----------
+    flexible : FlexibleDynamics
+        Of the model. Of a flexible joint q, q̇ and ν are of the link, on which damping, friction and limits act; efforts act
+        on the motor.
+    dynamics : DiagonalDynamics
+        Of the links.
 
     Raises
     ------
@@ -151,7 +150,8 @@ class Simulation:
                 raise UnsupportedError(
                     f"the coupled motor of joint '{name}' has friction, which a simulation lacks. Omit its coupling."
                 )
-        self.dynamics, self.model, self._memory = DiagonalDynamics(model), model, Memory(model)
+        self._use(FlexibleDynamics(model))
+        self._memory = Memory(self.dynamics.model)
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
             raise InputError(f"order is {order!r}, expected 4 or 1.")
@@ -163,9 +163,15 @@ class Simulation:
             self._memory[name][:] = getattr(model, name)
         self._memory["slowest"][:] = max(model.friction_velocity, SLOWEST)
         self._set_limits(limits)
+        flexible, names = self.flexible, ("spring_stiffness", "spring_damping", "rotor_inertia")
+        for name, values in zip(names, (flexible.stiffness, flexible.damping, flexible.rotor_inertia), strict=True):
+            self._memory[name][flexible.dofs] = values
         self.effort_limits = effort_limits
         self._no_effort = np.zeros(model.nv)
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
+
+    def _use(self, flexible):
+        self.flexible, self.model, self.dynamics = flexible, flexible.model, flexible.link
 
     def __copy__(self):
         """A simulation of its own: a shallow copy would share the state, and the robot."""
@@ -190,7 +196,9 @@ class Simulation:
         if is_on:
             memory["lower"][dofs], memory["upper"][dofs] = model.lower[coordinates], model.upper[coordinates]
 
-    def reset(self, q: VectorLike, qd: VectorLike) -> None:
+    def reset(
+        self, q: VectorLike, qd: VectorLike, theta: VectorLike | None = None, thetad: VectorLike | None = None
+    ) -> None:
         """Put the robot into a state, and set the time and the audit to zero.
 
         Parameters
@@ -199,16 +207,27 @@ class Simulation:
             Positions [rad, m]; orientations are brought to unit length.
         qd : array_like, shape (nv,)
             Rates [rad/s, m/s].
+        theta, thetad : array_like, shape (nf,), optional
+            Positions and rates of the motors of flexible joints; by default springs carry gravity, motors turn with links.
         """
-        memory = self._memory
+        memory, flexible = self._memory, self.flexible
         q, qd = in_order("q", q, self.model.coordinate_names), in_order("qd", qd, self.model.dof_names)
         memory["nu"][:] = self.dynamics.nu_from_qd(q, qd)
         memory["q"][:] = _with_unit_quaternions(self.model, q)
         memory["qd"][:] = qd
+        if flexible.names:
+            held = self.dynamics.gravity_torque(self.q)[flexible.dofs] / flexible.stiffness
+            theta = self.q[flexible.coordinates] + held if theta is None else vector("theta", theta, flexible.names)
+            memory["theta"][flexible.dofs] = theta
+            thetad = self.qd[flexible.dofs] if thetad is None else vector("thetad", thetad, flexible.names)
+            memory["thetad"][flexible.dofs] = thetad
         self._effort = self._wanted = self._no_effort
         memory["accounts"][:], memory["steps"][:] = 0.0, 0
         self._exchanged = 0.0
-        self._start, self._start_energies = (self.q, self.nu), None
+        self._start, self._start_energies = self._state(), None
+
+    def _state(self):
+        return self.q, self.nu, self.theta, self.thetad
 
     def change_model(self, model: RobotModel) -> None:
         """Simulate another model of the same degrees of freedom: another payload, gravity or armature.
@@ -228,13 +247,16 @@ class Simulation:
                 f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
                 f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
             )
-        nu = DiagonalDynamics(model).nu_from_qd(self.q, self.qd)
+        if model.flexible_joints != self.model.flexible_joints:
+            raise InputError(f"change_model: robot '{model.name}' has other flexible joints, expected the same ones.")
+        flexible = FlexibleDynamics(model)
+        nu = flexible.link.nu_from_qd(self.q, self.qd)
         self._start_energies = self._energies_at_start()
-        before = self._energies(self.q, self.nu).sum()
-        self.dynamics, self.model = DiagonalDynamics(model), model
-        self._memory.use(model)
+        before = self._energies(*self._state()).sum()
+        self._use(flexible)
+        self._memory.use(self.dynamics.model)
         self._memory["nu"][:] = nu
-        self._exchanged += float(self._energies(self.q, self.nu).sum() - before)
+        self._exchanged += float(self._energies(*self._state()).sum() - before)
 
     @property
     def time(self) -> float:
@@ -299,6 +321,21 @@ class Simulation:
     def qd(self) -> Array:
         """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,). Exactly zero where a joint sticks or rests at a stop."""
         return self._memory["qd"].copy()
+
+    @property
+    def theta(self) -> Array:
+        """Positions θ of the motors of flexible joints [rad, m], shape (nf,)."""
+        return self._memory["theta"][self.flexible.dofs]
+
+    @property
+    def thetad(self) -> Array:
+        """Rates θ̇ of these motors [rad/s, m/s], shape (nf,)."""
+        return self._memory["thetad"][self.flexible.dofs]
+
+    @property
+    def spring_torque(self) -> Array:
+        """Torques τ_J of the springs of flexible joints [N m, N], shape (nf,)."""
+        return self.flexible.spring_torque(self.q, self.theta, self.qd, self.thetad)
 
     @property
     def effort(self) -> Array:
@@ -368,17 +405,26 @@ class Simulation:
             state = States(memory["q"], {"nu": memory["nu"]})
             raise_failure(self.model, status, memory.workspace.work, state)
 
+    def with_spring_torques(self, tau: VectorLike) -> Array:
+        """Return efforts on links [N m, N], shape (nv,): spring torques at flexible joints in place of those in `tau`."""
+        effort = vector("tau", tau, self.model.dof_names)
+        effort[self.flexible.dofs] = self.spring_torque
+        return effort
+
     def evaluate(
         self, tau: VectorLike | None = None, f_ext: Wrenches | None = None, *, frame: Frame = "link"
     ) -> Evaluation:
-        """Everything of the diagonalized equations at the present state, as :meth:`DiagonalDynamics.evaluate`."""
+        """Everything of the diagonalized equations of the links at the present state, see :meth:`DiagonalDynamics.evaluate`.
+
+        The effort of flexible joints is the spring torque, in place of that in `tau`.
+        """
+        tau = None if tau is None else self.with_spring_torques(tau)
         return self.dynamics.evaluate(self.q, self.qd, tau, f_ext, frame=frame)
 
     @property
     def kinetic_energy(self) -> float:
-        """K = ½νᵀν [J]."""
-        nu = self._memory["nu"]
-        return 0.5 * float(nu @ nu)
+        """K = ½νᵀν [J], with the rotors of flexible joints, ½Bθ̇²."""
+        return float(self._energies(*self._state())[0])
 
     @property
     def potential_energy(self) -> float:
@@ -387,16 +433,17 @@ class Simulation:
 
     @property
     def elastic_energy(self) -> float:
-        """Elastic energy of compliant limits [J]."""
-        return self._elastic_energy(self._memory["q"])
+        """Elastic energy of compliant limits and flexible joints [J]."""
+        return float(self._energies(*self._state())[2])
 
-    def _elastic_energy(self, q):
-        depth, stiffness = self._beyond_limits(q), self._memory["stiffness"]
+    def _energies(self, q, nu, theta, thetad):
+        """Return kinetic, potential and elastic energy [J]."""
+        depth, stiffness, flexible = self._beyond_limits(q), self._memory["stiffness"], self.flexible
         leaning = np.isfinite(stiffness) & (depth > 0.0)
-        return 0.5 * float(stiffness[leaning] @ depth[leaning] ** 2)
-
-    def _energies(self, q, nu):
-        return np.array([0.5 * nu @ nu, potential_energy(self.model, q), self._elastic_energy(q)])
+        elastic = stiffness[leaning] @ depth[leaning] ** 2
+        elastic += flexible.stiffness @ (theta - q[flexible.coordinates]) ** 2
+        kinetic = nu @ nu + flexible.rotor_inertia @ thetad**2
+        return np.array([0.5 * kinetic, potential_energy(self.model, q), 0.5 * elastic])
 
     def _energies_at_start(self):
         """Energies of the state at the last reset, computed on first use because resets must be fast."""
@@ -407,7 +454,7 @@ class Simulation:
     @property
     def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
-        stored = self._energies(self.q, self.nu) - self._energies_at_start()
+        stored = self._energies(*self._state()) - self._energies_at_start()
         return EnergyAudit._make([*self._memory["accounts"].tolist(), self._exchanged, *stored.tolist()])
 
 

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 import robots
-from diag_dynamics import DiagonalDynamics, load_urdf
+from diag_dynamics import DiagonalDynamics, Parameters, load_urdf
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.parameters.monitor import PARAMETERS
 from launches import launched
@@ -212,3 +212,21 @@ def test_gravity_that_is_set_while_it_loads(peer):
         dyn = DiagonalDynamics(simulator.model.with_gravity(moon))
         expected = dyn.evaluate(message.position, message.velocity).gravity
         np.testing.assert_allclose(message.gravity, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_flexible_joints(peer, tmp_path):
+    """Joint states carry motor positions and spring torques, the truth the states and efforts of links."""
+    name, stiffness = "shoulder_lift_joint", 2000.0
+    spring = {"stiffness": stiffness, "rotor_inertia": 1e-4, "gear": 50.0, "effort": "spring"}
+    Parameters.from_dict({"flexible_joints": {name: spring}}).save(tmp_path / "arm.yaml")
+    with Simulator(peer, "/springs", UR5, rate=250.0, parameters_file=str(tmp_path / "arm.yaml")) as simulator:
+        peer.wait_until(lambda: len(simulator.truth.messages) >= 50, "the truth")
+        truths = {nanoseconds(one.header.stamp): one for one in simulator.truth.messages}
+        states = list(simulator.states.messages)
+    k, stretches = simulator.robot.names.index(name), []
+    for measured in [one for one in states if nanoseconds(one.header.stamp) in truths]:
+        truth, place = truths[nanoseconds(measured.header.stamp)], measured.name.index(name)
+        torque = measured.effort[place]
+        stretches.append(measured.position[place] - truth.position[k])
+        assert truth.effort[k] == torque == pytest.approx(stiffness * stretches[-1], rel=1e-9, abs=1e-9)
+    assert len(stretches) >= 20 and np.abs(stretches).max() > 1e-3

@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Dynamics of a robot with flexible joints: diagonalized equations of links and motors, energies and frequencies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
+from diag_dynamics.checks import instance, numbers, vector
+from diag_dynamics.dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.model import RobotModel
+from diag_dynamics.model.joint_types import places
+from diag_dynamics.results import Evaluation
+from diag_dynamics.sweeps import classical
+
+
+def potential_energy(model: RobotModel, q: VectorLike) -> float:
+    """Return the energy of the robot in the field of gravity [J], −g·Σ m_i c_i in the world's axes; q of shape (nq,)."""
+    workspace, moment = model.new_workspace(), np.zeros(3)
+    q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
+    classical.first_moment(workspace.robot, q, moment)
+    return -float(model.gravity @ moment)
+
+
+class FlexibleEvaluation(NamedTuple):
+    """Terms of ν̇ + C + ε_g = ε (+ ℓJᵀf_ext of the links) for links, then motors: shape (nv + nf,), nf flexible joints.
+
+    ν = (mᵀq̇, B^½θ̇), C = (C(q, ν_q), 0), ε_g = (ℓg, 0), ε = (ℓτ_J, B^−½(τ_motor − τ_J)): the reduced model (Spong 1987).
+    Powers balance: kinetic_power + Σ spring_power + Σ loss = q̇ᵀ(τ − g) + θ̇ᵀτ_motor, with τ of joints without a spring.
+    """
+
+    link: Evaluation  # of the links, with τ_J as effort of flexible joints; its kinetic_energy is ½|ν_q|²
+    nu: Array  # [J^½]
+    coriolis: Array  # [J^½/s]
+    gravity: Array  # [J^½/s]
+    epsilon: Array  # [J^½/s]
+    spring_torque: Array  # τ_J [N m, N], shape (nf,)
+    motor_energy: Array  # ½Bθ̇² [J], shape (nf,)
+    spring_energy: Array  # ½k(θ − q)² [J], shape (nf,)
+    gravity_energy: float  # −g·Σ m_i c_i [J]
+    kinetic_power: float  # K̇ of links and motors, νᵀ(ε − ε_g), and of wrenches [W]
+    spring_power: Array  # k(θ − q)(θ̇ − q̇) [W], shape (nf,)
+    loss: Array  # d(θ̇ − q̇)² [W], shape (nf,)
+
+
+class FlexibleDynamics:
+    """Dynamics of links, in O(N) sweeps, and of motors behind the springs of flexible joints, which are scalars.
+
+    q [rad, m], shape (nq,), and qd, shape (nv,), are of the links. theta and thetad, shape (nf,), are θ and θ̇ of the motors,
+    motor angle over gear. tau [N m, N], shape (nv,), has the efforts of motors, gear times torque, at flexible joints. Wrong
+    arguments raise InputError. The model may have no flexible joints; without its rotor a joint may move no inertia, which
+    is a MasslessLinkError.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The nf flexible joints, in the order of degrees of freedom.
+    dofs, coordinates : ndarray of int, shape (nf,)
+        Their places in q̇ and in q.
+    stiffness, damping, rotor_inertia : ndarray, shape (nf,)
+        k [N m/rad, N/m], d [N m s/rad, N s/m] and B = N²J_rotor [kg m², kg].
+    link : DiagonalDynamics
+        Of the links, without rotors of flexible joints.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        joints = instance("model", model, RobotModel).flexible_joints
+        self.model, self.names = model, tuple(joints)
+        self.link = DiagonalDynamics(model.with_effort_of("spring") if joints else model)
+        self.stiffness: Array = np.array([joint.stiffness for joint in joints.values()])
+        self.damping: Array = np.array([joint.damping for joint in joints.values()])
+        self.rotor_inertia: Array = np.array([joint.reflected_inertia for joint in joints.values()])
+        self.dofs: Array = np.array(places(self.names, model.dof_names), dtype=int)
+        self.coordinates: Array = np.array(places(self.names, model.coordinate_names), dtype=int)
+
+    def _stretch(self, q: VectorLike, theta: VectorLike, qd: VectorLike, thetad: VectorLike) -> tuple[Array, Array]:
+        """Return θ − q and θ̇ − q̇."""
+        q, qd = vector("q", q, self.model.coordinate_names), vector("qd", qd, self.model.dof_names)
+        theta, thetad = vector("theta", theta, self.names), vector("thetad", thetad, self.names)
+        return theta - q[self.coordinates], thetad - qd[self.dofs]
+
+    def spring_torque(self, q: VectorLike, theta: VectorLike, qd: VectorLike, thetad: VectorLike) -> Array:
+        """Return τ_J = k(θ − q) + d(θ̇ − q̇) [N m, N], shape (nf,)."""
+        stretch, rate = self._stretch(q, theta, qd, thetad)
+        return self.stiffness * stretch + self.damping * rate
+
+    def _efforts(self, tau: VectorLike, torque: Array) -> tuple[Array, Array]:
+        """Return the efforts on links, (nv,), and on motors, (nf,)."""
+        effort = vector("tau", tau, self.model.dof_names)
+        motor = effort[self.dofs] - torque
+        effort[self.dofs] = torque
+        return effort, motor
+
+    def evaluate(
+        self,
+        q: VectorLike,
+        theta: VectorLike,
+        qd: VectorLike,
+        thetad: VectorLike,
+        tau: VectorLike,
+        f_ext: Wrenches | None = None,
+        *,
+        frame: Frame = "link",
+    ) -> FlexibleEvaluation:
+        """Return all terms and energies at one state as a :class:`FlexibleEvaluation`."""
+        stretch, rate = self._stretch(q, theta, qd, thetad)
+        effort, motor = self._efforts(tau, torque := self.stiffness * stretch + self.damping * rate)
+        s = self.link.evaluate(q, qd, effort, f_ext, frame=frame)
+        nu, epsilon = (
+            np.sqrt(self.rotor_inertia) * vector("thetad", thetad, self.names),
+            motor / self.rotor_inertia**0.5,
+        )
+        none = np.zeros(len(self.names))
+        return FlexibleEvaluation(
+            link=s,
+            nu=np.append(s.nu, nu),
+            coriolis=np.append(s.coriolis, none),
+            gravity=np.append(s.gravity, none),
+            epsilon=np.append(cast(Array, s.epsilon), epsilon),
+            spring_torque=torque,
+            motor_energy=0.5 * nu**2,
+            spring_energy=0.5 * self.stiffness * stretch**2,
+            gravity_energy=potential_energy(self.model, q),
+            kinetic_power=float(s.power or 0.0) + float(nu @ epsilon),
+            spring_power=self.stiffness * stretch * rate,
+            loss=self.damping * rate**2,
+        )
+
+    def accelerations(
+        self,
+        q: VectorLike,
+        theta: VectorLike,
+        qd: VectorLike,
+        thetad: VectorLike,
+        tau: VectorLike,
+        f_ext: Wrenches | None = None,
+        *,
+        frame: Frame = "link",
+    ) -> tuple[Array, Array]:
+        """Return q̈ of M q̈ + c + g = τ_J + Jᵀf_ext, shape (nv,), and θ̈ of B θ̈ = τ_motor − τ_J, shape (nf,)."""
+        effort, motor = self._efforts(tau, self.spring_torque(q, theta, qd, thetad))
+        return self.link.forward_dynamics(q, qd, effort, f_ext, frame=frame), motor / self.rotor_inertia
+
+    def squared_frequencies(self, q: VectorLike, *, motors_held: bool = True) -> Array:
+        """Return squared natural frequencies at q without gravity [1/s²], ascending.
+
+        With motors held they are the eigenvalues of ℓ k ℓᵀ, shape (nv,). With free motors ℓ and k have the motors, too:
+        shape (nv + nf,). In each case nf springs resist; the other values are zero.
+        """
+        rows = self.link.factors(q).l[:, self.dofs]
+        rows = rows if motors_held else np.vstack([rows, -np.diag(self.rotor_inertia**-0.5)])
+        found = np.linalg.svd(rows * np.sqrt(self.stiffness), compute_uv=False)
+        return np.append(np.zeros(len(rows) - len(found)), found[::-1] ** 2)

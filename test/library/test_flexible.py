@@ -1,0 +1,430 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Flexible joints: rotors as bodies of their own in MuJoCo and Pinocchio, dense solves, energies, and the rigid limit."""
+
+import copy
+import pickle
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import diag_dynamics as dd
+from accuracy import assert_close, norm
+from diag_dynamics.exceptions import UnsupportedError
+from diag_dynamics.model.joint_types import places
+from diag_dynamics.parameters.simulator import PARAMETERS
+from diag_dynamics.simulation.plant import Plant
+from engines import Mujoco
+from oracles import Oracle
+from robots import description, joint, link, robot_path
+
+URDF = robot_path("panda_description/urdf/panda.urdf").read_text()
+FLEXIBLE = {
+    f"panda_joint{k}": {
+        "stiffness": 2e4 / k,
+        "damping": 3.0 / k,
+        "rotor_inertia": (9 - k) * 1e-5,
+        "gear": 50.0 + 10 * k,
+        "effort": "spring",
+    }
+    for k in (1, 2, 3, 4, 6)
+}
+NAMES = tuple(FLEXIBLE)
+EMPTY = 1e-14
+"""Mass and inertia of a rotor's body, next to its armature."""
+
+PENDULUM = description(
+    "pendulum",
+    link("base"),
+    link("bob", mass=2.0, com=(0, 0, -0.5), inertia=(0.02, 0, 0, 0.02, 0, 0.01)),
+    joint("hinge", "continuous", "base", "bob", axis=(0, 1, 0)),
+)
+
+
+def model(flexible=FLEXIBLE, **options):
+    return dd.load_urdf(URDF, mimic="free", parameters={"flexible_joints": flexible}, **options)
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return dd.FlexibleDynamics(model())
+
+
+def state(dynamics, seed, stretch=1e-3):
+    """Return q, θ, q̇, θ̇ and τ."""
+    rng, own = np.random.default_rng(seed), dynamics.model
+    q, qd = own.random(rng), rng.normal(size=own.nv)
+    theta = q[places(dynamics.names, own.coordinate_names)] + stretch * rng.normal(size=len(dynamics.names))
+    return q, theta, qd, rng.normal(size=len(dynamics.names)), 5.0 * rng.normal(size=own.nv)
+
+
+def with_rotors(urdf, names):
+    """Return a URDF in which rotors are links beside those of flexible joints."""
+    robot = ET.fromstring(urdf)
+    for name in names:
+        rotor = copy.deepcopy(next(one for one in robot.findall("joint") if one.get("name") == name))
+        rotor.set("name", f"{name}_rotor")
+        rotor.find("child").set("link", f"{name}_rotor")
+        robot.append(rotor)
+        robot.append(ET.fromstring(link(f"{name}_rotor", EMPTY, inertia=(EMPTY, 0, 0, EMPTY, 0, EMPTY))))
+    return ET.tostring(robot, encoding="unicode")
+
+
+def inertias(dynamics):
+    return {f"{name}_rotor": B for name, B in zip(dynamics.names, dynamics.rotor_inertia, strict=True)}
+
+
+@pytest.fixture(scope="module")
+def twin(panda):
+    """Return the Panda in MuJoCo: hinges of links and rotors, with springs between them as tendons."""
+
+    def add_springs(spec):
+        spec.option.gravity = panda.model.gravity
+        for name, B in inertias(panda).items():
+            spec.joint(name).armature = B
+            tendon = spec.add_tendon()
+            tendon.wrap_joint(name, 1.0)
+            tendon.wrap_joint(name.removesuffix("_rotor"), -1.0)
+            own = FLEXIBLE[name.removesuffix("_rotor")]
+            tendon.stiffness[0], tendon.damping[0], tendon.springlength = own["stiffness"], own["damping"], [0.0, 0.0]
+
+    return Mujoco(with_rotors(URDF, NAMES), (*panda.model.dof_names, *inertias(panda)), change=add_springs)
+
+
+# --- equations
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_accelerations_against_mujoco(panda, twin, seed):
+    """Two hinges with a spring between them have the accelerations of link and motor."""
+    q, theta, qd, thetad, tau = state(panda, seed)
+    motors = np.isin(panda.model.dof_names, NAMES)
+    twin.data.qvel[twin.dof] = np.append(qd, thetad)
+    twin.data.qfrc_applied[twin.dof] = np.append(np.where(motors, 0.0, tau), tau[motors])
+    twin.place(np.append(q, theta))
+    qdd, thetadd = panda.accelerations(q, theta, qd, thetad, tau)
+    wanted = twin.data.qacc[twin.dof]
+    assert_close(qdd, wanted[: len(q)], 1e-11)
+    assert_close(thetadd, wanted[len(q) :], 1e-11)
+    assert_close(panda.evaluate(q, theta, qd, thetad, tau).nu, twin.mul_m2(np.append(qd, thetad)), 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_terms_against_pinocchio(panda, seed):
+    """ν, C = ℓc − ṁᵀq̇, ε_g and ε of the robot with its rotors; the spring's torque acts on both."""
+    q, theta, qd, thetad, tau = state(panda, seed)
+    oracle = Oracle(
+        with_rotors(URDF, NAMES),
+        (*panda.model.dof_names, *inertias(panda)),
+        armature=inertias(panda),
+    )
+    e, at, rates = panda.evaluate(q, theta, qd, thetad, tau), places(NAMES, oracle.dof_names), np.append(qd, thetad)
+    q_all = np.append(q, theta)
+    m = oracle.factor(q_all)
+    C_s, c = oracle.coriolis_matrix(q_all, rates), oracle.bias(q_all, rates)
+    N = np.linalg.solve(m, np.linalg.solve(m, C_s + C_s.T).T).T
+    m_rate = m @ (np.triu(N, 1) + 0.5 * np.diag(np.diag(N)))
+    C = np.linalg.solve(m, c) - m_rate.T @ rates
+    assert_close(e.nu, m.T @ rates, 1e-13)
+    assert_close(e.coriolis, C, 1e-12, norm(m_rate.T @ rates))
+    assert_close(e.gravity, np.linalg.solve(m, oracle.gravity_torque(q_all)), 1e-12)
+    own = [FLEXIBLE[name] for name in NAMES]
+    torque = [
+        one["stiffness"] * (theta[i] - q[at[i]]) + one["damping"] * (thetad[i] - qd[at[i]]) for i, one in enumerate(own)
+    ]
+    effort = np.append(tau, tau[at] - torque)
+    effort[at] = torque
+    assert_close(e.epsilon, np.linalg.solve(m, effort), 1e-12)
+    assert_close(e.spring_torque, np.array(torque), 1e-13)
+    assert abs(e.nu @ e.coriolis) < 1e-13 * norm(e.nu) * norm(e.coriolis)
+
+
+def test_power_balance(panda):
+    """K̇ + spring power + loss is the power of efforts and gravity; energies are those of the states' numbers."""
+    q, theta, qd, thetad, tau = state(panda, 3)
+    push = {"panda_link7": np.array([3.0, -2.0, 5.0, 0.1, 0.2, -0.3])}
+    e = panda.evaluate(q, theta, qd, thetad, tau, push)
+    motors = np.isin(panda.model.dof_names, NAMES)
+    oracle = Oracle(URDF, panda.model.dof_names)
+    power = qd @ np.where(motors, 0.0, tau) + thetad @ tau[motors]
+    power += qd @ (oracle.effort_of(q, push, "link") - oracle.gravity_torque(q))
+    assert e.kinetic_power + e.spring_power.sum() + e.loss.sum() == pytest.approx(power, rel=1e-12)
+    assert e.link.kinetic_energy == pytest.approx(0.5 * qd @ oracle.mass_matrix(q) @ qd, rel=1e-12)
+    np.testing.assert_allclose(e.motor_energy, 0.5 * panda.rotor_inertia * thetad**2, rtol=1e-13)
+    assert (e.loss > 0).all() and (e.spring_energy > 0).all()
+    dt = 1e-6
+    later = panda.evaluate(q + dt * qd, theta + dt * thetad, qd, thetad, tau)
+    earlier = panda.evaluate(q - dt * qd, theta - dt * thetad, qd, thetad, tau)
+    np.testing.assert_allclose((later.spring_energy - earlier.spring_energy) / (2 * dt), e.spring_power, rtol=1e-6)
+    assert (later.gravity_energy - earlier.gravity_energy) / (2 * dt) == pytest.approx(oracle.gravity_torque(q) @ qd)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_frequencies_against_a_dense_eigenproblem(panda, held):
+    """Squared frequencies are eigenvalues of K x = ω² M x."""
+    q, nv, nf = state(panda, 4)[0], panda.model.nv, len(NAMES)
+    k = np.zeros((nv + nf, nv + nf))
+    for i, name in enumerate(NAMES):
+        spread = np.zeros(nv + nf)
+        spread[panda.model.dof_names.index(name)], spread[nv + i] = 1.0, -1.0
+        k += FLEXIBLE[name]["stiffness"] * np.outer(spread, spread)
+    M = scipy.linalg.block_diag(Oracle(URDF, panda.model.dof_names).mass_matrix(q), np.diag(panda.rotor_inertia))
+    n = nv if held else nv + nf
+    wanted = scipy.linalg.eigh(k[:n, :n], M[:n, :n], eigvals_only=True)
+    found = panda.squared_frequencies(q, motors_held=held)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * wanted[-1])
+    assert found.shape == (n,) and (np.diff(found) >= 0).all() and (found > 0).sum() == nf
+
+
+# --- simulation
+
+
+def simulation(model, q, **options):
+    options = {"friction": 0.0, "damping": 0.0, "limits": False, "effort_limits": False} | options
+    return dd.Simulation(model, q, **options)
+
+
+@pytest.mark.parametrize("h", [1e-4, 1e-2])
+def test_implicit_step_against_a_dense_solve(panda, h):
+    """A step of order 1 solves the equations of links and motors with springs at its end, however stiff they are."""
+    q, theta, qd, thetad, tau = state(panda, 5, 1e-2)
+    nv, at = panda.model.nv, places(NAMES, panda.model.dof_names)
+    damping = np.linspace(0.1, 1.0, nv)
+    sim = simulation(panda.model, q, order=1, step=h, damping=damping)
+    sim.reset(q, qd, theta, thetad)
+    sim.advance(tau)
+    oracle, k, d = Oracle(URDF, panda.model.dof_names), np.diag(panda.stiffness), np.diag(panda.damping)
+    S = np.eye(nv)[at]  # of flexible joints
+    G = np.hstack([-S, np.eye(len(at))])  # stretch
+    M = scipy.linalg.block_diag(oracle.mass_matrix(q), np.diag(panda.rotor_inertia))
+    rates = np.append(qd, thetad)
+    force = np.append(np.where(np.isin(np.arange(nv), at), 0.0, tau) - oracle.bias(q, qd), tau[at])
+    force[:nv] -= oracle.gravity_torque(q)
+    force -= G.T @ k @ (theta - q[at])
+    A = M + h * G.T @ (d + h * k) @ G + h * scipy.linalg.block_diag(np.diag(damping), np.zeros((len(at), len(at))))
+    wanted = np.linalg.solve(A, M @ rates + h * force)
+    assert_close(np.append(sim.qd, sim.thetad), wanted, 1e-13)
+    assert_close(sim.q, q + h * wanted[:nv], 1e-13)
+    assert_close(sim.theta, theta + h * wanted[nv:], 1e-13)
+
+
+def test_order(panda):
+    """The error of order 4 falls with the fourth power of a step that resolves the springs; the twin of order 1 agrees."""
+    q, theta, qd, thetad, tau = state(panda, 6, 1e-4)
+    ends = []
+    for h in (1e-4, 2e-4, 4e-4):
+        sim = simulation(panda.model, q, step=h)
+        sim.reset(q, qd, theta, thetad)
+        sim.advance(tau, steps=round(0.02 / h))
+        ends.append(np.concatenate([sim.q, sim.theta, 1e-2 * sim.qd, 1e-2 * sim.thetad]))
+    first, second = norm(ends[1] - ends[0]), norm(ends[2] - ends[0])
+    assert second > 10 * first and first < 1e-6
+    euler = simulation(panda.model, q, step=2e-6, order=1)
+    euler.reset(q, qd, theta, thetad)
+    euler.advance(tau, steps=10000)
+    assert norm(euler.q - ends[0][: len(q)]) < 1e-3 * norm(ends[0][: len(q)] - q)
+
+
+@pytest.mark.parametrize("order", [1, 4])
+def test_rigid_limit(order):
+    """The distance to the rigid robot of armature B falls with 1/k; springs that no step resolves are stable."""
+    q = np.array([0.2, -0.6, 0.3, -1.9, 0.1, 1.4, 0.5, 0.02, 0.02])
+
+    def end(robot):
+        sim = simulation(robot, q, order=order)
+        tau = sim.dynamics.gravity_torque(q)
+        for t in range(300):
+            sim.advance(tau + 2.0 * np.sin(np.pi * t / 300) ** 2)
+        return sim.q
+
+    B = {name: one["gear"] ** 2 * one["rotor_inertia"] for name, one in FLEXIBLE.items()}
+    rigid = end(dd.load_urdf(URDF, mimic="free", armature=B))
+    away = []
+    for k in (1e3, 1e4, 1e5, 1e6):
+        own = {name: one | {"stiffness": k, "damping": 0.01 * k**0.5} for name, one in FLEXIBLE.items()}
+        away.append(norm(end(model(own)) - rigid))
+    ratios = np.array(away[:-1]) / away[1:]
+    assert (ratios > 7).all() and (ratios < 14).all(), (away, ratios)
+    stiff = {name: one | {"stiffness": 1e12} for name, one in FLEXIBLE.items()}
+    assert norm(end(model(stiff)) - rigid) < 1e-6
+
+
+@pytest.mark.parametrize("seconds", [3, pytest.param(60, marks=pytest.mark.full)])
+def test_energy_ledger(panda, seconds):
+    """Work of motors less damping is the change of energy of links, motors, springs and gravity."""
+    q = np.array([0.2, -0.6, 0.3, -1.9, 0.1, 1.4, 0.5, 0.02, 0.02])
+    sim = simulation(panda.model, q, damping=0.2)
+    start = panda.evaluate(q, sim.theta, sim.qd, sim.thetad, np.zeros(9))
+    rng = np.random.default_rng(0)
+    for _ in range(10 * seconds):
+        swing = np.array([20, 20, 15, 15, 5, 4, 2, 0.1, 0.1]) * rng.uniform(-1, 1, 9)
+        sim.advance(panda.link.gravity_torque(sim.q) + swing, steps=100)
+    audit = sim.audit
+    spent = audit.effort - audit.damping
+    assert abs(audit.residual) < 1e-5 * spent, audit
+    end = panda.evaluate(sim.q, sim.theta, sim.qd, sim.thetad, np.zeros(9))
+    kinetic = end.link.kinetic_energy + end.motor_energy.sum() - start.link.kinetic_energy - start.motor_energy.sum()
+    assert audit.kinetic == pytest.approx(kinetic, rel=1e-9)
+    assert audit.elastic == pytest.approx((end.spring_energy - start.spring_energy).sum(), rel=1e-6, abs=1e-9)
+    assert audit.potential == pytest.approx(end.gravity_energy - start.gravity_energy, rel=1e-9)
+    assert end.motor_energy.sum() > 0 and spent > 10 * abs(audit.kinetic + audit.potential) / seconds**0.5 / 10
+
+
+@pytest.mark.parametrize("order", [1, 4])
+def test_friction_and_limits_act_on_the_link(order):
+    """A link that sticks lets its motor swing; at a hard limit it stops, and the audit has the loss."""
+    spring = {"stiffness": 400.0, "rotor_inertia": 0.25}
+    pendulum = dd.load_urdf(PENDULUM, parameters={"flexible_joints": {"hinge": spring}}, gravity=(0, 0, 0))
+    sim = dd.Simulation(pendulum, [0.0], order=order, friction=5.0)
+    sim.reset([0.0], [0.0], [0.01], [0.0])
+    angles = []
+    for _ in range(200):
+        sim.advance()
+        angles.append(sim.theta[0])
+    t = 1e-3 * np.arange(1, 201)
+    error = np.abs(angles - 0.01 * np.cos(np.sqrt(400.0 / 0.25) * t)).max()
+    assert sim.q[0] == sim.qd[0] == 0.0 and error < {1: 1.5e-3, 4: 1e-6}[order]
+    bounded = PENDULUM.replace('"continuous"', '"revolute"').replace('upper="10"', 'upper="0.1"')
+    sim = dd.Simulation(dd.load_urdf(bounded, parameters={"flexible_joints": {"hinge": spring}}), [0.0], order=order)
+    sim.reset([0.0], [2.0], [0.0], [2.0])
+    sim.advance(steps=500)
+    assert sim.q[0] <= 0.1 and sim.audit.limits < -0.1 and abs(sim.audit.residual) < {1: 0.2, 4: 2e-3}[order]
+
+
+def test_copies_models_and_resets(panda):
+    """A copy goes on with the same bits; a payload keeps the springs; the start holds the links' weight."""
+    q = state(panda, 7)[0]
+    sim = dd.Simulation(panda.model, 0.3 * q + 0.7 * np.clip(q, -1, 1), limits=False)
+    tau = panda.link.gravity_torque(sim.q)
+    np.testing.assert_allclose(sim.spring_torque, tau[places(NAMES, panda.model.dof_names)], rtol=1e-9, atol=1e-9)
+    sim.advance(tau, steps=3)
+    assert norm(sim.qd) < 1e-9
+    twin = copy.copy(sim)
+    for one in (sim, twin):
+        one.change_model(panda.model.with_payload("panda_hand", 2.0))
+        one.advance(tau, steps=20)
+    assert np.array_equal(sim.theta, twin.theta) and norm(sim.qd) > 1e-3
+    assert abs(sim.audit.residual) < 1e-6
+    e = dd.FlexibleDynamics(sim.model).evaluate(sim.q, sim.theta, sim.qd, sim.thetad, tau)
+    assert_close(sim.evaluate(tau).epsilon, e.epsilon[: len(q)], 1e-12)
+    with pytest.raises(dd.InputError, match="other flexible joints"):
+        sim.change_model(dd.load_urdf(URDF, mimic="free"))
+
+
+def rigid_wave(seconds):
+    """Return where the waves of the rigid robot with armature B are."""
+    B = {name: one["gear"] ** 2 * one["rotor_inertia"] for name, one in FLEXIBLE.items()}
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"motion": "wave", "rate": 1000.0}
+    robot = Plant(dd.load_urdf(URDF, armature=B), values)
+    robot.advance(round(1e3 * seconds))
+    return robot.simulation.q
+
+
+def plant(flexible, **values):
+    defaults = {name: spec.default for name, spec in PARAMETERS.items()}
+    return Plant(dd.load_urdf(URDF, parameters={"flexible_joints": flexible}), defaults | values)
+
+
+@pytest.mark.parametrize("motion", ["free", "wave"])
+def test_simulated_joint_states(motion):
+    """The simulator measures what the file says."""
+    kinds = [("motor", "spring"), ("link", "spring"), ("motor", "motor"), ("link", "motor"), ("motor", "spring")]
+    own = {
+        name: one | {"position": position, "effort": effort, "damping": 0.0 if motion == "free" else 1.0}
+        for (name, one), (position, effort) in zip(FLEXIBLE.items(), kinds, strict=True)
+    }
+    robot = plant(own, motion=motion, rate=1000.0)
+    if motion == "free":
+        robot.drives.command([0.0, -10.0, 3.0, 8.0, 1.0, 1.0, 0.5, 0.0], 0.0)
+    robot.advance(400)
+    robot.measure()
+    sim, (measured,) = robot.simulation, robot.known()
+    for i, name in enumerate(NAMES):
+        k = robot.names.index(name)
+        assert measured.position[k] == (sim.theta[i] if own[name]["position"] == "motor" else sim.q[k])
+        assert measured.velocity[k] == (sim.thetad[i] if own[name]["position"] == "motor" else sim.qd[k])
+        assert measured.effort[k] == (sim.spring_torque[i] if own[name]["effort"] == "spring" else sim.effort[k])
+        assert sim.theta[i] != sim.q[k]
+    if motion == "wave":
+        robot.advance(2000)
+        wanted = rigid_wave(2.4)
+        assert np.abs(sim.q - wanted).max() < 0.01 < 0.1 < np.abs(wanted).max()
+
+
+def test_brakes():
+    with pytest.raises(UnsupportedError, match=r"'without_command' is 'brake'.*'panda_joint1' is flexible"):
+        plant(FLEXIBLE, without_command="brake")
+
+
+# --- parameters
+
+
+def test_sources(tmp_path):
+    """A dict, a file and `with_parameters` give the same model; pickles keep it; later files replace entries."""
+    path = tmp_path / "arm.yaml"
+    parameters = dd.Parameters.from_dict({"flexible_joints": FLEXIBLE})
+    parameters.save(path)
+    plain, robot = dd.load_urdf(URDF, mimic="free"), model()
+    others = [dd.load_urdf(URDF, mimic="free", parameters=path), plain.with_parameters(path)]
+    others += [pickle.loads(pickle.dumps(robot)), robot.with_payload("panda_hand", 0.0)]
+    assert all(other.flexible_joints == robot.flexible_joints for other in others)
+    assert robot.flexible_joints["panda_joint2"] == dd.FlexibleJoint(1e4, 7 * 1e-5, 1.5, 70.0, effort="spring")
+    softer = {"panda_joint2": FLEXIBLE["panda_joint2"] | {"stiffness": 1.0}}
+    later = parameters.merged_with(dd.Parameters.from_dict({"flexible_joints": softer}))
+    assert later.flexible_joints["panda_joint2"].stiffness == 1.0 and len(later.flexible_joints) == len(FLEXIBLE)
+    locked = robot.with_locked_joints({"panda_joint2": 0.1})
+    assert set(locked.flexible_joints) == set(NAMES) - {"panda_joint2"}
+
+
+def test_armature():
+    """Efforts of motors make a joint rigid with armature B; spring torques have no rotor; a transmission's is replaced."""
+    entry = {"stiffness": 100.0, "rotor_inertia": 1e-4, "gear": 30.0}
+    gear = (
+        '<transmission name="t"><joint name="hinge"/><actuator name="a"><mechanicalReduction>9</mechanicalReduction>'
+        "<motorInertia>0.1</motorInertia></actuator></transmission></robot>"
+    )
+    urdf = PENDULUM.replace("</robot>", gear)
+    assert dd.load_urdf(urdf).armature[0] == pytest.approx(8.1)
+    for effort, B in (("motor", 0.09), ("spring", 0.0)):
+        parameters = {"flexible_joints": {"hinge": entry | {"effort": effort}}}
+        for robot in (dd.load_urdf(urdf, parameters=parameters), dd.load_urdf(urdf).with_parameters(parameters)):
+            assert robot.armature[0] == pytest.approx(B)
+            assert dd.FlexibleDynamics(robot).link.model.armature[0] == 0.0
+
+
+ENTRY = {"stiffness": 100.0, "rotor_inertia": 1e-4}
+LEADER = "panda_finger_joint2"
+WRONG = {
+    "unknown joint": ({"elbow": ENTRY}, {}, "'elbow' is no joint"),
+    "fixed joint": ({"panda_joint8": ENTRY}, {}, "'panda_joint8' is fixed"),
+    "mimic joint": ({LEADER: ENTRY}, {}, f"'{LEADER}' follows other joints"),
+    "stiffness": ({"panda_joint1": ENTRY | {"stiffness": 0.0}}, {}, "'panda_joint1': stiffness is 0.0"),
+    "damping": ({"panda_joint1": ENTRY | {"damping": -1.0}}, {}, "'panda_joint1': damping is -1.0"),
+    "rotor": ({"panda_joint1": ENTRY | {"rotor_inertia": "x"}}, {}, "'panda_joint1': rotor_inertia is 'x'"),
+    "missing": ({"panda_joint1": {"stiffness": 1.0}}, {}, "'panda_joint1': rotor_inertia is None"),
+    "key": ({"panda_joint1": ENTRY | {"spring": 1.0}}, {}, "'panda_joint1' has 'spring'"),
+    "position": ({"panda_joint1": ENTRY | {"position": "both"}}, {}, "'panda_joint1': position is 'both'"),
+    "complete": ({"panda_joint1": ENTRY | {"model": "complete"}}, {}, "'complete', which is not implemented"),
+    "armature": ({"panda_joint1": ENTRY}, {"armature": {"panda_joint1": 0.1}}, "'panda_joint1' has armature 0.1"),
+    "all armatures": ({"panda_joint1": ENTRY}, {"armature": 0.1}, "'panda_joint1' has armature 0.1"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_parameters(case):
+    flexible, options, text = WRONG[case]
+    with pytest.raises((dd.InputError, UnsupportedError), match=text):
+        dd.load_urdf(URDF, parameters={"flexible_joints": flexible}, **options)
+
+
+def test_wrong_uses(panda):
+    """Arguments of a wrong shape, and what rigid joints alone have, are named."""
+    with pytest.raises(dd.InputError, match="theta has shape"):
+        panda.spring_torque(np.zeros(9), [0.0], np.zeros(9), np.zeros(5))
+    with pytest.raises(UnsupportedError, match="joint 'panda_joint1' is flexible"):
+        dd.identify([], panda.model)
+    with pytest.raises(dd.InputError, match=r"'panda_joint1' has armature 0\.1"):
+        panda.model.with_parameters({"joints": {"panda_joint1": {"armature": 0.1}}})
