@@ -13,6 +13,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import cause_of
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
+from diag_dynamics.joint_states.flexible import LinkPositions
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.recordings.states import States
@@ -70,6 +71,7 @@ class Intake:
         self._base = OdometryBase(model, values["odom_twist_frame"] == "header") if model.floating_base else None
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self._base, map_name)
         self._counts, self.rejections = Counter(), []
+        self._links = LinkPositions(model)
         self.units = RejectedUnits(model, map_name or str)
         self._moved = False  # whether positions jumped since the last state
         self._nothing = States.empty(model.nq, model.nv)
@@ -89,7 +91,7 @@ class Intake:
     def read(self, batch):
         """Return the States that a batch of messages makes."""
         if not self._base:
-            return self._with_gravity(self._read_joints(batch))
+            return self._of_links(self._with_gravity(self._read_joints(batch)))
         found, begin, place = [], 0, np.arange(len(batch.log_time))
         for k in [*sorted(batch.odometry), len(place)]:
             if k > begin:
@@ -97,7 +99,7 @@ class Intake:
             if k < len(place):
                 found.append(self._read_odometry(batch.odometry[k], int(batch.log_time[k])))
             begin = k + 1
-        return self._with_gravity(States.concatenate([self._nothing, *found]))
+        return self._of_links(self._with_gravity(States.concatenate([self._nothing, *found])))
 
     def _read_joints(self, batch):
         """Return the States of a batch without odometry."""
@@ -159,6 +161,14 @@ class Intake:
         gravity[:, :joints] = 0.0  # of a base, on which no effort acts
         gravity[:, joints:] *= without
         return replace(states, effort=states.effort + gravity)
+
+    def _of_links(self, states):
+        """Return states with the links' positions and rates, where flexible joints carry those of motors."""
+        if not self._links.has_any:
+            return states
+        columns = states.stamp, states.position, states.velocity, states.effort, states.jumped
+        position, velocity = self._links.convert(*columns)
+        return replace(states, position=position, velocity=velocity)
 
     def _reject(self, now, cause, text):
         self._counts[cause] += 1

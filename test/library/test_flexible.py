@@ -14,6 +14,7 @@ import scipy.linalg
 import diag_dynamics as dd
 from accuracy import assert_close, norm
 from diag_dynamics.exceptions import UnsupportedError
+from diag_dynamics.joint_states.flexible import LinkPositions
 from diag_dynamics.model.joint_types import places
 from diag_dynamics.parameters.simulator import PARAMETERS
 from diag_dynamics.simulation.plant import Plant
@@ -314,6 +315,43 @@ def test_copies_models_and_resets(panda):
         sim.change_model(dd.load_urdf(URDF, mimic="free"))
 
 
+# --- joint states
+
+
+@pytest.mark.parametrize("position", ["motor", "link"])
+def test_link_positions_and_external_torque(position):
+    """From motor positions and spring torques follow the links' states; the observer sees a push and no rotors."""
+    own = {name: one | {"position": position, "damping": 0.0} for name, one in FLEXIBLE.items()}
+    robot = model(own)
+    dynamics, links = dd.DiagonalDynamics(robot), LinkPositions(robot)
+    q = np.array([0.2, -0.6, 0.3, -1.9, 0.1, 1.4, 0.5, 0.02, 0.02])
+    sim, at = simulation(robot, q), places(NAMES, robot.dof_names)
+    observer = dd.DisturbanceObserver(dynamics, 200.0, friction=False)
+    push = {"panda_link5": [20.0, 10.0, -15.0, 0, 0, 0]}
+    rows, truth = [], []
+    for k in range(400):
+        effort = dynamics.gravity_torque(sim.q) + 6 * np.sin(0.02 * k) - 2 * sim.qd
+        sim.advance(effort, f_ext=push if k > 100 else None)
+        measured, rates, torque = sim.q, sim.qd, effort.copy()
+        torque[at] = sim.spring_torque
+        if position == "motor":
+            measured[at], rates[at] = sim.theta, sim.thetad
+        rows.append((1_000_000 * (k + 1), measured, rates, torque, False))
+        truth.append((sim.q, sim.qd))
+    stamp, measured, rates, torque, jumped = map(np.array, zip(*rows, strict=True))
+    found = [links.convert(*(column[part] for column in (stamp, measured, rates, torque, jumped)))
+             for part in (slice(0, 1), slice(1, 150), slice(150, 400))]  # fmt: skip
+    found_q, found_qd = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    q, qd = (np.array(column) for column in zip(*truth, strict=True))
+    assert links.has_any == (position == "motor")
+    np.testing.assert_allclose(found_q, q, atol=1e-13)
+    assert norm((found_qd - qd)[1:]) <= 0.2 * norm(rates - qd)
+    for k in range(400):
+        seen = observer.update(1e-3 * k, found_q[k], found_qd[k], torque[k])
+    wanted = Oracle(URDF, robot.dof_names).effort_of(q[-1], push, "link")
+    assert norm(seen.external_torque - wanted) < 0.1 * norm(wanted)
+
+
 def rigid_wave(seconds):
     """Return where the waves of the rigid robot with armature B are."""
     B = {name: one["gear"] ** 2 * one["rotor_inertia"] for name, one in FLEXIBLE.items()}
@@ -330,7 +368,7 @@ def plant(flexible, **values):
 
 @pytest.mark.parametrize("motion", ["free", "wave"])
 def test_simulated_joint_states(motion):
-    """The simulator measures what the file says."""
+    """The simulator measures what the file says; the links' positions follow from motor and spring."""
     kinds = [("motor", "spring"), ("link", "spring"), ("motor", "motor"), ("link", "motor"), ("motor", "spring")]
     own = {
         name: one | {"position": position, "effort": effort, "damping": 0.0 if motion == "free" else 1.0}
@@ -348,6 +386,12 @@ def test_simulated_joint_states(motion):
         assert measured.velocity[k] == (sim.thetad[i] if own[name]["position"] == "motor" else sim.qd[k])
         assert measured.effort[k] == (sim.spring_torque[i] if own[name]["effort"] == "spring" else sim.effort[k])
         assert sim.theta[i] != sim.q[k]
+    nv = sim.model.nv
+    columns = measured.position[:nv], measured.velocity[:nv], measured.effort[:nv]
+    q, _ = LinkPositions(sim.model).convert(np.array([1]), *(column[None] for column in columns), [False])
+    both = [k for k, name in enumerate(robot.names) if own.get(name, {}).get("effort", "spring") == "spring"]
+    tolerance = {"free": 1e-13, "wave": 1e-4}[motion]  # with damping the stretch also depends on its rate
+    np.testing.assert_allclose(q[0, both[:-1]], sim.q[both[:-1]], atol=tolerance)
     if motion == "wave":
         robot.advance(2000)
         wanted = rigid_wave(2.4)
@@ -357,6 +401,20 @@ def test_simulated_joint_states(motion):
 def test_brakes():
     with pytest.raises(UnsupportedError, match=r"'without_command' is 'brake'.*'panda_joint1' is flexible"):
         plant(FLEXIBLE, without_command="brake")
+
+
+def test_link_positions_without_a_state_before():
+    """Gaps, jumps and unknown efforts give no rate of the stretch; an unknown effort gives the motor's position."""
+    robot = dd.load_urdf(PENDULUM, parameters={"flexible_joints": {"hinge": FLEXIBLE["panda_joint1"]}})
+    links, k = LinkPositions(robot), FLEXIBLE["panda_joint1"]["stiffness"]
+    ms = np.array([0, 1, 2, 3, 4, 300, 301]) * 1_000_000
+    torque = np.array([[1.0, 2.0, np.nan, 4.0, 6.0, 7.0, 8.0]]).T * k * 1e-6
+    jumped = np.array([0, 0, 0, 0, 0, 0, 1], bool)
+    d = FLEXIBLE["panda_joint1"]["damping"]
+    q, qd = links.convert(ms, np.zeros((7, 1)), np.zeros((7, 1)), torque, jumped)
+    rate = 1e-6 * np.array([0, 1, 0, 0, 2, 0, 0]) / 1e-3
+    np.testing.assert_allclose(-qd[:, 0], rate, atol=1e-15)
+    np.testing.assert_allclose(-q[:, 0], 1e-6 * np.array([1, 2, 0, 4, 6, 7, 8]) - d / k * rate, atol=1e-15)
 
 
 # --- parameters

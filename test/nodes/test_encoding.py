@@ -29,7 +29,7 @@ from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import RobotState, joints_of
-from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
+from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, model_status
 from diag_dynamics.nodes.support import messages
 from diag_dynamics.nodes.support.messages import BytesMaker, CollisionThresholds, ContactThresholds, MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
@@ -372,6 +372,34 @@ def test_friction_power(tmp_path):
     s, _ = robot.evaluate(RobotState(q, qd, None, NOW, NOW, False))
     loaded = [0.0, -0.1 * abs(robot.dynamics.gravity_torque(q)[1]) - 0.2 * np.sqrt(0.5)]
     assert robot.friction_power(s) == pytest.approx(friction + qd @ loaded, rel=1e-12)
+
+
+def test_flexible_joints(tmp_path):
+    """Spring torques and motor positions give the link's state; joints of which only the motor is known are named."""
+    spring = {"stiffness": 200.0, "rotor_inertia": 1e-4, "gear": 50.0}
+    flexible = {"shoulder": spring | {"effort": "spring"}, "elbow": spring}
+    dd.Parameters.from_dict({"flexible_joints": flexible}).save(tmp_path / "arm.yaml")
+    robot = monitored(parameters_file=str(tmp_path / "arm.yaml"))
+    names = robot.model.dof_names
+    assert robot.model.armature[names.index("elbow")] == pytest.approx(0.25)
+    assert robot.model.armature[names.index("shoulder")] == 0.0
+    q, qd, tau = np.array([0.3, -0.2]), np.array([1.0, -0.5]), np.array([4.0, 2.0])
+    soft = np.array([name == "shoulder" for name in names])
+    for k, ramp in ((0, 0.0), (1, 500.0)):  # [N m/s]
+        effort = tau + 1e-3 * k * ramp * soft
+        state = RobotState(q, qd, effort, NOW + k * 1_000_000, NOW, False)
+        s, converted = robot.evaluate(state)
+        np.testing.assert_allclose(converted.position, q - soft * effort / 200.0, atol=1e-12)
+        np.testing.assert_allclose(converted.velocity, qd - soft * ramp / 200.0, atol=1e-9)
+        np.testing.assert_array_equal(converted.effort, effort)
+        wanted = robot.dynamics.evaluate(converted.position, converted.velocity, effort)
+        np.testing.assert_array_equal(s.nu, wanted.nu)
+        np.testing.assert_array_equal(s.epsilon, wanted.epsilon)
+    robot.forget()
+    s, converted = robot.evaluate(state._replace(effort=None))
+    np.testing.assert_array_equal(converted.position, q)
+    values = model_status(robot, 1, None, None).values
+    assert values["flexible joints taken as rigid"] == "1: elbow"
 
 
 # --- bytes that are read without rclpy

@@ -114,6 +114,9 @@ ALARMS = {"external_torque.gain": 30.0, "max_age": 0.0, "alarm.joints": ["lift=2
 IDENTIFIED = """{joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}},
 couplings: {turn: {joints: {lift: -0.3}, friction: 0.4}}, motor_efforts: true}"""
 
+FLEXIBLE = """{flexible_joints: {lift: {stiffness: 900, damping: 2, rotor_inertia: 2.0e-5, gear: 80, effort: spring},
+turn: {stiffness: 300, rotor_inertia: 1.0e-5, gear: 50}}}"""
+
 OBSERVED = {
     # by parameter: the value that differs from the one in force
     "external_torque.gain": (PUSHED, 60.0),
@@ -235,10 +238,12 @@ def test_every_parameter_is_compared():
     assert OBSERVED.keys() | NOT_OBSERVED | others == PARAMETERS.keys()
 
 
-@pytest.mark.parametrize("name", OBSERVED)
+@pytest.mark.parametrize("name", [*OBSERVED, "flexible joints"])
 def test_live_and_offline_agree(peer, tmp_path, name):
     """The monitor and `analyse` have the same external torque and collisions, and the parameter changes these."""
-    common, value = OBSERVED[name]
+    place = list(OBSERVED).index(name) if name in OBSERVED else len(OBSERVED)
+    common, value = OBSERVED.get(name, (PUSHED, FLEXIBLE))
+    name = name if name in OBSERVED else "parameters_file"
     if name == "parameters_file":
         (tmp_path / "arm.yaml").write_text(value, encoding="utf-8")
         value = str(tmp_path / "arm.yaml")
@@ -247,7 +252,7 @@ def test_live_and_offline_agree(peer, tmp_path, name):
     write_mcap(tmp_path / "in.mcap", messages)
     parameters = common | {name: value}
     (offline, count), others = analysed(tmp_path, parameters), analysed(tmp_path, common)
-    live = Live(peer, f"/pushed{list(OBSERVED).index(name)}", tmp_path / "arm.urdf", parameters)
+    live = Live(peer, f"/pushed{place}", tmp_path / "arm.urdf", parameters)
     with live.process:
         live.feed(messages)
         published = external_torque(live.torque.messages)

@@ -12,6 +12,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
+from diag_dynamics.joint_states.flexible import LinkPositions
 from diag_dynamics.joint_states.joints import RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.model.sources import folder_of
@@ -74,6 +75,7 @@ class MonitoredRobot:
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self.base)
+        self._links = LinkPositions(model)
         self.energy = EnergyWatch(model, settings.thresholds)
         self.contact = ContactWatch()
         self.settings = self.dynamics = self.revision = self.torque = self.state = self.position = None
@@ -205,6 +207,7 @@ class MonitoredRobot:
         if self.torque:
             self.torque.forget()
         self.contact.forget()
+        self._links.forget()
         self.state = None
 
     def evaluate(self, state):
@@ -212,17 +215,28 @@ class MonitoredRobot:
         if self.assembler.counts["positions jumped"] > self._moved:  # no motion has led here
             self._moved = self.assembler.counts["positions jumped"]
             self.energy.forget()
+            self._links.forget()
             if self.torque:
                 self.torque.forget()
         if state.effort is not None:
             state = state._replace(effort=self._of_joints(state.effort, state.position))
         elif state.partial is not None:
             state = state._replace(partial=self._of_joints(state.partial, state.position))
+        if self._links.has_any:
+            state = self._of_links(state)
         self.state = None
         friction = self.settings.values["publish_friction"]
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
         self.state = state
         return s, state
+
+    def _of_links(self, state):
+        """Return a state with the links' positions and rates."""
+        effort = state.partial if state.effort is None else state.effort
+        effort = np.full(self.model.nv, np.nan) if effort is None else effort
+        stamp = np.array([state.newest])
+        q, qd = self._links.convert(stamp, state.position[None], state.velocity[None], effort[None], [False])
+        return state._replace(position=q[0], velocity=qd[0])
 
     def _of_joints(self, effort, position):
         """Return efforts of joints with gravity."""
@@ -280,7 +294,7 @@ def _without_rotors(dynamics):
     still = np.zeros(model.nv)
     with suppress(DiagDynamicsError):  # a robot of numbers that nothing can be computed with; each state will say so
         D = np.array([dynamics.evaluate(model.random(rng), still).articulated_inertia for _ in range(POSES)])
-        return tuple(too_quick(model, D))
+        return tuple(name for name in too_quick(model, D) if name not in model.flexible_joints)
     return ()
 
 
@@ -334,6 +348,9 @@ def model_status(robot, revision, refused, loading):
             "topics serialized by rclpy": counted(sorted(robot.encoder.unlike)),
             "joints without rotor inertia": counted(robot.without_rotors),
         }
+        if model.flexible_joints:
+            rigid = [name for name, joint in model.flexible_joints.items() if joint.effort == "motor"]
+            values["flexible joints taken as rigid"] = counted(rigid)
     if refused:
         return Status("model", ERROR, f"robot_description rejected: {refused.reason}", values)
     if robot is None:
