@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +32,9 @@ DEPENDENT = 1e-7
 
 GAP = 1e-3
 """Largest distance of the ends of a loop [m], as the digits of a description leave it."""
+
+MAX_CHOICES = 500
+"""Largest number of sets of independent joints of which the best is chosen."""
 
 MAX_STEP, MAX_STEPS = 0.3, 200
 """Largest correction of a joint by a step to the start, and the number of steps."""
@@ -193,18 +198,25 @@ def _spline(x: Array, y: Array) -> Array:
 # --- Joints that depend on others -----------------------------------------------------------------------------
 
 
+class Group(NamedTuple):
+    """Joints of loops that share some, their loops, mimic joints among them, and closures: see couplings.CLOSURE."""
+
+    joints: set[str]
+    loops: list[Loop]
+    equations: dict[str, Curve]
+    closures: list[tuple[str | None, str | None, Array, Array, Array]]
+
+
 class Coupled(NamedTuple):
     """Joints of a robot that depend on others by changing ratios.
 
-    `followers` has the independent joints on which each depends, by name; `mimics` are those of a constant ratio. `groups`
-    are joints of each closed group, `loops` their loops, `equations` the mimic joints in them, `curves` the others.
+    `followers` has the independent joints on which each depends, by name; `mimics` are those of a constant ratio, `curves`
+    those that are in no group. `start` are positions in which loops are closed.
     """
 
     followers: dict[str, tuple[str, ...]]
     mimics: dict[str, Mimic]
-    groups: list[set[str]]
-    loops: list[list[Loop]]
-    equations: list[dict[str, Curve]]
+    groups: list[Group]
     curves: dict[str, Curve]
     start: dict[str, float]
 
@@ -258,11 +270,6 @@ def resolve_curves(
     return found
 
 
-def linear(mimic: Mimic) -> Curve:
-    """Return the curve of a mimic joint of constant ratio."""
-    return Curve(mimic.leader, np.array([[0.0, mimic.offset, mimic.multiplier]]))
-
-
 def close(
     tree: Any, loops: Sequence[Loop], curves: dict[str, Curve], mimics: dict[str, Mimic], driven: Set[str]
 ) -> Coupled:
@@ -270,25 +277,19 @@ def close(
 
     `driven` joints are independent if they can be.
     """
-    result = Coupled(
-        {name: (curve.source,) for name, curve in curves.items()}, dict(mimics), [], [], [], dict(curves), {}
-    )
+    result = Coupled({name: (curve.source,) for name, curve in curves.items()}, dict(mimics), [], dict(curves), {})
     cut = _Cut(tree)
+    linear = {name: Curve(one.leader, np.array([[0.0, one.offset, one.multiplier]])) for name, one in mimics.items()}
     families = [(cut.members(loop), [loop]) for loop in loops]
-    sources = {name: curve.source for name, curve in curves.items()} | {f: mimic.leader for f, mimic in mimics.items()}
-    families += [(cut.between(name, source) | {name, source}, []) for name, source in sources.items()]
+    families += [(cut.between(f, one.source) | {f, one.source}, []) for f, one in (curves | linear).items()]
     for members, own in _merged(families):
         if own and members:
-            result.groups.append(members)
-            result.loops.append(own)
-    for members, own in zip(result.groups, result.loops, strict=True):
-        equations = {name: curve for name, curve in result.curves.items() if name in members}
-        equations |= {name: linear(mimic) for name, mimic in result.mimics.items() if name in members}
-        for name in equations:
-            result.curves.pop(name, None)
-            result.mimics.pop(name, None)
-        result.equations.append(equations)
-        _choose(cut, members, own, equations, driven, result)
+            group = Group(members, own, {f: one for f, one in (linear | curves).items() if f in members}, [])
+            for name in group.equations:
+                result.curves.pop(name, None)
+                result.mimics.pop(name, None)
+            _choose(cut, group, driven, result)
+            result.groups.append(group)
     return result
 
 
@@ -303,55 +304,78 @@ def _merged(families: list[tuple[set[str], list[Loop]]]) -> list[tuple[set[str],
     return merged
 
 
-def _choose(cut: _Cut, members: set[str], loops: list[Loop], equations: Any, driven: Set[str], result: Coupled) -> None:
+def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
     """Close a group at its start, and divide its joints into independent ones and followers."""
-    names = [name for name in cut.names if name in members]
-    title = f"{'loop' if len(loops) == 1 else 'loops'} {listed([repr(loop.name) for loop in loops])}"
-    given = {name for loop in loops for name in loop.independent}
-    if foreign := given - members:
+    names = [name for name in cut.names if name in group.joints]
+    title = f"{'loop' if len(group.loops) == 1 else 'loops'} {listed([repr(loop.name) for loop in group.loops])}"
+    if several := group.joints - set(names):
+        raise LoopError(f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one.")
+    given = {name for loop in group.loops for name in loop.independent}
+    if foreign := given - group.joints:
         text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
         raise LoopError(text)
-    q, J, gap = cut.closed(names, loops, equations, given)
+    start = cut.start(group.loops)
+    J, gap = cut.close(start, names, group, given)
     if gap > GAP:
         text = f"{title} cannot be closed from the start values: the ends stay {gap:.3g} m apart. Give other ones."
         raise LoopError(text)
-    values = np.linalg.svd(J, compute_uv=False)
-    rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum()) if len(values) else 0
+    threshold = max(DEPENDENT, 10.0 * gap)
+    values, basis = np.linalg.svd(J)[1:]
+    rank = int((values > threshold * values[0]).sum())
     free = len(names) - rank
     if free < 1:
-        raise LoopError(
-            f"{title} leaves none of its joints free: {listed(names)}. Lock them, or cut the loop elsewhere."
-        )
+        text = f"{title} leaves none of its joints free: {listed(names)}. Lock them, or cut the loop elsewhere."
+        raise LoopError(text)
     if given and len(given) != free:
         text = f"{title}: {len(given)} independent joints are given, {listed(sorted(given))}; it has {free}"
         raise LoopError(f"{text} degree{'s' * (free > 1)} of freedom.")
-    followers = _pivots(J, names, rank, given, driven)
-    J_d = J[:, [names.index(name) for name in followers]]
-    ratio = np.linalg.svd(J_d, compute_uv=False)[-1] / values[0]
-    if not ratio > couplings.NEARLY_SINGULAR:
-        independent = listed([name for name in names if name not in followers])
-        raise LoopError(
-            f"{title}: the start is singular for the independent joints {independent}. Give other start values."
+    others = [cut.close(q, names, group, set()) for q in cut.moved(start, names, basis[rank:])]
+    poses = [J, *(J for J, gap in others if gap < 1e-9)]
+    independent = _independent(poses, names, free, given, driven)
+    followers = [name for name in names if name not in independent]
+    if not _ratio(J, names, followers) > couplings.NEARLY_SINGULAR:
+        text = (
+            f"{title}: the start is singular for the independent joints {listed(independent)}. Give other start values."
         )
-    independent = tuple(name for name in names if name not in followers)
-    result.followers.update(dict.fromkeys(followers, independent))
-    result.start.update(q)
+        raise LoopError(text)
+    group.closures.extend(cut.closures(start, names, group, threshold))
+    result.followers.update(dict.fromkeys(followers, tuple(independent)))
+    result.start.update(cut.positions(start, names))
 
 
-def _pivots(J: Array, names: list[str], rank: int, given: set[str], driven: Set[str]) -> list[str]:
-    """Return the joints whose columns are farthest from each other, driven ones last and given ones never."""
-    A, chosen = J.copy(), []
-    weight = np.array([0.0 if name in given else 1e-6 if name in driven else 1.0 for name in names])
-    for _ in range(rank):
-        lengths = weight * np.linalg.norm(A, axis=0)
-        k = int(np.argmax(lengths))
-        if not lengths[k] > 0.0:
-            break
+def _ratio(J: Array, names: list[str], followers: list[str]) -> float:
+    """Return the least singular value of the followers' columns by the largest of all."""
+    columns = J[:, [names.index(name) for name in followers]]
+    return float(np.linalg.svd(columns, compute_uv=False)[-1] / np.linalg.norm(J, 2)) if followers else 1.0
+
+
+def _independent(poses: list[Array], names: list[str], free: int, given: set[str], driven: Set[str]) -> list[str]:
+    """Return the independent joints: given ones, else the most driven ones, far from singular in all poses."""
+    options: Iterable[tuple[str, ...]] = [tuple(name for name in names if name in given)]
+    if not given:
+        options = (
+            combinations(names, free)
+            if math.comb(len(names), free) <= MAX_CHOICES
+            else [_pivots(poses[0], names, free, driven)]
+        )
+
+    def quality(independent: tuple[str, ...]) -> tuple[bool, int, float]:
+        followers = [name for name in names if name not in independent]
+        ratios = [_ratio(J, names, followers) for J in poses]
+        return ratios[0] > couplings.NEARLY_SINGULAR, len(driven.intersection(independent)), min(ratios)
+
+    return list(max(options, key=quality))
+
+
+def _pivots(J: Array, names: list[str], free: int, driven: Set[str]) -> tuple[str, ...]:
+    """Return the joints whose columns are nearest to those of others, driven ones first."""
+    A, weight = J.copy(), np.array([1e-6 if name in driven else 1.0 for name in names])
+    for _ in range(len(names) - free):
+        k = int(np.argmax(weight * np.linalg.norm(A, axis=0)))
         axis = A[:, k] / np.linalg.norm(A[:, k])
         A -= np.outer(axis, axis @ A)
         weight[k] = 0.0
-        chosen.append(k)
-    return [names[k] for k in sorted(chosen)]
+    return tuple(name for name, own in zip(names, weight, strict=True) if own)
 
 
 class _Cut:
@@ -364,7 +388,7 @@ class _Cut:
         self._places = {link.name: (body, place) for link, body, place in tree.links}
         self._carriers = {name: joint.carrier for name, joint in tree.moving.items()}
         self._of_body = {body: name for name, body in tree.last_body.items()}
-        self.names = [joint.name for joint in tree.joints]
+        self.names = [joint.name for joint in tree.joints if len(joint.dof_names) == 1]
         self._q = {name: k for k, name in enumerate(tree.coordinate_names)}
         self._dof = {name: k for k, name in enumerate(tree.dof_names)}
 
@@ -385,69 +409,106 @@ class _Cut:
         for end in (loop.a, loop.b):
             if end.link not in self._places:
                 raise LoopError(f"loop '{loop.name}': '{end.link}' is not a link of this robot.")
-        members = self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
         for name in (*loop.independent, *loop.start):
-            if name not in self.tree.moving:
-                raise LoopError(f"loop '{loop.name}': '{name}' is not a joint that moves.")
-        for name in members:
-            if name not in self._dof:
-                raise LoopError(
-                    f"loop '{loop.name}': joint '{name}' in it has several degrees of freedom, expected one."
-                )
-        return members
+            if name not in self._q:
+                raise LoopError(f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that moves.")
+        return self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
 
-    def body_and_point(self, link: str, point: Array) -> tuple[int, Array]:
+    def start(self, loops: Sequence[Loop]) -> Array:
+        """Return positions of all joints: the start values of loops, otherwise 0."""
+        q = np.array([1.0 if index == 3 else 0.0 for index in self.tree.orientations])
+        for loop in loops:
+            for name, value in loop.start.items():
+                q[self._q[name]] = value
+        return q
+
+    def moved(self, q: Array, names: list[str], directions: Array) -> list[Array]:
+        """Return positions on both sides of q along directions of joints."""
+        moved = []
+        for step in (*directions, *-directions):
+            moved.append(q.copy())
+            moved[-1][self._columns(names)] += MAX_STEP * step
+        return moved
+
+    def positions(self, q: Array, names: list[str]) -> dict[str, float]:
+        """Return positions by joint."""
+        return {name: float(q[self._q[name]]) for name in names}
+
+    def _columns(self, names: list[str]) -> list[int]:
+        return [self._q[name] for name in names]
+
+    def _on_body(self, link: str, point: Array) -> tuple[int, Array]:
         """Return the body of a link, and a point of the link in the frame of the body."""
         body, place = self._places[link]
         return body, place[:3, 3] + place[:3, :3] @ point
 
     def _point(self, q: Array, link: str, point: Array) -> tuple[Array, Array]:
         """Return position and Jacobian of a point of a link in the world."""
-        body, point = self.body_and_point(link, point)
+        body, point = self._on_body(link, point)
         X, J = np.empty((3, 4)), np.empty((6, len(self._dof)))
         kinematics.placement(self._workspace.robot, q, body, X)
         kinematics.jacobian(self._workspace.robot, q, body, point, J)
         return X[:, :3] @ point + X[:, 3], X[:, :3] @ J[:3]
 
-    def _equations(self, q: Array, loops: list[Loop], equations: Mapping[str, Curve]) -> tuple[Array, Array]:
+    def _equations(self, q: Array, names: list[str], group: Group) -> tuple[Array, Array]:
+        """Return φ in the axes of the world, and its Jacobian by the joints."""
         phi, J = [], []
-        for loop in loops:
+        for loop in group.loops:
             for a, b in loop.points:
                 (at_a, J_a), (at_b, J_b) = self._point(q, loop.a.link, a), self._point(q, loop.b.link, b)
                 phi.append(at_a - at_b)
                 J.append(J_a - J_b)
-        for name, curve in equations.items():
+        for name, curve in group.equations.items():
             row, x = np.zeros((1, len(self._dof))), q[self._q[curve.source]]
             row[0, self._dof[name]] = 1.0
             row[0, self._dof[curve.source]] = -(curve(x + 1e-6) - curve(x - 1e-6)) / 2e-6
             phi.append(np.array([q[self._q[name]] - curve(x)]))
             J.append(row)
-        return np.concatenate(phi), np.concatenate(J)
+        return np.concatenate(phi), np.concatenate(J)[:, [self._dof[name] for name in names]]
 
-    def closed(
-        self, names: list[str], loops: list[Loop], equations: Mapping[str, Curve], held: set[str]
-    ) -> tuple[dict[str, float], Array, float]:
-        """Return positions of joints near the start values in which loops are closed, J of them, and the gap that remains.
+    def close(self, q: Array, names: list[str], group: Group, held: set[str]) -> tuple[Array, float]:
+        """Move joints by the shortest way to where loops are closed; return J there, and the gap that remains.
 
-        Positions of `held` joints stay, if there is a solution with them.
+        Positions of `held` joints stay.
         """
-        q = np.array([1.0 if index == 3 else 0.0 for index in self.tree.orientations])
-        for loop in loops:
-            for name, value in loop.start.items():
-                q[self._q[name]] = value
-        columns, places = [self._dof[name] for name in names], [self._q[name] for name in names]
-        moves = np.array([name not in held for name in names])
-        best = np.inf
+        moves, best = np.array([name not in held for name in names]), np.inf
         for _ in range(MAX_STEPS):
-            phi, J = self._equations(q, loops, equations)
-            J = J[:, columns]
+            phi, J = self._equations(q, names, group)
             gap = float(np.abs(phi).max())
             if gap < 1e-14 or (gap < 1e-6 and gap > 0.5 * best):
                 break
             best = min(best, gap)
             step = np.linalg.lstsq(J * moves, phi, rcond=1e-9)[0] * moves
-            q[places] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
-        return {name: float(q[self._q[name]]) for name in names}, J, gap
+            q[self._columns(names)] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
+        return J, gap
+
+    def closures(self, q: Array, names: list[str], group: Group, threshold: float) -> Iterator[tuple[Any, ...]]:
+        """Yield the closures of a group: only directions in which the points of a pair can part, unlike earlier ones.
+
+        Positions beside the loop show them: no joint of a planar loop moves a point out of its plane.
+        """
+        rng, X = np.random.default_rng(0), np.empty((3, 4))
+        carrier = self.tree.parent(self.tree.first_body(names[0]))
+        kinematics.placement(self._workspace.robot, q, carrier, X)
+        pairs = [
+            [self._on_body(loop.a.link, a), self._on_body(loop.b.link, b)]
+            for loop in group.loops
+            for a, b in loop.points
+        ]
+        columns = []
+        for _ in range(3):
+            other = q.copy()
+            other[self._columns(names)] += rng.uniform(-1.0, 1.0, len(names))
+            J = self._equations(other, names, group)[1][: 3 * len(pairs)]
+            columns.append(X[:, :3].T @ J.reshape(len(pairs), 3, -1))
+        M = np.concatenate(columns, axis=2)
+        known = np.zeros((0, M.shape[2]))
+        for ends, rows in zip(pairs, M, strict=True):
+            U, values, V = np.linalg.svd(rows - rows @ known.T @ known, full_matrices=False)
+            apart = values > threshold * np.linalg.norm(M)
+            known = np.vstack([known, V[apart]])
+            of = [name if (name := self._of_body[body]) in group.joints else None for body, _ in ends]
+            yield from ((*of, ends[0][1], ends[1][1], d) for d in U.T[apart])
 
 
 # --- Tables for the sweeps ------------------------------------------------------------------------------------
@@ -457,43 +518,36 @@ def coupling_tables(tree: Any, coupled: Coupled | None) -> couplings.CouplingTab
     """Return the tables of a tree with followers, or None."""
     if coupled is None or not coupled.followers:
         return None
-    places = {link.name: (body, place) for link, body, place in tree.links}
     first_body = {name: tree.first_body(name) for name in tree.moving}
-    loops, closures, curves, pieces = [], [], [], []
+    loops, joints, closures, curves, pieces, start = [], [], [], [], [], []
 
-    def add_curve(name: str, curve: Curve, loop: int) -> None:
-        ends = len(pieces), len(pieces) + len(curve.pieces)
+    def add_curve(curve: Curve, loop: int, *ends: int) -> None:
+        curves.append((loop, *ends, len(pieces), len(pieces) + len(curve.pieces), curve.argument, curve.result))
         pieces.extend(curve.pieces)
-        curves.append((loop, first_body[name], first_body[curve.source], *ends, curve.argument, curve.result))
 
-    for number_, (members, own, equations) in enumerate(
-        zip(coupled.groups, coupled.loops, coupled.equations, strict=True)
-    ):
-        begin = len(closures)
-        for loop in own:
-            for points in loop.points:
-                ends = []
-                for end, point in zip((loop.a, loop.b), points, strict=True):
-                    body, place = places[end.link]
-                    ends.append((body, place[:3, 3] + place[:3, :3] @ point))
-                closures.append((ends[0][0], ends[1][0], ends[0][1], ends[1][1]))
-        for name, curve in equations.items():
-            add_curve(name, curve, number_)
-        inside = [first_body[name] for name in members]
-        first, last = tree.group_of(inside[0])
-        followers = sum(name in coupled.followers for name in members)
-        loops.append((first, last, begin, len(closures), 3 * (len(closures) - begin) + len(equations), followers))
+    for number_, group in enumerate(coupled.groups):
+        names = sorted(group.joints, key=first_body.__getitem__)
+        place = {name: len(joints) + k for k, name in enumerate(names)} | {None: -1}
+        of_body = {body: name if name in group.joints else None for name, body in tree.last_body.items()}
+        followers = [name for name in names if name in coupled.followers]
+        order = [*followers, *coupled.followers[followers[0]]]
+        span = len(closures), len(closures) + len(group.closures)
+        loops.append(
+            (len(joints), len(joints) + len(names), len(followers), *span, span[1] - span[0] + len(group.equations))
+        )
+        for name, ordered in zip(names, order, strict=True):
+            joints.append((first_body[name], place[of_body[tree.parent(first_body[name])]], place[ordered]))
+            start.append(coupled.start[name])
+        closures += [(place[a], place[b], *points) for a, b, *points in group.closures]
+        for name, curve in group.equations.items():
+            add_curve(curve, number_, place[name], place[curve.source])
     for name, curve in coupled.curves.items():
-        add_curve(name, curve, -1)
+        add_curve(curve, -1, first_body[name], first_body[curve.source])
     width = max((len(row) for row in pieces), default=2)
     table = np.array([[*row, *[0.0] * (width - len(row))] for row in pieces]).reshape(len(pieces), width)
-    start = np.zeros(tree.count)
-    for name, value in coupled.start.items():
-        start[first_body[name]] = value
-    return couplings.CouplingTables(
-        np.array(loops, couplings.LOOP),
-        np.array(closures, couplings.CLOSURE),
-        np.array(curves, couplings.CURVE),
-        table,
-        start,
+    records = zip(
+        (loops, joints, closures, curves),
+        (couplings.LOOP, couplings.JOINT, couplings.CLOSURE, couplings.CURVE),
+        strict=True,
     )
+    return couplings.CouplingTables(*(np.array(rows, kind) for rows, kind in records), table, np.array(start, float))

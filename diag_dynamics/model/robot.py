@@ -186,7 +186,9 @@ class RobotModel:
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
         self.followers: Mapping[str, tuple[str, ...]] = MappingProxyType(tree.coupled.followers if tree.coupled else {})
-        self.loops: tuple[tuple[Loop, ...], ...] = tuple(map(tuple, tree.coupled.loops if tree.coupled else ()))
+        self.loops: tuple[tuple[Loop, ...], ...] = tuple(
+            tuple(group.loops) for group in (tree.coupled.groups if tree.coupled else ())
+        )
         self.coupling_tables: CouplingTables | None = coupling_tables(tree, tree.coupled)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
         self.locked_joints: Mapping[str, float] = MappingProxyType(tree.locked)

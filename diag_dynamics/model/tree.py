@@ -63,7 +63,7 @@ class Tree:
             if coupled
             else mimics
         )
-        groups = coupled_groups(ratios, carriers, coupled.groups if coupled else ())
+        groups = coupled_groups(ratios, carriers, [group.joints for group in coupled.groups] if coupled else ())
         for block in self._blocks(groups):
             self._add_block(block)
             if block[0] in groups:
@@ -135,9 +135,9 @@ class Tree:
         last = self.last_body[name]
         return last - int(self._records[last]["rank"])
 
-    def group_of(self, body):
-        """Return the first and the last body of the group of a body."""
-        return int(self._records[body]["first"]), int(self._records[body]["last"])
+    def parent(self, body):
+        """Return the body that carries another one."""
+        return int(self._records[body]["parent"])
 
     def _add_block(self, block):
         """Add the bodies of joints that are eliminated together."""
