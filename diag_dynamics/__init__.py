@@ -14,7 +14,7 @@ __version__ = "0.2.0"
 
 # Imported when first used: a program that imports only a message does not wait for a compiler.
 _NAMES = {
-    "model": "FlexibleJoint JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
+    "model": "FlexibleJoint FlexibleLink JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
     "dynamics.flexible": "FlexibleDynamics FlexibleEvaluation",
     "results": "BatchEvaluation Evaluation ExternalWrench Factors Momentum TouchedLink",
@@ -89,6 +89,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.identification.identify import identify as identify
     from diag_dynamics.identification.result import Identification as Identification
     from diag_dynamics.model import FlexibleJoint as FlexibleJoint
+    from diag_dynamics.model import FlexibleLink as FlexibleLink
     from diag_dynamics.model import JointParameters as JointParameters
     from diag_dynamics.model import Mimic as Mimic
     from diag_dynamics.model import Parameters as Parameters

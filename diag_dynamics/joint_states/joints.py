@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.entries import by_name
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.joint_states.steps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT
 from diag_dynamics.model.joint_types import places, single_joints
@@ -70,7 +70,10 @@ class RobotState(NamedTuple):
 
 
 def joints_of(model):
-    """Return the :class:`Joints` of a model."""
+    """Return the :class:`Joints` of a model; UnsupportedError names a flexible link, whose modes no joint state has."""
+    for link in model.flexible_links:
+        text = f"robot '{model.name}' has the flexible link '{link}', whose modes no joint state carries."
+        raise UnsupportedError(f"{text} Omit flexible_links.")
     names = single_joints(model)
     at, dof = places(names, model.coordinate_names), places(names, model.dof_names)
     return Joints(

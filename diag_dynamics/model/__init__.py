@@ -9,6 +9,7 @@ raises a UrdfError that names the element.
 
 from diag_dynamics.model.catalog import load_robot
 from diag_dynamics.model.flexible import FlexibleJoint
+from diag_dynamics.model.flexible_links import FlexibleLink
 from diag_dynamics.model.inertias import Payload
 from diag_dynamics.model.links import end_effector_link
 from diag_dynamics.model.mimic import Mimic
@@ -20,6 +21,7 @@ from diag_dynamics.model.sources import urdf_text
 __all__ = [
     "Coupling",
     "FlexibleJoint",
+    "FlexibleLink",
     "JointParameters",
     "Mimic",
     "Parameters",

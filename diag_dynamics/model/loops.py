@@ -17,6 +17,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, listed, mapping, number, numbers, unit
 from diag_dynamics.exceptions import InputError, LoopError
+from diag_dynamics.model.flexible_links import Flexible, form_tables
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.rotations import from_rpy
@@ -112,8 +113,9 @@ def read_couplings(source: Any) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
         name, source = os.fspath(source), read_yaml(source, os.fspath(source))
     if not isinstance(source, Mapping):
         source = {"loops": source}
-    if unknown := set(source) - {"loops", "mimics"}:
-        raise InputError(f"{name}: {listed(sorted(map(repr, unknown)))} is unknown, expected loops or mimics.")
+    if unknown := set(source) - {"loops", "mimics", "flexible_links"}:
+        expected = "expected loops, mimics or flexible_links"
+        raise InputError(f"{name}: {listed(sorted(map(repr, unknown)))} is unknown, {expected}.")
     given = source.get("loops") or ()
     if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
         raise InputError(f"{name}: loops is {given!r}, expected a list.")
@@ -211,7 +213,7 @@ class Coupled(NamedTuple):
     """Joints of a robot that depend on others by changing ratios.
 
     `followers` has the independent joints on which each depends, by name; `mimics` are those of a constant ratio, `curves`
-    those that are in no group. `start` are positions in which loops are closed.
+    those that are in no group. `start` are positions in which loops are closed. Joints of `flexible` links follow modes.
     """
 
     followers: dict[str, tuple[str, ...]]
@@ -219,6 +221,7 @@ class Coupled(NamedTuple):
     groups: list[Group]
     curves: dict[str, Curve]
     start: dict[str, float]
+    flexible: Flexible
 
 
 def without_curves(robot: Any, curves: Iterable[str]) -> Any:
@@ -271,13 +274,20 @@ def resolve_curves(
 
 
 def close(
-    tree: Any, loops: Sequence[Loop], curves: dict[str, Curve], mimics: dict[str, Mimic], driven: Set[str]
+    tree: Any,
+    loops: Sequence[Loop],
+    curves: dict[str, Curve],
+    mimics: dict[str, Mimic],
+    driven: Set[str],
+    flexible: Flexible,
 ) -> Coupled:
     """Find what depends on what, given the cut tree in which all joints are independent.
 
     `driven` joints are independent if they can be.
     """
-    result = Coupled({name: (curve.source,) for name, curve in curves.items()}, dict(mimics), [], dict(curves), {})
+    followers = {name: (curve.source,) for name, curve in curves.items()}
+    followers |= {name: form.sources for name, form in flexible.forms.items()}
+    result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
     cut = _Cut(tree)
     linear = {name: Curve(one.leader, np.array([[0.0, one.offset, one.multiplier]])) for name, one in mimics.items()}
     families = [(cut.members(loop), [loop]) for loop in loops]
@@ -310,6 +320,8 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
     title = f"{'loop' if len(group.loops) == 1 else 'loops'} {listed([repr(loop.name) for loop in group.loops])}"
     if several := group.joints - set(names):
         raise LoopError(f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one.")
+    if modal := group.joints & result.flexible.joints:
+        raise LoopError(f"{title}: joint '{min(modal)}' in it is of a flexible link, expected rigid links.")
     given = {name for loop in group.loops for name in loop.independent}
     if foreign := given - group.joints:
         text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
@@ -550,4 +562,6 @@ def coupling_tables(tree: Any, coupled: Coupled | None) -> couplings.CouplingTab
         (couplings.LOOP, couplings.JOINT, couplings.CLOSURE, couplings.CURVE),
         strict=True,
     )
-    return couplings.CouplingTables(*(np.array(rows, kind) for rows, kind in records), table, np.array(start, float))
+    tables = (np.array(rows, kind) for rows, kind in records)
+    forms = form_tables(coupled.flexible.forms, first_body)
+    return couplings.CouplingTables(*tables, table, np.array(start, float), *forms)

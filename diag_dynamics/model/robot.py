@@ -19,6 +19,13 @@ from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, vector, whole
 from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError
 from diag_dynamics.model.flexible import FlexibleJoint, flexible_joints
+from diag_dynamics.model.flexible_links import (
+    Flexible,
+    FlexibleLink,
+    modal_effort,
+    read_flexible_links,
+    with_flexible_links,
+)
 from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
 from diag_dynamics.model.joint_types import SINGLE, is_angle
@@ -81,6 +88,7 @@ class Options(NamedTuple):
     omitted: tuple[str, ...] = ()
     held: dict[str, float] = {}  # noqa: RUF012  # never changed
     flexible_joints: dict[str, FlexibleJoint] = {}  # noqa: RUF012  # never changed
+    flexible_links: Flexible = Flexible()
 
 
 class RobotModel:
@@ -140,6 +148,8 @@ class RobotModel:
         :class:`FlexibleJoint` of degrees of freedom with a spring, by name.
     mimics : mapping
         :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name.
+    flexible_links : mapping
+        :class:`FlexibleLink`: modes, frequencies and shapes of links that bend, by name.
     coupled_groups : tuple of tuple of str
         Joints, independent ones and followers, of each coupled group, base to tip.
     locked_joints : mapping
@@ -190,6 +200,7 @@ class RobotModel:
             tuple(group.loops) for group in (tree.coupled.groups if tree.coupled else ())
         )
         self.coupling_tables: CouplingTables | None = coupling_tables(tree, tree.coupled)
+        self.flexible_links: Mapping[str, FlexibleLink] = MappingProxyType(options.flexible_links.links)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
         self.locked_joints: Mapping[str, float] = MappingProxyType(tree.locked)
         self.payloads: Mapping[str, Payload] = MappingProxyType(options.payloads)
@@ -314,6 +325,13 @@ class RobotModel:
         if kinematics.difference(self.workspace.robot, q0, q1, turns, v):
             raise InputError("q0 and q1 are too large: a result overflows.")
         return v
+
+    def modal_effort(self, q: VectorLike, qd: VectorLike) -> Array:
+        """Return the efforts of stiffness and damping on the modes of flexible links, shape (nv,), zero on other joints.
+
+        A :class:`Simulation` has them; dynamics is without, as it is without friction: add them to tau.
+        """
+        return modal_effort(self, self._positions("q", q), vector("qd", qd, self.dof_names))
 
     def _positions(self, name: str, q: VectorLike) -> Array:
         """Return positions as a new array; each quaternion has length 1."""
@@ -483,7 +501,7 @@ def load_urdf(
     parameters : str, os.PathLike, Parameters or dict
         Parameters beside the URDF; `armature` and `friction_velocity` have precedence over those in it.
     loops : str, os.PathLike, dict or list
-        Closed loops and non-linear mimic joints: a YAML file or its content, or a list of :class:`Loop`.
+        Closed loops, non-linear mimic joints and flexible links: a YAML file or its content, or a list of :class:`Loop`.
 
     Raises
     ------
@@ -525,6 +543,7 @@ def load_urdf(
             text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
             warn(text, InertiaWarning)
     rotors = {name: inertia for name, inertia in rotors.items() if name not in given.flexible_joints}
+    robot, flexible = with_flexible_links(robot, read_flexible_links(loops))
     v_0 = next((v for v in (friction_velocity, given.friction_velocity) if v is not None), FRICTION_VELOCITY)
     options = Options(
         floating_base=bool(floating_base),
@@ -547,6 +566,7 @@ def load_urdf(
         curves={} if mimic == "free" else curves,
         driven=driven_joints(element),
         flexible_joints=dict(given.flexible_joints),
+        flexible_links=flexible,
     )
     return _model(robot, root, options, given)
 
@@ -612,10 +632,11 @@ def _tree(robot: Any, root: str, options: Options) -> Tree:
         robot = without_curves(robot, options.curves)
     mimics, locked = resolve_mimics(robot, options.mimic, options.locked | options.held)
     coupled = None
-    if options.loops or options.curves:
+    flexible, locked = options.flexible_links.without(locked)
+    if options.loops or options.curves or flexible.forms:
         curves = resolve_curves(robot, options.curves, mimics, locked)
         cut = Tree(robot, root, options.floating_base, locked, {})
-        coupled = close(cut, options.loops, curves, mimics, options.driven)
+        coupled = close(cut, options.loops, curves, mimics, options.driven, flexible)
         mimics = coupled.mimics
     tree = Tree(robot, root, options.floating_base, locked, mimics, coupled)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):

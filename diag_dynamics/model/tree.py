@@ -63,7 +63,8 @@ class Tree:
             if coupled
             else mimics
         )
-        groups = coupled_groups(ratios, carriers, [group.joints for group in coupled.groups] if coupled else ())
+        closed = [*(group.joints for group in coupled.groups), *coupled.flexible.groups] if coupled else ()
+        groups = coupled_groups(ratios, carriers, closed)
         for block in self._blocks(groups):
             self._add_block(block)
             if block[0] in groups:

@@ -8,7 +8,7 @@ import math
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation import flexible
 from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, WRENCHES, opened
-from diag_dynamics.simulation.modes import HELD, classify_joints, solve_stiction
+from diag_dynamics.simulation.modes import HELD, classify_joints, is_tied, solve_stiction
 from diag_dynamics.simulation.runge_kutta import wrench_efforts
 from diag_dynamics.sweeps import classical, factorization, groups, kinematics
 from diag_dynamics.sweeps import spatial as sp
@@ -29,7 +29,7 @@ def euler_step(address, h, load):
     ws.copy(sim.q, sim.first_q)
     ws.copy(sim.qd, sim.before)
     has_modes, has_springs = classify_joints(address)
-    status, touching = wrench_efforts(sim.robot, sim.q, load, sim.pushed), True
+    status, touching = wrench_efforts(address, sim.q, load, sim.pushed), True
     while touching and status == 0:
         status = solve_stiction(address, h, tau) if has_modes or has_springs else _free_rates(address, h, tau)
         touching = status == 0 and _touches_spring(address, h)
@@ -97,7 +97,8 @@ def _move(address, h, tau):
         if sim.spring[k] != 0.0:  # work of its force at the end, and elastic energy
             stiffness, side, end = sim.stiffness[k], sim.spring[k], sim.depth[k] + u
             limits -= (sim.limit_damping[k] * qd + stiffness * end) * u
-            limits += _stored(stiffness, side * end) - _stored(stiffness, side * sim.depth[k])
+            start, end = (sim.depth[k], end) if not is_tied(sim, k) else (abs(sim.depth[k]), abs(end))
+            limits += _stored(stiffness, side * end) - _stored(stiffness, side * start)
     sim.accounts[EFFORT] += effort
     sim.accounts[WRENCHES] += wrenches
     sim.accounts[DAMPING] += damping

@@ -77,6 +77,8 @@ SIMULATION = Table(
     **dict.fromkeys(BY_DOF, array(float)),
     **dict.fromkeys(BY_STAGE, array(float, 2)),
     moment=array(float),  # result of first_moment
+    bends=array(float, 3),  # B of flexible links, strain energy ½ Σ (ηᵀBη)², and degrees of freedom of η
+    bend_dofs=array(np.int64, 2),
 )
 
 opened = SIMULATION.opened
@@ -95,6 +97,7 @@ class Memory:
             "place": np.zeros(nq),
             "first_q": np.zeros(nq),
             "moment": np.zeros(3),
+            **_bends(model),
             **{name: np.zeros(nv) for name in BY_DOF},
             **{name: np.zeros((STAGES, nv)) for name in BY_STAGE},
         }
@@ -125,3 +128,18 @@ class Memory:
     def __setstate__(self, copied):
         self.__dict__.update(copied)
         self._locate()
+
+
+def _bends(model):
+    """Return B and its degrees of freedom; those beyond the modes of a link have zeros in B."""
+    links = [link for link in model.flexible_links.values() if len(link.bends)]
+    size = max((link.bends.shape[1] for link in links), default=0)
+    bends, dofs = [np.zeros((0, size, size))], [np.zeros((0, size), np.int64)]
+    for link in links:
+        free = [k for k, name in enumerate(link.modes) if name in model.dof_names]
+        block, own = np.zeros((len(link.bends), size, size)), np.zeros((len(link.bends), size), np.int64)
+        block[:, : len(free), : len(free)] = link.bends[:, free][:, :, free]
+        own[:, : len(free)] = [model.dof_names.index(link.modes[k]) for k in free]
+        bends.append(block)
+        dofs.append(own)
+    return {"bends": np.concatenate(bends), "bend_dofs": np.concatenate(dofs)}

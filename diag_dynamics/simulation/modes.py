@@ -38,6 +38,12 @@ def _limit_force(stiffness, damping, side, depth, rate):
     return elastic + viscous, elastic + abs(viscous)
 
 
+@kernel
+def is_tied(sim, k):
+    """Whether a spring draws a joint to one position from both sides, as a mode of a flexible link."""
+    return sim.lower[k] == sim.upper[k] and sim.stiffness[k] < math.inf
+
+
 @large_kernel
 def classify_joints(address):
     """Set mode, spring and depth of each joint from q and q̇; return whether a joint has a mode, and whether one leans."""
@@ -51,6 +57,8 @@ def classify_joints(address):
         elif x <= sim.lower[k]:
             side, depth = -1.0, x - sim.lower[k]
         sim.mode[k], sim.spring[k], sim.depth[k] = FREE, 0.0, depth
+        if is_tied(sim, k):
+            sim.spring[k], has_springs, side = 1.0, True, 0.0
         if side != 0.0 and sim.stiffness[k] < math.inf:
             force, size = _limit_force(sim.stiffness[k], sim.limit_damping[k], side, depth, rate)
             if force > NO_FORCE * size or (size == 0.0 and side * rate > 0.0):
@@ -158,6 +166,8 @@ def is_mode_left(address):
             continue
         if sim.friction[k] > 0.0 and sim.mode[k] * sim.qd[k] < 0.0:
             return True
+        if is_tied(sim, k):
+            continue
         if spring == 0.0 and (sim.depth[k] == 0.0 or stiffness == math.inf):
             if x > sim.upper[k] or x < sim.lower[k]:
                 return True

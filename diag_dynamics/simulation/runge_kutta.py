@@ -47,12 +47,34 @@ UNRESOLVED = 1.5
 
 
 @large_kernel
-def wrench_efforts(robot, q, load, pushed):
-    """Write Jᵀf of the wrenches at q into `pushed`; return a status."""
+def wrench_efforts(address, q, load, pushed):
+    """Write Jᵀf of the wrenches at q into `pushed`, and the stiffness of fourth order of links; return a status."""
+    sim = opened(address)
+    status = 0
     if len(load.wrenches) == 0:
         ws.clear(pushed)
-        return 0
-    return classical.effort_of_wrenches(robot, q, load.wrenches, load.in_world, pushed)
+    else:
+        status = classical.effort_of_wrenches(sim.robot, q, load.wrenches, load.in_world, pushed)
+    if len(sim.bends) > 0:
+        _add_bending_efforts(address, q, pushed)
+    return status
+
+
+@large_kernel
+def _add_bending_efforts(address, q, pushed):
+    """Add −∂/∂η of ½ Σ (ηᵀBη)²."""
+    sim = opened(address)
+    for p in range(len(sim.bends)):
+        B, dofs, square = sim.bends[p], sim.bend_dofs[p], 0.0
+        for again in range(2):
+            for i in range(len(dofs)):
+                bent = 0.0
+                for j in range(len(dofs)):
+                    bent += B[i, j] * q[sim.coordinate[dofs[j]]]
+                if again == 0:
+                    square += bent * q[sim.coordinate[dofs[i]]]
+                else:
+                    pushed[dofs[i]] -= 2.0 * square * bent
 
 
 @large_kernel
@@ -120,7 +142,7 @@ def _stage_rates(address, h, i, stiff, load):
     sim = opened(address)
     bodies, _, work, table = ws.opened(sim.robot)
     rates, nu, pushed = sim.rates[i], sim.stage_nu, sim.stage_pushed[i]
-    status = wrench_efforts(sim.robot, sim.place, load, pushed)
+    status = wrench_efforts(address, sim.place, load, pushed)
     if status == 0:
         status = factorization.factorize_at(bodies, sim.place, work, table[0])
     if status != 0:

@@ -18,11 +18,12 @@ from diag_dynamics.dynamics.calls import raise_failure
 from diag_dynamics.dynamics.flexible import FlexibleDynamics, potential_energy
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.model.flexible_links import warn_of_slopes
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.model.links import wrenches_on_links
 from diag_dynamics.results import Evaluation
 from diag_dynamics.simulation import steps as compiled
-from diag_dynamics.simulation.memory import Memory
+from diag_dynamics.simulation.memory import WRENCHES, Memory
 from diag_dynamics.sweeps.records import WRENCH
 
 _NO_WRENCHES = np.zeros(0, WRENCH)
@@ -63,7 +64,8 @@ class EnergyAudit(NamedTuple):
     friction: float
     """Work of Coulomb friction, never positive."""
     limits: float
-    """Work of position limits but for their elastic energy: impacts, dampers, and returns of joints to hard limits."""
+    """Work of position limits but for their elastic energy: impacts, dampers, those of modes too, and returns of joints to
+    hard limits."""
     exchanged: float
     """Energy that came with another model: see :meth:`Simulation.change_model`."""
     kinetic: float
@@ -71,7 +73,7 @@ class EnergyAudit(NamedTuple):
     potential: float
     """Change of the energy in the field of gravity."""
     elastic: float
-    """Change of the elastic energy of compliant limits and flexible joints."""
+    """Change of the elastic energy of compliant limits, flexible joints and links."""
 
     @property
     def residual(self) -> float:
@@ -195,6 +197,12 @@ class Simulation:
         memory["lower"][:], memory["upper"][:] = -np.inf, np.inf
         if is_on:
             memory["lower"][dofs], memory["upper"][dofs] = model.lower[coordinates], model.upper[coordinates]
+        for link in model.flexible_links.values():
+            for name, frequency, ratio in zip(link.modes, link.frequencies, link.damping_ratio, strict=True):
+                if name in names:
+                    k = names.index(name)
+                    memory["lower"][k] = memory["upper"][k] = 0.0
+                    memory["stiffness"][k], memory["limit_damping"][k] = frequency**2, 2.0 * ratio * frequency
 
     def reset(
         self, q: VectorLike, qd: VectorLike, theta: VectorLike | None = None, thetad: VectorLike | None = None
@@ -404,6 +412,8 @@ class Simulation:
         if status:
             state = States(memory["q"], {"nu": memory["nu"]})
             raise_failure(self.model, status, memory.workspace.work, state)
+        if self.model.flexible_links:
+            warn_of_slopes(self.model, memory["q"])
 
     def with_spring_torques(self, tau: VectorLike) -> Array:
         """Return efforts on links [N m, N], shape (nv,): spring torques at flexible joints in place of those in `tau`."""
@@ -433,17 +443,23 @@ class Simulation:
 
     @property
     def elastic_energy(self) -> float:
-        """Elastic energy of compliant limits and flexible joints [J]."""
+        """Elastic energy of compliant limits, flexible joints and links [J]."""
         return float(self._energies(*self._state())[2])
 
     def _energies(self, q, nu, theta, thetad):
         """Return kinetic, potential and elastic energy [J]."""
         depth, stiffness, flexible = self._beyond_limits(q), self._memory["stiffness"], self.flexible
         leaning = np.isfinite(stiffness) & (depth > 0.0)
-        elastic = stiffness[leaning] @ depth[leaning] ** 2
+        elastic = stiffness[leaning] @ depth[leaning] ** 2 + 2.0 * self._bending_energy(q)
         elastic += flexible.stiffness @ (theta - q[flexible.coordinates]) ** 2
         kinetic = nu @ nu + flexible.rotor_inertia @ thetad**2
         return np.array([0.5 * kinetic, potential_energy(self.model, q), 0.5 * elastic])
+
+    def _bending_energy(self, q):
+        """Return the strain energy of fourth order of flexible links [J]."""
+        memory = self._memory
+        eta = q[memory["coordinate"][memory["bend_dofs"]]]
+        return 0.5 * float((np.einsum("pij,pi,pj->p", memory["bends"], eta, eta) ** 2).sum())
 
     def _energies_at_start(self):
         """Energies of the state at the last reset, computed on first use because resets must be fast."""
@@ -455,7 +471,9 @@ class Simulation:
     def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
         stored = self._energies(*self._state()) - self._energies_at_start()
-        return EnergyAudit._make([*self._memory["accounts"].tolist(), self._exchanged, *stored.tolist()])
+        accounts = self._memory["accounts"].copy()
+        accounts[WRENCHES] += self._bending_energy(self._memory["q"]) - self._bending_energy(self._start[0])
+        return EnergyAudit._make([*accounts.tolist(), self._exchanged, *stored.tolist()])
 
 
 def _not_negative(name, value, names, unit):

@@ -28,7 +28,7 @@ def _smooth_step(address, h, load):
     ws.copy(sim.q, sim.first_q)
     has_modes, _ = modes.classify_joints(address)
     if has_modes:
-        status = wrench_efforts(sim.robot, sim.q, load, sim.pushed)
+        status = wrench_efforts(address, sim.q, load, sim.pushed)
         if status == 0:
             status = modes.solve_stiction(address, h, load.tau)
         if status != 0 or modes.is_stopping(address):

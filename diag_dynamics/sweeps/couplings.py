@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joints whose rates depend on others by ratios that change with the state: closed loops and non-linear mimic joints.
+"""Joints whose rates depend on others by ratios that change with the state: closed loops, curves and flexible links.
 
 A follower's rate is Σ G q̇ over independent joints. It is a body for each of them, all along the same axis in one frame:
 the workspace has the body's own entry of G as `multiplier`, its rate Ġ as `multiplier_rate`, and the follower's position
@@ -65,6 +65,9 @@ CURVE = np.dtype(
 )
 """A position that is a piecewise polynomial of another one."""
 
+FORM = np.dtype([("body", "i8"), ("begin", "i8"), ("is_quadratic", "i8")], align=True)
+"""A position c + φᵀη + ½ηᵀQη by several joints: first body of the follower, and c; φ and row of Q of each joint follow."""
+
 COUPLINGS = Table(
     "Couplings",
     bodies=array(records.BODY),
@@ -79,6 +82,8 @@ COUPLINGS = Table(
     start=array(float),  # positions of joints of loops: at the start, at the last state, and now
     last=array(float),
     position=array(float),
+    forms=array(FORM),
+    coefficients=array(float),  # of forms; without Q if that is zero
     ratio=array(float),  # of each loop: smallest diagonal entry of R by the longest column of J
     J=array(float, 2),  # ∂φ/∂q and its rate, a row for each joint
     J_rate=array(float, 2),
@@ -129,6 +134,8 @@ class CouplingTables(NamedTuple):
     curves: Any
     pieces: Any
     start: Any
+    forms: Any
+    coefficients: Any
 
 
 class Couplings:
@@ -473,6 +480,43 @@ def _curve_at(at, curve, source):
     return scale * p + curve.result[1], scale * factor * slope, 2.0 * scale * factor * factor * bend
 
 
+# --- Joints that follow the modes of a flexible link ----------------------------------------------------------
+
+
+@nk.large_kernel
+def _set_forms(table, q):
+    """Positions of followers, and their ratios φ + Qη."""
+    at = _opened(table)
+    for form in at.forms:
+        first, count, k = form.body, at.bodies[form.body].dofs, form.begin
+        position = at.coefficients[k]
+        for i in range(first, first + count):
+            linear = ratio = at.coefficients[k + 1]
+            if form.is_quadratic != 0:
+                for j in range(count):
+                    ratio += at.coefficients[k + 2 + j] * q[at.bodies[first + j].q]
+                k += count
+            position += 0.5 * (linear + ratio) * q[at.bodies[i].q]
+            at.work[i].multiplier = ratio
+            k += 1
+        at.work[first].offset = position
+
+
+@nk.large_kernel
+def _set_form_rates(table, qd):
+    """Rates Qη̇ of ratios that change."""
+    at = _opened(table)
+    for form in at.forms:
+        if form.is_quadratic != 0:
+            first, count, k = form.body, at.bodies[form.body].dofs, form.begin + 2
+            for i in range(first, first + count):
+                rate = 0.0
+                for j in range(count):
+                    rate += at.coefficients[k + j] * qd[at.bodies[first + j].dof]
+                at.work[i].multiplier_rate = rate
+                k += count + 1
+
+
 # --- All couplings of a robot ---------------------------------------------------------------------------------
 
 
@@ -496,6 +540,8 @@ def _couple(table, at, q):
         if curve.loop < 0:
             w = at.work[curve.follower]
             w.offset, w.multiplier, at.bend[k] = _curve_at(at, curve, q[at.bodies[curve.source].q])
+    if len(at.forms) > 0:
+        _set_forms(table, q)
     for number in range(len(at.loops)):
         status = _close_loop(table, number, q)
         if status != 0:
@@ -510,5 +556,7 @@ def _couple_rates(table, qd):
         curve = at.curves[k]
         if curve.loop < 0:
             at.work[curve.follower].multiplier_rate = at.bend[k] * qd[at.bodies[curve.source].dof]
+    if len(at.forms) > 0:
+        _set_form_rates(table, qd)
     for number in range(len(at.loops)):
         _set_ratio_rates(table, number, qd)

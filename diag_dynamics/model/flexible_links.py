@@ -1,0 +1,489 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Flexible links by assumed modes: shapes of beams and of finite elements, and the joints that follow modes.
+
+A mode is an independent prismatic joint of a link without mass. Each section of the link, and the frame at its tip, is the
+end of a chain of joints that follow the modes η: displacements Φη − ½ e ηᵀHη along the axes of the beam, e its axis, and
+rotations R_z R_y R_x of Θη. H is the foreshortening of a beam that bends and keeps its length.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.checks import listed, mapping, not_negative, numbers, positive, vector
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.remarks import warn
+from diag_dynamics.rigid_body import RigidBody, parallel_axes
+from diag_dynamics.rotations import from_rpy
+from diag_dynamics.sweeps.couplings import FORM
+from diag_dynamics.yaml_files import read_yaml
+
+MAX_MODES = 6  # of a plane: more shapes are powers of nearly the same form
+LARGE_SLOPE = 0.3  # of the tip [rad]: beyond it a link is better two
+FAR = 0.1  # distance of the inertial's centre from that of the modes' masses, by the length, above which one is wrong
+DIRECTIONS = "xyz"
+
+
+class Station(NamedTuple):
+    """A frame of a flexible link, in the axes of its beam: at + Φη − ½ e ηᵀHη, turned by R_z R_y R_x of Θη."""
+
+    at: Array  # (3,) [m]
+    shape: Array  # Φ (3, n)
+    slope: Array  # Θ (3, n)
+    shortening: Array  # H (n, n)
+    mass: float = 0.0
+    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)  # about its axes [kg m²]
+
+
+class FlexibleLink(NamedTuple):
+    """A link with modes η of unit modal mass: coordinates [√kg m] of joints whose names are `modes`.
+
+    Attributes
+    ----------
+    modes : tuple of str
+        ``<link>/y1`` … bend it along y, ``<link>/z1`` … along z, ``<link>/x1`` … twist it; others are ``<link>/m1`` ….
+    axes : ndarray, shape (3, 3)
+        Axes of the beam in the link: x leads to the tip.
+    frequencies, damping_ratio : ndarray, shape (n,)
+        Of the link clamped at its origin [rad/s], and [1].
+    sections : tuple of Station
+        The mass of the link.
+    tips : mapping
+        :class:`Station` of each joint that the modes move.
+    bends : ndarray, shape (p, n, n)
+        B of the strain energy of fourth order, U₄ = ½ Σ (ηᵀBη)².
+    """
+
+    modes: tuple[str, ...]
+    axes: Array
+    frequencies: Array
+    damping_ratio: Array
+    sections: tuple[Station, ...]
+    tips: Mapping[str, Station]
+    bends: Array
+
+    def energy(self, eta: VectorLike) -> float:
+        """Return the strain energy at modes η [J], ½ Σ ω²η² + U₄."""
+        eta = vector("eta", eta, self.modes)
+        return 0.5 * float((self.frequencies * eta) ** 2 @ np.ones(len(eta)) + ((self.bends @ eta @ eta) ** 2).sum())
+
+    def effort(self, eta: VectorLike, etad: VectorLike) -> Array:
+        """Return the efforts of stiffness and damping on the modes, shape (n,): −ω²η − 2ζω η̇ − ∂U₄/∂η."""
+        eta, etad = vector("eta", eta, self.modes), vector("etad", etad, self.modes)
+        linear = self.frequencies * (self.frequencies * eta + 2.0 * self.damping_ratio * etad)
+        bent = self.bends @ eta
+        return np.asarray(-linear - 2.0 * (bent @ eta) @ bent)
+
+    def displacement(self, eta: VectorLike, joint: str | None = None) -> Array:
+        """Return the displacement (4, 4) of the frame of a joint at the tip, in the link's axes about its own origin."""
+        eta, tip = vector("eta", eta, self.modes), self.tips[joint or next(iter(self.tips))]
+        result = np.eye(4)
+        moved = tip.shape @ eta
+        moved[0] -= 0.5 * eta @ tip.shortening @ eta
+        result[:3, :3] = self.axes @ from_rpy(*(tip.slope @ eta)) @ self.axes.T
+        result[:3, 3] = self.axes @ moved
+        return result
+
+    def slope(self, eta: Array) -> float:
+        """Return the largest rotation of a tip about an axis of the beam [rad]."""
+        return max(float(np.abs(tip.slope @ eta).max()) for tip in self.tips.values())
+
+
+class Form(NamedTuple):
+    """A joint whose position follows modes η: constant + linearᵀη + ½ηᵀ quadratic η."""
+
+    sources: tuple[str, ...]
+    constant: float
+    linear: Array
+    quadratic: Array
+
+    def without(self, held: Mapping[str, float]) -> Form:
+        """Return the form with the positions of modes that are held in its constants."""
+        eta = np.array([held.get(name, 0.0) for name in self.sources])
+        free = [k for k, name in enumerate(self.sources) if name not in held]
+        bent = self.quadratic @ eta
+        constant = self.constant + self.linear @ eta + 0.5 * bent @ eta
+        sources = tuple(self.sources[k] for k in free)
+        return Form(sources, float(constant), (self.linear + bent)[free], self.quadratic[np.ix_(free, free)])
+
+
+def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tuple[Array, Array]:
+    """Return the records of forms for the sweeps, and their coefficients."""
+    records, coefficients = [], np.zeros(0)
+    for name, form in forms.items():
+        is_quadratic = form.quadratic.any()
+        rows = np.column_stack([form.linear, form.quadratic]) if is_quadratic else form.linear
+        records.append((first_body[name], len(coefficients), is_quadratic))
+        coefficients = np.concatenate([coefficients, [form.constant], np.ravel(rows)])
+    return np.array(records, FORM), coefficients
+
+
+# --- Beams ----------------------------------------------------------------------------------------------------
+
+
+class _Field(NamedTuple):
+    """Normal modes of a clamped beam in one direction: columns of V are coefficients of powers of ξ = x/L."""
+
+    powers: Array
+    V: Array
+    frequencies: Array
+    length: float
+
+    def values(self, xi: float, derivative: int = 0) -> Array:
+        """Return each mode, or a derivative by x, at ξ."""
+        p, factor = self.powers, np.ones(len(self.powers))
+        for k in range(derivative):
+            factor = factor * (p - k)
+        return np.asarray(factor * xi ** np.maximum(p - derivative, 0) @ self.V) / self.length**derivative
+
+    def shortening(self, xi: float) -> Array:
+        """Return ∫ φ_a' φ_b' dx from 0 to ξ."""
+        p, both = self.powers, np.add.outer(self.powers, self.powers) - 1
+        return np.asarray(self.V.T @ (np.outer(p, p) * xi**both / both) @ self.V) / self.length
+
+
+def _normal_modes(count: int, first: int, length: float, stiffness: float, inertia: float) -> _Field:
+    """Return modes of x^first …: of bending (first power 2, EI and mass) or torsion (1, GJ and polar inertia)."""
+    p = np.arange(first, first + count)
+    if not count:
+        return _Field(p, np.zeros((0, 0)), np.zeros(0), length)
+    both, order = np.add.outer(p, p), 2 if first == 2 else 1
+    factor = np.outer(p, p) if order == 1 else np.outer(p * (p - 1), p * (p - 1))
+    L = np.linalg.inv(np.linalg.cholesky(inertia / (both + 1.0)))
+    K = stiffness / length ** (2 * order - 1) * factor / (both - 2.0 * order + 1.0)
+    squares, V = np.linalg.eigh(L @ K @ L.T)
+    return _Field(p, L.T @ V, np.sqrt(squares), length)
+
+
+def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: float, polar: float) -> FlexibleLink:
+    """Return a uniform beam from the link's origin to the origin of its tip."""
+    where = f"flexible link '{link}'"
+    counts = numbers(f"{where}: modes", given.get("modes", (2, 2, 0)), (3,), "three numbers of modes")
+    if (counts != counts.astype(int)).any() or (counts < 0).any() or (counts > MAX_MODES).any() or not counts.any():
+        raise InputError(f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to {MAX_MODES}.")
+    n_y, n_z, n_x = (int(n) for n in counts)
+    EI = _bending_stiffness(f"{where}: EI", given)
+    GJ = positive(f"{where}: GJ", given.get("GJ"), "[N m²]") if n_x else 1.0
+    if n_x and not polar > 0.0:
+        raise InputError(f"{where}: its inertia about the beam is {polar:g} kg m², expected more than 0 for torsion.")
+    length = float(np.linalg.norm(vector_))
+    planes = [_normal_modes(n, 2, length, EI[k], mass) for k, n in enumerate((n_y, n_z))]
+    twist = _normal_modes(n_x, 1, length, GJ, polar)
+    n, parts = n_y + n_z + n_x, (slice(0, n_y), slice(n_y, n_y + n_z), slice(n_y + n_z, None))
+
+    def station(xi: float, is_tip: bool, weight: float) -> Station:
+        shape, slope, H = np.zeros((3, n)), np.zeros((3, n)), np.zeros((n, n))
+        for k, plane in enumerate(planes):
+            shape[1 + k, parts[k]], H[parts[k], parts[k]] = plane.values(xi), plane.shortening(xi)
+            if is_tip:
+                slope[2 - k, parts[k]] = (1.0, -1.0)[k] * plane.values(xi, 1)
+        slope[0, parts[2]] = twist.values(xi)
+        inertia = tuple(weight * polar * np.array([1.0, 0.5, 0.5]))
+        return Station(np.array([xi * length, 0.0, 0.0]), shape, slope, H, weight * mass, inertia)
+
+    def bend(xi: float, weight: float) -> Array:
+        B = np.zeros((n, n))
+        for k, plane in enumerate(planes):
+            product = np.outer(plane.values(xi, 2), plane.values(xi, 1)) * np.sqrt(weight * length * EI[k])
+            B[parts[k], parts[k]] = 0.5 * (product + product.T)
+        return B
+
+    points = max(n_y, n_z, n_x)
+    return FlexibleLink(
+        tuple(f"{link}/{letter}{k + 1}" for letter, m in zip("yzx", (n_y, n_z, n_x), strict=True) for k in range(m)),
+        _axes(vector_),
+        np.concatenate([planes[0].frequencies, planes[1].frequencies, twist.frequencies]),
+        _ratios(where, given, n),
+        tuple(station(xi, False, weight) for xi, weight in _gauss(points + 2)),
+        {tip: station(1.0, True, 0.0)},
+        np.array([bend(xi, weight) for xi, weight in _gauss(2 * max(n_y, n_z))]).reshape(-1, n, n),
+    )
+
+
+def _gauss(count: int) -> list[tuple[float, float]]:
+    """Return points and weights of an integral from 0 to 1."""
+    if not count:
+        return []
+    x, w = np.polynomial.legendre.leggauss(count)
+    return list(zip((0.5 * (1.0 + x)).tolist(), (0.5 * w).tolist(), strict=True))
+
+
+def _bending_stiffness(where: str, given: Mapping[str, Any]) -> Array:
+    """Return EI against bending along y and z, given both, or E and the section."""
+    EI = given.get("EI")
+    if not isinstance(EI, Mapping):
+        values = numbers(where, [EI, EI] if np.ndim(EI) == 0 else EI, (2,), "two numbers > 0 [N m²]")
+    else:
+        if set(EI) != {"E", "section"} or len(section := mapping(where, EI["section"])) != 1:
+            raise InputError(f"{where} is {EI!r}, expected two numbers, or E and section: {{tube | box: sizes}}.")
+        [(kind, sizes)] = section.items()
+        if kind not in ("tube", "box"):
+            raise InputError(f"{where}: section is '{kind}', expected tube or box.")
+        if kind == "tube":  # outer and inner diameter
+            d = numbers(f"{where}: tube", sizes, (2,), "outer and inner diameter [m]")
+            area = np.full(2, np.pi / 64.0 * (d[0] ** 4 - d[1] ** 4))
+        else:  # along y and z, and the wall
+            b, h, t = numbers(f"{where}: box", sizes, (3,), "width along y, height along z, wall [m]")
+            inner = max(b - 2.0 * t, 0.0), max(h - 2.0 * t, 0.0)
+            area = np.array([h * b**3 - inner[1] * inner[0] ** 3, b * h**3 - inner[0] * inner[1] ** 3]) / 12.0
+        values = positive(f"{where}: E", EI["E"], "[Pa]") * area
+    if not (values > 0.0).all():
+        raise InputError(f"{where} is {values.tolist()}, expected two numbers > 0 [N m²].")
+    return values
+
+
+def _ratios(where: str, given: Mapping[str, Any], n: int) -> Array:
+    ratio = given.get("damping_ratio", 0.0)
+    if np.ndim(ratio) == 0:
+        ratio = [not_negative(f"{where}: damping_ratio", ratio, "[1]")] * n
+    return numbers(f"{where}: damping_ratio", ratio, (n,), f"a number >= 0, or {n} of them")
+
+
+def _axes(direction: Array) -> Array:
+    """Return the axes of a beam: x along it, y as near as possible to the link's y, or z if that is near the beam."""
+    x = direction / np.linalg.norm(direction)
+    y = np.eye(3)[1 if abs(x[1]) < 0.9 else 2]
+    y = y - (y @ x) * x
+    y /= np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+# --- Finite elements --------------------------------------------------------------------------------------------
+
+
+def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any]) -> FlexibleLink:
+    """Return the modes of nodes, in the link's axes: shapes of unit modal mass of the link clamped at its origin."""
+    where = f"flexible link '{link}'"
+    frequencies = np.atleast_1d(np.asarray(given["frequencies"], float))
+    n = len(frequencies)
+    if frequencies.ndim != 1 or not (frequencies > 0.0).all():
+        raise InputError(f"{where}: frequencies are {given['frequencies']!r}, expected numbers > 0 [rad/s].")
+    axes = _axes(next(iter(origins.values())))
+
+    def station(name: str, at: Array, entry: Any) -> Station:
+        entry = mapping(f"{where}: {name}", entry)
+        if unknown := set(entry) - {"mass", "xyz", "shape", "slope", "shortening"}:
+            raise InputError(f"{where}: {name} has {listed(sorted(map(repr, unknown)))}, which is unknown.")
+        parts = {}
+        for key, shape in (("shape", (n, 3)), ("slope", (n, 3)), ("shortening", (n, n))):
+            expected = " x ".join(map(str, shape)) + " numbers"
+            parts[key] = numbers(f"{where}: {key} of {name}", entry.get(key, np.zeros(shape)), shape, expected)
+        mass = not_negative(f"{where}: mass of {name}", entry.get("mass", 0.0), "[kg]")
+        H = 0.5 * (parts["shortening"] + parts["shortening"].T)
+        return Station(axes.T @ at, axes.T @ parts["shape"].T, axes.T @ parts["slope"].T, H, mass)
+
+    nodes = []
+    for k, entry in enumerate(given["nodes"]):
+        at = numbers(
+            f"{where}: xyz of node {k}", mapping(f"{where}: node {k}", entry).get("xyz"), (3,), "three numbers"
+        )
+        nodes.append(station(f"node {k}", at, entry)._replace(slope=np.zeros((3, n))))
+    tips = {joint: station(f"tip '{joint}'", origins[joint], entry) for joint, entry in given["tips"].items()}
+    names, bends = tuple(f"{link}/m{k + 1}" for k in range(n)), np.zeros((0, n, n))
+    return FlexibleLink(names, axes, frequencies, _ratios(where, given, n), tuple(nodes), tips, bends)
+
+
+# --- The modes of a model ---------------------------------------------------------------------------------------
+
+
+def modal_effort(model: Any, q: Array, qd: Array) -> Array:
+    """Return the efforts of stiffness and damping of all modes, shape (nv,)."""
+    effort, held = np.zeros(model.nv), model.locked_joints
+    for link in model.flexible_links.values():
+        own = link.effort(
+            _values(link, model.coordinate_names, q, held), _values(link, model.dof_names, qd, dict.fromkeys(held, 0.0))
+        )
+        for name, value in zip(link.modes, own, strict=True):
+            if name not in held:
+                effort[model.dof_names.index(name)] = value
+    return effort
+
+
+def _values(link: FlexibleLink, names: tuple[str, ...], values: Array, held: Mapping[str, float]) -> Array:
+    """Return the entries of a link's modes in a vector of the model, and values of modes that are held."""
+    return np.array([held[mode] if mode in held else values[names.index(mode)] for mode in link.modes])
+
+
+def warn_of_slopes(model: Any, q: Array) -> None:
+    """Warn of links that bend beyond what assumed modes can describe."""
+    for name, link in model.flexible_links.items():
+        slope = link.slope(_values(link, model.coordinate_names, q, model.locked_joints))
+        if slope > LARGE_SLOPE:
+            text = (
+                f"flexible link '{name}' has a slope of {slope:.2g} rad at its tip, expected {LARGE_SLOPE:g} or less."
+            )
+            warn(f"{text} Divide it into two links.")
+
+
+# --- The robot --------------------------------------------------------------------------------------------------
+
+BEAM = {"tip", "EI", "GJ", "modes", "damping_ratio", "mass"}
+ELEMENTS = {"nodes", "frequencies", "tips", "damping_ratio"}
+
+
+class Flexible(NamedTuple):
+    """Flexible links of a robot, and the joints that follow their modes: forms, and the joints of each link."""
+
+    links: dict[str, FlexibleLink] = {}  # noqa: RUF012  # never changed
+    forms: dict[str, Form] = {}  # noqa: RUF012  # never changed
+    groups: tuple[frozenset[str], ...] = ()
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """All joints that are modes or follow them."""
+        return frozenset().union(*self.groups)
+
+    def without(self, held: dict[str, float]) -> tuple[Flexible, dict[str, float]]:
+        """Return the links without modes that are held, and all joints that are held then."""
+        if wrong := sorted(self.forms.keys() & held.keys()):
+            raise InputError(f"locked_joints: '{wrong[0]}' follows modes of a flexible link. Lock these.")
+        forms = {name: form.without(held) for name, form in self.forms.items()}
+        rigid = {name: form.constant for name, form in forms.items() if not form.sources}
+        forms = {name: form for name, form in forms.items() if form.sources}
+        groups = tuple(own - held.keys() - rigid.keys() for own in self.groups)
+        return Flexible(self.links, forms, groups), held | rigid
+
+
+def read_flexible_links(source: Any) -> Mapping[str, Any]:
+    """Return the flexible links of a YAML file or its content, by name."""
+    if isinstance(source, str | os.PathLike):
+        source = read_yaml(source, os.fspath(source))
+    given = source.get("flexible_links") if isinstance(source, Mapping) else None
+    return mapping("flexible_links", given or {})
+
+
+def with_flexible_links(robot: Any, given: Mapping[str, Any]) -> tuple[Any, Flexible]:
+    """Return a robot with links and joints for the modes of flexible links, given by link as in a file."""
+    if not given:
+        return robot, Flexible()
+    robot = copy.copy(robot)
+    robot.links, robot.joints = list(robot.links), list(robot.joints)
+    found = Flexible({}, {}, ())
+    for name, entry in mapping("flexible_links", given).items():
+        places = [k for k, link in enumerate(robot.links) if link.name == name]
+        if not places:
+            raise InputError(f"flexible_links: '{name}' is not a link of robot '{robot.name}'.")
+        link = robot.links[places[0]] = copy.copy(robot.links[places[0]])
+        flexible = _flexible_link(robot, link, mapping(f"flexible link '{name}'", entry))
+        found.links[name] = flexible
+        before = {joint.name for joint in robot.joints}
+        for k, mode in enumerate(flexible.modes):
+            bound = LARGE_SLOPE / max(flexible.slope(np.eye(len(flexible.modes))[k]), 1e-9)
+            limit = SimpleNamespace(lower=-bound, upper=bound, velocity=None, effort=None)
+            _add(robot, mode, "prismatic", name, np.eye(4), np.eye(3)[0], limit)
+        for k, section in enumerate(flexible.sections):
+            end = _add_chain(robot, found.forms, name, f"{name}/{k + 1}", flexible, section)
+            end.inertial = SimpleNamespace(mass=section.mass, origin=None, inertia=np.diag(section.inertia))
+        for number, (joint, tip) in enumerate(flexible.tips.items()):
+            end = _add_chain(robot, found.forms, name, f"{name}/tip{number + 1 if number else ''}", flexible, tip)
+            index = next(k for k, one in enumerate(robot.joints) if one.name == joint)
+            moved = robot.joints[index] = copy.copy(robot.joints[index])
+            turn = np.eye(4)
+            turn[:3, :3] = flexible.axes.T @ (np.eye(3) if moved.origin is None else moved.origin[:3, :3])
+            moved.parent, moved.origin = end.name, turn
+        own = frozenset(joint.name for joint in robot.joints) - before
+        found = found._replace(groups=(*found.groups, own))
+    return robot, found
+
+
+def _flexible_link(robot: Any, link: Any, given: Mapping[str, Any]) -> FlexibleLink:
+    """Check the entry of a link, and leave it the inertia that is not that of its modes."""
+    where = f"flexible link '{link.name}'"
+    known = ELEMENTS if "nodes" in given else BEAM
+    required = known - {"damping_ratio", "GJ", "modes", "mass"}
+    if unknown := set(given) - known or required - set(given):
+        raise InputError(
+            f"{where}: {listed(sorted(map(repr, unknown)))} is unknown or missing, expected {listed(sorted(known))}."
+        )
+    if link.inertial is None or not link.inertial.mass > 0.0:
+        raise InputError(f"{where} has no mass, expected an <inertial>.")
+    joints = {joint.name: joint for joint in robot.joints if joint.parent == link.name}
+    tips = mapping(f"{where}: tips", given["tips"]) if "nodes" in given else {given["tip"]: {}}
+    for tip in tips:
+        if tip not in joints:
+            raise InputError(
+                f"{where}: tip '{tip}' is not a joint of this link; its joints are {listed(list(joints))}."
+            )
+    origins = {tip: np.zeros(3) if joints[tip].origin is None else joints[tip].origin[:3, 3] for tip in tips}
+    tip, vector_ = next(iter(origins.items()))
+    if not np.linalg.norm(vector_) > 0.0:
+        raise InputError(f"{where}: joint '{tip}' is at its origin, expected a tip at a distance.")
+    origin = np.eye(4) if link.inertial.origin is None else link.inertial.origin
+    whole = RigidBody(link.inertial.mass, np.zeros(3), np.asarray(link.inertial.inertia)).moved(origin)
+    if "nodes" in given:
+        flexible = _elements(link.name, origins, given)
+    else:
+        mass = given.get("mass", "inertial")
+        mass = whole.mass if mass == "inertial" else positive(f"{where}: mass", mass, "[kg]")
+        x = vector_ / np.linalg.norm(vector_)
+        about = whole.inertia + parallel_axes(whole.mass, whole.centre)
+        flexible = _beam(link.name, tip, vector_, given, mass, float(x @ about @ x) * mass / whole.mass)
+    link.inertial = _rest(where, whole, flexible, float(np.linalg.norm(vector_)))
+    return flexible
+
+
+def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -> Any:
+    """Return the inertial of a link without its sections, or None."""
+    R = np.eye(4)
+    R[:3, :3] = flexible.axes
+    sections = [RigidBody(-s.mass, s.at, -np.diag(s.inertia)).moved(R) for s in flexible.sections]
+    modal = -sum(section.mass for section in sections)
+    left = whole.mass - modal
+    if left < -1e-6 * whole.mass:
+        raise InputError(
+            f"{where}: the mass of its modes is {modal:g} kg, expected no more than its {whole.mass:g} kg."
+        )
+    if left > 1e-6 * whole.mass:
+        rest = RigidBody.union(whole, *sections)
+        origin = np.eye(4)
+        origin[:3, 3] = rest.centre
+        return SimpleNamespace(mass=rest.mass, origin=origin, inertia=rest.inertia)
+    centre = RigidBody.union(*sections).centre
+    if np.linalg.norm(centre - whole.centre) > FAR * length:
+        text = f"{where}: its centre of mass is at {whole.centre.tolist()} m, that of its modes at {centre.tolist()} m."
+        raise InputError(f"{text} Give the mass of the beam; the rest stays at the origin.")
+    return None
+
+
+def _add(robot: Any, name: str, kind: str, parent: str, origin: Array, axis: Array, limit: Any = None) -> Any:
+    """Add a joint and its child link of the same name, which is returned."""
+    for one in (*robot.links, *robot.joints):
+        if one.name == name:
+            raise InputError(f"flexible link: robot '{robot.name}' has '{name}' already. Rename it.")
+    link = SimpleNamespace(name=name, inertial=None, visuals=[], collisions=[])
+    joint = SimpleNamespace(name=name, type=kind, parent=parent, child=name, origin=origin, axis=axis)
+    joint.limit, joint.dynamics, joint.mimic = limit, None, None
+    robot.links.append(link)
+    robot.joints.append(joint)
+    return link
+
+
+def _add_chain(
+    robot: Any, forms: dict[str, Form], parent: str, name: str, flexible: FlexibleLink, station: Station
+) -> Any:
+    """Add the joints that take a frame from the link to where the modes have it; return the link at its end."""
+    origin = np.eye(4)
+    origin[:3, :3], origin[:3, 3] = flexible.axes, flexible.axes @ station.at
+    n = len(flexible.modes)
+    freedoms = [(f"{name}/{DIRECTIONS[k]}", "prismatic", k, station.shape[k]) for k in range(3)]
+    freedoms += [(f"{name}/r{DIRECTIONS[k]}", "continuous", k, station.slope[k]) for k in (2, 1, 0)]
+    end = None
+    for joint, kind, k, linear in freedoms:
+        quadratic = -station.shortening if kind == "prismatic" and k == 0 else np.zeros((n, n))
+        moving = np.flatnonzero((linear != 0.0) | quadratic.any(axis=1))
+        if not len(moving):
+            continue
+        end = _add(robot, joint, kind, parent, origin, np.eye(3)[k])
+        sources = tuple(flexible.modes[i] for i in moving)
+        forms[joint] = Form(sources, 0.0, linear[moving], quadratic[np.ix_(moving, moving)])
+        parent, origin = joint, np.eye(4)
+    return end if end is not None else _add(robot, name, "fixed", parent, origin, np.eye(3)[0])

@@ -1,0 +1,610 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Flexible links: oracles that have positions of points alone, Pinocchio's virtual joints, beams in closed form, MuJoCo."""
+
+import pickle
+
+import numpy as np
+import pytest
+import yaml
+from scipy.integrate import quad
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+import diag_dynamics as dd
+from diag_dynamics.exceptions import LoopError
+from diag_dynamics.joint_states.joints import joints_of
+
+G = np.array([0.3, -0.5, -9.81])
+STEP = 1e-30
+
+
+# --- Positions of points with their derivatives -------------------------------------------------------------
+
+
+class Dual:
+    """A complex array and its rate; the imaginary parts are derivatives by one coordinate."""
+
+    __array_ufunc__ = None  # operators of arrays leave theirs to this class
+
+    def __init__(self, value, rate=None):
+        self.value = np.asarray(value, complex)
+        self.rate = np.zeros_like(self.value) if rate is None else rate
+
+    def __add__(self, other):
+        other = other if isinstance(other, Dual) else Dual(other)
+        return Dual(self.value + other.value, self.rate + other.rate)
+
+    def __matmul__(self, other):
+        other = other if isinstance(other, Dual) else Dual(other)
+        return Dual(self.value @ other.value, self.rate @ other.value + self.value @ other.rate)
+
+    __radd__ = __add__
+
+    def __rmatmul__(self, other):
+        return Dual(other) @ self
+
+
+def turn(axis, angle):
+    """Return the rotation (3, 3) about x, y or z by a dual angle."""
+    K = np.zeros((3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    K[j, i], K[i, j] = 1.0, -1.0
+    s, c = np.sin(angle.value), np.cos(angle.value)
+    value = np.eye(3) + s * K + (1.0 - c) * K @ K
+    return Dual(value, (c * K + s * K @ K) * angle.rate)
+
+
+def moved(link, station, eta):
+    """Return rotation and origin of a station in the link."""
+    slope = station.slope @ eta
+    R = np.eye(3)
+    for k in (2, 1, 0):
+        R = R @ turn(k, Dual(slope.value[k], slope.rate[k]))
+    short = 0.5 * (eta @ station.shortening @ eta).value, 0.5 * (eta @ station.shortening @ eta).rate
+    e = np.eye(3)[0]
+    p = station.at + (station.shape @ eta) + Dual(-e * short[0], -e * short[1])
+    return link.axes @ R @ link.axes.T, link.axes @ p
+
+
+def factors(M, M_rate):
+    """Return m of M = m mᵀ, upper triangular, and its rate."""
+    m = np.linalg.cholesky(M[::-1, ::-1])[::-1, ::-1]
+    S = np.linalg.solve(m, np.linalg.solve(m, M_rate).T)
+    return m, m @ (np.triu(S) - 0.5 * np.diag(np.diag(S)))
+
+
+class Points:
+    """ν, C and ε_g of points (mass, position (3,) by positions of joints)."""
+
+    def __init__(self, points, q, qd):
+        n, M, M_rate, c, g = len(q), 0.0, 0.0, 0.0, 0.0
+        J, J_rate = [], []
+        for k in range(n):
+            steps = np.array(q, complex)
+            steps[k] += 1j * STEP
+            found = points(Dual(steps, np.array(qd, complex)))
+            J.append([p.value.imag / STEP for _, p in found])
+            J_rate.append([p.rate.imag / STEP for _, p in found])
+        J, J_rate = np.moveaxis(J, 0, 2), np.moveaxis(J_rate, 0, 2)
+        for (mass, _), A, B in zip(found, J, J_rate, strict=True):
+            M, M_rate = M + mass * A.T @ A, M_rate + mass * (A.T @ B + B.T @ A)
+            c, g = c + mass * A.T @ (B @ qd), g - mass * A.T @ G
+        self.kinetic = 0.5 * qd @ M @ qd
+        self.M = M
+        self.set(M, M_rate, c, g, qd)
+
+    def set(self, M, M_rate, c, g, qd):
+        m, m_rate = factors(M, M_rate)
+        self.nu = m.T @ qd
+        self.C, self.gravity = np.linalg.solve(m, c) - m_rate.T @ qd, np.linalg.solve(m, g)
+        return self
+
+
+def compare(evaluation, oracle, nu=1e-13, C=1e-12):
+    size = np.linalg.norm
+    assert size(evaluation.nu - oracle.nu) < nu * size(oracle.nu)
+    assert size(evaluation.coriolis - oracle.C) < C * size(oracle.C)
+    assert size(evaluation.gravity - oracle.gravity) < C * size(oracle.gravity)
+    assert abs(evaluation.nu @ evaluation.coriolis) < 1e-13 * size(oracle.nu) * size(oracle.C)
+
+
+# --- A robot of two flexible links, the second with a motor, and bodies at its tip and beside ---------------------
+
+TIP = np.array([[0.2, 0.01, 0.0, 0.05], [0.1, -0.03, 0.02, 0.0], [0.15, 0.02, 0.05, 0.1], [0.05, 0.0, -0.04, 0.06]])
+SIDE = np.array([[0.3, 0.1, 0.0, 0.0], [0.2, 0.0, 0.1, 0.05], [0.1, 0.05, 0.0, 0.1]])
+MOTOR = np.array([[0.4, 0.03, 0.0, 0.05], [0.3, 0.0, -0.04, 0.02], [0.2, -0.02, 0.01, 0.08], [0.1, 0.0, 0.05, 0.0]])
+
+
+def inertial(points, rod=0.0, vector=(0.0, 0.0, 0.0), polar=0.0):
+    """Return <inertial> of points (mass, x, y, z), and a rod from the origin along a vector."""
+    vector = np.asarray(vector)
+    mass = points[:, 0].sum() + rod
+    centre = (points[:, 0] @ points[:, 1:] + 0.5 * rod * vector) / mass
+    moment = np.zeros((3, 3))
+    for m, *p in points:
+        moment += m * (np.dot(p, p) * np.eye(3) - np.outer(p, p))
+    if rod:
+        axis = np.outer(vector, vector) / (vector @ vector)
+        moment += rod * (vector @ vector * np.eye(3) - np.outer(vector, vector)) / 3.0 + 0.5 * polar * (
+            np.eye(3) + axis
+        )
+    moment -= mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    entries = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{float(moment[i, j])!r}"' for i in range(3) for j in range(i, 3))
+    xyz = " ".join(map(repr, centre.tolist()))
+    return f'<inertial><origin xyz="{xyz}"/><mass value="{float(mass)!r}"/><inertia {entries}/></inertial>'
+
+
+def joint(name, parent, child, xyz="0 0 0", axis="0 0 1", kind="continuous"):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/></joint>'
+    )
+
+
+SLANT, UP = np.array([0.7, 0.0, 0.2]), np.array([0.0, 0.0, 0.6])
+POLAR = (MOTOR[:, 0] @ (MOTOR[:, 1] ** 2 + MOTOR[:, 2] ** 2)) * 0.6 / MOTOR[:, 0].sum()
+ARM = (
+    '<robot name="arm"><link name="base"/>'
+    f'<link name="a">{inertial(np.zeros((0, 4)), 1.2, SLANT, 8e-4)}</link>'
+    f'<link name="b">{inertial(MOTOR, 0.6, UP, POLAR)}</link>'
+    f'<link name="tip">{inertial(TIP)}</link><link name="side">{inertial(SIDE)}</link>'
+    + joint("j1", "base", "a")
+    + joint("j2", "a", "b", "0.7 0 0.2", "0 1 0")
+    + joint("j3", "b", "tip", "0 0 0.6", "1 0 0")
+    + joint("k", "a", "side", axis="1 0 0")
+    + "</robot>"
+)
+LINKS = {
+    "a": {"tip": "j2", "EI": [60.0, 80.0], "GJ": 50.0, "modes": [2, 2, 1]},
+    "b": {
+        "tip": "j3",
+        "EI": {"E": 7e10, "section": {"tube": [0.012, 0.008]}},
+        "modes": [2, 1, 1],
+        "GJ": 30.0,
+        "mass": 0.6,
+    },
+}
+
+
+def points_of_arm(model):
+    """Return a function of positions that gives all points of the arm."""
+    at = {name: k for k, name in enumerate(model.dof_names)}
+
+    def pick(q, *names):
+        k = [at[name] for name in names]
+        return Dual(q.value[k], q.rate[k])
+
+    def angle(q, name):
+        return Dual(q.value[at[name]], q.rate[at[name]])
+
+    def points(q):
+        found = []
+
+        def add(R, p, own):
+            found.extend((m, R @ np.asarray(x) + p) for m, *x in own)
+
+        def sections(R, p, link):
+            eta = pick(q, *link.modes)
+            for one in link.sections:
+                turned, origin = moved(link, one, eta)
+                r = np.sqrt(one.inertia[0] / one.mass)
+                disc = r * np.array([[0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]) @ link.axes.T
+                add(R @ turned, R @ origin + p, [(0.25 * one.mass, *x) for x in disc])
+            [tip] = link.tips.values()
+            turned, origin = moved(link, tip, eta)
+            return R @ turned, R @ origin + p
+
+        R, p = turn(2, angle(q, "j1")), Dual(np.zeros(3))
+        add(R @ turn(0, angle(q, "k")), p, SIDE)
+        R, p = sections(R, p, model.flexible_links["a"])
+        R = R @ turn(1, angle(q, "j2"))
+        add(R, p, MOTOR)
+        R, p = sections(R, p, model.flexible_links["b"])
+        add(R @ turn(0, angle(q, "j3")), p, TIP)
+        return found
+
+    return points
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return dd.load_urdf(ARM, loops={"flexible_links": LINKS}, gravity=G)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_points(arm, seed):
+    """Energy, ν, C and ε_g are those of points that move by the displacement field."""
+    rng = np.random.default_rng(seed)
+    q, qd = arm.random(rng), rng.normal(size=arm.nv) * np.where(np.isfinite(arm.upper), arm.upper, 1.0)
+    evaluation, oracle = dd.DiagonalDynamics(arm).evaluate(q, qd, np.zeros(arm.nv)), Points(points_of_arm(arm), q, qd)
+    assert abs(evaluation.kinetic_energy - oracle.kinetic) < 1e-14 * oracle.kinetic
+    compare(evaluation, oracle)
+
+
+def test_batch_and_motion(arm):
+    """Rows have the results of single states, and forward dynamics is the inverse of inverse dynamics."""
+    rng, d = np.random.default_rng(2), dd.DiagonalDynamics(arm)
+    q, qd, tau = (np.array([arm.random(rng) for _ in range(3)]) for _ in range(3))
+    rows = d.evaluate_batch(q, qd, tau)
+    for k in range(3):
+        one = d.evaluate(q[k], qd[k], tau[k])
+        assert np.abs(rows.nu[k] - one.nu).max() < 1e-13 * np.abs(one.nu).max()
+        assert np.abs(rows.coriolis[k] - one.coriolis).max() < 1e-12 * np.abs(one.coriolis).max()
+        qdd = d.forward_dynamics(q[k], qd[k], tau[k])
+        assert np.abs(d.inverse_dynamics(q[k], qd[k], qdd) - tau[k]).max() < 1e-9
+
+
+def test_modes_held(arm):
+    """With all modes at zero the arm is the rigid one of the same URDF."""
+    held = dict.fromkeys((mode for link in arm.flexible_links.values() for mode in link.modes), 0.0)
+    stiff, rigid = arm.with_locked_joints(held), dd.load_urdf(ARM, gravity=G)
+    rng = np.random.default_rng(3)
+    q, qd = stiff.random(rng), rng.normal(size=stiff.nv)
+    assert stiff.dof_names == rigid.dof_names
+    one, other = (dd.DiagonalDynamics(model).evaluate(q, qd) for model in (stiff, rigid))
+    assert np.abs(one.nu - other.nu).max() < 1e-13 * np.abs(other.nu).max()
+    assert np.abs(one.coriolis - other.coriolis).max() < 1e-12 * np.abs(other.coriolis).max()
+
+
+def test_one_mode_held(arm):
+    """A mode that is held away from zero leaves the others where they would be."""
+    q = arm.random(4)
+    k = arm.dof_names.index("a/y1")
+    part = arm.with_locked_joints({"a/y1": q[k]})
+    one, other = (dd.DiagonalDynamics(model) for model in (part, arm))
+    M = np.delete(np.delete(other.mass_matrix(q), k, 0), k, 1)
+    assert np.abs(one.mass_matrix(np.delete(q, k)) - M).max() < 1e-13 * np.abs(M).max()
+
+
+# --- Pinocchio, with virtual joints of constant ratios ------------------------------------------------------------
+
+
+def test_pinocchio():
+    """Nodes of finite elements without foreshortening are virtual joints that follow the modes by constant ratios."""
+    pin = pytest.importorskip("pinocchio")
+    rng = np.random.default_rng(5)
+    nodes = [{"mass": 0.3, "xyz": [0.2 + 0.2 * k, 0.0, 0.05], "shape": rng.normal(size=(3, 3)) * 0.3} for k in range(3)]
+    tip = {"shape": rng.normal(size=(3, 3)) * 0.5, "slope": rng.normal(size=(3, 3))}
+    text = (
+        f'<robot name="arm"><link name="base"/><link name="a">{inertial(np.array([[0.9, 0.4, 0, 0.05]]))}</link>'
+        f'<link name="tip">{inertial(TIP)}</link>'
+        + joint("j1", "base", "a", axis="0 1 0")
+        + joint("j2", "a", "tip", "0.8 0 0", "0 1 0")
+        + "</robot>"
+    )
+    entry = {"nodes": nodes, "tips": {"j2": tip}, "frequencies": [20.0, 40.0, 70.0]}
+    model = dd.load_urdf(text, loops={"flexible_links": {"a": entry}}, gravity=G)
+    assert model.dof_names == ("j1", "a/m1", "a/m2", "a/m3", "j2")
+    cut = pin.Model()
+    cut.gravity.linear = G
+    first = cut.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "j1")
+    rows = [np.eye(5)[0]]
+
+    def chain(name, xyz, shape, slope=None):
+        parent, placement = first, pin.SE3(np.eye(3), np.array(xyz, float))
+        kinds = [
+            (pin.JointModelPX(), shape[:, 0]),
+            (pin.JointModelPY(), shape[:, 1]),
+            (pin.JointModelPZ(), shape[:, 2]),
+        ]
+        if slope is not None:
+            kinds += [
+                (pin.JointModelRZ(), slope[:, 2]),
+                (pin.JointModelRY(), slope[:, 1]),
+                (pin.JointModelRX(), slope[:, 0]),
+            ]
+        for k, (kind, ratios) in enumerate(kinds):
+            parent, placement = cut.addJoint(parent, kind, placement, f"{name}{k}"), pin.SE3.Identity()
+            rows.append(np.array([0.0, *ratios, 0.0]))
+        return parent
+
+    for k, node in enumerate(nodes):
+        end = chain(f"n{k}_", node["xyz"], node["shape"])
+        cut.appendBodyToJoint(end, pin.Inertia(node["mass"], np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
+    end = cut.addJoint(chain("t", [0.8, 0, 0], **tip), pin.JointModelRY(), pin.SE3.Identity(), "j2")
+    rows.append(np.eye(5)[4])
+    for m, *p in TIP:
+        cut.appendBodyToJoint(end, pin.Inertia(m, np.zeros(3), np.zeros((3, 3))), pin.SE3(np.eye(3), np.array(p)))
+    ratios, data = np.array(rows), cut.createData()
+    q, qd = rng.normal(size=5) * [1, 0.1, 0.1, 0.1, 1], rng.normal(size=5)
+    M = pin.crba(cut, data, ratios @ q)
+    M = np.triu(M) + np.triu(M, 1).T
+    C = pin.computeCoriolisMatrix(cut, data, ratios @ q, ratios @ qd)
+    gravity = ratios.T @ pin.computeGeneralizedGravity(cut, data, ratios @ q)
+    oracle = Points.__new__(Points).set(
+        ratios.T @ M @ ratios, ratios.T @ (C + C.T) @ ratios, ratios.T @ (C @ (ratios @ qd)), gravity, qd
+    )
+    compare(dd.DiagonalDynamics(model).evaluate(q, qd, np.zeros(5)), oracle, 1e-12, 1e-11)
+
+
+# --- Beams in closed form -----------------------------------------------------------------------------------------
+
+LENGTH, MASS, EI = 0.9, 1.3, 25.0
+UNIT = np.sqrt(EI / MASS / LENGTH**3)
+
+
+def beam(modes, payload=0.0, hub=None, polar=1e-3, **entry):
+    """Return a beam along x; clamped in the world, or on a hub that turns about an axis."""
+    payload_link = f"<link name='end'>{inertial(np.array([[payload, 0, 0, 0]])) if payload else ''}</link>"
+    beam_link = f'<link name="beam">{inertial(np.zeros((0, 4)), MASS, [LENGTH, 0, 0], polar)}</link>'
+    text = '<robot name="beam">' + beam_link + payload_link + joint("end", "beam", "end", f"{LENGTH} 0 0", kind="fixed")
+    if hub:
+        text += '<link name="base"/>' + joint("hub", "base", "beam", axis=hub)
+    entry = {"tip": "end", "EI": [EI, 2.0 * EI], "modes": modes, "GJ": 7.0} | entry
+    return dd.load_urdf(text + "</robot>", loops={"flexible_links": {"beam": entry}}, gravity=(0, 0, 0))
+
+
+def roots(characteristic, count):
+    x = np.arange(0.2, 20.0, 0.01)
+    y = characteristic(x)
+    return np.array([brentq(characteristic, x[k], x[k + 1]) for k in np.flatnonzero(y[1:] * y[:-1] < 0)][:count])
+
+
+@pytest.mark.parametrize("payload", [0.0, 0.5, 1.0])
+def test_frequencies(payload):
+    """Frequencies of the clamped beam, bare and with a payload, at four modes of a plane."""
+    model = beam([4, 4, 0], payload * MASS)
+    [link] = model.flexible_links.values()
+    M = dd.DiagonalDynamics(model).mass_matrix(np.zeros(8))
+    if not payload:
+        assert np.abs(M - np.eye(8)).max() < 1e-10
+
+    def characteristic(x):
+        c, s, ch, sh = np.cos(x), np.sin(x), np.cosh(x), np.sinh(x)
+        return 1.0 + c * ch + payload * x * (c * sh - s * ch)
+
+    exact = roots(characteristic, 2) ** 2 * UNIT
+    for k, factor in ((0, 1.0), (4, np.sqrt(2.0))):
+        own = slice(k, k + 4)
+        found = np.sqrt(eigh(np.diag(link.frequencies[own] ** 2), M[own, own], eigvals_only=True))
+        assert abs(found[0] / (factor * exact[0]) - 1.0) < 1e-5
+        assert abs(found[1] / (factor * exact[1]) - 1.0) < 1e-2
+    assert link.frequencies[0] != pytest.approx(link.frequencies[4], rel=0.1)
+
+
+def test_torsion():
+    """Frequencies of torsion of a clamped beam, (k − ½)π √(GJ/I_p L)."""
+    model = beam([0, 0, 4])
+    found = model.flexible_links["beam"].frequencies
+    exact = (np.arange(2) + 0.5) * np.pi * np.sqrt(7.0 / 1e-3 / LENGTH)
+    assert abs(found[0] / exact[0] - 1.0) < 1e-6
+    assert abs(found[1] / exact[1] - 1.0) < 1e-2
+
+
+@pytest.mark.parametrize("payload", [0.0, 0.4])
+def test_static_deflection(payload):
+    """A force at the tip bends the beam by F L³/3EI and F L²/2EI, and its slope turns the tip."""
+    model = beam([3, 3, 0], payload)
+    [link] = model.flexible_links.values()
+    force = np.array([0.0, 0.02, -0.03])
+    J = link.tips["end"].shape
+    moved = link.displacement(J.T @ force / link.frequencies**2)
+    flexibility = LENGTH**3 / 3.0 / EI * np.array([0.0, 1.0, 0.5])
+    assert np.abs(moved[1:3, 3] - (flexibility * force)[1:]).max() < 1e-9 * LENGTH
+    slope = np.array([0.0, -0.5 * force[2], force[1]]) * LENGTH**2 / 2.0 / EI
+    rotation = 0.5 * np.array([moved[2, 1] - moved[1, 2], moved[0, 2] - moved[2, 0], moved[1, 0] - moved[0, 1]])
+    assert np.abs(rotation - slope).max() < 1e-6
+    assert moved[0, 3] == pytest.approx(-0.6 * ((flexibility * force) ** 2).sum() / LENGTH, rel=1e-6)
+
+
+@pytest.mark.parametrize(("spin", "exact"), [(6.0, 7.3604), (12.0, 13.1702)])
+@pytest.mark.parametrize("count", [4, 6])
+def test_spinning_beam(spin, exact, count):
+    """The first frequencies of a beam that spins: of flap those of the rotating beam, in the plane less Ω²."""
+    for plane in (0, 1):
+        modes = [0, 0, 0]
+        modes[plane] = count
+        model = beam(modes, hub="0 0 1")
+        d, [link] = dd.DiagonalDynamics(model), model.flexible_links.values()
+        rate = spin * UNIT * (1.0 if plane == 0 else np.sqrt(2.0))
+        still, step = np.zeros(count + 1), 1e-5
+
+        def effort(eta, d=d, still=still, rate=rate):
+            qd = still.copy()
+            qd[0] = rate
+            return d.inverse_dynamics(np.concatenate([[0.0], eta]), qd, still)[1:]
+
+        K = np.diag(link.frequencies**2)
+        for k in range(count):
+            K[:, k] += (effort(step * np.eye(count)[k]) - effort(-step * np.eye(count)[k])) / (2.0 * step)
+        M = d.mass_matrix(still)[1:, 1:]
+        found = np.sqrt(eigh(0.5 * (K + K.T), M, eigvals_only=True))[0] / rate * spin
+        expected = exact if plane == 1 else np.sqrt(exact**2 - spin**2)
+        assert abs(found / expected - 1.0) < (2e-3 if count == 4 and plane else 8e-3 if count == 4 else 2e-4)
+
+
+def test_large_bending():
+    """The strain energy is that of an inextensible curve to sixth order, and efforts are its gradient."""
+    [link] = beam([3, 2, 1]).flexible_links.values()
+    [tip] = link.tips.values()
+    eta = np.zeros(6)
+    eta[0] = 0.1 / tip.slope[2, 0]
+
+    def shape(x, k):  # the first mode from a beam's powers, by its values at the sections
+        return np.polyval(np.polyder(curve, k), x)
+
+    at = [one.at[0] for one in (*link.sections, tip)]
+    values = [one.shape[1, 0] for one in (*link.sections, tip)]
+    powers = np.linalg.lstsq(np.power.outer(at, np.arange(2, 5)), values, rcond=None)[0]
+    curve = np.array([*powers[::-1], 0.0, 0.0]) * eta[0]
+    exact = quad(lambda x: 0.5 * EI * shape(x, 2) ** 2 / (1.0 - shape(x, 1) ** 2), 0.0, LENGTH)[0]
+    linear = 0.5 * (link.frequencies[0] * eta[0]) ** 2
+    assert abs(link.energy(eta) - exact) < 1e-2 * (exact - linear)
+    eta, step = np.array([0.02, 0.01, 0.003, -0.02, 0.01, 0.001]), 1e-3
+    for k, one in enumerate(np.eye(6)):
+        values = [link.energy(eta + x * step * one) for x in (-2, -1, 1, 2)]
+        slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
+        assert abs(link.effort(eta, np.zeros(6))[k] + slope) < 1e-9 * np.abs(link.effort(eta, np.zeros(6))).max()
+
+
+# --- Motion ---------------------------------------------------------------------------------------------------------
+
+
+def test_energy_in_motion(arm):
+    """Energy is kept to the fourth power of the step; damping takes what the audit says."""
+    q = 0.4 * arm.random(6)
+    residuals = []
+    for step in (1e-3, 5e-4):
+        sim = dd.Simulation(arm, q, step=step)
+        sim.advance(steps=round(0.2 / step))
+        residuals.append(abs(sim.audit.residual) / abs(sim.audit.elastic))
+    assert residuals[1] < 1e-4
+    assert residuals[0] / residuals[1] > 8.0
+    assert sim.audit.limits == pytest.approx(0.0, abs=1e-15)
+    assert sim.elastic_energy == pytest.approx(
+        sum(link.energy(sim.q[[arm.dof_names.index(m) for m in link.modes]]) for link in arm.flexible_links.values())
+    )
+    for order, most in ((4, 1e-5), (1, 0.2)):
+        model = dd.load_urdf(ARM, loops={"flexible_links": {"a": LINKS["a"] | {"damping_ratio": 0.05}}}, gravity=G)
+        sim = dd.Simulation(model, step=1e-4, order=order)
+        sim.advance(steps=1000)
+        assert sim.audit.limits < -1e-4
+        assert abs(sim.audit.residual) < most * -sim.audit.limits
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_rest(arm, order):
+    """A damped arm comes to rest where stiffness carries gravity; modes pull from either side."""
+    entry = {name: one | {"damping_ratio": [0.7] * len(arm.flexible_links[name].modes)} for name, one in LINKS.items()}
+    model = dd.load_urdf(ARM, loops={"flexible_links": entry}, gravity=G)
+    model = model.with_locked_joints({"j1": 0.3, "j2": -0.4, "j3": 0.5, "k": 0.0})
+    sim = dd.Simulation(model, step=1e-2, order=order)
+    sim.advance(steps=2000)
+    still = np.zeros(model.nv)
+    missing = dd.DiagonalDynamics(model).gravity_torque(sim.q) - model.modal_effort(sim.q, still)
+    assert np.abs(sim.qd).max() < 1e-9
+    assert np.abs(missing).max() < 1e-8
+    assert sim.q.min() < 0.0 < sim.q.max()
+
+
+def test_motion_is_that_of_modal_efforts(arm):
+    """A simulation accelerates as forward dynamics with the modes' efforts."""
+    q, qd = 0.3 * arm.random(7), 0.3 * arm.random(8)
+    sim, tau = dd.Simulation(arm, q, qd, step=1e-6), np.zeros(arm.nv)
+    sim.advance(tau, steps=1)
+    qdd = dd.DiagonalDynamics(arm).forward_dynamics(q, qd, tau + arm.modal_effort(q, qd))
+    assert np.abs((sim.qd - qd) / 1e-6 - qdd).max() < 1e-2 * np.abs(qdd).max()
+
+
+def test_steep_tip(arm):
+    """A slope above 0.3 rad is a warning that names the link."""
+    q = np.zeros(arm.nv)
+    q[arm.dof_names.index("b/y1")] = 1.2 * arm.upper[arm.dof_names.index("b/y1")]
+    sim = dd.Simulation(arm, q)
+    with pytest.warns(dd.ModelWarning, match="flexible link 'b' has a slope of 0.3"):
+        sim.advance(steps=1)
+
+
+def mujoco_chain(segments, time, torque, step=2.5e-5):
+    """Return the angle of a hub and the sine of the slope at the payload, of a chain that springs hold together."""
+    mujoco = pytest.importorskip("mujoco")
+    h, density = LENGTH / segments, MASS / LENGTH
+    lengths = [0.5 * h, *[h] * (segments - 1), 0.5 * h]
+
+    def rod(length):
+        m = density * length
+        return f'<inertial pos="{length / 2} 0 0" mass="{m}" diaginertia="1e-9 {m * length**2 / 12} {m * length**2 / 12}"/>'
+
+    inner = f'<body pos="{lengths[-1]} 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="1e-9 1e-9 1e-9"/></body>'
+    for k in range(segments - 1, -1, -1):
+        spring = f'<joint type="hinge" axis="0 0 1" stiffness="{EI / h}"/>'
+        inner = f'<body pos="{lengths[k]} 0 0">{spring}{rod(lengths[k + 1])}{inner}</body>'
+    hub = f'<body><joint type="hinge" axis="0 0 1" armature="0.3"/>{rod(lengths[0])}{inner}</body>'
+    option = f'<option timestep="{step}" integrator="RK4" gravity="0 0 0"/>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco>{option}<worldbody>{hub}</worldbody></mujoco>")
+    data, rows = mujoco.MjData(model), []
+    for k in range(round(time / step)):
+        data.qfrc_applied[0] = torque(k * step)
+        mujoco.mj_step(model, data)
+        if (k + 1) % round(0.02 / step) == 0:
+            rows.append((data.qpos[0], np.sin(data.qpos[1:].sum())))
+    return np.array(rows)
+
+
+@pytest.mark.full
+def test_chain_of_segments():
+    """A hub, a link and a payload move as chains of 20 and 40 segments extrapolate to, at slopes of 0.13 rad."""
+
+    def torque(t):
+        return 8.0 * np.sin(2.0 * np.pi * t)
+
+    model = beam([5, 0, 0], 0.5, "0 0 1", polar=0.0).with_parameters({"joints": {"hub": {"armature": 0.3}}})
+    slope = model.flexible_links["beam"].tips["end"].slope[2]
+    sim, rows, tau = dd.Simulation(model, step=5e-4), [], np.zeros(6)
+    for k in range(2000):
+        tau[0] = torque(sim.time + 2.5e-4)
+        sim.advance(tau)
+        if (k + 1) % 40 == 0:
+            rows.append((sim.q[0], slope @ sim.q[1:]))
+    coarse, fine = mujoco_chain(20, 1.0, torque), mujoco_chain(40, 1.0, torque)
+    assert np.abs(fine[:, 1]).max() > 0.12
+    assert np.abs(np.array(rows) - fine - (fine - coarse) / 3.0).max() < 1e-4
+
+
+# --- Input ----------------------------------------------------------------------------------------------------------
+
+NODE = {"mass": 0.1, "xyz": [0.5, 0, 0], "shape": [[0, 1, 0]]}
+WRONG = [
+    ({"ghost": {}}, "'ghost' is not a link"),
+    ({"a": {"tip": "j2"}}, "'EI' is unknown or missing"),
+    ({"a": LINKS["a"] | {"stiff": 1}}, "'stiff' is unknown or missing"),
+    ({"a": LINKS["a"] | {"tip": "j3"}}, "tip 'j3' is not a joint of this link; its joints are j2, k"),
+    ({"a": LINKS["a"] | {"tip": "k"}}, "joint 'k' is at its origin"),
+    ({"a": LINKS["a"] | {"modes": [7, 0, 0]}}, "modes are"),
+    ({"a": LINKS["a"] | {"modes": [0, 0, 0]}}, "modes are"),
+    ({"a": LINKS["a"] | {"modes": [1.5, 0, 0]}}, "modes are"),
+    ({"a": LINKS["a"] | {"EI": [1.0, -1.0]}}, "two numbers > 0"),
+    ({"a": LINKS["a"] | {"EI": {"E": 7e10, "section": {"bar": [1, 1]}}}}, "section is 'bar', expected tube or box"),
+    ({"a": LINKS["a"] | {"GJ": 0.0}}, "GJ"),
+    ({"a": LINKS["a"] | {"damping_ratio": -0.1}}, "damping_ratio"),
+    ({"a": LINKS["a"] | {"mass": 2.0}}, "the mass of its modes is 2 kg, expected no more than its 1.2 kg"),
+    ({"b": LINKS["b"] | {"mass": "inertial"}}, "Give the mass of the beam"),
+    ({"base": LINKS["a"] | {"tip": "j1"}}, "'base' has no mass"),
+    ({"a": {"nodes": [NODE], "frequencies": [-1.0], "tips": {"j2": {}}}}, "frequencies are"),
+    ({"a": {"nodes": [NODE], "frequencies": [1.0, 2.0], "tips": {"j2": {}}}}, "shape of node 0"),
+    ({"a": {"nodes": [NODE | {"m": 1}], "frequencies": [1.0], "tips": {"j2": {}}}}, "'m', which is unknown"),
+]
+
+
+@pytest.mark.parametrize(("entry", "text"), WRONG)
+def test_wrong_input(entry, text):
+    with pytest.raises(dd.InputError) as error:
+        dd.load_urdf(ARM, loops={"flexible_links": entry})
+    assert text in str(error.value)
+
+
+def test_sections():
+    """EI of a tube and of a box along y and z."""
+    for section, expected in (
+        ({"tube": [0.03, 0.02]}, np.pi / 64 * (0.03**4 - 0.02**4) * np.ones(2)),
+        (
+            {"box": [0.02, 0.04, 0.001]},
+            [(0.04 * 0.02**3 - 0.038 * 0.018**3) / 12, (0.02 * 0.04**3 - 0.018 * 0.038**3) / 12],
+        ),
+    ):
+        models = [beam([1, 1, 0], EI=EI_) for EI_ in ({"E": 7e10, "section": section}, list(7e10 * np.array(expected)))]
+        one, other = (model.flexible_links["beam"].frequencies for model in models)
+        assert np.abs(one / other - 1.0).max() < 1e-14
+
+
+def test_file(tmp_path, arm):
+    """A YAML file has the same model, and a pickled one too."""
+    path = tmp_path / "links.yaml"
+    path.write_text(yaml.safe_dump({"flexible_links": LINKS}))
+    q = arm.random(9)
+    expected = dd.DiagonalDynamics(arm).mass_matrix(q)
+    for model in (dd.load_urdf(ARM, loops=path, gravity=G), pickle.loads(pickle.dumps(arm))):
+        assert (dd.DiagonalDynamics(model).mass_matrix(q) == expected).all()
+
+
+def test_what_is_rejected(arm):
+    """Joint states have no modes; a follower cannot be locked, and no loop passes through a flexible link."""
+    with pytest.raises(dd.UnsupportedError, match="flexible link 'a'"):
+        joints_of(arm)
+    with pytest.raises(dd.InputError, match="'a/tip/y' follows modes"):
+        arm.with_locked_joints({"a/tip/y": 0.0})
+    loop = {"name": "rope", "a": {"link": "side"}, "b": {"link": "tip"}}
+    with pytest.raises(LoopError, match="loop 'rope': joint 'a/tip/rx' in it is of a flexible link"):
+        dd.load_urdf(ARM, loops={"flexible_links": LINKS, "loops": [loop]})
