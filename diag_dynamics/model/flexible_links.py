@@ -316,12 +316,8 @@ def _values(link: FlexibleLink, names: tuple[str, ...], values: Array, held: Map
 def warn_of_slopes(model: Any, q: Array) -> None:
     """Warn of links that bend beyond what assumed modes can describe."""
     for name, link in model.flexible_links.items():
-        slope = link.slope(_values(link, model.coordinate_names, q, model.locked_joints))
-        if slope > LARGE_SLOPE:
-            text = (
-                f"flexible link '{name}' has a slope of {slope:.2g} rad at its tip, expected {LARGE_SLOPE:g} or less."
-            )
-            warn(f"{text} Divide it into two links.")
+        if link.slope(_values(link, model.coordinate_names, q, model.locked_joints)) > LARGE_SLOPE:
+            warn(f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad at its tip. Divide it into two links.")
 
 
 # --- The robot --------------------------------------------------------------------------------------------------
