@@ -12,7 +12,15 @@ import matplotlib
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 
-FIGURES = ("own_and_induced", "sweeps", "articulated_inertia", "factors", "energy_exchange", "flexible_arm")
+FIGURES = (
+    "own_and_induced",
+    "sweeps",
+    "articulated_inertia",
+    "factors",
+    "energy_exchange",
+    "flexible_arm",
+    "flexible_links",
+)
 
 
 def draw(folder=HERE):
