@@ -481,19 +481,18 @@ def rounded(value):
 def main():
     """Run the study, and write data, tables, plots and the page."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--short", action="store_true", help="a minute: two laws of a UR5; requires --output")
+    options.add_argument("--short", action="store_true", help="a minute: two laws of a UR5, into build/study")
     options.add_argument("--output", type=Path, metavar="FOLDER", help="default: benchmarks/results and the page")
     chosen = options.parse_args()
-    if chosen.short and chosen.output is None:
-        options.error("--short requires --output")
     few, full = (["UR5"], ["ν joints", "joint PD"], 1, 20), (list(ROBOTS), list(LAWS), 10, 300)
     found = study(*(few if chosen.short else full))
-    folder = chosen.output or study_page.RESULTS
+    folder = chosen.output or (study_page.RESULTS.parents[1] / "build/study" if chosen.short else study_page.RESULTS)
     folder.mkdir(parents=True, exist_ok=True)
     parts = {key: ",\n".join(json.dumps(one, ensure_ascii=False) for one in some) for key, some in found.items()}
     text = ",\n".join(f'"{key}": [\n{lines}]' for key, lines in parts.items())
     (folder / "study.json").write_text(f"{{\n{text}\n}}\n", encoding="utf-8")
-    study_page.write(folder, official=chosen.output is None)
+    study_page.write(folder, official=folder == study_page.RESULTS)
+    print(f"Written: {folder}")
 
 
 if __name__ == "__main__":

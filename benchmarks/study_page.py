@@ -54,7 +54,7 @@ def write(folder, official):
 def filled(text, data):
     """Return a page with its generated tables, which stand between comments `study: name` and `end`."""
     parts = {
-        "ratios": laws_table(data["ratios"], lambda row: f"{row[0]:.2f}–{row[-1]:.2f}"),
+        "ratios": laws_table(data["ratios"], spread),
         "wins": wins_table(data["contests"]),
         "summary": summary(data),
     }
@@ -63,8 +63,8 @@ def filled(text, data):
 
 
 def spread(values):
-    """Return the range of values as text."""
-    return f"{min(values):.2f}–{max(values):.2f}"
+    """Return the range of values as text; one number if both ends are equal."""
+    return "–".join(dict.fromkeys(f"{end:.2f}" for end in (min(values), max(values))))
 
 
 def laws_table(section, cell):
@@ -80,15 +80,9 @@ def table(head, rows):
 
 def text_of(value):
     """Return a figure with two or three digits; of a run that diverged a dash."""
-    return (
-        "–"
-        if not np.isfinite(value)
-        else f"{value:.0f}"
-        if value >= 100
-        else f"{value:.3g}"
-        if value >= 1
-        else f"{value:.2f}"
-    )
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}" if value >= 1 else f"{value:.2f}"
 
 
 def figures(contests, task, metric):
@@ -161,7 +155,8 @@ def summary(data):
 * **Loss**: ν pose lacks the target velocity. Its tracking error is {spread(lag)} times that of impedance.
 * **Loss**: the bound of ν robust takes torque from its gains: {heavy:.1f} mm on Talos without a disturbance.
 * **Loss**: pushes of 40 N raise K to {peaks["sum"]:.2f} K_max, with the observer to {peaks["sum, observer"]:.2f} K_max.
-* **Win**: with an unknown payload ν robust has {spread(loaded)} times the error of the better of PD and computed torque.
+* **Win** on {sum(x < 1 for x in loaded)} of {len(loaded)} robots: with an unknown payload ν robust has
+  {spread(loaded)} times the error of the better of PD and computed torque.
 * **Win**: {lost.count("joint PD")} runs of joint PD and {lost.count("impedance")} of impedance diverged,
   {sum(name.startswith("ν") for name in lost)} in (ν, ε).
 * **Win**: under rate damping K decays at {spread(rates[0])} times 2c and costs {spread(costs[0])} times √(qr) K(0).
@@ -244,7 +239,9 @@ def draw_contests(contests):
         for k, name in enumerate(dict.fromkeys(one["law"] for one in contests)):
             place, values = np.arange(len(rows)) + 0.1 * (k - 3), [row.get(name, np.nan) for row in rows.values()]
             axes.plot(place, values, MARKERS[k], color=COLORS[k], ms=5, label=name)
-        axes.set(title=f"{task.capitalize()}: {title}, median of robots")
+        finite = np.isfinite([value for row in rows.values() for value in row.values()]).all()
+        absent = "" if finite else "; absent: diverged"
+        axes.set(title=f"{task.capitalize()}: median {title}{absent}")
         if task == "tracking":
             axes.set(yscale="log", yticks=[0.01, 0.1, 1, 10, 100], yticklabels=["0.01", "0.1", "1", "10", "100"])
         else:
