@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller's references and supervisor: trajectories, set-points, their messages; hold and ramp."""
+"""References of the controller: trajectories, set-points, poses and their messages."""
 
 from array import array
 from itertools import zip_longest
@@ -12,9 +12,7 @@ import pytest
 
 from arm import waypoints
 from described import MS, S
-from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.references import WITHIN, PoseTarget, SetPoint, Trajectory, at_rest
-from diag_dynamics.control.supervisor import Supervisor
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controller import received
 from examples import shortened
@@ -235,105 +233,3 @@ def test_joints_of_messages_come_in_any_order():
     assert read.velocities.tolist() == [[6, 5, 4], [0, 0, 0]] and read.with_velocity.tolist() == [True, False]
     assert not read.with_acceleration.any()
     assert received.set_point(joint_state(NAMES[::-1], [1, 2, 3]), NAMES).tolist() == [3, 2, 1]
-
-
-# --- The supervisor
-
-
-def test_phases():
-    """Nothing before the first state; then the law, the hold, the ramp; a valid state ends hold and ramp."""
-    supervisor = Supervisor(max_age=0.02, hold_time=0.5, resumes=True)
-    supervisor.invalid(S, "NaN")
-    assert supervisor.phase == phases.INACTIVE and supervisor.reason == "NaN"
-    assert supervisor.will_start
-    supervisor.valid(S)
-    assert supervisor.phase == phases.ACTIVE and not supervisor.reason and not supervisor.will_start
-    supervisor.invalid(2 * S, "late")
-    assert supervisor.phase == phases.HOLDING and supervisor.reason == "late"
-    supervisor.invalid(2 * S + 499 * MS, "late")
-    assert supervisor.phase == phases.HOLDING and not supervisor.will_start
-    supervisor.valid(3 * S)
-    supervisor.valid(3 * S + 500 * MS)
-    for time, phase in (  # a new hold; a clock that goes back does not end the ramp
-        (4 * S, phases.HOLDING),
-        (4 * S + 499 * MS, phases.HOLDING),
-        (4 * S + 500 * MS, phases.RAMPING_DOWN),
-        (2 * S, phases.RAMPING_DOWN),
-    ):
-        supervisor.invalid(time, "late")
-        assert supervisor.phase == phase
-    assert supervisor.will_start and not supervisor.latched
-    supervisor.valid(S)
-    assert supervisor.phase == phases.ACTIVE
-
-
-def test_release_after_the_ramp():
-    """The ramp lasts until a release while states are valid; a missing state after that revokes it."""
-    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
-    supervisor.valid(S)
-    supervisor.release()  # nothing to release
-    for time in (S, 2 * S):
-        supervisor.invalid(time, "late")
-    assert supervisor.latched
-    for _ in range(2):
-        with pytest.raises(InputError, match="no valid state yet"):
-            supervisor.release()
-        supervisor.wait()
-        assert supervisor.latched and "choose a mode" in supervisor.reason and "late" in supervisor.reason
-        supervisor.release()
-        assert not supervisor.latched and supervisor.will_start
-        supervisor.invalid(3 * S, "late")
-        assert supervisor.latched
-    supervisor.wait()
-    supervisor.release()
-    supervisor.valid(S)
-    assert supervisor.phase == phases.ACTIVE
-    for time in (4 * S, 4 * S + 499 * MS):  # a whole hold again
-        supervisor.invalid(time, "late")
-        assert supervisor.phase == phases.HOLDING
-
-
-@pytest.mark.parametrize(("period", "end"), [(6, phases.ACTIVE), (30, phases.ACTIVE), (100, phases.RAMPING_DOWN)])
-def test_states_that_fail_or_are_slow_between_good_ones(period, end):
-    """A valid state counts while it is fresh."""
-    supervisor, time = Supervisor(max_age=0.02, hold_time=0.5), 0
-    for _ in range(300):
-        if not supervisor.latched:
-            supervisor.valid(time)
-        for _ in range(period // 2 - 1):
-            time += 2 * MS
-            if period == 6 or time % (period * MS) > 20 * MS:
-                supervisor.invalid(time, "late")
-        time += 2 * MS
-    if not supervisor.latched:
-        supervisor.valid(time)
-    assert supervisor.phase == end
-
-
-def test_a_clock_that_stands_still_or_jumps_does_not_prolong_the_hold():
-    """The machine's time then counts; a clock that goes on slowly counts by itself; of two clocks, steps forward."""
-    machine = [0.0]
-    supervisor = Supervisor(max_age=0.02, hold_time=0.5, machine_time=lambda: machine[0])
-    supervisor.valid(S)
-    for k in range(100):
-        machine[0] += 0.9
-        supervisor.invalid(S + k, "late")
-    for elapsed, phase in ((0.9, phases.HOLDING), (0.2, phases.RAMPING_DOWN)):
-        machine[0] += elapsed
-        supervisor.invalid(S + 99, "late")
-        assert supervisor.phase == phase
-    supervisor.wait()
-    assert "late; the clock stands still" in supervisor.reason
-    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
-    supervisor.valid(S)
-    for k in range(100):
-        supervisor.invalid((k % 2) * 100 * S + k * MS, "late")
-    assert supervisor.phase == phases.RAMPING_DOWN
-
-
-def test_age_of_a_state():
-    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
-    assert supervisor.age_problem(S, S + 20 * MS) is supervisor.age_problem(S, S - 20 * MS) is None
-    assert "0.021 s old" in supervisor.age_problem(S, S + 21 * MS)
-    assert "0.021 s in the future" in supervisor.age_problem(S, S - 21 * MS)
-    assert "nothing on /clock" in supervisor.age_problem(S, 0)

@@ -129,7 +129,7 @@ def test_states_and_events(strong, name, event, after):
         one.go(event)
     assert one.state == after
     assert one.loop.supervisor.phase == PHASES.get(after, 3)
-    assert one.loop.taking_up == (after in ("STARTING", "HOLDING_START"))
+    assert one.loop.supervisor.starting == (after in ("STARTING", "HOLDING_START"))
     assert bool(one.loop.supervisor.reason) == (one.loop.supervisor.phase != 1)
 
 
@@ -442,6 +442,14 @@ def test_a_clock_that_goes_back(strong):
     np.testing.assert_allclose(one.sent.effort, before, atol=1e-12)
     one.step()
     assert 0.0 < np.abs(one.sent.effort - before).max() <= RATE * 1e-3 + 1e-9
+
+
+def test_texts_of_the_age():
+    supervisor = Supervisor(max_age=0.02, hold_time=0.5)
+    assert supervisor.age_problem(S, S + 20 * MS) is supervisor.age_problem(S, S - 20 * MS) is None
+    assert "0.021 s old" in supervisor.age_problem(S, S + 21 * MS)
+    assert "is 0.021 s in the future" in supervisor.age_problem(S, S - 21 * MS)
+    assert "nothing on /clock" in supervisor.age_problem(S, 0)
 
 
 @pytest.mark.parametrize(("late", "phase"), [(-21, 2), (-20, 1), (20, 1), (21, 2)])
