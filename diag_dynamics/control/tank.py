@@ -37,7 +37,7 @@ class EnergyTank:
     The reserve x_r is `RESERVE` of the capacity. Below it the robot brakes, at most as damped by α. The second step predicts
     the work of a held fτ', τ' = mε, by the motion Δq₀ without it, W(f) = f τ'ᵀΔq₀ + ½f²h²|ε|², and takes the largest f in
     [0, 1] with W(f) ≤ x. It acts near the end of the reserve; gravity compensation is never scaled. Errors of the prediction
-    (unknown pushes, later filters) can make x < 0, but cost nothing of the bound on K + x.
+    (unknown pushes, late states, later filters) can make x < 0, but cost nothing of the bound on K + x.
 
     The capacity is x_max > 0 [J], at first full, the rate α > 0 [1/s], at most 1/h in effect. `gravity` is whether efforts
     contain gravity compensation.

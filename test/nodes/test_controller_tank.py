@@ -6,7 +6,10 @@
 import numpy as np
 import pytest
 
+import diag_dynamics as dd
+from arm import loop_of
 from controllers import START_AT, begin_at_rest, lockstep_arm, record, trajectory
+from diag_dynamics.nodes.controller.record import problems_of_limits
 from nodes import UR5, nanoseconds, robot
 
 CAPACITY = 0.3
@@ -55,3 +58,11 @@ def test_the_motion_has_the_energy_of_the_tank(arm):
     arm.wait_for(lambda s: s.energy < 1e-6, "rest")
     arm.switch("damping")
     wait_for_tank(arm, lambda x, _: x == pytest.approx(CAPACITY, rel=1e-5), "a tank that a mode has filled")
+
+
+def test_an_overdrawn_tank_is_reported():
+    """A tenth of the capacity below zero is rounding of late efforts; more is a problem."""
+    efforts = loop_of(dd.load_urdf(robot(UR5).urdf), tank_energy=CAPACITY).efforts
+    for energy, reported in ((CAPACITY, False), (-0.09 * CAPACITY, False), (-0.11 * CAPACITY, True)):
+        efforts.tank.energy = energy
+        assert any("tank is overdrawn" in problem for problem in problems_of_limits(efforts)) == reported

@@ -9,6 +9,7 @@ from diag_dynamics.control.laws import PoseError
 from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
+from diag_dynamics.control.tank import RESERVE
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted, shortened, steady
 from diag_dynamics.nodes.support.messages import doubles, to_time
@@ -71,7 +72,7 @@ class Record:
             if recent["holds"]:
                 values["last hold"] = self._last_hold
                 return Status("control", WARN, f"{mode}; held gravity: {steady(self._last_hold)}", values)
-            if loop.taking_up:
+            if supervisor.starting:
                 return Status("control", WARN, f"{mode}; taking up the load, damped", values)
             return Status("control", OK, mode, values)
         values["reason"] = supervisor.reason
@@ -114,7 +115,9 @@ class Record:
 
 
 def problems_of_limits(efforts):
-    """Yield problems of effort limits that are too low."""
+    """Yield problems of effort limits that are too low, and of an energy tank that a command has overdrawn."""
+    if efforts.tank and efforts.tank.energy < -RESERVE * efforts.tank.capacity:
+        yield "the energy tank is overdrawn (late states, effort_rate or a push)"
     if heavy := efforts.heavy:
         yield f"gravity requires more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
     if slow := efforts.slow:
