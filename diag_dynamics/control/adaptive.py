@@ -122,7 +122,7 @@ class AdaptiveTracking(JointTracking):
         root = (self.dynamics.factors(q).l @ columns) / np.sqrt(self.gain)[:, None]
         root *= (self._nominal[3, 3] + self.max_mass) / self.pseudo_inertia[3, 3]
         largest = MARGIN * STABLE / period / float(np.linalg.norm(root, 2)) ** 2
-        require_at_most("rate", self.rate, largest, "1/J", period)
+        require_at_most("rate of adaptation to a payload", self.rate, largest, "1/J", period)
 
     def _upward(self, q: VectorLike) -> Array:
         """Return G of gravity, shape (3, 4)."""

@@ -134,7 +134,7 @@ class GravityCompensation(Law):
     """
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """See :meth:`RateDamping.command`."""
+        """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
         nu = self.dynamics.nu_from_qd(q, qd)
         return self._command(q, nu, 0.0 * nu, 0.0)
 
@@ -357,7 +357,7 @@ class PoseRegulation(Law):
         return X[:3, :3] @ self.point + X[:3, 3], X[:3, :3]
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """See :meth:`RateDamping.command`."""
+        """Return the command towards the target at q [rad, m] and qd [rad/s, m/s], each of shape (nv,)."""
         if self._position is None and self._axes is None:
             raise InputError("PoseRegulation has no target: call aim first.")
         nu = self.dynamics.nu_from_qd(q, qd)
