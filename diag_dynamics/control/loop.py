@@ -13,7 +13,7 @@ from diag_dynamics.control.following import INVALID_GOAL, PATH_TOLERANCE_VIOLATE
 from diag_dynamics.control.laws import Command
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE
 from diag_dynamics.control.observer import DisturbanceObserver
-from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
+from diag_dynamics.control.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
@@ -89,11 +89,6 @@ class ControlLoop:
         """Name of the mode in force."""
         return self._mode.name
 
-    @property
-    def taking_up(self):
-        """Whether the robot is damped until the efforts have reached gravity compensation."""
-        return self.supervisor.starting
-
     def _mode_of(self, name):
         if name not in LAWS:
             raise InputError(f"mode is '{name}', expected one of {', '.join(LAWS)}.")
@@ -147,7 +142,7 @@ class ControlLoop:
             raise InputError(f"{target} is for mode {others}, but {self.mode} is in force.")
         if self.supervisor.phase != ACTIVE:
             raise InputError(f"{target} comes while the law is not in force: {self.supervisor.reason}.")
-        if self.taking_up:
+        if self.supervisor.starting:
             raise InputError(f"{target} came during take-up; expected one when gravity is compensated.")
 
     def take_pose(self, link, position, orientation):
@@ -187,7 +182,7 @@ class ControlLoop:
     def take_scale(self, scale, now):
         """Set the fraction of the allowed contact speeds, from 0 to 1, at the time `now` [ns]."""
         if self.efforts.contact_limiter is None:
-            raise InputError("contact_scale is given, and contacts are not bounded: see contact.limits_file.")
+            raise InputError("contact_scale is set, but there are no contact limits. Set contact.limits_file.")
         self._scale = number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0), now
 
     def _scale_contact(self, now):
@@ -262,7 +257,7 @@ class ControlLoop:
     def _follow(self, external, now):
         """Return the command of the mode in force."""
         state = self.state
-        command, lost = self._mode.follow(state, self.supervisor.phase == HOLDING)
+        command, lost = self._mode.follow(state)
         if lost:
             self._finish(lost, PATH_TOLERANCE_VIOLATED)
         sent = self._sent_by(self.efforts.filtered(state, command, external), now)

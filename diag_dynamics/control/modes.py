@@ -29,7 +29,7 @@ DEFAULT_SPEED = 1.0
 """Speed limit of joints without one in the URDF [rad/s, m/s]."""
 
 MAX_STEP = 0.05
-"""Maximum distance of a trajectory from the robot and from its target at the start, and after a hold [rad, m]."""
+"""Maximum distance of a trajectory from the robot and from its target at the start [rad, m]."""
 
 APPROACH_RATE = 10.0
 """Final decay rate of the distance to a pose or, in regulation, to a set-point [1/s]."""
@@ -78,8 +78,8 @@ class Mode:
     def _stay(self, state):
         """Make the position of a state the target."""
 
-    def follow(self, state, held):
-        """Return the command, and why the position replaced the target, if it did; `held`: after a hold."""
+    def follow(self, state):
+        """Return the command, and why the position replaced the target; empty if it did not."""
         return self.command(state), ""
 
     def command(self, state):
@@ -141,7 +141,7 @@ class PoseMode(Mode):
         self.law.aim(*self._aim)
 
     def take_pose(self, state, link, position, orientation):
-        """See :meth:`ControlLoop.take_pose`."""
+        """Go to a position [m], shape (3,), and an orientation in the axes of a link, from a RobotState on."""
         position = numbers("position", position, (3,), "three finite numbers [m]")
         axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
         U, _, V = np.linalg.svd(X[:3, :3] @ axes)  # the nearest rotation: the URDF's angles are rounded
@@ -176,34 +176,29 @@ class JointMode(Mode):
         self._approach = approach  # final decay rates of the distance to a set-point [1/s]
         self._speed = values["set_point_speed"] * self.max_speed
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
-        self._desired = None
+        self.desired = None  # motion of the last command
 
     def _stay(self, state):
-        self._desired = at_rest(state.position)
+        self.desired = at_rest(state.position)
         self._set_target(state.position, state)
 
     def _set_target(self, position, state):
         """Make a position the target, from the desired motion on."""
-        here, moving, model = self._desired.position, self._desired.velocity, self._model
+        here, moving, model = self.desired.position, self.desired.velocity, self._model
         room = np.where(moving > 0.0, model.upper - here, here - model.lower)
-        motion = self._desired, self._speed, self._approach, self._continuous
+        motion = self.desired, self._speed, self._approach, self._continuous
         self._target = SetPoint(position, state.newest, *motion, self._max_period, room)
         self.forget_rate()
 
     def take_set_point(self, state, position):
-        """See :meth:`ControlLoop.take_set_point`."""
+        """Go to positions [rad, m], shape (nv,), within limits, from a RobotState on."""
         position = vector("set_point.position", position, self._model.dof_names)
         self._require_within_limits("set_point.position", position)
         self.begin(state)
         self._set_target(position, state)
 
-    @property
-    def desired(self):
-        """Desired motion of the last command."""
-        return self._desired
-
     def take_trajectory(self, state, waypoints, stamp, now, tolerances):
-        """Return the Following of a trajectory; see :meth:`ControlLoop.take_trajectory`."""
+        """Return the Following of Waypoints that start at a stamp [ns]; 0: with a RobotState."""
         trajectory = Trajectory(waypoints, self._model.dof_names, self._model.continuous_joints, stamp)
         self._require_within_limits("trajectory.points[{}].positions", trajectory.positions)
         if (wait := (stamp - now) * 1e-9) > MAX_WAIT:
@@ -211,7 +206,7 @@ class JointMode(Mode):
         if trajectory.ends_before(now):
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
         self.begin(state)
-        trajectory.begin(state.newest, self._desired.position, self._desired.velocity)
+        trajectory.begin(state.newest, self.desired.position, self.desired.velocity)
         self._require_near(trajectory.sample(state.newest).position, state)
         self._require_speed(trajectory)
         self._target = trajectory
@@ -225,12 +220,9 @@ class JointMode(Mode):
             joint, limits = f"joint '{model.dof_names[k]}'", f"{model.lower[k]:g} … {model.upper[k]:g}"
             raise InputError(f"{what.format(row)} of {joint} is {positions[row, k]:.6g}, expected within {limits}.")
 
-    def _distance(self, there, here):
-        """Return the distance between positions [rad, m], the shorter way round for continuous joints."""
-        return np.abs(nearest(there, here, self._continuous) - here)
-
     def _require_near(self, position, state):
-        away = np.minimum(*(self._distance(position, here) for here in (state.position, self._desired.position)))
+        both = np.array([state.position, self.desired.position])
+        away = np.abs(nearest(position, both, self._continuous) - both).min(axis=0)
         k = int(np.argmax(away))
         if away[k] > MAX_STEP:
             joint = f"joint '{self._model.dof_names[k]}'"
@@ -244,28 +236,22 @@ class JointMode(Mode):
             limit = f"its limit {limit}" if has_limit else f"{limit}, as the URDF has no velocity limit for it"
             raise InputError(f"trajectory has {joint} move at {fastest[k]:.6g}, expected no more than {limit}.")
 
-    def follow(self, state, held):
-        """See :meth:`Mode.follow`."""
-        before = self._desired.position
+    def follow(self, state):
+        """Return the command, and why the position replaced the target: V exceeds following_energy."""
         command = self.command(state)
-        V, moved = command.lyapunov, self._distance(self._desired.position, before)
-        behind = self._max_error < V
-        if not behind and not (held and (moved > MAX_STEP).any()):
+        if command.lyapunov <= self._max_error:
             return command, ""
-        k = int(np.argmax(np.abs(command.error) if behind else moved))
-        joint = f"joint '{self._model.dof_names[k]}'"
-        lost = f"that of {joint} has gone on by {moved[k]:.3g} during a hold, expected at most {MAX_STEP:g}"
-        if behind:
-            limit = f"expected at most following_energy = {self._max_error:g} J"
-            lost = f"V is {V:.3g} J, {limit}; {joint} is {abs(command.error[k]):.3g} behind"
+        k = int(np.argmax(np.abs(command.error)))
+        behind = f"joint '{self._model.dof_names[k]}' is {abs(command.error[k]):.3g} behind"
+        lost = f"V is {command.lyapunov:.3g} J; expected at most following_energy = {self._max_error:g} J"
         self.void()
         self.begin(state)
-        return self.command(state), f"target given up: {lost}"
+        return self.command(state), f"target given up: {lost}; {behind}"
 
     def command(self, state):
         """Return the command towards the desired motion of now."""
-        self._desired = self._target.sample(state.newest, self._lag)
-        return self.law.command(state.position, state.velocity, *self._desired)
+        self.desired = self._target.sample(state.newest, self._lag)
+        return self.law.command(state.position, state.velocity, *self.desired)
 
 
 class TrackingMode(JointMode):

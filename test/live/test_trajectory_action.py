@@ -62,7 +62,7 @@ class Live:
     def is_in_force(self):
         """Whether the law has taken the arm up."""
         loop = self.node._loop
-        return loop and loop.state and not loop.taking_up
+        return loop and loop.state and not loop.supervisor.starting
 
     def wait(self, condition, what, rounds=20_000):
         """Feed the same state until a condition holds."""
@@ -120,6 +120,6 @@ def test_success_cancel_preemption_and_rejection(live):
     assert not live.send(Q + 0.01).accepted  # inactive
     live.node.trigger_activate()
     loop = live.node._loop
-    live.wait(lambda: loop.state and not loop.taking_up, "the law in force again")
+    live.wait(lambda: loop.state and not loop.supervisor.starting, "the law in force again")
     assert not live.send(Q[1:], NAMES[1:]).accepted
     assert f"lacks joint '{NAMES[0]}'" in live.node._record._last_refusal
