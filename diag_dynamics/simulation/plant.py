@@ -96,6 +96,8 @@ class Plant:
     def __init__(self, model, values):
         if model.motor_efforts:
             raise UnsupportedError("motor_efforts is true; expected false, because simulated efforts are of joints.")
+        for link in model.flexible_links:
+            raise UnsupportedError(f"link '{link}' is flexible, whose modes no joint state carries. Omit flexible_links.")
         if model.flexible_joints and values["without_command"] == "brake":
             raise UnsupportedError(
                 "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, and joint "

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 import diag_dynamics as dd
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.simulation.plant import Plant
 
 G = np.array([0.3, -0.5, -9.81])
 STEP = 1e-30
@@ -603,6 +604,8 @@ def test_what_is_rejected(arm):
     """Joint states have no modes; a follower cannot be locked, and no loop passes through a flexible link."""
     with pytest.raises(dd.UnsupportedError, match="flexible link 'a'"):
         joints_of(arm)
+    with pytest.raises(dd.UnsupportedError, match="link 'a' is flexible"):
+        Plant(arm, {})
     with pytest.raises(dd.InputError, match="'a/tip/y' follows modes"):
         arm.with_locked_joints({"a/tip/y": 0.0})
     loop = {"name": "rope", "a": {"link": "side"}, "b": {"link": "tip"}}
