@@ -317,7 +317,7 @@ def warn_of_slopes(model: Any, q: Array) -> None:
     """Warn of links that bend beyond what assumed modes can describe."""
     for name, link in model.flexible_links.items():
         if link.slope(_values(link, model.coordinate_names, q, model.locked_joints)) > LARGE_SLOPE:
-            warn(f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad at its tip. Divide it into two links.")
+            warn(f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad. Divide it into two links.")
 
 
 # --- The robot --------------------------------------------------------------------------------------------------

@@ -97,7 +97,7 @@ class Plant:
         if model.motor_efforts:
             raise UnsupportedError("motor_efforts is true; expected false, because simulated efforts are of joints.")
         for link in model.flexible_links:
-            raise UnsupportedError(f"link '{link}' is flexible, whose modes no joint state carries. Omit flexible_links.")
+            raise UnsupportedError(f"link '{link}' is flexible, and no joint state has modes. Omit flexible_links.")
         if model.flexible_joints and values["without_command"] == "brake":
             raise UnsupportedError(
                 "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, and joint "
