@@ -14,11 +14,12 @@ __version__ = "0.2.0"
 
 # Imported when first used: a program that imports only a message does not wait for a compiler.
 _NAMES = {
-    "model": "FlexibleJoint FlexibleLink JointParameters Mimic Parameters Payload RobotModel load_mjcf load_robot load_urdf",
+    "model": "Curve FlexibleJoint FlexibleLink JointParameters Loop LoopEnd Mimic Parameters Payload RobotModel "
+    "load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
     "dynamics.flexible": "FlexibleDynamics FlexibleEvaluation",
     "results": "BatchEvaluation Evaluation ExternalWrench Factors Momentum TouchedLink",
-    "exceptions": "DiagDynamicsError InertiaWarning InputError MasslessLinkError MimicJointError "
+    "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError MasslessLinkError MimicJointError "
     "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
     "contact.geometry": "link_geometry",
     "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",
@@ -77,6 +78,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError
     from diag_dynamics.exceptions import InertiaWarning as InertiaWarning
     from diag_dynamics.exceptions import InputError as InputError
+    from diag_dynamics.exceptions import LoopError as LoopError
     from diag_dynamics.exceptions import MasslessLinkError as MasslessLinkError
     from diag_dynamics.exceptions import MimicJointError as MimicJointError
     from diag_dynamics.exceptions import ModelError as ModelError
@@ -88,9 +90,12 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.identification.excite import excite as excite
     from diag_dynamics.identification.identify import identify as identify
     from diag_dynamics.identification.result import Identification as Identification
+    from diag_dynamics.model import Curve as Curve
     from diag_dynamics.model import FlexibleJoint as FlexibleJoint
     from diag_dynamics.model import FlexibleLink as FlexibleLink
     from diag_dynamics.model import JointParameters as JointParameters
+    from diag_dynamics.model import Loop as Loop
+    from diag_dynamics.model import LoopEnd as LoopEnd
     from diag_dynamics.model import Mimic as Mimic
     from diag_dynamics.model import Parameters as Parameters
     from diag_dynamics.model import Payload as Payload

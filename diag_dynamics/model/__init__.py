@@ -12,6 +12,7 @@ from diag_dynamics.model.flexible import FlexibleJoint
 from diag_dynamics.model.flexible_links import FlexibleLink
 from diag_dynamics.model.inertias import Payload
 from diag_dynamics.model.links import end_effector_link
+from diag_dynamics.model.loops import Curve, Loop, LoopEnd
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
 from diag_dynamics.model.parameters import Coupling, JointParameters, Parameters
@@ -20,9 +21,12 @@ from diag_dynamics.model.sources import urdf_text
 
 __all__ = [
     "Coupling",
+    "Curve",
     "FlexibleJoint",
     "FlexibleLink",
     "JointParameters",
+    "Loop",
+    "LoopEnd",
     "Mimic",
     "Parameters",
     "Payload",

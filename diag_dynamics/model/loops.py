@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -104,10 +104,16 @@ class Curve(NamedTuple):
 # --- The file -------------------------------------------------------------------------------------------------
 
 
-def read_couplings(source: Any) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
-    """Return loops and non-linear mimic joints of a YAML file, or of its content; a list has loops alone."""
+def read_couplings(
+    source: Any, loops: Sequence[Loop] = (), curves: Mapping[str, Curve] = {}
+) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
+    """Return loops and non-linear mimic joints of a YAML file, or of its content; a list has loops alone.
+
+    `loops` and `curves` are those of the robot's own file. Loops of a source replace them, and take from one of the same
+    name the fields that they lack.
+    """
     if source is None:
-        return (), {}
+        return tuple(loops), dict(curves)
     name = "loops"
     if isinstance(source, str | os.PathLike):
         name, source = os.fspath(source), read_yaml(source, os.fspath(source))
@@ -116,20 +122,21 @@ def read_couplings(source: Any) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
     if unknown := set(source) - {"loops", "mimics", "flexible_links"}:
         expected = "expected loops, mimics or flexible_links"
         raise InputError(f"{name}: {listed(sorted(map(repr, unknown)))} is unknown, {expected}.")
-    given = source.get("loops") or ()
+    given = source.get("loops", loops) or ()
     if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
         raise InputError(f"{name}: loops is {given!r}, expected a list.")
-    loops = tuple(one if isinstance(one, Loop) else _loop(name, k, one) for k, one in enumerate(given))
-    curves = {
+    own = {loop.name: loop._asdict() for loop in loops}
+    loops = tuple(one if isinstance(one, Loop) else _loop(name, k, one, own) for k, one in enumerate(given))
+    return loops, curves | {
         joint: one if isinstance(one, Curve) else _curve(f"{name}: mimics of '{joint}'", one)
         for joint, one in mapping(f"{name}: mimics", source.get("mimics") or {}).items()
     }
-    return loops, curves
 
 
-def _loop(source: str, number_: int, given: Any) -> Loop:
+def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop:
     where = f"{source}: loop {number_}"
     given = mapping(where, given)
+    given = own.get(given.get("name"), {}) | dict(given)
     where = f"{source}: loop '{given.get('name', number_)}'"
     if unknown := set(given) - set(Loop._fields):
         raise InputError(f"{where}: {listed(sorted(map(repr, unknown)))} is unknown, expected {listed(Loop._fields)}.")
@@ -150,6 +157,8 @@ def _loop(source: str, number_: int, given: Any) -> Loop:
 
 
 def _end(where: str, given: Any) -> LoopEnd:
+    if isinstance(given, LoopEnd):
+        return given
     if isinstance(given, str):
         return LoopEnd(given)
     given = mapping(where, given)
@@ -326,31 +335,34 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
     if foreign := given - group.joints:
         text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
         raise LoopError(text)
-    start = cut.start(group.loops)
-    J, gap = cut.close(start, names, group, given)
-    if gap > GAP:
+    for held in (given, set[str]()):
+        start = cut.start(group.loops)
+        J, gap = cut.close(start, names, group, held)
+        closures, apart = cut.closures(start, names, group, max(DEPENDENT, 10.0 * gap))
+        if gap <= GAP and apart <= couplings.CLOSED:
+            break
+    else:
         text = f"{title} cannot be closed from the start values: the ends stay {gap:.3g} m apart. Give other ones."
         raise LoopError(text)
-    threshold = max(DEPENDENT, 10.0 * gap)
     values, basis = np.linalg.svd(J)[1:]
-    rank = int((values > threshold * values[0]).sum())
+    rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum())
     free = len(names) - rank
+    poses = [cut.close(q, names, group, set()) for q in cut.moved(start, names, basis[rank:])]
+    poses = [J for J, gap in poses if gap < 1e-9]
+    if any(np.linalg.matrix_rank(J, 1e-3 * values[0]) > rank for J in poses):
+        raise LoopError(f"{title}: the start is singular. Give other start values.")
     if free < 1:
         text = f"{title} leaves none of its joints free: {listed(names)}. Lock them, or cut the loop elsewhere."
         raise LoopError(text)
     if given and len(given) != free:
         text = f"{title}: {len(given)} independent joints are given, {listed(sorted(given))}; it has {free}"
         raise LoopError(f"{text} degree{'s' * (free > 1)} of freedom.")
-    others = [cut.close(q, names, group, set()) for q in cut.moved(start, names, basis[rank:])]
-    poses = [J, *(J for J, gap in others if gap < 1e-9)]
-    independent = _independent(poses, names, free, given, driven)
+    independent = _independent([J, *poses], names, free, given, driven)
     followers = [name for name in names if name not in independent]
     if not _ratio(J, names, followers) > couplings.NEARLY_SINGULAR:
-        text = (
-            f"{title}: the start is singular for the independent joints {listed(independent)}. Give other start values."
-        )
-        raise LoopError(text)
-    group.closures.extend(cut.closures(start, names, group, threshold))
+        text = f"{title}: the start is singular for the independent joints {listed(independent)}."
+        raise LoopError(f"{text} Give other start values.")
+    group.closures.extend(closures)
     result.followers.update(dict.fromkeys(followers, tuple(independent)))
     result.start.update(cut.positions(start, names))
 
@@ -494,8 +506,8 @@ class _Cut:
             q[self._columns(names)] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
         return J, gap
 
-    def closures(self, q: Array, names: list[str], group: Group, threshold: float) -> Iterator[tuple[Any, ...]]:
-        """Yield the closures of a group: only directions in which the points of a pair can part, unlike earlier ones.
+    def closures(self, q: Array, names: list[str], group: Group, threshold: float) -> tuple[list[Any], float]:
+        """Return the closures of a group, only directions in which the points of a pair can part, and the largest gap there.
 
         Positions beside the loop show them: no joint of a planar loop moves a point out of its plane.
         """
@@ -514,13 +526,16 @@ class _Cut:
             J = self._equations(other, names, group)[1][: 3 * len(pairs)]
             columns.append(X[:, :3].T @ J.reshape(len(pairs), 3, -1))
         M = np.concatenate(columns, axis=2)
-        known = np.zeros((0, M.shape[2]))
-        for ends, rows in zip(pairs, M, strict=True):
+        gaps = self._equations(q, names, group)[0][: 3 * len(pairs)].reshape(-1, 3) @ X[:, :3]
+        known, found, largest = np.zeros((0, M.shape[2])), [], 0.0
+        for ends, rows, gap in zip(pairs, M, gaps, strict=True):
             U, values, V = np.linalg.svd(rows - rows @ known.T @ known, full_matrices=False)
             apart = values > threshold * np.linalg.norm(M)
             known = np.vstack([known, V[apart]])
             of = [name if (name := self._of_body[body]) in group.joints else None for body, _ in ends]
-            yield from ((*of, ends[0][1], ends[1][1], d) for d in U.T[apart])
+            found += [(*of, ends[0][1], ends[1][1], d) for d in U.T[apart]]
+            largest = max(largest, *np.abs(U.T[apart] @ gap), 0.0)
+        return found, largest
 
 
 # --- Tables for the sweeps ------------------------------------------------------------------------------------

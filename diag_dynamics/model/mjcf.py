@@ -48,18 +48,18 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for gravity, floating_base,
     armature and estimate_inertias, which the file has.
 
-    Joints that an equality couples linearly are mimic joints. Names are the file's, or ``body<number>`` and
-    ``joint<number>``. A single free body is a floating base. Degrees of freedom are in the order of :class:`RobotModel`,
-    which need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a ModelWarning
-    names them, and `RobotModel.omitted` has them.
+    Joints that an equality couples are mimic joints; connect and weld are rigid closed loops. Names are the file's, or
+    ``body<number>`` and ``joint<number>``. A single free body is a floating base. Degrees of freedom are in the order of
+    :class:`RobotModel`, which need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs:
+    a ModelWarning names them, and `RobotModel.omitted` has them.
 
     Raises
     ------
     UrdfError
         MuJoCo rejects the file.
     UnsupportedError
-        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities other than a linear coupling of
-        two joints, or armature of a free joint, a tendon, or an actuator elsewhere than at a hinge or slide.
+        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities other than a coupling of two
+        joints, connect or weld, or armature of a free joint, a tendon, or an actuator elsewhere than at a hinge or slide.
     """
     for name in OPTIONS:
         if name in options:
@@ -179,14 +179,22 @@ class _Compiled:
         row = self.m.actuator_outadr[a] if hasattr(self.m, "actuator_outadr") else a
         return float(self.m.actuator_gear[row, 0])
 
+    def ends(self, e):
+        """Return body, position and rotation in it of both frames of a connect or weld."""
+        m, of = self.m, (int(self.m.eq_obj1id[e]), int(self.m.eq_obj2id[e]))
+        if hasattr(m, "eq_objtype") and m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
+            return [(int(m.site_bodyid[s]), m.site_pos[s], self.rotation(m.site_quat[s])) for s in of]
+        first, second, turn = m.eq_data[e, :3], m.eq_data[e, 3:6], np.eye(3)
+        if self.equality_kinds[e] == "weld":
+            first, second, turn = second, first, self.rotation(m.eq_data[e, 6:10])
+        return [(of[0], first, turn), (of[1], second, np.eye(3))]
+
     def _holds(self, e):
         """Return whether an equality is active, and not between bodies that cannot move against each other."""
         m = self.m
         if not m.eq_active0[e] or self.equality_kinds[e] not in ("connect", "weld"):
             return bool(m.eq_active0[e])
-        ends = [m.eq_obj1id[e], m.eq_obj2id[e]]
-        if hasattr(m, "eq_objtype") and m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
-            ends = m.site_bodyid[ends]
+        ends = [b for b, _, _ in self.ends(e)]
         return m.body_weldid[ends[0]] != m.body_weldid[ends[1]] and any(map(self.moves, ends))
 
 
@@ -220,12 +228,16 @@ def _reject_unsupported(c):
     coupled = set()
     for e in c.equalities:
         kind, joint = c.equality_kinds[e], int(c.m.eq_obj1id[e])
-        if kind != "joint" or c.m.eq_obj2id[e] < 0 or np.any(c.m.eq_data[e, 2:5]) or joint in coupled:
-            raise UnsupportedError(
-                f"equality '{c.name('equality', e)}' ({kind}) is not the one linear coupling of a joint to "
-                'another one, and is not supported. Remove it, or set active="false".'
-            )
-        coupled.add(joint)
+        if kind in ("connect", "weld"):
+            if all(c.m.body_mocapid[c.m.body_rootid[b]] < 0 for b, _, _ in c.ends(e)):
+                continue
+        elif kind == "joint" and c.m.eq_obj2id[e] >= 0 and joint not in coupled:
+            coupled.add(joint)
+            continue
+        raise UnsupportedError(
+            f"equality '{c.name('equality', e)}' ({kind}) is neither a connect or weld of bodies of the robot nor the one "
+            'coupling of a joint to another one, and is not supported. Remove it, or set active="false".'
+        )
 
 
 def _omitted(c) -> Iterator[str]:
@@ -299,13 +311,28 @@ class _Writer:
     def __init__(self, c, floating):
         self._c, self._m, self._floating = c, c.m, floating
         self._effort = _effort_limits(c)
-        self._equality = {int(c.m.eq_obj1id[e]): e for e in c.equalities}
+        self._equality = {int(c.m.eq_obj1id[e]): e for e in c.equalities if c.equality_kinds[e] == "joint"}
         self.robot = etree.Element("robot", name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf")
         if not floating:
             _add(self.robot, "link", name="world")
         for b in c.bodies:
             if not c.is_marker(b):
                 self._add_body(b)
+        for e in c.equalities:
+            if c.equality_kinds[e] != "joint":
+                self._add_loop(e)
+
+    def _add_loop(self, e):
+        """Add a connect or weld; its joints begin where the file has them, and actuated ones are independent."""
+        c, kind = self._c, {"connect": "spherical", "weld": "fixed"}[self._c.equality_kinds[e]]
+        loop = _add(self.robot, "loop_joint", name=c.name("equality", e), type=kind)
+        for tag, (b, place, turn) in zip(("link1", "link2"), c.ends(e), strict=True):
+            _add(loop, tag, link=c.name("body", b), xyz=place, rpy=rotations.to_rpy(turn))
+        for j in c.single:
+            if c.reference(j):
+                _add(loop, "start", joint=c.name("joint", j), position=c.reference(j))
+        for j in c.actuated.values():
+            _add(_add(self.robot, "transmission"), "joint", name=c.name("joint", j))
 
     def _add_body(self, b):
         m, c = self._m, self._c
@@ -352,8 +379,12 @@ class _Writer:
         if joint.get("type") != "continuous":
             limits["lower"], limits["upper"] = m.jnt_range[j] if c.limited[j] else (-np.inf, np.inf)
         _add(joint, "limit", **limits)
-        if j in self._equality:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2)
+        if j in self._equality:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2), or a polynomial
             e = self._equality[j]
             source, multiplier = int(m.eq_obj2id[e]), float(m.eq_data[e, 1])
             offset = float(m.eq_data[e, 0]) + c.reference(j) - multiplier * c.reference(source)
-            _add(joint, "mimic", joint=c.name("joint", source), multiplier=multiplier, offset=offset)
+            mimic = _add(joint, "mimic", joint=c.name("joint", source), multiplier=multiplier, offset=offset)
+            if np.any(m.eq_data[e, 2:5]):
+                distance = np.polynomial.Polynomial([-c.reference(source), 1.0])
+                curve = np.polynomial.Polynomial(m.eq_data[e, :5])(distance) + c.reference(j)
+                mimic.set("polynomial", numbers_text(curve.coef))

@@ -29,6 +29,7 @@ from diag_dynamics.model.flexible_links import (
 from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
 from diag_dynamics.model.joint_types import SINGLE, is_angle
+from diag_dynamics.model.loop_elements import curves_of, loops_of
 from diag_dynamics.model.loops import (
     Curve,
     Loop,
@@ -502,6 +503,7 @@ def load_urdf(
         Parameters beside the URDF; `armature` and `friction_velocity` have precedence over those in it.
     loops : str, os.PathLike, dict or list
         Closed loops, non-linear mimic joints and flexible links: a YAML file or its content, or a list of :class:`Loop`.
+        Loops that the URDF describes are closed without it; ``[]`` opens them.
 
     Raises
     ------
@@ -528,7 +530,7 @@ def load_urdf(
         found = estimated(urdf_text(source), estimate_inertias, folder)
         source = found.text
     element = parse_urdf(urdf_text(source))
-    closed, curves = read_couplings(loops)
+    closed, curves = read_couplings(loops, loops_of(element), curves_of(element))
     robot, root = read_urdf(element, whole("max_joints", max_joints))
     given = Parameters() if parameters is None else read_parameters(parameters)
     robot = apply_parameters(robot, given)

@@ -15,6 +15,7 @@ from lxml import etree
 from diag_dynamics.checks import listed
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES
+from diag_dynamics.model.loop_elements import ENDS, loops_of
 from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
 
 MAX_JOINTS = 2000  # largest number of joints, by default; the largest public robots have some 200
@@ -72,10 +73,11 @@ def _read(reduced):
 
 
 def _reject_loops(robot):
-    """Reject elements of dialects of URDF that change dynamics."""
+    """Reject elements of dialects of URDF that change dynamics, but for loops that can be closed."""
+    loops_of(robot)
     for element in robot.iter(etree.Element):
         parent, tag = element.getparent(), local_name(element)
-        if parent is None or parent.tag not in CONTAINERS:
+        if parent is None or parent.tag not in CONTAINERS or (parent is robot and tag in ENDS):
             continue
         if (tag == "joint" and element.tag != "joint") or any(part in tag.lower() for part in LOOPS):
             shown = short(f"{element.prefix}:{tag}" if element.prefix else element.tag)[1:-1]

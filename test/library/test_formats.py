@@ -343,12 +343,6 @@ def with_tendon(attributes, kind="fixed"):
 
 UNSUPPORTED = {
     "ball": (OTHER, '<joint name="other" type="ball"/>', "joint 'other'"),
-    "weld": (END, '<equality><weld name="glue" body1="c"/></equality>' + END, "equality 'glue'"),
-    "weld of sites": (
-        END,
-        '<equality><weld name="glue" site1="stand" site2="tip"/></equality>' + END,
-        "equality 'glue'",
-    ),
     "one joint twice": (END, f"<equality>{TWICE}</equality>{END}", "equality 'e2'"),
     "equality of a tendon": (
         END,
@@ -378,6 +372,15 @@ def test_unsupported_features(mujoco, case):
     old, new, key = (UNSUPPORTED | UNSUPPORTED_SINCE_3_4)[case]
     with pytest.raises(dd.UnsupportedError, match=key):
         dd.load_mjcf(changed(old, new))
+
+
+RIGID = {'body1="c"': "leaves none of its joints free", 'site1="stand" site2="tip"': "cannot be closed"}
+
+
+@pytest.mark.parametrize("ends", RIGID)
+def test_rigid_weld(mujoco, ends):
+    with pytest.raises(dd.LoopError, match=f"'glue' {RIGID[ends]}"):
+        dd.load_mjcf(changed(END, f'<equality><weld name="glue" {ends}/></equality>{END}'))
 
 
 MARKER = '<body name="target" mocap="true" pos="1 0 1"><geom size="0.1"/><body name="arrow"><geom size="0.02"/></body></body>'
@@ -548,7 +551,7 @@ def test_armature_and_damping_of_actuators(mujoco, case, flags):
     compare(mujoco, with_flags(text, *flags) if flags else text)
 
 
-EQUALITIES = '<joint joint1="other" joint2="turn"/><connect body1="tool" anchor="0 0 0"/>'
+EQUALITIES = f'{TWICE}<connect body1="tool" anchor="0 0 0"/>'
 
 
 @pytest.mark.parametrize("flag", ["gravity", "damper", "spring", "equality", "frictionloss", "limit", "constraint"])
