@@ -1,0 +1,463 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Closed loops and non-linear mimic joints, against point masses, Pinocchio and MuJoCo."""
+
+import pickle
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.interpolate import CubicSpline
+
+import diag_dynamics as dd
+from diag_dynamics.simulation.simulation import potential_energy
+from point_masses import PointMasses, polynomial
+from robots import description, joint, link
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "closed_loops"
+Y, ORIGIN, RODS = (0, 1, 0), (0, 0, 0), (0, 0, -0.4)
+
+
+def body(name, k):
+    """Return a link that has an inertia of no symmetry."""
+    com = (0.1 + 0.02 * k, 0.03 * (-1) ** k, 0.05)
+    return link(name, mass=1.0 + 0.3 * k, com=com, inertia=(0.02, 0.002, -0.001, 0.03, 0.0015, 0.025))
+
+
+def hinge(name, parent, child, xyz, axis=Y):
+    return joint(name, "continuous", parent, child, xyz=xyz, axis=axis)
+
+
+NAMES = ("crank", "coupler", "rocker", "arm")
+FOUR_BAR = description(
+    "four",
+    link("base"),
+    *(body(name, k) for k, name in enumerate(NAMES)),
+    hinge("j1", "base", "crank", ORIGIN),
+    hinge("j2", "crank", "coupler", (0.2, 0, 0)),
+    hinge("j3", "base", "rocker", (0.5, 0, 0)),
+    hinge("j4", "coupler", "arm", (0.4, 0, 0.1), (1, 0, 0.3)),
+)
+BAR = {
+    "name": "bar",
+    "a": {"link": "coupler", "xyz": [0.5, 0, 0]},
+    "b": {"link": "rocker", "xyz": [0.4, 0, 0]},
+    "independent": ["j1"],
+    "start": {"j1": 0.5, "j2": -0.8, "j3": -1.5},
+}
+BAR_PAIR = ("coupler", (0.5, 0, 0), "rocker", (0.4, 0, 0))
+FIVE_BAR = description(
+    "five",
+    link("base"),
+    *(body(name, k) for k, name in enumerate(("carrier", "a1", "a2", "b1", "b2", "tip"))),
+    hinge("c", "base", "carrier", (0, 0, 0.3), (0, 0, 1)),
+    hinge("p1", "carrier", "a1", (-0.2, 0, 0)),
+    hinge("p2", "a1", "a2", (0, 0, 0.4)),
+    hinge("r1", "carrier", "b1", (0.2, 0, 0)),
+    hinge("r2", "b1", "b2", (0, 0, 0.4)),
+    hinge("t", "a2", "tip", (0.3, 0, 0.3), (1, 0.3, 0)),
+)
+FIVE = {
+    "name": "five",
+    "a": {"link": "a2", "xyz": [0.35, 0, 0.35]},
+    "b": {"link": "b2", "xyz": [-0.25, 0, 0.35]},
+    "start": {"p1": -0.3, "r1": 0.4},
+}
+SPATIAL = description(
+    "spatial",
+    link("base"),
+    *(body(name, k) for k, name in enumerate(("a1", "a2", "a3", "b1", "b2", "b3", "tip"))),
+    hinge("a1", "base", "a1", ORIGIN, (0, 0, 1)),
+    hinge("a2", "a1", "a2", (0.1, 0, 0.2), (0, 1, 0.2)),
+    hinge("a3", "a2", "a3", (0.4, 0.05, 0), (0.1, 1, 0)),
+    hinge("b1", "base", "b1", (0.6, 0, 0), (0, 0.1, 1)),
+    hinge("b2", "b1", "b2", (0, 0.1, 0.2), (0.2, 1, 0)),
+    joint("b3", "prismatic", "b2", "b3", xyz=(-0.2, 0, 0.1), axis=(1, 0, 0.1)),
+    hinge("t", "a3", "tip", (0.2, 0.1, 0), (1, 0, 0)),
+)
+BALL = {"name": "ball", "a": {"link": "a3", "xyz": [0.3, 0, 0.05]}, "b": {"link": "b3", "xyz": [0.05, 0.02, 0]}}
+REVOLUTE = BAR | {"type": "revolute", "axis": list(Y)}
+WELD = BAR | {"type": "weld", "a": {"link": "coupler", "xyz": [0.5, 0, 0]}, "b": {"link": "end", "xyz": [0.0, 0, 0]}}
+WELDED = FOUR_BAR.replace("</robot>", body("end", 4) + hinge("j5", "rocker", "end", (0.4, 0, 0)) + "</robot>")
+CORNERS = [((0.5 + x, y, 0), (x, y, 0)) for x, y in ((0, 0), (0.3, 0), (0, 0.3))]
+TABLE = [[-1.0, 0.3], [0.0, 0.1], [0.7, 0.6], [1.5, 1.4]]
+"""Positions of j1 and of a joint that follows it."""
+
+
+def table(source):
+    """Return the spline of TABLE at a hyper-dual number."""
+    spline = CubicSpline(*np.transpose(TABLE), bc_type="natural")
+    value, slope, bend = (float(spline(source[0], k)) for k in range(3))
+    return value, slope * source[1], slope * source[2], slope * source[3] + bend * source[1] * source[2]
+
+
+J4 = '<joint name="j4" type="continuous">'
+P = [0.2, 0.7, 0.3, -0.1]
+Q = {"source": "j2", "polynomial": P}
+CASES = {  # URDF, loops, pairs of points and curves of the oracle
+    "four-bar": (FOUR_BAR, [BAR], [BAR_PAIR], {}),
+    "revolute": (FOUR_BAR, [REVOLUTE], [BAR_PAIR], {}),
+    "weld": (WELDED, [WELD], [("coupler", a, "end", b) for a, b in CORNERS], {}),
+    "five-bar": (
+        FIVE_BAR,
+        [FIVE | {"independent": ["p1", "r1"]}],
+        [("a2", (0.35, 0, 0.35), "b2", (-0.25, 0, 0.35))],
+        {},
+    ),
+    "spatial": (SPATIAL, [BALL], [("a3", (0.3, 0, 0.05), "b3", (0.05, 0.02, 0))], {}),
+    "polynomial": (FOUR_BAR, {"mimics": {"j3": {"source": "j1", "polynomial": P}}}, [], {"j3": ("j1", polynomial(P))}),
+    "table": (FOUR_BAR, {"mimics": {"j2": {"source": "j1", "table": TABLE}}}, [], {"j2": ("j1", table)}),
+    "mimic of a mimic": (
+        FOUR_BAR.replace(
+            '<joint name="j4" type="continuous">',
+            '<joint name="j4" type="continuous"><mimic joint="j3" multiplier="-2" offset="0.3"/>',
+        ),
+        {"mimics": {"j3": {"source": "j1", "polynomial": P}}},
+        [],
+        {"j3": ("j1", polynomial(P)), "j4": ("j3", polynomial([0.3, -2.0]))},
+    ),
+    "polynomial in a loop": (
+        FOUR_BAR,
+        {"loops": [BAR], "mimics": {"j4": Q}},
+        [BAR_PAIR],
+        {"j4": ("j2", polynomial(P))},
+    ),
+}
+
+
+class Case:
+    """A robot with loops in the library and as point masses, with armature on every joint."""
+
+    def __init__(self, urdf, loops, pairs, curves):
+        self.urdf, self.loops, self.pairs = urdf, loops, pairs
+        cut = dd.load_urdf(urdf, mimic="free", loops=[])
+        self.armature = {name: 0.02 + 0.01 * k for k, name in enumerate(cut.dof_names)}
+        self.model = dd.load_urdf(urdf, loops=loops, armature=self.armature)
+        self.dynamics = dd.DiagonalDynamics(self.model)
+        start = dict.fromkeys(cut.dof_names, 0.0) | closed(self.model)
+        self.oracle = PointMasses(urdf, self.model.dof_names, pairs, start, self.armature, curves)
+
+    def states(self, count, seed=0, spread=0.2):
+        """Yield positions near the start, rates and efforts."""
+        rng = np.random.default_rng(seed)
+        for _ in range(count):
+            q = self.model.start + rng.uniform(-spread, spread, self.model.nq)
+            yield q, rng.normal(size=self.model.nv), rng.normal(size=self.model.nv)
+
+
+def closed(model, q=None, dynamics=None):
+    """Return positions of followers, which the sweeps have in their workspace."""
+    own = dynamics or dd.DiagonalDynamics(model)
+    own.evaluate(model.start if q is None else q, np.zeros(model.nv))
+    work, first = own._caller._workspace.work, model._tree.first_body
+    return {name: float(work["offset"][first(name)]) for name in model.followers}
+
+
+def ratios(model, q):
+    """Return G of all joints, (joints, nv), and all positions, both by joint."""
+    own = dd.DiagonalDynamics(model)
+    at = dict(zip(model.coordinate_names, q, strict=True)) | closed(model, q, own)
+    work, G = (
+        own._caller._workspace.work,
+        dict(zip(model.dof_names, np.eye(model.nv), strict=True)),
+    )
+    for name, leaders in model.followers.items():
+        first = model._tree.first_body(name)
+        G[name] = sum(work["multiplier"][first + k] * G[leader] for k, leader in enumerate(leaders))
+    return G, at
+
+
+@cache
+def case(name):
+    """Return a case of CASES or a mechanism of the examples."""
+    if name in CASES:
+        return Case(*CASES[name])
+    urdf, beside = (EXAMPLES / f"{name}.urdf").read_text(), EXAMPLES / f"{name}.yaml"
+    loops = str(beside) if beside.exists() else None
+    model = dd.load_urdf(urdf, loops=loops)
+    pairs = [
+        (one.a.link, p, one.b.link, q)
+        for own in model.loops
+        for one in own
+        for p, q in one.points[: 1 if one.type != "weld" else 3]
+    ]
+    mimic = {"right_crank_joint": ("left_crank_joint", polynomial([0.0, -1.0]))} if "gripper" in name else {}
+    return Case(urdf, loops, pairs, mimic)
+
+
+MECHANISMS = ["four_bar_gripper", "delta", "leg", "excavator"]
+
+
+@pytest.mark.parametrize("name", [*CASES, *MECHANISMS])
+def test_point_masses(name):
+    it = case(name)
+    for q, qd, tau in it.states(2, spread=0.05 if name in MECHANISMS else 0.2):
+        M, c, g, nu, coriolis, gravity = it.oracle.at(q, qd)
+        s = it.dynamics.evaluate(q, qd, tau)
+        scale = np.linalg.norm(nu) * max(1.0, np.linalg.norm(nu))
+        assert np.abs(s.nu - nu).max() <= 1e-12 * np.linalg.norm(nu)
+        assert np.abs(s.coriolis - coriolis).max() <= 1e-12 * max(np.linalg.norm(coriolis), scale)
+        assert np.abs(s.gravity - gravity).max() <= 1e-12 * np.linalg.norm(gravity)
+        assert abs(s.nu @ s.coriolis) <= 1e-13 * np.linalg.norm(s.nu) * max(np.linalg.norm(s.coriolis), scale)
+        assert s.kinetic_energy == pytest.approx(0.5 * qd @ M @ qd, rel=1e-12)
+        assert np.abs(it.dynamics.bias(q, qd) - c).max() <= 1e-12 * (np.abs(c) + np.abs(g)).max()
+        expected = np.linalg.solve(M, tau - c - g)
+        assert np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max() <= 1e-11 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["four-bar", "five-bar", "spatial"])
+def test_pinocchio(name):
+    """Redundant rows need the proximal settings."""
+    it = case(name)
+    model = pin.buildModelFromXML(it.urdf)
+    names = list(model.names)[1:]
+    for joint_name, value in it.armature.items():
+        model.armature[model.idx_vs[model.getJointId(joint_name)]] = value
+    ends = []
+    for frame, point in (it.pairs[0][:2], it.pairs[0][2:]):
+        own = model.frames[model.getFrameId(frame, pin.FrameType.BODY)]
+        ends += [own.parentJoint, own.placement * pin.SE3(np.eye(3), np.array(point, float))]
+    closure = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends)
+    models, memories, data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData(), model.createData()
+    models.append(closure)
+    memories.append(closure.createData())
+    pin.initConstraintDynamics(model, data, models, memories)
+    for q, qd, tau in it.states(5):
+        G, at = ratios(it.model, q)
+        x = np.concatenate(
+            [[at[j]] if model.joints[k + 1].nq == 1 else [np.cos(at[j]), np.sin(at[j])] for k, j in enumerate(names)]
+        )
+        v = np.array([G[j] @ qd for j in names])
+        own = dict(zip(it.model.dof_names, tau, strict=True))
+        forces = np.array([own.get(j, 0.0) for j in names])
+        settings = pin.ProximalSettings(1e-13, 1e-8, 200)
+        a = pin.constraintDynamics(model, data, x, v, forces, models, memories, settings)
+        expected = np.array([a[names.index(j)] for j in it.model.dof_names])
+        assert np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max() <= 1e-11 * np.abs(expected).max()
+
+
+def test_choice_of_independent_joints():
+    """It turns ν of the group; nothing else changes, and a group of one degree of freedom keeps C but for its sign."""
+    rng = np.random.default_rng(1)
+    for name, others in (("five-bar", [["p2", "r2"], ["p1", "p2"]]), ("four-bar", [["j2"], ["j3"]])):
+        it = case(name)
+        q, own = it.model.start + 0.1, list(it.model.dof_names)
+        G, at = ratios(it.model, q)
+        group = [k for k, joint_name in enumerate(own) if joint_name in it.loops[0]["independent"]]
+        rest = np.setdiff1d(range(len(own)), group)
+        for joints in others:
+            loop = it.loops[0] | {"independent": joints, "start": at}
+            model = dd.load_urdf(it.urdf, loops=[loop], armature=it.armature)
+            other, mapped = dd.DiagonalDynamics(model), np.array([G[joint_name] for joint_name in model.dof_names])
+            p = np.array([at[joint_name] for joint_name in model.coordinate_names])
+            turn = np.array([other.nu_from_qd(p, mapped @ e) for e in np.eye(len(own))]).T
+            turn = turn @ np.linalg.inv(np.array([it.dynamics.nu_from_qd(q, e) for e in np.eye(len(own))]).T)
+            moved = [k for k, joint_name in enumerate(model.dof_names) if joint_name in joints]
+            kept = np.setdiff1d(range(len(own)), moved)
+            assert np.abs(turn @ turn.T - np.eye(len(own))).max() <= 1e-12
+            assert np.abs(turn[np.ix_(kept, rest)] - np.eye(len(rest))).max() <= 1e-12
+            qd = rng.normal(size=len(own))
+            a, b = it.dynamics.evaluate(q, qd), other.evaluate(p, mapped @ qd)
+            assert np.abs(b.coriolis[kept] - a.coriolis[rest]).max() <= 1e-12 * np.linalg.norm(a.coriolis)
+            if len(group) == 1:
+                sign = turn[moved[0], group[0]]
+                assert abs(b.coriolis[moved[0]] - sign * a.coriolis[group[0]]) <= 1e-12 * np.linalg.norm(a.coriolis)
+
+
+def test_energy():
+    """The crank turns all around in a minute."""
+    model = dd.load_urdf(FOUR_BAR, loops=[BAR])
+    dynamics, tau, dt = dd.DiagonalDynamics(model), np.zeros(2), 2e-3
+    x = np.array([*model.start, 16.0, 1.0])
+
+    def rate(x):
+        return np.concatenate([x[2:], dynamics.forward_dynamics(x[:2], x[2:], tau)])
+
+    def energy(x):
+        return dynamics.evaluate(x[:2], x[2:]).kinetic_energy + potential_energy(model, x[:2])
+
+    before = energy(x)
+    for _ in range(30_000):
+        a = rate(x)
+        b = rate(x + 0.5 * dt * a)
+        c = rate(x + 0.5 * dt * b)
+        x = x + dt / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + dt * c))
+    assert abs(x[0]) > 100.0
+    assert energy(x) == pytest.approx(before, rel=1e-3)
+
+
+def test_branches():
+    """Start values choose the branch."""
+    starts = {"j1": 0.5, "j2": -0.8, "j3": -1.5}, {"j1": 0.5, "j2": 1.0, "j3": 1.5}
+    up, down = (dd.load_urdf(FOUR_BAR, loops=[BAR | {"start": start}]) for start in starts)
+    assert up.start[0] == pytest.approx(down.start[0]) and closed(up)["j3"] < -0.5 < 0.5 < closed(down)["j3"]
+
+
+def parallelogram(angle):
+    rods = (("coupler", "crank", (0.3, 0, 0)), ("rocker", "base", (0.5, 0, 0)))
+    urdf = description(
+        "parallelogram",
+        link("base"),
+        *(body(name, k) for k, name in enumerate(("crank", "coupler", "rocker"))),
+        hinge("j1", "base", "crank", ORIGIN),
+        *(hinge(f"j{k}", parent, child, at) for k, (child, parent, at) in enumerate(rods, 2)),
+    )
+    ends = {"a": {"link": "coupler", "xyz": [0.5, 0, 0]}, "b": {"link": "rocker", "xyz": [0.3, 0, 0]}}
+    start = {"j1": angle, "j2": -angle, "j3": angle}
+    return dd.load_urdf(urdf, loops=[{"name": "bars", "independent": ["j1"], "start": start} | ends])
+
+
+def test_change_point():
+    """A parallelogram stays one where it might become an antiparallelogram."""
+    model = parallelogram(0.5)
+    dynamics = dd.DiagonalDynamics(model)
+    for angle in np.arange(0.5, -0.6, -0.07):
+        at = closed(model, np.array([angle]), dynamics)
+        assert at["j2"] == pytest.approx(-angle, abs=1e-9) and at["j3"] == pytest.approx(angle, abs=1e-9)
+    with pytest.raises(dd.LoopError, match=r"'bars': the start is singular"):
+        parallelogram(0.0)
+
+
+def test_far_positions():
+    """They do not depend on the last state."""
+    it = case("four-bar")
+    far, dynamics = it.model.start + np.array([3.0, 0.0]), dd.DiagonalDynamics(it.model)
+    expected = closed(it.model, far)
+    for way in np.array([[1.5, 0.0], [5.0, 0.3]]):
+        closed(it.model, it.model.start + way, dynamics)
+        assert closed(it.model, far, dynamics) == pytest.approx(expected, abs=1e-12)
+
+
+def test_batch():
+    for name in ("spatial", "polynomial", "delta"):
+        it = case(name)
+        Q, QD, _ = (np.array(x) for x in zip(*it.states(12, spread=0.05), strict=True))
+        batch = it.dynamics.evaluate_batch(Q, QD)
+        rows = [dd.DiagonalDynamics(it.model).evaluate(q, qd).coriolis for q, qd in zip(Q, QD, strict=True)]
+        assert np.abs(batch.coriolis - rows).max() <= 1e-11 * np.abs(rows).max()
+
+
+# --- Files
+
+
+BROKEN = {
+    "unknown link": ({"a": "elbow"}, "'elbow' is not a link"),
+    "unknown joint": ({"start": {"j9": 0.0}}, "'j9' is not a joint"),
+    "foreign joint": ({"independent": ["j4"]}, "independent joint 'j4' is not in it; its joints are j1, j2, j3"),
+    "too many": ({"independent": ["j1", "j2"]}, "2 independent joints are given, j1, j2; it has 1 degree of freedom"),
+    "open": (
+        {"b": {"link": "rocker", "xyz": [2.0, 0, 0]}},
+        "'bar' cannot be closed from the start values: the ends stay",
+    ),
+    "rigid": ({"b": {"link": "base", "xyz": [0.6, 0, 0.1]}}, "leaves none of its joints free"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_loops_that_cannot_be_closed(name):
+    change, text = BROKEN[name]
+    with pytest.raises(dd.LoopError, match="'bar'") as caught:
+        dd.load_urdf(FOUR_BAR, loops=[BAR | {"independent": []} | change])
+    assert text in str(caught.value)
+
+
+WRONG = {
+    "type": ([BAR | {"type": "screw"}], "loops: loop 'bar': type"),
+    "key": ([BAR | {"c": 1}], "loop 'bar': 'c' is unknown"),
+    "end": ([{"name": "bar", "a": "crank"}], "loop 'bar' has no b"),
+    "no list": ({"loops": "bar"}, "loops is 'bar', expected a list"),
+    "keys": ({"loop": []}, "'loop' is unknown, expected loops, mimics or flexible_links"),
+    "table": ({"mimics": {"j2": {"source": "j1", "table": [[0, 0], [1, 1], [1, 2]]}}}, "ascending"),
+    "row": ({"mimics": {"j2": {"source": "j1", "table": [[0, 0]]}}}, "two rows or more"),
+    "polynomial": ({"mimics": {"j2": {"source": "j1", "polynomial": [0.0, np.nan]}}}, "expected coefficients"),
+    "both": ({"mimics": {"j2": {"source": "j1"}}}, "expected source, and polynomial or table"),
+    "source": ({"mimics": {"j2": {"source": "j9", "polynomial": [1]}}}, "'j9' is not a joint of robot 'four'"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_files(name):
+    source, text = WRONG[name]
+    with pytest.raises(dd.InputError) as caught:
+        dd.load_urdf(FOUR_BAR, loops=source)
+    assert text in str(caught.value)
+
+
+START = '<start joint="j1" position="0.5"/><start joint="j2" position="-0.8"/><start joint="j3" position="-1.5"/>'
+LOOP_JOINT = f"""<loop_joint name="bar" type="revolute"><link1 link="coupler" xyz="0.5 0 0"/>
+<link2 link="rocker" xyz="0.4 0 0"/><axis xyz="0 1 0"/><independent joint="j1"/>{START}</loop_joint>"""
+CONSTRAINT = f'''<constraint name="bar" type="TYPE"><parent link="coupler"/><parent_origin xyz="0.5 0 0"/>
+<parent_axis xyz="0 1 0"/><child link="rocker"/><child_origin xyz="0.4 0 0" rpy="0 0 0.3"/>
+<child_axis xyz="{float(np.sin(0.3))!r} {float(np.cos(0.3))!r} 0"/>{START}</constraint>'''
+
+
+def with_element(element):
+    return FOUR_BAR.replace("</robot>", element + "</robot>")
+
+
+HINGE = CONSTRAINT.replace("TYPE", "continuous")
+
+
+@pytest.mark.parametrize("element", [LOOP_JOINT, HINGE, CONSTRAINT.replace("TYPE", "spherical")])
+def test_elements(element, tmp_path):
+    """A loop in the URDF is closed; a file may add what its element lacks, and an empty list opens it."""
+    expected, q, qd = (
+        dd.DiagonalDynamics(dd.load_urdf(FOUR_BAR, loops=[BAR])),
+        np.array([0.6, 0.1]),
+        np.array([1.0, 2.0]),
+    )
+    path = tmp_path / "loops.yaml"
+    path.write_text("loops: [{name: bar, independent: j1}]")
+    for loops in (str(path), [{"name": "bar", "independent": ["j1"]}]):
+        model = dd.load_urdf(with_element(element), loops=loops)
+        for own in (model, pickle.loads(pickle.dumps(model))):
+            found = dd.DiagonalDynamics(own).evaluate(q, qd)
+            assert np.abs(found.coriolis - expected.evaluate(q, qd).coriolis).max() <= 1e-12
+    assert dd.load_urdf(with_element(element)).nv == 2 and dd.load_urdf(with_element(element), loops=[]).nv == 4
+
+
+def test_driven_joint_is_independent():
+    driven = '<transmission name="t"><joint name="j3"/><actuator name="m"/></transmission>'
+    assert dd.load_urdf(with_element(HINGE + driven)).followers == {"j1": ("j3",), "j2": ("j3",)}
+
+
+MJCF = """<mujoco><compiler angle="radian"/><option jacobian="dense"/><worldbody>
+<body name="crank"><joint name="j1" axis="0 1 0" ref="0.1"/>
+<geom size="0.02" type="capsule" fromto="0 0 0 0.2 0 0"/><body name="coupler" pos="0.2 0 0" euler="0 -0.8 0">
+<joint name="j2" axis="0 1 0"/><geom size="0.02" type="capsule" fromto="0 0 0 0.5 0.05 0"/>
+<site name="a" pos="0.5 0 0"/></body></body>
+<body name="rocker" pos="0.5 0 0" euler="0 -1.4 0"><joint name="j3" axis="0 1 0"/>
+<geom size="0.02" type="capsule" fromto="0 0 0 0.4 0 0"/>
+<body name="extra" pos="0 0 0.2"><joint name="j4" axis="1 0 0" ref="-0.2"/><geom size="0.05" pos="0.1 0.2 0"/></body>
+<body name="end" pos="0.3 0 0"><joint name="j5" axis="0 1 0"/><geom size="0.03" pos="0 0 0.1"/></body></body></worldbody>
+<equality>EQUALITY</equality><actuator><motor joint="j3"/></actuator></mujoco>"""
+EQUALITIES = {  # and the degrees of freedom
+    "connect": ('<connect name="e" body1="coupler" body2="rocker" anchor="0.5 0 0"/>', 3),
+    "weld": ('<weld name="e" body1="end" body2="coupler" anchor="0.5 0 0.1"/>', 2),
+    "polynomial": ('<joint joint1="j4" joint2="j1" polycoef="0.1 0.5 0.2 0.1 -0.3"/>', 4),
+    "both": (
+        '<connect body1="coupler" body2="rocker" anchor="0.5 0 0"/><joint joint1="j4" joint2="j1" polycoef="0 0.5 0.2 0 0"/>',
+        2,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", EQUALITIES)
+def test_mjcf(name):
+    """MuJoCo's equalities hold where ours do, and their Jacobian vanishes along G."""
+    mujoco = pytest.importorskip("mujoco")
+    equality, count = EQUALITIES[name]
+    text = MJCF.replace("EQUALITY", equality)
+    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
+    assert model.nv == count and "j3" in model.dof_names
+    d, names = mujoco.MjData(m), [m.joint(k).name for k in range(m.njnt)]
+    for q in model.start + np.random.default_rng(2).uniform(-0.2, 0.2, (4, model.nq)):
+        G, at = ratios(model, q)
+        d.qpos[:] = [at[joint_name] for joint_name in names]
+        mujoco.mj_forward(m, d)
+        rows = np.reshape(d.efc_J, (-1, m.nv))[: d.ne]
+        assert d.ne >= 1 and np.abs(d.efc_pos[: d.ne]).max() <= 1e-12
+        assert np.abs(rows @ np.array([G[joint_name] for joint_name in names])).max() <= 1e-13 * np.abs(rows).max()
