@@ -20,6 +20,7 @@ FIGURES = (
     "energy_exchange",
     "flexible_arm",
     "flexible_links",
+    "closed_loops",
 )
 
 
