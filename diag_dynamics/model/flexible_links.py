@@ -245,7 +245,10 @@ def _ratios(where: str, given: Mapping[str, Any], n: int) -> Array:
     ratio = given.get("damping_ratio", 0.0)
     if np.ndim(ratio) == 0:
         ratio = [not_negative(f"{where}: damping_ratio", ratio, "[1]")] * n
-    return numbers(f"{where}: damping_ratio", ratio, (n,), f"a number >= 0, or {n} of them")
+    found = numbers(f"{where}: damping_ratio", ratio, (n,), f"a number >= 0, or {n} of them")
+    if (found < 0.0).any():
+        raise InputError(f"{where}: damping_ratio is {found.tolist()}, expected numbers >= 0.")
+    return found
 
 
 def _axes(direction: Array) -> Array:
@@ -263,10 +266,12 @@ def _axes(direction: Array) -> Array:
 def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any]) -> FlexibleLink:
     """Return the modes of nodes, in the link's axes: shapes of unit modal mass of the link clamped at its origin."""
     where = f"flexible link '{link}'"
-    frequencies = np.atleast_1d(np.asarray(given["frequencies"], float))
-    n = len(frequencies)
-    if frequencies.ndim != 1 or not (frequencies > 0.0).all():
-        raise InputError(f"{where}: frequencies are {given['frequencies']!r}, expected numbers > 0 [rad/s].")
+    n = np.size(given["frequencies"])
+    frequencies = numbers(f"{where}: frequencies", given["frequencies"], (n,), "numbers > 0 [rad/s]")
+    if not n or not (frequencies > 0.0).all() or not isinstance(given["nodes"], list | tuple):
+        raise InputError(
+            f"{where} has frequencies {given['frequencies']!r}, expected numbers > 0 [rad/s], and a list of nodes."
+        )
     axes = _axes(next(iter(origins.values())))
 
     def station(name: str, at: Array, entry: Any) -> Station:

@@ -387,7 +387,14 @@ class RobotModel:
         They are the path of a file, see :class:`Parameters`, or a dict with the file's keys. Payloads are added to those that
         are there. ``massless="lock"`` is applied again.
         """
-        given, own = read_parameters(parameters), self._options
+        given = read_parameters(parameters)
+        if flexible := sorted(given.links.keys() & self.flexible_links.keys()):
+            text = f"parameters: link '{flexible[0]}' is flexible, and its inertia is divided among its modes."
+            raise InputError(f"{text} Give the parameters to load_urdf.")
+        return self._with_parameters(given)
+
+    def _with_parameters(self, given: Parameters) -> RobotModel:
+        own = self._options
         robot = apply_parameters(self._tree.robot, given)
         options = own._replace(
             **{name: getattr(own, name) | given.by_joint(name) for name in BESIDE},
@@ -417,7 +424,7 @@ class RobotModel:
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
         number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
         links = perturbed_links(self._tree.robot, part, np.random.default_rng(int(seed)))
-        return self.with_parameters(Parameters(links=links))
+        return self._with_parameters(Parameters(links=links))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these positions [rad, m] of locked joints, by name; empty releases all.

@@ -480,6 +480,23 @@ def test_rest(arm, order):
     assert sim.q.min() < 0.0 < sim.q.max()
 
 
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 0.9])
+@pytest.mark.parametrize(("order", "error"), [(4, 1e-6), (1, 1e-2)])
+def test_decay(order, error, ratio):
+    """A small mode moves as a damped oscillator through zero and back, and the audit has its loss."""
+    model = beam([1, 0, 0], damping_ratio=ratio)
+    [link] = model.flexible_links.values()
+    [omega] = link.frequencies
+    rate = omega * np.sqrt(1.0 - ratio**2)
+    sim = dd.Simulation(model, qd=[1e-4 * omega], step=0.002 / omega, order=order)
+    for _ in range(60):
+        sim.advance(steps=50)
+        expected = 1e-4 * omega / rate * np.exp(-ratio * omega * sim.time) * np.sin(rate * sim.time)
+        assert abs(sim.q[0] - expected) < error * 1e-4
+    start = 0.5 * (1e-4 * omega) ** 2
+    assert abs(sim.audit.limits - (sim.kinetic_energy + sim.elastic_energy - start)) < 5.0 * error * start
+
+
 def test_motion_is_that_of_modal_efforts(arm):
     """A simulation accelerates as forward dynamics with the modes' efforts."""
     q, qd = 0.3 * arm.random(7), 0.3 * arm.random(8)
@@ -563,7 +580,10 @@ WRONG = [
     ({"a": LINKS["a"] | {"mass": 2.0}}, "the mass of its modes is 2 kg, expected no more than its 1.2 kg"),
     ({"b": LINKS["b"] | {"mass": "inertial"}}, "Give the mass of the beam"),
     ({"base": LINKS["a"] | {"tip": "j1"}}, "'base' has no mass"),
-    ({"a": {"nodes": [NODE], "frequencies": [-1.0], "tips": {"j2": {}}}}, "frequencies are"),
+    ({"a": {"nodes": [NODE], "frequencies": [-1.0], "tips": {"j2": {}}}}, "frequencies [-1.0]"),
+    ({"a": {"nodes": 3, "frequencies": [1.0], "tips": {"j2": {}}}}, "a list of nodes"),
+    ({"a": {"nodes": [NODE], "frequencies": "low", "tips": {"j2": {}}}}, "frequencies"),
+    ({"a": LINKS["a"] | {"damping_ratio": [0.1, 0.1, 0.1, 0.1, -0.1]}}, "damping_ratio"),
     ({"a": {"nodes": [NODE], "frequencies": [1.0, 2.0], "tips": {"j2": {}}}}, "shape of node 0"),
     ({"a": {"nodes": [NODE | {"m": 1}], "frequencies": [1.0], "tips": {"j2": {}}}}, "'m', which is unknown"),
 ]
@@ -606,6 +626,12 @@ def test_what_is_rejected(arm):
         joints_of(arm)
     with pytest.raises(dd.UnsupportedError, match="link 'a' is flexible"):
         Plant(arm, {})
+    body = {"mass": 1.0, "com": [0, 0, 0], "inertia": np.eye(3).tolist()}
+    with pytest.raises(dd.InputError, match="link 'b' is flexible"):
+        arm.with_parameters({"links": {"b": body}})
+    assert arm.perturbed(0.1, 1).total_mass != arm.total_mass
+    given = dd.load_urdf(ARM, loops={"flexible_links": LINKS}, parameters={"links": {"b": body | {"com": [0, 0, 0.3]}}})
+    assert given.total_mass == pytest.approx(dd.load_urdf(ARM).total_mass - 1.6 + 1.0)
     with pytest.raises(dd.InputError, match="'a/tip/y' follows modes"):
         arm.with_locked_joints({"a/tip/y": 0.0})
     loop = {"name": "rope", "a": {"link": "side"}, "b": {"link": "tip"}}
