@@ -19,7 +19,7 @@ _NAMES = {
     "dynamics": "DiagonalDynamics",
     "dynamics.flexible": "FlexibleDynamics FlexibleEvaluation",
     "results": "BatchEvaluation Evaluation ExternalWrench Factors Momentum TouchedLink",
-    "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError MasslessLinkError MimicJointError "
+    "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError LoopWarning MasslessLinkError MimicJointError "
     "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
     "contact.geometry": "link_geometry",
     "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",
@@ -79,6 +79,7 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.exceptions import InertiaWarning as InertiaWarning
     from diag_dynamics.exceptions import InputError as InputError
     from diag_dynamics.exceptions import LoopError as LoopError
+    from diag_dynamics.exceptions import LoopWarning as LoopWarning
     from diag_dynamics.exceptions import MasslessLinkError as MasslessLinkError
     from diag_dynamics.exceptions import MimicJointError as MimicJointError
     from diag_dynamics.exceptions import ModelError as ModelError

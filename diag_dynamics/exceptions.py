@@ -58,6 +58,10 @@ class InertiaWarning(ModelWarning):
     """A link's inertia is not that of a rigid body, or estimated; the model uses it as it is."""
 
 
+class LoopWarning(ModelWarning):
+    """A closed loop is nearly singular for its independent joints: results lose digits."""
+
+
 class LoopError(UrdfError):
     """A closed loop cannot be built from its description, or cannot be closed at these positions."""
 

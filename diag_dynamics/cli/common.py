@@ -112,7 +112,7 @@ def add_robot(parser):
 
 def add_parameters(parser):
     """Add the options that set parameters."""
-    text = "file with parameters of the monitor or of the robot (docs/library.md); repeatable"
+    text = "file with parameters of the monitor or of the robot, or its loops (docs/library.md); repeatable"
     parser.add_argument("--parameters", metavar="FILE.yaml", action="append", default=[], help=text)
     add_entries(parser, "--set", "PARAMETER=VALUE", "set parameters of the monitor, such as effort_scale='*=0.5'")
 

@@ -33,6 +33,7 @@ UNITS = {
     "sweeps.classical": 2,
     "sweeps.kinematics": 2,
     "sweeps.mobilities": 1,
+    "sweeps.followers": 1,
     "sweeps.alarms": 1,
     "identification.kernels.regressors": 1,
 }

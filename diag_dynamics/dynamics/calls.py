@@ -16,14 +16,17 @@ from diag_dynamics.arrays import Array, Frame, PointLike
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
 from diag_dynamics.dynamics.arguments import Loads, States
-from diag_dynamics.exceptions import InputError, SingularMassMatrixError
+from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.model.followers import FollowerMotion, loop_error, loop_title
 from diag_dynamics.model.links import wrenches_at, wrenches_on_links
+from diag_dynamics.model.remarks import warn
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
     batch,
     classical,
     contacts,
+    couplings,
     derivatives,
     evaluation,
     external,
@@ -67,6 +70,8 @@ class SweepCaller:
         self._zeros = np.zeros((1, model.nv))
         friction = model.friction, model.load_friction, model.root_friction
         self._has_friction, self._depends_on_load, self._has_roots = (bool(one.any()) for one in friction)
+        self._followers = FollowerMotion(model) if model.has_follower_friction else None
+        self._ratios = self._workspace.couplings.ratio if model.loops else np.zeros(0)
         self._motors = np.array([(one.damping, one.friction) for one in model.couplings.values()]).T
 
     # --- Calls
@@ -112,8 +117,8 @@ class SweepCaller:
             except SingularMassMatrixError as error:
                 message, D = f"state {t}: {error}", error.articulated_inertia
                 raise SingularMassMatrixError(message, error.joint, D) from None
-            except InputError as error:
-                raise InputError(f"state {t}: {error}") from None
+            except (InputError, LoopError) as error:
+                raise type(error)(f"state {t}: {error}") from None
         if failing:
             where = f"states {failing[0]} to {failing[-1]}"
             raise InputError(f"arguments have changed while {where} were evaluated.")
@@ -127,13 +132,27 @@ class SweepCaller:
 
     def check(self, status: int, at: States, problem: str = "") -> None:
         """Raise the error of a kernel's status at one state, if there is one."""
-        if status and problem:
+        if not status:
+            self.warn_of_loops()
+        if status and problem and status > couplings.OPEN_LOOP:
             raise InputError(f"{problem}.")
         if status:
             # Factorized again in new memory: another thread may have used the shared one since.
             own = self.model.new_workspace()
             factorization.joint_inertias(own.robot, at.q, *np.empty((2, self.nv)))
             raise_failure(self.model, status, own.work, at)
+
+    def warn_of_loops(self) -> None:
+        """Warn once that a loop is nearly singular at the last state."""
+        if not len(self._ratios) or min(self._ratios.tolist()) >= couplings.NEARLY_SINGULAR:
+            return
+        number = int(np.argmin(self._ratios))
+        title, ratio = loop_title(self.model, number), self._ratios[number]
+        warn(
+            f"{title} of robot '{self.model.name}' is nearly singular for its independent joints, by {ratio:.1g}.",
+            LoopWarning,
+        )
+        self._ratios = np.zeros(0)
 
     # --- Joint space
 
@@ -210,7 +229,19 @@ class SweepCaller:
             rates = qd @ model.motor_rates.T
             turned = np.tanh(rates / v0) if v0 else np.sign(rates)
             resisting += (self._motors[0] * rates + self._motors[1] * turned) @ model.motor_rates
+        if self._followers:
+            rows = zip(at.q.reshape(-1, model.nq), qd.reshape(-1, model.nv), strict=True)
+            resisting += np.reshape([self._friction_of_followers(q, rate) for q, rate in rows], qd.shape)
         return resisting
+
+    def _friction_of_followers(self, q: Array, qd: Array) -> Array:
+        """Return Gᵀ of the friction of followers with changing ratios at one state."""
+        model, now = self.model, self._followers.at(q, qd)  # type: ignore[union-attr]
+        G, v0 = now.ratios[len(model.mimics) :], model.friction_velocity
+        rate = G @ qd
+        direction = np.tanh(rate / v0) if v0 else np.sign(rate)
+        friction: Array = (model.follower_damping * rate + model.follower_friction * direction) @ G
+        return friction
 
     def gravity_torque(self, at: States) -> Array:
         """Return g(q)."""
@@ -381,6 +412,8 @@ def raise_failure(model: RobotModel, status: int, work: Any, at: States) -> NoRe
             D,
         )
     checks.check_finite("q", at.q, model.coordinate_names)
+    if status <= couplings.OPEN_LOOP:
+        raise loop_error(model, status)
     for name, values in at.vectors.items():
         checks.check_finite(name, values, model.dof_names)
     model.integrate(at.q, np.zeros(model.nv))  # raises the error of a quaternion

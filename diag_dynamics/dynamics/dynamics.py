@@ -86,6 +86,7 @@ class DiagonalDynamics:
         self.model = model
         self._arguments, self._caller = Arguments(model), calls.SweepCaller(model)
         self._zero, self._robot = self._arguments.zero, self._caller.robot
+        self._loops = bool(model.loops)
         self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
         self._shape = ws.N_ROWS, max(model.nq, 1)  # numbers need an entry even without joints
         self._whole = self._shape[1] == model.nv
@@ -158,6 +159,8 @@ class DiagonalDynamics:
                 return self._evaluate_rows(q, qd, tau, loads, threads, None)
             at = self._arguments.one(q, qd=qd, tau=effort)
             return self._caller.evaluate(at, tau is not None, loads, state, out)
+        if self._loops:
+            self._caller.warn_of_loops()
         if out is None:
             state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
             rows = state if self._whole else state[:, : self._nv]
@@ -307,15 +310,15 @@ class DiagonalDynamics:
 
         The model has damping d, Coulomb friction f, load friction μ, root friction s, offset o and v₀,
         its `friction_velocity`. At 5 v₀ the tanh is 1 − 1e-4. At rest τ_fric does not jump with the
-        sign of a noisy velocity. Positions q are required with load friction only. Other quantities
-        include no friction unless requested.
+        sign of a noisy velocity. Friction of followers acts at their own rates: Gᵀτ_fric(Gq̇). Positions q are
+        required with it or load friction only. Other quantities include no friction unless requested.
         """
         if q is not None:
             return self._caller.friction(self._arguments.states(q, threads, qd=qd))
         names = self.model.dof_names
-        if self.model.load_friction.any():
+        if self.model.load_friction.any() or self.model.has_follower_friction:
             raise InputError(
-                "q is missing; expected positions, because the friction of this model depends on the load."
+                "q is missing; expected positions, because the friction of this model depends on load or followers."
             )
         rates = rows("QD", qd, names) if is_rows(qd) else vector("qd", qd, names, finite=False)
         return self._caller.friction(States(rates, {"qd": rates}))

@@ -18,7 +18,9 @@ from diag_dynamics.joint_states.joints import EffortMeaning, RobotState, age_lim
 from diag_dynamics.joint_states.rules import judge_messages
 from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.joint_states.steps import SAMPLES
+from diag_dynamics.model.followers import loop_title
 from diag_dynamics.model.mimic import Followers
+from diag_dynamics.sweeps.followers import positions
 
 
 class Accepted(NamedTuple):
@@ -71,9 +73,12 @@ class StateAssembler:
 
     def __init__(self, joints, options, base=None, map_name=None, labels=None, limit="max_age"):
         self._joints, self._base, self._map_name, self._limit = joints, base, map_name or str, limit
-        self.followers = Followers(joints.names, joints.mimics, continuous=joints.continuous)
+        self.followers = Followers(joints.names, joints.mimics, 0.0, joints.continuous, joints.motion)
         self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
-        self._labels = labels or tuple(f"joint '{name}'" for name in self.names)
+        loops = (
+            [loop_title(joints.motion.model, k) for k in range(len(joints.motion.model.loops))] if joints.motion else ()
+        )
+        self._labels = (*(labels or (f"joint '{name}'" for name in self.names)), *loops)
         self.counts, self.stuck, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
         self._layouts, self.arrived = _Kept(), {}
         count, beside = len(joints.names), len(self.followers.names)
@@ -84,13 +89,31 @@ class StateAssembler:
         self._own["gap_last"] = -1
         for field in FIELDS:
             self._own[field] = np.nan
-        self._memory.followers["effort"] = np.nan
+        for field in FIELDS:
+            self._memory.followers[field] = np.nan
+        self._follow()
         self._one = memory.Batch.create(1, (), self._memory)
         self._message = memoryview(self._one.messages.view(np.uint8))
         self._summary = self._one.outcome.view(np.int64)[: len(memory.SUMMARY)]
         self._states = tuple(self._one.states[:, 0])
         self._decoder = Decoder()
         self.configure(options)
+
+    def _follow(self):
+        """Write how followers depend on joints: mimic joints, then those with changing ratios."""
+        followers, count = self.followers, len(self.followers.leaders)
+        _write(
+            self._memory.followers[:count],
+            source=followers.leaders,
+            multiplier=followers.multipliers,
+            offset=followers.offsets,
+        )
+        if followers.motion:
+            model, self._ratios = followers.motion.model, followers.motion.memory()
+            sizes = {"bodies": len(model.bodies), "nq": model.nq, "nv": model.nv}
+            robot, ratios = followers.motion.workspace.robot, self._ratios.ctypes.data
+            _write(self._shared, robot=robot, follow=positions.address, ratios=ratios, **sizes)
+            self._memory.followers["body"][count:] = [model.first_body(name) for name in followers.names[count:]]
 
     # --- Options ---
 
@@ -107,9 +130,6 @@ class StateAssembler:
         _write(own, factor=efforts.factors[:count], span=ages[:count], **limits)
         _write(
             self._memory.followers,
-            source=followers.leaders,
-            multiplier=followers.multipliers,
-            offset=followers.offsets,
             turns=followers.turns,
             factor=efforts.factors[count:],
             span=ages[count:],
@@ -162,6 +182,12 @@ class StateAssembler:
     def without_effort(self):
         """Joints that have arrived without an effort."""
         return self._joints_where((self._own["known"] > 0) & ~np.isfinite(self._own["effort"]))
+
+    @property
+    def follower_rates(self):
+        """Measured rates of followers at the newest stamp [rad/s, m/s], NaN for others."""
+        own = self._memory.followers
+        return np.where(own["stamp"] == self.newest, own["velocity"], np.nan)
 
     @property
     def lacking_effort(self):
@@ -374,8 +400,7 @@ class StateAssembler:
             (0, own, 0),
             (1, own, count),
             (2, own, 2 * count),
-            (0, beside, 3 * count),
-            (2, beside, 3 * count + more),
+            *((field, beside, 3 * count + field * more) for field in range(3)),
         )
         pairs = [
             np.stack([begins[field] + there, first + here], axis=1)

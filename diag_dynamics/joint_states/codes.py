@@ -29,7 +29,8 @@ FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(
     STALE_JOINT,
     STALE_ODOMETRY,
     STUCK,
-) = range(1, 21)
+    OPEN_LOOP,
+) = range(1, 22)
 """The message, or the state that it completes, is rejected."""
 
 LAYOUT_ERRORS = (DUPLICATE_NAME, WRONG_LENGTH)
@@ -81,6 +82,7 @@ CAUSES = {
     STALE_JOINT: "stale joint",
     STALE_ODOMETRY: "stale odometry",
     STUCK: "stuck",
+    OPEN_LOOP: "open loop",
 }
 """Causes of rejections, by which they are counted."""
 
@@ -102,6 +104,7 @@ TEXTS = {
     INTERLEAVED: "{step}, {third:g} s after another source's message: two sources publish this joint in turns",
     FAST_STEP: "{name}: its step to position {first:.9g} is faster than {second:g} (plausibility.velocity)",
     STALE_JOINT: "{name} is older than {first:g} s",
+    OPEN_LOOP: "{name} cannot be closed at these positions, or is singular there",
     STALE_ODOMETRY: "odom is {first:.3f} s away from the joints, more than {second:g} s",
 }
 """Texts of rejections, with the numbers of an OUTCOME."""

@@ -13,6 +13,7 @@ from diag_dynamics.entries import by_name
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.joint_states.steps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT
+from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.model.joint_types import places, single_joints
 
 _NONE = MappingProxyType({})
@@ -29,6 +30,7 @@ class Joints(NamedTuple):
     velocity: np.ndarray | None = None  # velocity limits [rad/s, m/s]
     effort: np.ndarray | None = None  # effort limits [N m, N]
     effort_scale: Mapping = _NONE  # effort by reported unit [N m, N], where the options have none; NaN if unknown
+    motion: FollowerMotion | None = None  # of a model with followers whose ratios change
 
 
 class Options(NamedTuple):
@@ -85,6 +87,7 @@ def joints_of(model):
         model.velocity_limit[dof],
         model.effort_limit[dof],
         model.effort_scale,
+        FollowerMotion(model) if model.followers else None,
     )
 
 

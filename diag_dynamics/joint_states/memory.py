@@ -28,6 +28,8 @@ SHARED = _record(
     ("i8", "apart"),  # clock less the last accepted stamp that was compared with it
     ("i8", "refused refused_at refused_apart"),  # by the clock: whether, when, and the distance then
     ("i8", "lost"),  # states lost by gaps in stamps
+    ("i8", "robot follow ratios"),  # of followers with changing ratios, or 0: addresses for sweeps.followers.positions
+    ("i8", "bodies nq nv"),  # of that robot
     ("i8", "stuck_last stuck_kind stuck_joint stuck_more"),  # last state that was compared, and its stuck sensors
 )
 """One element."""
@@ -56,12 +58,13 @@ JOINT = _record(
 
 FOLLOWER = _record(
     ("i8", "source turns"),  # rules: index of the joint that it follows
+    ("i8", "body"),  # its first one if its ratios change, else 0
     ("f8", "multiplier offset factor span"),
-    ("f8", "effort"),
+    ("f8", "position velocity effort"),
     ("i8", "stamp"),
     ("f8", "own expected"),  # positions that disagreed last; NaN where they agreed
 )
-"""An element for each mimic joint."""
+"""An element for each follower."""
 
 ERROR, JOINT_COUNT, FOLLOWER_COUNT, NUMBER_COUNT, HEAD = range(5)
 """First columns of a layout: 0, DUPLICATE_NAME or WRONG_LENGTH, and counts. Then come the indices of joints, those of
@@ -90,7 +93,7 @@ WINDOW = 32  # intervals between stamps that are judged together
 FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, VALUES, ROWS = range(9)
 """Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is
 explained; of the candidate messages in a row and returns; the velocity of the message. The last row has the positions,
-velocities and efforts of joints, then positions and efforts of followers; NaN for what the message lacks."""
+velocities and efforts of joints, then of followers; NaN for what the message lacks."""
 
 
 class Memory(NamedTuple):
@@ -106,7 +109,7 @@ class Memory(NamedTuple):
     @classmethod
     def create(cls, n, f):
         """Return the memory of n joints and f followers."""
-        width = max(WINDOW, 3 * n + 2 * f)
+        width = max(WINDOW, 3 * (n + f))
         return cls(
             np.zeros(1, SHARED),
             np.zeros(n, JOINT),
@@ -129,7 +132,7 @@ class Batch(NamedTuple):
     def create(cls, count, layouts, memory, width=0):
         """Return a batch of a number of messages with `width` numbers each."""
         n, f = len(memory.joints), len(memory.followers)
-        rows = np.zeros((max(len(layouts), 1), HEAD + 7 * n + 5 * f), np.int64)
+        rows = np.zeros((max(len(layouts), 1), HEAD + 7 * (n + f)), np.int64)
         for row, (error, joints, followers, pairs) in zip(rows, layouts, strict=False):
             row[:HEAD] = error, len(joints), len(followers), len(pairs)
             for begin, entries in ((HEAD, joints), (HEAD + n, followers), (HEAD + n + f, pairs.ravel())):

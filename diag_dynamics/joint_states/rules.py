@@ -10,6 +10,7 @@ rejects comes before the first line that stores a value.
 import math
 
 import numpy as np
+from numba import types
 
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import (
@@ -37,7 +38,9 @@ from diag_dynamics.joint_states.steps import (
     pause_gaps,
     watch_stuck_sensors,
 )
+from diag_dynamics.numerics.callback import call_address
 from diag_dynamics.numerics.kernel import entry_kernel, kernel, large_kernel
+from diag_dynamics.numerics.tables import address_of, array_at
 from diag_dynamics.rotations import wrap_angle
 
 PATIENCE = 10 * SECOND
@@ -51,7 +54,7 @@ LONGEST = 10.0 * SECOND
 
 PERIODS = 3.0  # periods without a position after which an estimate restarts
 
-_wrap_angle = kernel(wrap_angle)
+_wrap_angle, _matrix_at = kernel(wrap_angle), array_at(types.float64, 2)
 
 
 @entry_kernel(*MEMORY_TYPES, *BATCH_TYPES, nogil=True)
@@ -142,7 +145,7 @@ def _judge(memory, batch, k, layout):
     if len(here) and not unstamped:
         count_gap(memory, _first(here), stamp)
     implausible = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
-    implausible |= _store_followers(memory, beside, row[3 * n : 3 * n + f], row[3 * n + f : 3 * n + 2 * f], stamp, one)
+    implausible |= _store_followers(memory, beside, row[3 * n : 3 * (n + f)], stamp, one)
     if implausible:
         one.events |= codes.IMPLAUSIBLE_EFFORT
     if len(here) == 0:
@@ -348,14 +351,16 @@ def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
 
 
 @kernel
-def _store_followers(memory, beside, position, effort, stamp, one):
-    """Store efforts of followers and compare their positions; return whether an effort is implausible."""
-    implausible, shared = False, memory.shared[0]
+def _store_followers(memory, beside, row, stamp, one):
+    """Store values of followers and compare their positions; return whether an effort is implausible."""
+    implausible, shared, count = False, memory.shared[0], len(memory.followers)
+    position, velocity, effort = row[:count], row[count : 2 * count], row[2 * count :]
     for f in beside:
         follower = memory.followers[f]
         torque = effort[f] * follower.factor
         if abs(torque) > shared.max_effort or np.isinf(torque):
             torque, implausible = np.nan, True
+        follower.position, follower.velocity = position[f], velocity[f]
         follower.effort, follower.stamp = torque, stamp
     if shared.tolerance == 0.0:
         return implausible
@@ -384,6 +389,8 @@ def _distance(memory, f, position, stamp):
     """Return the distance of a follower from its expected position, 0 where its source is stale."""
     follower = memory.followers[f]
     source = memory.joints[follower.source]
+    if follower.body:  # see _close_loops
+        return 0.0
     if not source.known or abs(source.stamp - stamp) > source.span or not np.isfinite(position):
         return 0.0
     distance = abs(position - _expected(memory, follower))
@@ -419,8 +426,48 @@ def _assemble(memory, batch, k):
         one.with_effort &= int(np.isfinite(joints[j].effort))
     for f in range(len(memory.followers)):
         follower = memory.followers[f]
-        fresh = abs(newest - follower.stamp) <= follower.span and np.isfinite(follower.effort)
-        batch.states[2, k, follower.source] += follower.multiplier * (follower.effort if fresh else 0.0)
+        if follower.body == 0:
+            batch.states[2, k, follower.source] += follower.multiplier * _fresh_effort(follower, newest)
+    if memory.shared[0].robot:
+        return _close_loops(memory, batch.states[0, k], batch.states[2, k], one)
+    return codes.STATE
+
+
+@kernel
+def _fresh_effort(follower, newest):
+    """Return the effort of a follower, 0 if it is stale or unknown."""
+    fresh = abs(newest - follower.stamp) <= follower.span and np.isfinite(follower.effort)
+    return follower.effort if fresh else 0.0
+
+
+@large_kernel
+def _close_loops(memory, position, effort, one):
+    """Reflect efforts of followers with changing ratios and compare their positions; return the code of an open loop.
+
+    Positions are compared with those of the same stamp.
+    """
+    shared, n, q = memory.shared[0], len(position), memory.scratch[VALUES]
+    for j in range(n):
+        q[shared.nq - n + j] = position[j]
+    status = call_address(shared.follow, shared.robot, address_of(q), shared.ratios, 0)
+    if status != 0:
+        one.joint = n + len(memory.followers) + (-status) % 1000
+        return codes.OPEN_LOOP
+    table = _matrix_at(shared.ratios, (shared.bodies, 1 + 2 * shared.nv))
+    for f in range(len(memory.followers)):
+        follower, row = memory.followers[f], table[memory.followers[f].body]
+        if follower.body == 0:
+            continue
+        for j in range(n):
+            effort[j] += row[1 + shared.nv - n + j] * _fresh_effort(follower, one.newest)
+        distance = abs(follower.position - row[0])
+        distance = abs(_wrap_angle(distance)) if follower.turns else distance
+        if shared.tolerance and follower.stamp == one.newest and distance > shared.tolerance:
+            if not one.events & codes.DISAGREES:
+                one.events |= codes.DISAGREES
+                for other in range(len(memory.followers)):
+                    memory.followers[other].own = np.nan
+            follower.own, follower.expected = follower.position, row[0]
     return codes.STATE
 
 

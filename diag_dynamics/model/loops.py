@@ -37,6 +37,9 @@ GAP = 1e-3
 MAX_CHOICES = 500
 """Largest number of sets of independent joints of which the best is chosen."""
 
+COUPLINGS = "loops", "mimics", "flexible_links"
+"""Keys of a file."""
+
 MAX_STEP, MAX_STEPS = 0.3, 200
 """Largest correction of a joint by a step to the start, and the number of steps."""
 
@@ -119,7 +122,7 @@ def read_couplings(
         name, source = os.fspath(source), read_yaml(source, os.fspath(source))
     if not isinstance(source, Mapping):
         source = {"loops": source}
-    if unknown := set(source) - {"loops", "mimics", "flexible_links"}:
+    if unknown := set(source) - set(COUPLINGS):
         expected = "expected loops, mimics or flexible_links"
         raise InputError(f"{name}: {listed(sorted(map(repr, unknown)))} is unknown, {expected}.")
     given = source.get("loops", loops) or ()

@@ -12,7 +12,8 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MimicJointError
-from diag_dynamics.model.joint_types import SINGLE, places
+from diag_dynamics.model.followers import FollowerMotion
+from diag_dynamics.model.joint_types import SINGLE, places, single_joints
 from diag_dynamics.model.origins import LARGEST
 from diag_dynamics.rotations import wrap_angle
 
@@ -141,11 +142,12 @@ def _joints_between(family: list[str], depth: Mapping[str | None, int], carriers
 
 
 class Followers:
-    """Positions of mimic joints by their leaders, and efforts of mimic joints on their leaders.
+    """Positions of joints that follow others by their sources, and efforts of followers on their sources.
 
-    `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has mimic joints whose
-    position is an angle that wraps. A mimic joint's own position is within `tolerance` [rad, m] of that which its leader
-    gives it; 0 accepts any. Vectors of mimic joints are in the order of `names`, NaN for unknown values.
+    `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has followers whose
+    position is an angle that wraps. A follower's own position is within `tolerance` [rad, m] of that which its source
+    gives it; 0 accepts any. `motion` is the FollowerMotion of a model whose ratios change. Vectors of followers are in
+    the order of `names`, mimic joints first, NaN for unknown values.
     """
 
     def __init__(
@@ -154,40 +156,50 @@ class Followers:
         mimics: Mapping[str, Mimic],
         tolerance: float = 0.0,
         continuous: Container[str] = (),
+        motion: Any = None,
     ) -> None:
-        self.names, self.tolerance = tuple(mimics), tolerance
-        self._leader_names = tuple(mimic.leader for mimic in mimics.values())
-        self.leaders = np.array(places(self._leader_names, joints), dtype=int)
+        self.names, self.tolerance, self.motion = tuple(motion.names if motion else mimics), tolerance, motion
+        joints = tuple(joints)
+        self._sources = {name: (mimic.leader,) for name, mimic in mimics.items()}
+        self._sources |= dict(motion.model.followers) if motion else {}
+        self.leaders = np.array(places([mimic.leader for mimic in mimics.values()], joints), dtype=int)
         self.turns = np.array([name in continuous for name in self.names], dtype=bool)
         self.multipliers = np.array([mimic.multiplier for mimic in mimics.values()], float)
         self.offsets = np.array([mimic.offset for mimic in mimics.values()], float)
+        self._G = np.zeros((len(mimics), len(joints)))
+        self._G[np.arange(len(mimics)), self.leaders] = self.multipliers
 
-    def positions(self, position: Array) -> Array:
-        """Positions of the followers by those of the independent joints [rad, m]."""
-        return self.multipliers * position[self.leaders] + self.offsets
+    @classmethod
+    def of(cls, model: Any, tolerance: float = 0.0) -> Followers:
+        """Return the followers of a model."""
+        motion = FollowerMotion(model) if model.followers else None
+        return cls(single_joints(model), model.mimics, tolerance, model.continuous_joints, motion)
 
-    def velocities(self, velocity: Array) -> Array:
-        """Velocities of the followers by those of the independent joints [rad/s, m/s]."""
-        return self.multipliers * velocity[self.leaders]
+    def at(self, position: Array) -> tuple[Array, Array]:
+        """Return positions of followers [rad, m] by those of independent joints, and G, (f, n); LoopError without."""
+        if self.motion is None:
+            return self._G @ position + self.offsets, self._G
+        now = self.motion.at(position)
+        return now.position, now.ratios[:, now.ratios.shape[1] - len(position) :]
 
-    def reflected(self, effort: Array, own: Array) -> Array:
-        """Efforts of the independent joints and, through the coupling, of the followers: Gᵀτ; those unknown are zero."""
-        reflected = effort.copy()
-        np.add.at(reflected, self.leaders, self.multipliers * np.where(np.isfinite(own), own, 0.0))
-        return reflected
+    def reflected(self, position: Array, effort: Array, own: Array) -> Array:
+        """Return efforts of the independent joints and, through G, of the followers; those unknown are zero."""
+        found: Array = effort + np.where(np.isfinite(own), own, 0.0) @ self.at(position)[1]
+        return found
 
     def disagreements(self, position: Array, own: Array) -> list[str]:
-        """Texts, one for each follower further than `tolerance` from where its leader puts it; NaN is not compared."""
+        """Texts, one for each follower further than `tolerance` from where its source puts it; NaN is not compared."""
         if not self.tolerance:
             return []
-        expected = self.positions(position)
+        expected, _ = self.at(position)
         distance = np.abs(np.where(np.isfinite(own), own, np.nan) - expected)
         distance = np.where(self.turns, np.abs(wrap_angle(distance)), distance)
         return [self.disagreement(k, own[k], expected[k]) for k, far in enumerate(distance > self.tolerance) if far]
 
     def disagreement(self, k: int, own: float, expected: float) -> str:
         """Text on follower k, whose position is not the expected one."""
+        sources = ", ".join(map(repr, self._sources[self.names[k]]))
         return (
-            f"position of joint '{self.names[k]}' is {own:.9g}, expected {expected:.9g} from '{self._leader_names[k]}', "
+            f"position of joint '{self.names[k]}' is {own:.9g}, expected {expected:.9g} from {sources}, "
             f"which it follows, within mimic_tolerance = {self.tolerance:g}"
         )

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, vector, whole
-from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError
+from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError, UnsupportedError
 from diag_dynamics.model.flexible import FlexibleJoint, flexible_joints
 from diag_dynamics.model.flexible_links import (
     Flexible,
@@ -26,6 +26,7 @@ from diag_dynamics.model.flexible_links import (
     read_flexible_links,
     with_flexible_links,
 )
+from diag_dynamics.model.followers import FollowerMotion, FollowerState, limit_by_followers
 from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
 from diag_dynamics.model.joint_types import SINGLE, is_angle
@@ -126,12 +127,15 @@ class RobotModel:
     gravity : ndarray, shape (3,)
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     lower, upper : ndarray, shape (nq,)
-        Position limits [rad, m]; infinite where there are none. A follower's limits do not bind its leader.
+        Position limits [rad, m]; infinite where there are none. Those of mimic joints do not bind their leaders. A joint that
+        others follow by changing ratios stays where they are within theirs and its loop can be closed.
     velocity_limit, effort_limit, velocity_bound, effort_bound : ndarray, shape (nv,)
         Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. Bounds are infinite where it has 0, too.
     damping, friction, effort_offset : ndarray, shape (nv,)
         Joint damping [N m s/rad, N s/m], Coulomb friction [N m, N], and the effort that is measured where none acts
-        [N m, N], of the URDF or parameters beside it, those of followers included. Dynamics ignores them by default.
+        [N m, N], of the URDF or parameters beside it, those of mimic joints included. Dynamics ignores them by default.
+    follower_damping, follower_friction : ndarray
+        Damping and Coulomb friction of each of `followers` by its own rate.
     load_friction, root_friction : ndarray, shape (nv,)
         Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N √(s/m)], of parameters.
     couplings, motor_efforts : mapping, bool
@@ -143,7 +147,7 @@ class RobotModel:
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none.
     armature : ndarray, shape (nv,)
-        Reflected rotor inertia [kg m², kg], that of followers included. A flexible joint has B where its effort is the
+        Reflected rotor inertia [kg m², kg], that of mimic joints included. A flexible joint has B where its effort is the
         motor's, as if it were rigid, and 0 where it is the spring torque.
     flexible_joints : mapping
         :class:`FlexibleJoint` of degrees of freedom with a spring, by name.
@@ -151,6 +155,8 @@ class RobotModel:
         :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name.
     flexible_links : mapping
         :class:`FlexibleLink`: modes, frequencies and shapes of links that bend, by name.
+    followers, loops, loop_joints : mapping, tuple of tuple of Loop, tuple of tuple of str
+        Independent joints by each joint that follows them by changing ratios; loops and joints of each closed group.
     coupled_groups : tuple of tuple of str
         Joints, independent ones and followers, of each coupled group, base to tip.
     locked_joints : mapping
@@ -200,8 +206,15 @@ class RobotModel:
         self.loops: tuple[tuple[Loop, ...], ...] = tuple(
             tuple(group.loops) for group in (tree.coupled.groups if tree.coupled else ())
         )
+        self.loop_joints: tuple[tuple[str, ...], ...] = tuple(
+            tuple(name for name in tree.moving if name in group.joints)
+            for group in (tree.coupled.groups if tree.coupled else ())
+        )
         self.coupling_tables: CouplingTables | None = coupling_tables(tree, tree.coupled)
         self.flexible_links: Mapping[str, FlexibleLink] = MappingProxyType(options.flexible_links.links)
+        self.follower_damping: Array = tree.of_followers("damping")
+        self.follower_friction: Array = tree.of_followers("friction")
+        _reject_friction(self.followers, options)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
         self.locked_joints: Mapping[str, float] = MappingProxyType(tree.locked)
         self.payloads: Mapping[str, Payload] = MappingProxyType(options.payloads)
@@ -212,6 +225,9 @@ class RobotModel:
         self.bodies: npt.NDArray[np.void] = bodies
         self.links: npt.NDArray[np.void] = links
         self._tree, self._options = tree, options
+        if self.followers:
+            more = limit_by_followers(self, tree.moving, self.lower, self.upper)
+            self.omitted = tuple(dict.fromkeys((*self.omitted, *more)))
         self._freeze()
 
     def _freeze(self) -> None:
@@ -247,7 +263,11 @@ class RobotModel:
     def has_friction(self) -> bool:
         """Whether any joint has friction of any kind, or an offset of its effort."""
         kinds = self.damping, self.friction, self.effort_offset, self.load_friction, self.root_friction
-        return any(kind.any() for kind in kinds) or any(one.damping or one.friction for one in self.couplings.values())
+        return (
+            self.has_follower_friction
+            or any(kind.any() for kind in kinds)
+            or any(one.damping or one.friction for one in self.couplings.values())
+        )
 
     def joint_efforts(self, efforts: Array) -> Array:
         """Return efforts of joints, given reported ones, (…, nv): of motors if `motor_efforts`; NaN where one is NaN."""
@@ -258,6 +278,11 @@ class RobotModel:
         unknown = np.isnan(efforts)
         found: Array = np.where(unknown @ (T != 0.0), np.nan, np.where(unknown, 0.0, efforts) @ T)
         return found
+
+    @property
+    def has_follower_friction(self) -> bool:
+        """Whether a joint has friction that follows others by changing ratios."""
+        return bool(self.follower_damping.any() or self.follower_friction.any())
 
     @property
     def armature(self) -> Array:  # noqa: D102  # with the other attributes
@@ -286,6 +311,14 @@ class RobotModel:
         for k, name in enumerate(self.coordinate_names):
             q[k] = start.get(name, q[k])
         return q
+
+    def followers_at(self, q: VectorLike, qd: VectorLike | None = None) -> FollowerState:
+        """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,), at rest by default.
+
+        It has positions, rates and ratios of mimic joints and `followers`. Raise LoopError where a loop cannot be closed.
+        """
+        rate = None if qd is None else vector("qd", qd, self.dof_names)
+        return FollowerMotion(self).at(self._positions("q", q), rate)
 
     def random(self, rng: np.random.Generator | int | None = None) -> Array:
         """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m; `rng` may be a seed."""
@@ -356,8 +389,8 @@ class RobotModel:
         return Workspace(self.bodies, self.gravity, self.coupling_tables)
 
     def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
-        """Return this model with these texts as `omitted`."""
-        return self._with(omitted=tuple(omitted))
+        """Return this model with these texts in `omitted`, too."""
+        return self._with(omitted=tuple(dict.fromkeys((*omitted, *self.omitted))))
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""
@@ -447,6 +480,15 @@ class RobotModel:
             raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
         _, body, placement = self._tree.links[self.link_names.index(link)]
         return body, placement
+
+    def cut_tree(self) -> RobotModel:
+        """Return this robot with its loops open and every joint independent; some may move no inertia."""
+        tree = self._tree
+        return RobotModel(Tree(tree.robot, tree.root, tree.floating_base, tree.locked, {}), self._options)
+
+    def first_body(self, joint: str) -> int:
+        """Return the first body of a joint that moves."""
+        return int(self._tree.first_body(joint))
 
     def __repr__(self) -> str:
         return f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, {self.total_mass:.6g} kg>"
@@ -589,6 +631,16 @@ def _motor_rates(couplings: Mapping[str, Coupling], names: tuple[str, ...]) -> A
                 raise InputError(f"parameters: coupling '{motor}' names '{joint}', expected one of {', '.join(names)}.")
             row[names.index(joint)] = ratio
     return found
+
+
+def _reject_friction(followers: Mapping[str, Any], options: Options) -> None:
+    """Reject parameters of followers that no method reflects."""
+    for kind in ("effort_offset", "load_friction", "root_friction"):
+        for name, value in getattr(options, kind).items():
+            if value and name in followers:
+                raise UnsupportedError(
+                    f"parameters: {kind} of joint '{name}' is {value:g}; expected 0, because it follows other joints."
+                )
 
 
 def _gravity(value: object) -> Array:

@@ -37,6 +37,10 @@ class MovingJoint:
         value = getattr(getattr(self.joint, element, None), attribute, None)
         return default if value is None else float(value)
 
+    def limit(self, attribute, default):
+        """Return a position limit in the URDF."""
+        return self.number("limit", attribute, default) if self.kind in ("revolute", "prismatic") else default
+
 
 class Tree:
     """A robot (yourdfpy.Robot) walked from its root, with positions of locked joints and :class:`Mimic` by name.
@@ -203,10 +207,12 @@ class Tree:
         """Return a position limit for each coordinate; continuous joints and those of several coordinates have none."""
         values = []
         for joint in self.joints:
-            limited = joint.kind in ("revolute", "prismatic")
-            value = joint.number("limit", attribute, default) if limited else default
-            values += [value] * len(joint.type.coordinates)
+            values += [joint.limit(attribute, default)] * len(joint.type.coordinates)
         return np.array(values, float)
+
+    def of_followers(self, attribute):
+        """Return damping or friction of joints that follow others by changing ratios."""
+        return np.array([self.moving[name].number("dynamics", attribute, 0.0) for name in self._followers])
 
     def resistance(self, attribute, exponent):
         """Return damping or friction of each degree of freedom, with that of mimic joints times |multiplier|^exponent."""

@@ -78,7 +78,8 @@ def find_port(port=PARAMETERS["port"].default):
 
 def compile_robot(source, options):
     """Load a robot and compile what its nodes call; return the model."""
-    model = load_urdf(source, **options)
+    robot = {name: value for name, value in options.items() if name != "loops_file"}
+    model = load_urdf(source, loops=options["loops_file"] or None, **robot)
     if model.nv == 0:
         raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
     DiagonalDynamics(model).compile(*COMPILED)
@@ -115,6 +116,7 @@ def parse(arguments):
     parser.add_argument("xacro_args", nargs="*", metavar="NAME:=VALUE", help="arguments of a xacro file")
     parser.add_argument("--massless", choices=("error", "lock"), default="error", help="joints that move no inertia")
     parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints")
+    parser.add_argument("--loops", metavar="FILE.yaml", default="", help="closed loops of the robot")
     parser.add_argument("--rate", type=float, default=250.0, help="joint states per second (default: 250)")
     parser.add_argument("--compile-rest", action="store_true", help="compile all other kernels meanwhile")
     parser.add_argument("--duration", type=float, default=math.inf, help="time to run [s] (default: until Ctrl-C)")
@@ -130,7 +132,7 @@ def main(args=None):
     """Run the demo; ``--help`` lists the options."""
     chosen, lines = parse((args or sys.argv)[1:]), not has_screen()
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    options = {"massless": chosen.massless, "mimic": chosen.mimic}
+    options = {"massless": chosen.massless, "mimic": chosen.mimic, "loops_file": chosen.loops}
     try:
         source, port = robot_source(chosen.robot, chosen.xacro_args), find_port()
         loading = ThreadPoolExecutor(1).submit(compile_robot, source, options)

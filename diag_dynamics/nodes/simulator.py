@@ -19,7 +19,6 @@ from std_srvs.srv import SetBool, Trigger
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model import Payload
-from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.model.mimic import Followers
 from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.clocks import steady_clock
@@ -211,7 +210,7 @@ class SimulatorNode(TableNode, Node):
 
     def _use(self, model):
         self._maker = MessageMaker(model, self._revision)
-        self._followers = Followers(single_joints(model), model.mimics)
+        self._followers = Followers.of(model)
 
     def _connect(self, text):
         """Make publishers and subscriptions."""

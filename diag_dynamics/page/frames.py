@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.model.links import wrenches_at
 from diag_dynamics.page.forces import NO_FORCES, UPPER, Forces
-from diag_dynamics.page.layout import CAUSES, Layout
+from diag_dynamics.page.layout import CAUSES, Layout, with_followers
 from diag_dynamics.sweeps import evaluation, factorization
 
 GAP = 0.5
@@ -100,6 +101,7 @@ class FrameMaker:
         self._forces = Forces(dynamics, forces)
         self._before = np.nan, np.nan  # time and K of the last state
         self._workspace, self._wrenches = model.new_workspace(), {}
+        self._motion = FollowerMotion(model) if model.followers else None
 
     def frames(self, states):
         """Return the frames of states, shape (T,) of ``layout.dtype``; dK continues from the last call."""
@@ -109,7 +111,8 @@ class FrameMaker:
         x.fill(np.nan)
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a page shows infinity as unknown
             computed = self._computed(states) | self._forces.fields(states)
-            for name, value in (*zip(States._fields, states, strict=True), *computed.items()):
+            computed["q"] = with_followers(self._model, states.q, self._motion)
+            for name, value in (states._asdict() | computed).items():
                 if value is not np.nan and name in places:
                     x[:, places[name] if np.ndim(value) == 2 else places[name].start] = value
         return frames

@@ -4,12 +4,15 @@
 """Layout of a frame: fields that server, page and report share, and the tree by which the page computes placements."""
 
 import math
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.contact.results import simplified_mass
+from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model import end_effector_link
+from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
@@ -19,14 +22,28 @@ KINDS = {REVOLUTE: "revolute", PRISMATIC: "prismatic", PLANAR: "planar", FLOATIN
 def tree_of(model):
     """Return the tree of a RobotModel, for JSON.
 
-    ``bodies``: parent, kind of the joint (its axis is z), q (index of its first position), multiplier and offset of a mimic
-    joint's position, placement in the parent at position 0 (4x4, row by row). A body precedes those that it carries; body 0
+    ``bodies``: parent, kind of the joint (its axis is z), q (index of its first position; those of followers with changing
+    ratios come after the model's, see :func:`with_followers`), multiplier and offset of a mimic joint's position, placement
+    in the parent at position 0 (4x4, row by row). A body precedes those that it carries; body 0
     is the world. ``links``: body, placement in it, dofs that move the link, centre of mass of the body in the link's axes.
     ``link_of_dof``: see :func:`links_of_dofs`.
     """
     bodies = [_body(body, bool(number)) for number, body in enumerate(model.bodies)]
+    for k, name in enumerate(model.followers):
+        bodies[model.first_body(name)] |= {"q": model.nq + k, "multiplier": 1.0, "offset": 0.0}
     links = [_link(model, name) for name in model.link_names]
     return {"bodies": bodies, "links": links, "link_of_dof": links_of_dofs(model)}
+
+
+def with_followers(model, q, motion=None):
+    """Return positions (T, nq) and those of followers with changing ratios, NaN where a loop cannot be closed."""
+    if not model.followers:
+        return q
+    motion, found = motion or FollowerMotion(model), np.full((len(q), len(model.followers)), np.nan)
+    for own, row in zip(q, found, strict=True):
+        with suppress(LoopError):
+            row[:] = motion.at(own).position[len(model.mimics) :]
+    return np.hstack([q, found])
 
 
 def links_of_dofs(model):
@@ -140,7 +157,12 @@ class Layout:
 
     def __init__(self, model, points=(), frames=()):
         self._model, self.points, self.frames = model, tuple(points), tuple(frames)
-        counts = {"": 1, "coordinates": model.nq, "dofs": model.nv, "links": len(model.link_names)}
+        counts = {
+            "": 1,
+            "coordinates": model.nq + len(model.followers),
+            "dofs": model.nv,
+            "links": len(model.link_names),
+        }
         counts |= {"points": len(self.points), "contact": min(1, len(self.points)), "frames": len(self.frames)}
         rows = [(name, counts[of] * each, of, unit) for of, each, unit, names in FIELDS for name in names.split()]
         self.fields = tuple(Field(*row) for row in rows)
@@ -162,7 +184,7 @@ class Layout:
         return {
             "robot": model.name,
             "dofs": list(model.dof_names),
-            "coordinates": list(model.coordinate_names),
+            "coordinates": [*model.coordinate_names, *model.followers],
             "links": list(model.link_names),
             "angular": [angular[k] for k in range(model.nv)],
             "floating_base": model.floating_base,

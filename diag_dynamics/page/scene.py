@@ -13,6 +13,7 @@ from diag_dynamics.model.geometry import shape_of
 from diag_dynamics.model.origins import floats
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
+from diag_dynamics.page.layout import with_followers
 from diag_dynamics.rigid_body import RigidBody, symmetric
 
 MIN_MASS = 1e-3
@@ -125,7 +126,7 @@ def scene_of(model, source, meshes=None):
     """Return the scene of a robot, for JSON.
 
     ``links``, in the order of ``model.link_names``: name, mass [kg], visuals, and what stands for a link without them:
-    ellipsoid (4x4, row by row; or null) and bones (ends in the link's axes [m]). ``rest``: positions next to zero within
+    ellipsoid (4x4, row by row; or null) and bones (ends in the link's axes [m]). ``rest``: positions next to the start within
     their limits. ``missing``: reasons why shapes are missing, by name. `model` and `source` are those of :func:`links_of`;
     the MeshLibrary loads and keeps meshes. Without one the scene has none.
     """
@@ -139,7 +140,8 @@ def scene_of(model, source, meshes=None):
         ellipsoid = None if ellipsoid is None else ellipsoid.ravel().tolist()
         links.append({"name": name, "mass": mass, "visuals": visuals, "ellipsoid": ellipsoid, "bones": bones})
     missing |= meshes.missing if meshes is not None else {}
-    return {"links": links, "rest": np.clip(model.neutral, model.lower, model.upper).tolist(), "missing": missing}
+    rest = with_followers(model, np.clip(model.start, model.lower, model.upper)[None])[0]
+    return {"links": links, "rest": rest.tolist(), "missing": missing}
 
 
 def _visual(shape, meshes):

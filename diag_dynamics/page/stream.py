@@ -49,7 +49,7 @@ class Newest(NamedTuple):
 
 def compile_frames(dynamics, forces=NO_FORCES):
     """Compile what frames of a robot need, or load it from the cache."""
-    q, zero = dynamics.model.neutral, np.zeros(dynamics.model.nv)
+    q, zero = dynamics.model.start, np.zeros(dynamics.model.nv)
     maker, last = FrameMaker(dynamics, (), forces), len(dynamics.model.link_names) - 1
     states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
     pushed = states._replace(external_torque=zero[None], norm=np.ones(1), collision=True)

@@ -12,6 +12,7 @@ from fnmatch import fnmatch
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
+from diag_dynamics.model.loops import COUPLINGS
 from diag_dynamics.parameters import controller, simulator, view
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.spec import current
@@ -35,7 +36,7 @@ def parameters_of(files=(), assignments=()):
     ----------
     files : sequence of str or Path
         As of ROS 2: ``/**: {ros__parameters: {…}}``. Sections of other nodes are ignored. A file of the robot's own
-        parameters (:class:`Parameters`) is the value of `parameters_file`.
+        parameters (:class:`Parameters`) is the value of `parameters_file`, one of its loops that of `loops_file`.
     assignments : sequence of str
         Each ``parameter=value`` with the value in YAML, or a text that begins with ``*``, as ``effort_scale=*=0.5``.
         Commas separate entries of a list, ``locked_joints=a=0,b=0``; another assignment of the list adds entries.
@@ -72,6 +73,8 @@ def _read_file(path):
         raise InputError(f"'{path}' is not a parameter file, expected /**: {{ros__parameters: {{…}}}}.")
     if content and set(content) <= {field.name for field in fields(Parameters)}:
         return {"parameters_file": str(path)}
+    if content and set(content) <= set(COUPLINGS):
+        return {"loops_file": str(path)}
     found = {}
     for node, section in content.items():
         if not isinstance(section, Mapping) or not isinstance(section.get("ros__parameters"), Mapping):

@@ -58,6 +58,7 @@ def model_of(description, values, recorded=None):
         payloads=payloads,
         friction_velocity=None if velocity == FRICTION_VELOCITY else velocity,
         parameters=values["parameters_file"] or None,
+        loops=values["loops_file"] or None,
         **{name: values[name] for name in ("mimic", "massless", "max_joints", "max_coupled")},
     )
     require_single_joints(model)

@@ -25,6 +25,7 @@ _FIXED = {
     "locked_joints": Spec([""], "Joints locked at a fixed position, each as joint=position [rad, m]."),
     "armature": Spec([""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg]."),
     "parameters_file": Spec("", "YAML file of friction, offsets, inertias and payloads from diag-dynamics identify."),
+    "loops_file": Spec("", "YAML file of closed loops and non-linear mimic joints."),
     "max_joints": Spec(MAX_JOINTS, "Maximum number of joints, including fixed ones; larger URDFs are rejected."),
     "max_coupled": Spec(
         MAX_COUPLED, "Maximum size of a group of coupled (mimic) joints. Computation time grows with its cube."

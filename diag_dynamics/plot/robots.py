@@ -39,7 +39,7 @@ def tree(of: DiagonalDynamics | RobotModel, q: VectorLike | None = None) -> Any:
     """
     dynamics = of if isinstance(of, DiagonalDynamics) else DiagonalDynamics(of)
     model = dynamics.model
-    position = model.neutral if q is None else q
+    position = model.start if q is None else q
     D, M = dynamics.factors(position).D, np.diag(dynamics.mass_matrix(position))
     rows, slides = np.arange(model.nv), np.array(sliding_dofs(model), dtype=bool)
     figure = drawing.pyplot().figure(figsize=(9.0, 1.3 + 0.3 * max(model.nv, 2)))

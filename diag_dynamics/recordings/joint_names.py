@@ -54,7 +54,7 @@ class JointNames:
             names |= dict.fromkeys(some)
             if all(any(_replace(entry, entry, name) for name in names) for entry in self._entries):
                 break
-        robot, mapped = {*model.joint_names, *model.mimics, *model.locked_joints}, {}
+        robot, mapped = {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints}, {}
         for entry in self._entries if names else ():
             own = {name: self.map_name(name) for name in names if self._entry(name) == entry}
             if not any(_replace(entry, entry, name) for name in names):

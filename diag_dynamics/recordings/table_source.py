@@ -79,7 +79,7 @@ class TableSource:
             raise InputError(f"{error}{self._proposal(joints)}") from error
         for columns in self._table.pieces():
             yield self._make_batch(columns)
-        own, named = [*single_joints(model), *model.mimics], list(self._named)
+        own, named = [*single_joints(model), *model.mimics, *model.followers], list(self._named)
         if named and not any((self.names.map_name(name) if self.names else name) in own for name in named):
             found = [] if self.names else propose_maps(named, own)
             raise InputError(

@@ -73,6 +73,7 @@ SIMULATION = Table(
     **dict.fromkeys(("state", *STATE), array(float)),
     last=array(float),  # state before the step, in case that fails
     armature=array(float),  # of the bodies: a locked joint's is replaced
+    **dict.fromkeys(("follower_damping", "follower_friction"), array(float)),  # by body, where its ratio changes
     **dict.fromkeys(("place", "first_q"), array(float)),  # q at a stage and at the start of a step [rad, m]
     **dict.fromkeys(BY_DOF, array(float)),
     **dict.fromkeys(BY_STAGE, array(float, 2)),
@@ -107,6 +108,8 @@ class Memory:
         """Simulate a model with the same degrees of freedom; parameters and state stay."""
         bodies = model.bodies.copy()  # in which joints can be locked
         self._arrays["armature"] = bodies["armature"].copy()
+        for name in ("follower_damping", "follower_friction"):
+            self._arrays.setdefault(name, np.zeros(len(bodies)))
         self.workspace = ws.Workspace(bodies, model.gravity, model.coupling_tables)
         self._locate()
 

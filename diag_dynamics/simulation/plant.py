@@ -110,7 +110,7 @@ class Plant:
         limits = {"hard": True, "compliant": compliant, "none": False}[values["limits"]]
         self.simulation = Simulation(model, step=step, limits=limits, order=values["order"])
         joints = single_joints(model)
-        self._followers = Followers(joints, model.mimics)
+        self._followers = Followers.of(model)
         self.names = (*joints, *self._followers.names)
         self._driven = np.array(places(joints, model.dof_names), dtype=int)
         self._scale = np.nan_to_num([model.effort_scale.get(name, 1.0) for name in self.names], nan=1.0)
@@ -162,8 +162,8 @@ class Plant:
         simulation, followers = self.simulation, self._followers
         q, qd = simulation.q, simulation.qd
         own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
-        position = np.append(own, followers.positions(own))
-        velocity = np.append(rate, followers.velocities(rate))
+        beside, G = followers.at(own)
+        position, velocity = np.append(own, beside), np.append(rate, G @ rate)
         effort = np.append(effort, np.zeros(len(followers.names)))  # mimic joints have no drives
         theta, thetad, torque = simulation.theta, simulation.thetad, simulation.spring_torque
         for i, (name, joint) in enumerate(simulation.model.flexible_joints.items()):

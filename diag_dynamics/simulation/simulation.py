@@ -30,10 +30,9 @@ _NO_WRENCHES = np.zeros(0, WRENCH)
 
 
 def rest_position(model):
-    """Return zero, or the middle of a joint's limits where zero lies outside them; [rad, m], shape (nq,)."""
-    lower, upper = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6)
-    outside = (lower > 0.0) | (upper < 0.0)
-    return np.where(outside, 0.5 * (lower + upper), model.neutral)
+    """Return `start`, or the middle of a joint's limits where it lies outside them; [rad, m], shape (nq,)."""
+    lower, upper, start = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6), model.start
+    return np.where((lower > start) | (upper < start), 0.5 * (lower + upper), start)
 
 
 class CompliantLimits(NamedTuple):
@@ -105,8 +104,8 @@ class Simulation:
     step : float
         Step size h [s].
     damping : float or array_like, shape (nv,), optional
-        Joint damping d [N m s/rad, N s/m], by default that of the model. Load and root friction are always the model's,
-        held during a step.
+        Joint damping d [N m s/rad, N s/m], by default that of the model. Load and root friction, and friction of followers
+        with changing ratios, are always the model's, held during a step.
     limits : bool or CompliantLimits
         Whether there are position limits: hard stops without rebound, or springs with dampers.
     order : {4, 1}
@@ -131,7 +130,7 @@ class Simulation:
     InputError
         An argument has a wrong value.
     UnsupportedError
-        A coupled motor of the model has friction.
+        A coupled motor of the model has friction, or a follower of several joints.
     """
 
     def __init__(
@@ -154,6 +153,7 @@ class Simulation:
                 )
         self._use(FlexibleDynamics(model))
         self._memory = Memory(self.dynamics.model)
+        self._set_friction_of_followers()
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         if order not in (1, 4):
             raise InputError(f"order is {order!r}, expected 4 or 1.")
@@ -178,6 +178,19 @@ class Simulation:
     def __copy__(self):
         """A simulation of its own: a shallow copy would share the state, and the robot."""
         return copy.deepcopy(self)
+
+    def _set_friction_of_followers(self):
+        model = self.model
+        for name, damping, friction in zip(
+            model.followers, model.follower_damping, model.follower_friction, strict=True
+        ):
+            if (damping or friction) and len(model.followers[name]) > 1:
+                raise UnsupportedError(
+                    f"joint '{name}' follows several joints and has friction, which a simulation lacks. Omit its friction."
+                )
+            body = model.first_body(name)
+            self._memory["follower_damping"][body] = damping
+            self._memory["follower_friction"][body] = friction
 
     def _set_limits(self, limits):
         """Set stiffness and damping of all degrees of freedom, and bounds of those of one coordinate."""

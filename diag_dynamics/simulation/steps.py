@@ -66,10 +66,13 @@ def _step(address, order, h, load):
 
 @large_kernel
 def _has_gears(address):
-    """Whether friction of any joint depends on load or the root of the rate."""
+    """Whether friction of any joint depends on load, the root of the rate, or a changing ratio."""
     sim = opened(address)
     for k in range(len(sim.qd)):
         if sim.load_friction[k] > 0.0 or sim.root_friction[k] > 0.0:
+            return True
+    for i in range(len(sim.follower_damping)):
+        if sim.follower_damping[i] > 0.0 or sim.follower_friction[i] > 0.0:
             return True
     return False
 
@@ -78,11 +81,16 @@ def _has_gears(address):
 def _update_friction(address):
     """Set damping and Coulomb friction of the step by the state at its begin; return a status."""
     sim = opened(address)
+    bodies, _, work, _ = ws.opened(sim.robot)
     status = classical.inverse_dynamics(sim.robot, sim.q, sim.zeros, sim.zeros, 1.0, sim.needed)
     for k in range(len(sim.qd)):
         sim.friction[k] = sim.coulomb[k] + sim.load_friction[k] * abs(sim.needed[k])
         rate = max(abs(sim.qd[k]), sim.slowest[k])
         sim.damping[k] = sim.viscous[k] + sim.root_friction[k] / math.sqrt(rate)
+    for i in range(1, len(bodies)):
+        k, ratio = bodies[i].dof, work[i].multiplier
+        sim.friction[k] += sim.follower_friction[i] * abs(ratio)
+        sim.damping[k] += sim.follower_damping[i] * ratio * ratio
     return status
 
 

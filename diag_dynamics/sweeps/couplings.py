@@ -341,6 +341,7 @@ def _approach(table, number, q):
     at = _opened(table)
     loop, step = at.loops[number], 1.0
     while step > SMALLEST_STEP:
+        moved = step == 1.0  # steps shorter than rounding would succeed without an end
         for k in range(loop.followers):
             i = at.joints[loop.begin + k].order
             at.position[i] = at.last[i]
@@ -348,9 +349,12 @@ def _approach(table, number, q):
             r = at.joints[loop.begin + loop.followers + rank].order
             target = q[at.bodies[at.joints[r].body].q]
             at.position[r] = target if step == 1.0 else at.last[r] + step * (target - at.last[r])
+            moved |= at.position[r] != at.last[r]
             for k in range(loop.followers):
                 i = at.joints[loop.begin + k].order
                 at.position[i] += at.work[at.joints[i].body + rank].multiplier * (at.position[r] - at.last[r])
+        if not moved:
+            return False
         if _newton(table, number):
             _set_ratios(table, loop)
             if step == 1.0:

@@ -628,9 +628,9 @@ def test_followers():
     mimics = {"left": dd.Mimic("turn", 2.0, 0.1), "right": dd.Mimic("slide", -0.5, 0.0)}
     followers = Followers(("slide", "turn"), mimics, tolerance=0.01, continuous=("left",))
     q = np.array([3.0, 0.2])
-    np.testing.assert_allclose(followers.positions(q), [0.5, -1.5])
-    np.testing.assert_allclose(followers.velocities(q), [0.4, -1.5])
-    np.testing.assert_allclose(followers.reflected(q, np.array([0.5, np.nan])), [3.0, 1.2])
+    np.testing.assert_allclose(followers.at(q)[0], [0.5, -1.5])
+    np.testing.assert_allclose(followers.at(q)[1] @ q, [0.4, -1.5])
+    np.testing.assert_allclose(followers.reflected(q, q, np.array([0.5, np.nan])), [3.0, 1.2])
     (text,) = followers.disagreements(q, np.array([0.5 + 2.0 * np.pi, -1.4]))
     assert "'right' is -1.4, expected -1.5 from 'slide'" in text
     assert not followers.disagreements(q, np.array([np.nan, -1.495]))

@@ -5,7 +5,7 @@
 
 from collections import Counter
 
-from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, shortened, steady
+from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status, counted, shortened, steady
 
 OVERLOAD = "skipped: overload"
 PUBLISHED = ("published", "published from odometry")  # the second is no outcome of a joint state
@@ -78,6 +78,7 @@ class InputStatistics:
         if self.last_rejection:
             values["last rejection"] = self.last_rejection
         level, message = (WARN, "; ".join(problems)) if problems else _summary(robot, recent)
+        level = ERROR if recent["rejected: open loop"] else level
         return Status("joint states", level, message, values)
 
     def _problems(self, robot, recent):

@@ -50,7 +50,7 @@ class MarkerMaker:
 
     def __init__(self, dynamics, description, link=""):
         self._dynamics, self._model = dynamics, dynamics.model
-        model, q, bodies = dynamics.model, dynamics.model.neutral, dynamics.model.bodies
+        model, q, bodies = dynamics.model, dynamics.model.start, dynamics.model.bodies
         self.link = link or end_effector_link(model)
         self.reach = max(MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values()))
         largest = float(self._mobility(q)[0].max(initial=0.0))

@@ -18,7 +18,7 @@ from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_link
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
-from diag_dynamics.nodes.monitor.watches import ContactWatch, EnergyWatch
+from diag_dynamics.nodes.monitor.watches import ContactWatch, EnergyWatch, LoopWatch
 from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
 from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageMaker
@@ -87,7 +87,7 @@ class MonitoredRobot:
     def _compile(self):
         """Compile what each message needs, or load it from the cache: here, as this is done in a thread."""
         nothing = np.zeros(self.model.nv)
-        state = RobotState(np.array(self.model.neutral), nothing, nothing, 0, 0, False)
+        state = RobotState(self.model.start, nothing, nothing, 0, 0, False)
         with suppress(
             DiagDynamicsError
         ):  # a robot of numbers that nothing can be computed with; each state will say so
@@ -137,7 +137,9 @@ class MonitoredRobot:
             self.without_rotors = _without_rotors(self.dynamics)
             resistance = (np.asarray(one, dtype=float) for one in (model.damping, model.friction, model.effort_offset))
             self._resistance = *resistance, float(model.friction_velocity)
-            self._geared = bool(model.load_friction.any() or model.root_friction.any() or model.couplings)
+            geared = model.load_friction.any() or model.root_friction.any() or model.couplings
+            self.loops = LoopWatch(model) if model.loops else None
+            self._geared = bool(geared or model.has_follower_friction)
         if settings.frames:
             self.dynamics.compile("wrench")
         if settings.observation and settings.observation.covariance:
@@ -190,6 +192,8 @@ class MonitoredRobot:
             statuses.append(self.torque_report())
             statuses += [self.torque.load.report()] if self.torque.load else []
             self.torque.start_interval()
+        if self.loops:
+            statuses.append(self.loops.report(self.state, self.assembler.follower_rates))
         if self.contact.has_limits:
             statuses.append(self.contact.report())
             self.contact.start_interval()
@@ -342,7 +346,7 @@ def model_status(robot, revision, refused, loading):
             "robot": model.name,
             "degrees of freedom": model.nv,
             "total mass [kg]": f"{model.total_mass:.6g}",
-            "mimic joints": counted(model.mimics),
+            "mimic joints": counted((*model.mimics, *model.followers)),
             "locked joints": counted(model.locked_joints),
             "payloads": counted(model.payloads),
             "topics serialized by rclpy": counted(sorted(robot.encoder.unlike)),

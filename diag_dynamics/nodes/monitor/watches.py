@@ -1,16 +1,20 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Kinetic energy of the monitor's states: thresholds, power balance, and numerical health."""
+"""Kinetic energy of the monitor's states: thresholds, power balance, numerical health, and loops."""
 
 from collections import deque
 
 import numpy as np
 
+from diag_dynamics.dynamics.loops import LoopBalance
+from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.model.followers import loop_title
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status, counted
 from diag_dynamics.parameters.monitor import share_thresholds
 from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share
+from diag_dynamics.sweeps.couplings import NEARLY_SINGULAR
 
 LEVELS = (OK, WARN, ERROR)
 
@@ -208,3 +212,27 @@ def numerical_health(dynamics, state):
     if not (work <= MAX_ROUNDING and error <= MAX_ROUNDING):
         return Status("numerical health", WARN, f"errors > {MAX_ROUNDING:g}", values)
     return Status("numerical health", OK, "errors within rounding", values)
+
+
+class LoopWatch:
+    """Report how nearly singular loops are, and the energy by which measured rates break them, at the last state."""
+
+    def __init__(self, model):
+        self._balance, self._model = LoopBalance(model), model
+
+    def report(self, state, rates):
+        """Return the status at a RobotState or None; `rates` are measured ones of followers, NaN for unknown ones."""
+        if state is None:
+            return Status("loops", STALE, "no state")
+        try:
+            energies, now = self._balance.energies(state.position, state.velocity, rates)
+        except (DiagDynamicsError, np.linalg.LinAlgError) as error:
+            return Status("loops", ERROR, str(error))
+        measured = counted([name for name, rate in zip(now.names, rates, strict=True) if np.isfinite(rate)])
+        values = {"followers with measured rates": measured}
+        values |= {f"energy that breaks '{name}' [J]": f"{energy:.4g}" for name, energy in energies.items()}
+        titles = [loop_title(self._model, number) for number in range(len(self._model.loops))]
+        values |= {f"singularity of {title}": f"{x:.3g}" for title, x in zip(titles, now.singularity, strict=True)}
+        singular = [title for title, x in zip(titles, now.singularity, strict=True) if x < NEARLY_SINGULAR]
+        level, text = (WARN, f"nearly singular: {'; '.join(singular)}") if singular else (OK, "closed")
+        return Status("loops", level, text, values)

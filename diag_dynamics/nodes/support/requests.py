@@ -24,7 +24,7 @@ def read_state(model, request, followers):
     qd, tau = _vector(model, "state.velocity", state.velocity, joints), None
     if len(state.effort):
         tau = _vector(model, "state.effort", state.effort, joints)
-        tau = followers.reflected(tau, _of_followers(followers, state.effort, joints))
+        tau = followers.reflected(q, tau, _of_followers(followers, state.effort, joints))
     if not model.floating_base:
         return q, qd, tau, joints
     p, o = request.base_pose.position, request.base_pose.orientation
@@ -60,7 +60,7 @@ def read_wrenches(model, request):
 def _find_joints(model, names):
     """Return the place of each joint in a request."""
     joints, needed = {}, single_joints(model)
-    known = {*needed, *model.fixed_joints, *model.mimic_joints, *model.locked_joints}
+    known = {*needed, *model.fixed_joints, *model.mimic_joints, *model.followers, *model.locked_joints}
     for k, name in enumerate(names):
         if name not in known or name in joints:
             fault = "listed twice" if name in joints else f"not a joint of robot '{model.name}'"

@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Positions and rates of joints that follow others, at a state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.checks import listed
+from diag_dynamics.exceptions import LoopError
+from diag_dynamics.sweeps import couplings, followers
+
+STEP, STEPS = 0.02, 1000
+"""Step [rad, m] by which an independent joint moves to where a follower ends, and the number of steps."""
+
+PRECISE = 1e-8
+"""Precision of such an end [rad, m]: loops are not singular yet."""
+
+
+class FollowerState(NamedTuple):
+    """Followers at a state, f of them, and how they depend on the independent joints.
+
+    `position` [rad, m] and `rate` [rad/s, m/s] have the shape (f,), `ratios` G = ∂rate/∂q̇ and `ratio_rates` Ġ have (f, nv).
+    `singularity` is the smallest |R_kk| of J_d = QR by the longest column of J of each closed group, in the order of
+    `RobotModel.loops`: near 0 the independent joints do not determine the others.
+    """
+
+    names: tuple[str, ...]
+    position: Array
+    rate: Array
+    ratios: Array
+    ratio_rates: Array
+    singularity: tuple[float, ...]
+
+    def reflected(self, effort: Array) -> Array:
+        """Return Gᵀτ [N m, N], shape (nv,): the effort on degrees of freedom of efforts of followers, shape (f,)."""
+        found: Array = self.ratios.T @ effort
+        return found
+
+
+class FollowerMotion:
+    """Followers of a model, mimic joints first. The last state chooses the branch of a loop: for one thread."""
+
+    def __init__(self, model: Any) -> None:
+        self.model, self.names = model, (*model.mimics, *model.followers)
+        self._rows = [model.first_body(name) for name in self.names]
+        self.workspace = model.new_workspace()
+
+    def memory(self) -> Array:
+        """Return memory for sweeps.followers."""
+        return np.zeros((len(self.model.bodies), 1 + 2 * self.model.nv))
+
+    def at(self, q: Array, qd: Array | None = None) -> FollowerState:
+        """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,), 0 by default; LoopError without one.
+
+        The coordinates of a floating base may be missing.
+        """
+        model, nv, own = self.model, self.model.nv, self.workspace.couplings
+        q = np.append(model.neutral[: model.nq - len(q)], q)
+        qd = np.zeros(nv) if qd is None else qd
+        found = self.memory()
+        if status := followers.ratios(self.workspace.robot, q, qd, found):
+            raise loop_error(model, status)
+        rows = found[self._rows]
+        G = rows[:, 1 : 1 + nv]
+        singularity = tuple(own.ratio.tolist()) if own else ()
+        return FollowerState(self.names, rows[:, 0], G @ qd, G, rows[:, 1 + nv :], singularity)
+
+
+def loop_error(model: Any, status: int) -> LoopError:
+    """Return the error of a kernel's status on a loop."""
+    kind, number = divmod(-status, 1000)
+    if kind == 0:
+        return LoopError(f"positions or rates of robot '{model.name}' are not finite.")
+    is_singular = -1000 * kind == couplings.SINGULAR_LOOP
+    why = "is singular for its independent joints" if is_singular else "cannot be closed"
+    return LoopError(f"{loop_title(model, number)} of robot '{model.name}' {why} at these positions.")
+
+
+def loop_title(model: Any, number: int) -> str:
+    """Return the names of the loops of a closed group, and its joints."""
+    names = listed([f"'{loop.name}'" for loop in model.loops[number]])
+    return f"loop{'s' * (len(model.loops[number]) > 1)} {names} ({', '.join(model.loop_joints[number])})"
+
+
+def limit_by_followers(model: Any, joints: Any, lower: Array, upper: Array) -> list[str]:
+    """Narrow the limits of independent joints to where followers are within theirs and loops can be closed.
+
+    Return texts on followers of several joints, whose limits do not count. Continuous joints have no limits.
+    """
+    ends = {name: [joints[name].limit(side, np.nan) for side in ("lower", "upper")] for name in model.followers}
+    for leader in {leaders for leaders in model.followers.values() if len(leaders) == 1}:
+        own = {name: ends[name] for name, leaders in model.followers.items() if leaders == leader}
+        has_end = np.isfinite(list(own.values())).any() or any(leader[0] in group for group in model.loop_joints)
+        if has_end and leader[0] not in model.continuous_joints:
+            k = model.coordinate_names.index(leader[0])
+            lower[k], upper[k] = _end(model, k, lower[k], -1.0, own), _end(model, k, upper[k], 1.0, own)
+    several = {name: leaders for name, leaders in model.followers.items() if len(leaders) > 1}
+    limited = [name for name in several if np.isfinite(ends[name]).any()]
+    return [f"limits of joint '{name}', which follows {listed(several[name])}" for name in limited]
+
+
+def _end(model: Any, k: int, limit: float, sign: float, own: Mapping[str, Any]) -> float:
+    """Return the position up to which a joint moves toward its limit from the start."""
+    motion, start = FollowerMotion(model), model.start
+    rows, ends = [motion.names.index(name) for name in own], np.array(list(own.values()))
+
+    def fits(x: float) -> bool:
+        start[k] = x
+        try:
+            position = motion.at(start).position[rows]
+        except LoopError:
+            return False
+        return not ((position < ends[:, 0]) | (position > ends[:, 1])).any()
+
+    good, steps = float(start[k]), 0
+    if not fits(good) or sign * (limit - good) <= 0.0:
+        return limit
+    while sign * (limit - good) > 0.0 and steps < STEPS:
+        ahead, steps = min(sign * limit, sign * good + STEP) * sign, steps + 1
+        if not fits(ahead):
+            while abs(ahead - good) > PRECISE:
+                middle = 0.5 * (good + ahead)
+                good, ahead = (middle, ahead) if fits(middle) else (good, middle)
+            return good
+        good = ahead
+    return limit

@@ -1,0 +1,441 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Robots with closed loops in what surrounds the sweeps: followers, friction, limits, joint states, simulation, control."""
+
+import warnings
+
+import numpy as np
+import pytest
+import yaml
+
+import diag_dynamics as dd
+from arm import state_at
+from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.dynamics.loops import LoopBalance
+from diag_dynamics.exceptions import LoopError
+from diag_dynamics.joint_states.assembler import Accepted, Rejected, StateAssembler
+from diag_dynamics.joint_states.decoding import JointStates
+from diag_dynamics.joint_states.joints import Options, joints_of
+from diag_dynamics.page.frames import FrameMaker, States
+from diag_dynamics.page.layout import Layout, tree_of
+from diag_dynamics.page.scene import scene_of
+from diag_dynamics.parameters.controller import PARAMETERS as CONTROLLER
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.parameters.robots import model_of, require_as_made
+from linkages import BASE, COUPLER, CRANK, FIVE_BAR, FOUR_BAR, ROCKER, five_bar, four_bar, four_bar_followers
+
+RUBBING = '<dynamics damping="0.3" friction="0.2"/>'
+ANGLES = np.linspace(-3.0, 3.0, 9)
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return dd.load_urdf(four_bar(), loops=[FOUR_BAR])
+
+
+def rates_of(crank, h=1e-5):
+    """Return G of coupler and rocker by differences of trigonometry."""
+    return (four_bar_followers(crank + h) - four_bar_followers(crank - h)) / (2.0 * h)
+
+
+def tip_of_rocker(crank):
+    """Return the position of the rocker's end."""
+    angle = four_bar_followers(crank)[1]
+    return np.array([0.5 + ROCKER * np.cos(angle), 0.0, -ROCKER * np.sin(angle)])
+
+
+# --- Positions and rates
+
+
+@pytest.mark.parametrize("crank", ANGLES)
+def test_followers_of_a_four_bar(bar, crank):
+    """Positions, G and Ġ of coupler and rocker follow from the law of cosines."""
+    found = bar.followers_at([crank, 0.3], [1.7, -2.0])
+    assert found.names == ("coupler", "rocker")
+    np.testing.assert_allclose(found.position, four_bar_followers(crank), atol=1e-12)
+    np.testing.assert_allclose(found.ratios, np.outer(rates_of(crank), [1.0, 0.0]), atol=1e-8)
+    np.testing.assert_allclose(found.rate, 1.7 * rates_of(crank), atol=1e-8)
+    second = (rates_of(crank + 1e-4) - rates_of(crank - 1e-4)) / 2e-4
+    np.testing.assert_allclose(found.ratio_rates[:, 0], 1.7 * second, atol=1e-5)
+    np.testing.assert_allclose(found.reflected([2.0, -3.0]), [rates_of(crank) @ [2.0, -3.0], 0.0], atol=1e-8)
+
+
+def test_followers_of_mimic_joints():
+    """Mimic joints come first, by their multipliers and offsets."""
+    urdf = five_bar().replace(
+        '<link name="base"/>',
+        '<link name="base"/><link name="f"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+        'iyz="0"/></inertial></link><joint name="m" type="continuous"><parent link="base"/><child link="f"/>'
+        '<mimic joint="c" multiplier="2" offset="0.5"/></joint>',
+    )
+    model = dd.load_urdf(urdf, loops=[FIVE_BAR])
+    found = model.followers_at(model.start + np.array([0.1, 0.0, 0.0]), [1.0, 2.0, 3.0])
+    assert found.names == ("m", "p2", "r2")
+    assert (found.position[0], found.rate[0]) == (pytest.approx(0.7), 2.0)
+    assert len(found.singularity) == 1 and found.singularity[0] > 0.1
+
+
+# --- Errors and warnings
+
+
+def test_open_loop():
+    """Every method names the loop and its joints where it cannot be closed; batches name the state, too."""
+    model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
+    dynamics, apart = dd.DiagonalDynamics(model), np.array([0.0, -1.5, 1.5])
+    text = r"loop 'five' \(p1, p2, r1, r2\) of robot 'five_bar' cannot be closed at these positions"
+    for call in (
+        lambda: dynamics.evaluate(apart, np.zeros(3)),
+        lambda: dynamics.mass_matrix(apart),
+        lambda: dynamics.jacobian(apart, "b2"),
+        lambda: dynamics.epsilon_from_tau(apart, np.ones(3)),
+        lambda: model.followers_at(apart),
+    ):
+        with pytest.raises(LoopError, match=text):
+            call()
+    rows = np.tile(model.start, (7, 1))
+    rows[4] = apart
+    for call in (lambda: dynamics.evaluate_batch(rows, 0.0 * rows), lambda: dynamics.mass_matrix_batch(rows)):
+        with pytest.raises(LoopError, match=f"state 4: {text}"):
+            call()
+    with pytest.raises(dd.InputError, match="'p1' is nan"):
+        dynamics.evaluate([0.0, np.nan, 0.0], np.zeros(3))
+    np.testing.assert_allclose(dynamics.mass_matrix(model.start), dd.DiagonalDynamics(model).mass_matrix(model.start))
+
+
+def test_nearly_singular_loop():
+    """One warning names the loop whose independent joint is nearly at its dead point, where crank and coupler are in line."""
+    model = dd.load_urdf(four_bar(), loops=[FOUR_BAR | {"independent": ["rocker"]}])
+    dead = -np.arccos(-(BASE**2 + ROCKER**2 - (CRANK + COUPLER) ** 2) / (2.0 * BASE * ROCKER))
+    dynamics, q, k = dd.DiagonalDynamics(model), model.start, model.dof_names.index("rocker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for distance in (0.3, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
+            q[k] = dead - distance
+            dynamics.evaluate(q, np.zeros(2))
+    q[k] = dead - 1e-14
+    with pytest.warns(dd.LoopWarning, match=r"loop 'bar' \(crank, coupler, rocker\) .* nearly singular") as found:
+        dynamics.evaluate(q, np.zeros(2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dynamics.evaluate(q, np.zeros(2))
+    assert len(found) == 1
+    q[k] = dead + 1e-6
+    with pytest.raises(LoopError, match="loop 'bar'"):
+        dynamics.evaluate(q, np.zeros(2))
+
+
+# --- Limits
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_limits_of_followers(kind):
+    """An independent joint stops where its follower does; a continuous one has no limits."""
+    limit = '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>'
+    crank = '<limit lower="-3" upper="3" effort="9" velocity="9"/>'
+    model = dd.load_urdf(four_bar(limit, crank, kind), loops=[FOUR_BAR])
+    if kind == "continuous":
+        assert (model.lower[0], model.upper[0]) == (-np.inf, np.inf)
+        return
+    for end, expected in ((model.lower[0], -1.6), (model.upper[0], -2.3)):
+        assert abs(end) < 3.0
+        assert four_bar_followers(end)[1] == pytest.approx(expected, abs=1e-6)
+
+
+def test_limits_by_the_loop():
+    """A rocker that drives has the range in which the loop can be closed; limits of several joints' followers are omitted."""
+    limit = '<limit lower="-6" upper="6" effort="1" velocity="1"/>'
+    model = dd.load_urdf(four_bar(limit), loops=[FOUR_BAR | {"independent": ["rocker"]}])
+    k = model.dof_names.index("rocker")
+    angles = [four_bar_followers(crank)[1] for crank in np.linspace(-np.pi, np.pi, 4001)]
+    assert model.lower[k] == pytest.approx(min(angles), abs=1e-5)
+    assert model.upper[k] == pytest.approx(max(angles), abs=1e-5)
+    urdf = five_bar('<limit lower="-1" upper="1" effort="1" velocity="1"/>').replace(
+        '"p2" type="continuous"', '"p2" type="revolute"'
+    )
+    assert dd.load_urdf(urdf, loops=[FIVE_BAR]).omitted == ("limits of joint 'p2', which follows p1, r1",)
+
+
+# --- Friction
+
+
+def test_friction_of_followers():
+    """Friction of followers acts at their own rates, so its power is that of the joints themselves."""
+    model = dd.load_urdf(four_bar(RUBBING, RUBBING), loops=[FOUR_BAR])
+    dynamics, v0 = dd.DiagonalDynamics(model), model.friction_velocity
+
+    def friction(rate):
+        return 0.3 * rate + 0.2 * np.tanh(rate / v0)
+
+    Q = np.column_stack([ANGLES, np.zeros(9)])
+    QD = np.column_stack([np.linspace(-2.0, 2.5, 9), np.ones(9)])
+    expected = []
+    for (crank, _), (rate, _) in zip(Q, QD, strict=True):
+        G = rates_of(crank)[1]
+        expected.append([friction(rate) + G * friction(G * rate), 0.0])
+    found = [dynamics.friction_torque(qd, q) for q, qd in zip(Q, QD, strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    np.testing.assert_allclose(dynamics.friction_torque(QD, Q), expected, atol=1e-6)
+    with pytest.raises(dd.InputError, match="q is missing"):
+        dynamics.friction_torque(QD[0])
+    s = dynamics.evaluate(Q[2], QD[2], friction=True)
+    np.testing.assert_allclose(s.friction, dynamics.epsilon_from_tau(Q[2], np.array(expected[2])), atol=1e-6)
+    batch = dynamics.evaluate_batch(Q, QD, friction=True)
+    np.testing.assert_allclose(batch.friction[2], s.friction, atol=1e-12)
+    rejected = {"joints": {"rocker": {"load_friction": 0.1}}}
+    with pytest.raises(dd.UnsupportedError, match="load_friction of joint 'rocker'"):
+        dd.load_urdf(four_bar(), loops=[FOUR_BAR], parameters=rejected)
+
+
+# --- Simulation
+
+
+@pytest.mark.parametrize("order", [4, 1])
+def test_simulated_energy(bar, order):
+    """Energy is constant without friction: for a minute by steps of order 4."""
+    steps, step = (30000, 2e-3) if order == 4 else (4000, 1e-4)
+    simulation = dd.Simulation(bar, q=bar.start, qd=[6.0, 1.0], step=step, order=order)
+    first, turns = simulation.kinetic_energy + simulation.potential_energy, abs(simulation.q[0])
+    kinetic, worst = simulation.kinetic_energy, 0.0
+    for _ in range(20):
+        simulation.advance(steps=steps // 20)
+        kinetic = max(kinetic, simulation.kinetic_energy)
+        worst = max(worst, abs(simulation.kinetic_energy + simulation.potential_energy - first))
+    assert abs(simulation.q[0] - turns) > 1.0
+    assert worst < {4: 1e-5, 1: 1e-2}[order] * kinetic
+
+
+def test_simulated_friction():
+    """The audit of a rubbing four-bar closes, and its rate is that of the equations at small steps."""
+    model = dd.load_urdf(four_bar(RUBBING), loops=[FOUR_BAR])
+    q, qd = model.start, np.array([3.0, 0.5])
+    rates = {}
+    for order, step in ((4, 1e-5), (1, 1e-6)):
+        simulation = dd.Simulation(model, q=q, qd=qd, step=step, order=order)
+        simulation.advance(steps=20)
+        rates[order] = (simulation.qd - qd) / (20 * step)
+    sliding = dd.load_urdf(four_bar(RUBBING), loops=[FOUR_BAR], friction_velocity=1e-6)
+    expected = dd.DiagonalDynamics(sliding).forward_dynamics(q, qd, np.zeros(2), friction=True)
+    np.testing.assert_allclose(rates[4], expected, rtol=3e-3)
+    np.testing.assert_allclose(rates[1], expected, rtol=3e-3)
+    residuals = []
+    for step in (2e-3, 1e-3, 5e-4):
+        simulation = dd.Simulation(model, q=q, qd=qd, step=step)
+        simulation.advance(steps=round(3.0 / step))
+        residuals.append(abs(simulation.audit.residual))
+        assert simulation.audit.friction < -0.1 and simulation.audit.damping < -0.1
+    assert residuals[2] < 1e-4 and residuals[1] < residuals[0] / 3.0 and residuals[2] < residuals[1] / 3.0
+    two = dd.load_urdf(five_bar(RUBBING), loops=[FIVE_BAR])
+    with pytest.raises(dd.UnsupportedError, match="'p2' follows several joints and has friction"):
+        dd.Simulation(two)
+
+
+def test_simulated_stop():
+    """A crank stops where its rocker reaches its limit, and rests there."""
+    limit = '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>'
+    model = dd.load_urdf(
+        four_bar(limit, limit.replace("-2.3", "-3").replace("-1.6", "3"), "revolute"), loops=[FOUR_BAR]
+    )
+    simulation = dd.Simulation(model, q=model.start, effort_limits=False)
+    simulation.advance([40.0, 0.0], steps=2000)
+    assert "crank" in simulation.at_limit and simulation.qd[0] == 0.0
+    assert model.followers_at(simulation.q).position[1] == pytest.approx(-2.3, abs=1e-6)
+
+
+def test_simulated_opening():
+    """A five-bar that is torn apart ends in an error that names the loop; its state is the last good one."""
+    model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
+    simulation = dd.Simulation(model, q=model.start)
+    with pytest.raises(LoopError, match=r"loop 'five' \(p1, p2, r1, r2\)"):
+        for _ in range(400):
+            simulation.advance([0.0, -30.0, 30.0], steps=5)
+    assert simulation.time > 0.05 and np.isfinite(simulation.qd).all()
+    model.followers_at(simulation.q)
+
+
+def test_payload_and_wrench_on_a_follower(bar):
+    """A force on the rocker does the work of its end, and a payload there is a mass on that path."""
+    dynamics, q = dd.DiagonalDynamics(bar), np.array([0.8, 0.2])
+    h = 1e-5
+    path = (tip_of_rocker(0.8 + h) - tip_of_rocker(0.8 - h)) / (2.0 * h)
+    force = np.array([3.0, 1.0, -2.0])
+    arm = tip_of_rocker(0.8) - [0.5, 0.0, 0.0]
+    wrench = {"rocker": [*force, *np.cross(arm, force)]}
+    qdd = dynamics.forward_dynamics(q, np.zeros(2), np.zeros(2), wrench, frame="world")
+    expected = dynamics.forward_dynamics(q, np.zeros(2), np.array([force @ path, 0.0]))
+    np.testing.assert_allclose(qdd, expected, atol=1e-6)
+    loaded = dd.DiagonalDynamics(bar.with_payload("rocker", 1.5, (ROCKER, 0.0, 0.0)))
+    M = dynamics.mass_matrix(q)
+    M[0, 0] += 1.5 * path @ path
+    np.testing.assert_allclose(loaded.mass_matrix(q), M, atol=1e-8)
+    weight = dynamics.gravity_torque(q) + np.array([1.5 * 9.81 * path[2], 0.0])
+    np.testing.assert_allclose(loaded.gravity_torque(q), weight, atol=1e-8)
+    simulation = dd.Simulation(bar, q=q, step=1e-5)
+    simulation.advance(steps=10, f_ext=wrench, frame="world")
+    np.testing.assert_allclose(simulation.qd / 1e-4, expected, rtol=1e-3)
+
+
+# --- Joint states
+
+
+def send(assembler, crank, *, names=("crank", "arm", "coupler", "rocker"), off=0.0, effort=(), stamp=1, base=()):
+    """Send a joint state of a four-bar whose rocker is `off` from where it should be."""
+    coupler, rocker = four_bar_followers(crank)
+    values = {"crank": (crank, 1.0), "arm": (0.2, -0.5)}
+    values |= {"coupler": (coupler + 2 * np.pi, 0.0), "rocker": (rocker + off, 0.0)}
+    fields = [values[name][0] for name in names], [values[name][1] for name in names], list(effort)
+    return assembler.accept_values(tuple(names), stamp, 0, fields, stamp * 10**9)
+
+
+def test_joint_states_with_followers(bar):
+    """Messages may have followers: positions are compared, angles wrap, efforts are reflected by G of the state."""
+    assembler = StateAssembler(joints_of(bar), Options(mimic_tolerance=0.01))
+    for stamp, crank in enumerate((0.5, 0.9, 1.4), 1):
+        accepted = send(assembler, crank, effort=(2.0, 0.3, -1.0, 4.0), stamp=stamp)
+        assert isinstance(accepted, Accepted)
+        np.testing.assert_array_equal(accepted.state.position, [crank, 0.2])
+        expected = [2.0 + rates_of(crank) @ [-1.0, 4.0], 0.3]
+        np.testing.assert_allclose(accepted.state.effort, expected, atol=1e-8)
+    assert not assembler.counts["mimic disagreement"]
+    accepted = send(assembler, 1.5, names=("crank", "arm"), effort=(2.0, 0.3), stamp=5)
+    np.testing.assert_allclose(accepted.state.effort, [2.0, 0.3])  # those of followers are stale
+    assert isinstance(send(assembler, 1.6, off=0.02, stamp=6), Accepted)
+    assert assembler.counts["mimic disagreement"] == 1
+    expected = four_bar_followers(1.6)[1]
+    text = f"position of joint 'rocker' is {expected + 0.02:.9g}, expected {expected:.9g} from 'crank'"
+    assert text in assembler.last_texts["mimic disagreement"]
+
+
+def test_joint_states_of_an_open_loop():
+    """A state in which a loop cannot be closed is rejected by its name, and the next one accepted; batches agree."""
+    model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
+    for at in (lambda p, r, k: ((0.1, p, r), k),):
+        assembler = StateAssembler(joints_of(model), Options())
+        found = []
+        for k, (p, r) in enumerate(((-0.3, 0.4), (-1.5, 1.5), (-0.31, 0.41)), 1):
+            position, stamp = at(p, r, k)
+            found.append(assembler.accept_values(("c", "p1", "r1"), stamp, 0, (position, np.zeros(3), ()), 0))
+        assert [type(one) for one in found] == [Accepted, Rejected, Accepted]
+        assert found[1].cause == "open loop"
+        assert found[1].text.startswith("loop 'five' (p1, p2, r1, r2) cannot be closed")
+
+
+def test_joint_states_on_a_floating_base():
+    """The base's coordinates come before those of the loop."""
+    model = dd.load_urdf(four_bar(), loops=[FOUR_BAR], floating_base=True)
+    assembler = StateAssembler(joints_of(model), Options(mimic_tolerance=0.01))
+    accepted = send(assembler, 0.9, effort=(2.0, 0.3, -1.0, 4.0))
+    np.testing.assert_allclose(accepted.state.effort, [2.0 + rates_of(0.9) @ [-1.0, 4.0], 0.3], atol=1e-8)
+    assert not assembler.counts["mimic disagreement"]
+
+
+def test_energy_that_breaks_a_loop(bar):
+    """It is the least energy, by Pinocchio's M of the cut tree, from the measured rates to those with a closed loop."""
+    pin = pytest.importorskip("pinocchio")
+    tree = pin.buildModelFromXML(four_bar())
+    data, names = tree.createData(), list(tree.names)[1:]
+    balance, rng = LoopBalance(bar), np.random.default_rng(3)
+    for crank in ANGLES:
+        q, qd, off = np.array([crank, 0.4]), rng.normal(size=2), rng.normal(size=2)
+        followers = four_bar_followers(crank)
+        position = {"crank": crank, "arm": 0.4, "coupler": followers[0], "rocker": followers[1]}
+        rate = {"crank": qd[0], "arm": qd[1], "coupler": off[0], "rocker": off[1]}
+        M = pin.crba(tree, data, np.ravel([[np.cos(position[name]), np.sin(position[name])] for name in names]))
+        M = np.triu(M) + np.triu(M, 1).T
+        ratios = dict(zip(("coupler", "rocker"), rates_of(crank), strict=True)) | {"crank": 1.0, "arm": 0.0}
+        G = np.array([[ratios[name], float(name == "arm")] for name in names])
+        rates = np.array([rate[name] for name in names])
+        apart = rates - G @ np.linalg.solve(G.T @ M @ G, G.T @ M @ rates)
+        energies, _ = balance.energies(q, qd, off)
+        assert list(energies) == ["bar"]
+        assert energies["bar"] == pytest.approx(0.5 * apart @ M @ apart, rel=1e-6)
+        assert balance.energies(q, qd, np.full(2, np.nan))[0]["bar"] < 1e-20
+        rates = np.array([rates_of(crank)[0] * qd[0], np.nan])
+        assert balance.energies(q, qd, rates)[0]["bar"] < 1e-15
+
+
+# --- Page, control, files
+
+
+def test_page(bar):
+    """The page's tree, at the numbers of a frame, puts both ends of the loop on one point; it begins with a closed one."""
+    dynamics = dd.DiagonalDynamics(bar)
+    layout = Layout(bar)
+    q, qd = np.array([[0.7, 0.3], [-1.9, 0.1]]), np.zeros((2, 2))
+    s = dynamics.evaluate_batch(q, qd)
+    frames = FrameMaker(dynamics).frames(States.of(np.arange(2.0), q, qd, None, s))
+    assert layout.to_json()["coordinates"] == ["crank", "arm", "coupler", "rocker"]
+    rows = [*frames["numbers"][:, layout.places["q"]], np.array(scene_of(bar, four_bar())["rest"])]
+    np.testing.assert_allclose(rows[2][:2], bar.start)
+    for row in rows:
+        places = placed_by_page(tree_of(bar), row, bar.link_names)
+        np.testing.assert_allclose(
+            places["coupler"] @ [COUPLER, 0, 0, 1], places["rocker"] @ [ROCKER, 0, 0, 1], atol=1e-6
+        )
+        point = places["rocker"] @ [ROCKER, 0, 0, 1]
+        np.testing.assert_allclose(point[:3], tip_of_rocker(row[0]), atol=1e-6)
+
+
+def placed_by_page(tree, q, names):
+    """Return the placement of each link as web/src/tree.js computes it."""
+    world = []
+    for body in tree["bodies"]:
+        rest = np.reshape(body["placement"], (4, 4))
+        X = np.eye(4)
+        if body["kind"] == "revolute":
+            angle = body["multiplier"] * q[body["q"]] + body["offset"]
+            X[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        world.append((world[body["parent"]] if world else np.eye(4)) @ rest @ X)
+    links = zip(names, tree["links"], strict=True)
+    return {name: world[link["body"]] @ np.reshape(link["placement"], (4, 4)) for name, link in links}
+
+
+def test_set_point():
+    """The controller brings a four-bar to a set-point and rejects one beyond the limits of a follower."""
+    strong = '<limit lower="-3" upper="3" effort="200" velocity="9"/>'
+    urdf = four_bar('<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>', strong, "revolute")
+    urdf = urdf.replace('"arm" type="continuous"', '"arm" type="revolute"')
+    urdf = urdf.replace('<axis xyz="1 0 0"/>', f'<axis xyz="1 0 0"/>{strong}')
+    model = dd.load_urdf(urdf, loops=[FOUR_BAR])
+    values = {name: spec.default for name, spec in CONTROLLER.items()} | {"controlled_link": "arm"}
+    loop, goal = ControlLoop(model, values, False), np.array([0.6, 0.3])
+    simulation, stamp = dd.Simulation(model, q=model.start), 10**9
+    loop.efforts.reset(simulation.dynamics.gravity_torque(model.start))
+    for k in range(4000):
+        stamp += 10**6
+        sent = loop.step(state_at(stamp, simulation.q, simulation.qd), stamp)
+        simulation.advance(sent.effort)
+        if k == 10:
+            loop.take_set_point(goal)
+    np.testing.assert_allclose(simulation.q, goal, atol=2e-3)
+    with pytest.raises(dd.InputError, match=r"'crank' is 1\.5"):
+        loop.take_set_point([1.5, 0.0])  # where the rocker is at -2.42
+
+
+def test_files(tmp_path):
+    """A file of loops is the value of loops_file: in a list of parameter files, and for the model of a node."""
+    path = tmp_path / "loops.yaml"
+    path.write_text(yaml.safe_dump({"loops": [FOUR_BAR]}))
+    assert parameters_of([path]) == {"loops_file": str(path)}
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"loops_file": str(path)}
+    model = model_of(four_bar(), values)
+    assert dict(model.followers) == {"coupler": ("crank",), "rocker": ("crank",)}
+    with pytest.raises(dd.InputError, match="parameter 'loops_file'"):
+        require_as_made(values)
+
+
+@pytest.mark.parametrize("listed", [True, False])
+def test_many_joint_states(bar, listed):
+    """A batch of messages, as recordings are read, may have followers: efforts are reflected at each state."""
+    crank, count = np.linspace(-1.0, 1.0, 50), 4 if listed else 2
+    names = ("crank", "arm", "coupler", "rocker")[:count]
+    position = np.column_stack([crank, 0.0 * crank, [four_bar_followers(x) for x in crank]])[:, :count]
+    stamps = np.arange(1, 51)
+    part = JointStates(stamps - 1, names, stamps, 0 * stamps, position, 0.0 * position, 0.0 * position + 2.0)
+    assembler = StateAssembler(joints_of(bar), Options(timeout=5.0, mimic_tolerance=0.01))
+    found = assembler.assemble([part], stamps * 10**9)
+    assert (found.outcome["code"] == 0).all() and not assembler.counts["mimic disagreement"]
+    expected = 2.0 + 2.0 * np.array([rates_of(x).sum() for x in crank]) * listed
+    np.testing.assert_allclose(found.effort[:, 0], expected, atol=1e-6)
+    np.testing.assert_array_equal(found.effort[:, 1], 2.0)
