@@ -15,7 +15,6 @@ from diag_dynamics.control.laws import Command, actuated
 from diag_dynamics.control.references import nearest
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.sweeps import classical
-from diag_dynamics.sweeps.workspace import Workspace
 
 RESERVE = 0.1
 """Fraction of the capacity that is left to the work which an effort does because it is held for a cycle."""
@@ -50,7 +49,7 @@ class EnergyTank:
         self.dynamics, model = actuated(dynamics), dynamics.model
         self.capacity, self.rate = positive("capacity", capacity, "[J]"), positive("rate", rate, "[1/s]")
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
-        self._workspace = Workspace(model.bodies, model.gravity)
+        self._workspace = model.new_workspace()
         self._gravity = model.gravity if gravity else np.zeros(3)
         self._at: tuple[Array, float] | None = None  # last positions, and U there
         dynamics.compile("tau_from_epsilon", "forward_dynamics")
