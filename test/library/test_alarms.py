@@ -406,7 +406,7 @@ def test_recordings_that_differ_raise_the_thresholds():
             for k, column in enumerate(noise(rng, seconds))
         )
 
-    for _ in range(8):
+    for _ in range(6):
         some = [np.concatenate(column) for column in zip(*(recording(60) for _ in range(6)), strict=True)]
         some[0] = np.arange(len(some[0])) * (10**9 // HZ)
         others = [recording(60) for _ in range(20)]

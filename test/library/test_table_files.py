@@ -90,7 +90,7 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("writer", WRITERS)
-@examples(60)
+@examples(40)
 @given(
     *(tables, st.floats(-1e5, 1e5), st.sampled_from(",;\t|")),
     *(st.sampled_from(["\n", "\r\n"]), st.sampled_from(["", "nan", "NA", "null"])),
