@@ -7,20 +7,19 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, vector, whole
-from diag_dynamics.exceptions import InertiaWarning, InputError, MimicJointError, UnsupportedError
+from diag_dynamics.checks import choice, not_negative, number, vector, whole
+from diag_dynamics.exceptions import InertiaWarning, InputError
 from diag_dynamics.model.flexible import FlexibleJoint, flexible_joints
 from diag_dynamics.model.flexible_links import (
-    Flexible,
     FlexibleLink,
     modal_effort,
     read_flexible_links,
@@ -28,19 +27,26 @@ from diag_dynamics.model.flexible_links import (
 )
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, limit_by_followers
 from diag_dynamics.model.geometry import estimated
-from diag_dynamics.model.inertias import LARGEST, Payload, checked_payloads, not_physical
-from diag_dynamics.model.joint_types import SINGLE, is_angle
+from diag_dynamics.model.inertias import Payload, checked_payloads, not_physical
+from diag_dynamics.model.joint_types import is_angle
 from diag_dynamics.model.loop_elements import curves_of, loops_of
 from diag_dynamics.model.loops import (
-    Curve,
     Loop,
-    close,
     coupling_tables,
     read_couplings,
-    resolve_curves,
-    without_curves,
 )
-from diag_dynamics.model.mimic import Mimic, resolve_mimics
+from diag_dynamics.model.mimic import Mimic
+from diag_dynamics.model.options import (
+    FRICTION_VELOCITY,
+    MAX_COUPLED,
+    Options,
+    checked_armature,
+    checked_gravity,
+    checked_locked,
+    motor_rates,
+    reject_friction,
+    tree_of,
+)
 from diag_dynamics.model.parameters import (
     Coupling,
     Parameters,
@@ -58,39 +64,8 @@ from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.couplings import CouplingTables
 from diag_dynamics.sweeps.workspace import Workspace
 
-MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
-FRICTION_VELOCITY = 5e-3  # default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second
-LARGEST_GRAVITY = 1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
 BESIDE = "armature", "effort_offset", "load_friction", "root_friction", "effort_scale"  # of joints, in no URDF
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
-
-
-class Options(NamedTuple):
-    """Checked arguments of :func:`load_urdf`; `held` are the joints that massless="lock" has locked, with positions."""
-
-    floating_base: bool
-    gravity: Array
-    mimic: str
-    massless: str
-    locked: dict[str, float]
-    armature: dict[str, float]
-    effort_offset: dict[str, float]
-    load_friction: dict[str, float]
-    root_friction: dict[str, float]
-    effort_scale: dict[str, float]
-    couplings: dict[str, Coupling]
-    motor_efforts: bool
-    payloads: dict[str, Payload]
-    max_coupled: int
-    friction_velocity: float
-    estimated_links: tuple[str, ...]
-    loops: tuple[Loop, ...] = ()
-    curves: dict[str, Curve] = {}  # noqa: RUF012  # never changed
-    driven: frozenset[str] = frozenset()
-    omitted: tuple[str, ...] = ()
-    held: dict[str, float] = {}  # noqa: RUF012  # never changed
-    flexible_joints: dict[str, FlexibleJoint] = {}  # noqa: RUF012  # never changed
-    flexible_links: Flexible = Flexible()
 
 
 class RobotModel:
@@ -199,7 +174,7 @@ class RobotModel:
         self.motor_efforts: bool = options.motor_efforts
         if self.motor_efforts and not self.couplings:
             raise InputError("parameters: motor_efforts is true, but couplings are missing. Give both.")
-        self.motor_rates: Array = _motor_rates(options.couplings, tree.dof_names)
+        self.motor_rates: Array = motor_rates(options.couplings, tree.dof_names)
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
         self.followers: Mapping[str, tuple[str, ...]] = MappingProxyType(tree.coupled.followers if tree.coupled else {})
@@ -214,7 +189,7 @@ class RobotModel:
         self.flexible_links: Mapping[str, FlexibleLink] = MappingProxyType(options.flexible_links.links)
         self.follower_damping: Array = tree.of_followers("damping")
         self.follower_friction: Array = tree.of_followers("friction")
-        _reject_friction(self.followers, options)
+        reject_friction(self.followers, options)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
         self.locked_joints: Mapping[str, float] = MappingProxyType(tree.locked)
         self.payloads: Mapping[str, Payload] = MappingProxyType(options.payloads)
@@ -394,7 +369,7 @@ class RobotModel:
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""
-        return self._with(gravity=_gravity(gravity))
+        return self._with(gravity=checked_gravity(gravity))
 
     def with_payload(
         self, link: str, mass: float, com: VectorLike = (0.0, 0.0, 0.0), inertia: MatrixLike | None = None
@@ -465,7 +440,9 @@ class RobotModel:
         Joints that other options of load_urdf lock are added.
         """
         robot = self._tree.robot
-        return _model(robot, self._tree.root, self._options._replace(locked=_locked(locked_joints, robot), held={}))
+        return _model(
+            robot, self._tree.root, self._options._replace(locked=checked_locked(locked_joints, robot), held={})
+        )
 
     def placement_in_root(self, link: str) -> Array:
         """Return the placement (4x4) in the root link of a link that is rigidly attached to it."""
@@ -572,7 +549,7 @@ def load_urdf(
     """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
-    g = _gravity(gravity)
+    g = checked_gravity(gravity)
     folder, source = folder_of(source), expanded(source, xacro_args)
     found = None
     if estimate_inertias is not None:
@@ -601,8 +578,8 @@ def load_urdf(
         gravity=g,
         mimic=mimic,
         massless=massless,
-        locked=_locked({} if locked_joints is None else locked_joints, robot),
-        armature=rotors | given.by_joint("armature") | _armature(armature, robot),
+        locked=checked_locked({} if locked_joints is None else locked_joints, robot),
+        armature=rotors | given.by_joint("armature") | checked_armature(armature, robot),
         effort_offset=given.by_joint("effort_offset"),
         load_friction=given.by_joint("load_friction"),
         root_friction=given.by_joint("root_friction"),
@@ -622,61 +599,10 @@ def load_urdf(
     return _model(robot, root, options, given)
 
 
-def _motor_rates(couplings: Mapping[str, Coupling], names: tuple[str, ...]) -> Array:
-    """Return rates of coupled motors by those of joints, (m, nv)."""
-    found = np.zeros((len(couplings), len(names)))
-    for row, (motor, coupling) in zip(found, couplings.items(), strict=True):
-        for joint, ratio in coupling.joints.items():
-            if joint not in names:
-                raise InputError(f"parameters: coupling '{motor}' names '{joint}', expected one of {', '.join(names)}.")
-            row[names.index(joint)] = ratio
-    return found
-
-
-def _reject_friction(followers: Mapping[str, Any], options: Options) -> None:
-    """Reject parameters of followers that no method reflects."""
-    for kind in ("effort_offset", "load_friction", "root_friction"):
-        for name, value in getattr(options, kind).items():
-            if value and name in followers:
-                raise UnsupportedError(
-                    f"parameters: {kind} of joint '{name}' is {value:g}; expected 0, because it follows other joints."
-                )
-
-
-def _gravity(value: object) -> Array:
-    return numbers("gravity", value, (3,), "three finite numbers [m/s²]", LARGEST_GRAVITY)
-
-
-def _armature(value: object, robot: Any) -> dict[str, float]:
-    """Return the armature by joint name, given one number or a dict."""
-    if value is not None and not isinstance(value, Mapping):
-        one = number("armature", value, "a finite number >= 0, or such by joint name")
-        value = {joint.name: one for joint in robot.joints if joint.type in SINGLE}
-    expected = "a finite number >= 0 [kg m², kg]"
-    return _by_joint("armature", {} if value is None else value, robot, expected, lambda x: 0.0 <= x <= LARGEST)
-
-
-def _locked(value: object, robot: Any) -> dict[str, float]:
-    expected = f"a finite number [rad, m] within ±{LARGEST:g}"
-    return _by_joint("locked_joints", value, robot, expected, lambda x: abs(x) <= LARGEST)
-
-
-def _by_joint(name: str, value: object, robot: Any, expected: str, valid: Callable[[float], bool]) -> dict[str, float]:
-    """Return a number by name of joints of one degree of freedom."""
-    types, found = {joint.name: joint.type for joint in robot.joints}, {}
-    for joint, x in mapping(name, value).items():
-        if joint not in types:
-            raise InputError(f"{name}: {joint!r} is not a joint of robot '{robot.name}'.")
-        if types[joint] not in SINGLE:
-            raise InputError(f"{name}: joint '{joint}' is {types[joint]}, expected one degree of freedom.")
-        found[joint] = number(f"{name} of joint '{joint}'", x, expected, valid)
-    return found
-
-
 def _model(robot: Any, root: str, options: Options, applied: Parameters | None = None) -> RobotModel:
     """Build the model of a robot with all options; the mass that applied parameters take off must be there."""
     while True:
-        tree = _tree(robot, root, options)
+        tree = tree_of(robot, root, options)
         if applied is not None:
             reject_too_light(tree, applied)
         model = RobotModel(tree, options)
@@ -686,27 +612,6 @@ def _model(robot: Any, root: str, options: Options, applied: Parameters | None =
             reject_massless(model, tree, found)
             return model
         options = options._replace(held=options.held | more)
-
-
-def _tree(robot: Any, root: str, options: Options) -> Tree:
-    if options.curves:
-        robot = without_curves(robot, options.curves)
-    mimics, locked = resolve_mimics(robot, options.mimic, options.locked | options.held)
-    coupled = None
-    flexible, locked = options.flexible_links.without(locked)
-    if options.loops or options.curves or flexible.forms:
-        curves = resolve_curves(robot, options.curves, mimics, locked)
-        cut = Tree(robot, root, options.floating_base, locked, {})
-        coupled = close(cut, options.loops, curves, mimics, options.driven, flexible)
-        mimics = coupled.mimics
-    tree = Tree(robot, root, options.floating_base, locked, mimics, coupled)
-    for group, size in zip(tree.groups, tree.group_sizes, strict=True):
-        if size > options.max_coupled:
-            text = f"robot '{robot.name}' has a group of {len(group)} coupled joints, '{group[0]}' to '{group[-1]}', of"
-            most = f"and no more than {options.max_coupled} are accepted"
-            cure = "Raise max_coupled, or take every joint as independent by mimic='free'."
-            raise MimicJointError(f"{text} {size} bodies, {most}. {cure}", group)
-    return tree
 
 
 def _restored(robot: Any, root: str, options: Options) -> RobotModel:

@@ -15,7 +15,7 @@ from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import Options
-from diag_dynamics.model.robot import FRICTION_VELOCITY
+from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
 from diag_dynamics.parameters.contact import ContactOptions
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED

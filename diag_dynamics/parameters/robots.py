@@ -8,7 +8,7 @@ from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.model.mjcf import loaded
-from diag_dynamics.model.robot import FRICTION_VELOCITY
+from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 

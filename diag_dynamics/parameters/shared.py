@@ -8,7 +8,7 @@ import numpy as np
 from diag_dynamics.entries import LARGEST, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
-from diag_dynamics.model.robot import LARGEST_GRAVITY, MAX_COUPLED
+from diag_dynamics.model.options import LARGEST_GRAVITY, MAX_COUPLED
 from diag_dynamics.model.urdf import MAX_JOINTS
 from diag_dynamics.parameters.spec import Spec, fixed
 

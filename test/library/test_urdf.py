@@ -18,7 +18,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.model import robot as loader
 from diag_dynamics.model import urdf
-from diag_dynamics.model.robot import MAX_COUPLED
+from diag_dynamics.model.options import MAX_COUPLED
 from diag_dynamics.model.urdf import MAX_JOINTS
 from examples import shortened
 from robots import ARM, BOX, arm, changed, description, joint, link
