@@ -165,6 +165,7 @@ OTHERS += "max_rate.", "reaction."
 NOT_OBSERVED = {
     *(
         "robot_description",
+        "loops_file",
         "max_joints",
         "max_coupled",
         "floating_base",
