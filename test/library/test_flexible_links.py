@@ -5,7 +5,9 @@
 
 import pickle
 
+import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 from scipy.integrate import quad
@@ -264,7 +266,6 @@ def test_one_mode_held(arm):
 
 def test_pinocchio():
     """Nodes of finite elements without foreshortening are virtual joints that follow the modes by constant ratios."""
-    pin = pytest.importorskip("pinocchio")
     rng = np.random.default_rng(5)
     nodes = [{"mass": 0.3, "xyz": [0.2 + 0.2 * k, 0.0, 0.05], "shape": rng.normal(size=(3, 3)) * 0.3} for k in range(3)]
     tip = {"shape": rng.normal(size=(3, 3)) * 0.5, "slope": rng.normal(size=(3, 3))}
@@ -517,7 +518,6 @@ def test_steep_tip(arm):
 
 def mujoco_chain(segments, time, torque, step=2.5e-5):
     """Return the angle of a hub and the sine of the slope at the payload, of a chain that springs hold together."""
-    mujoco = pytest.importorskip("mujoco")
     h, density = LENGTH / segments, MASS / LENGTH
     lengths = [0.5 * h, *[h] * (segments - 1), 0.5 * h]
 

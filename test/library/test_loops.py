@@ -7,6 +7,7 @@ import pickle
 from functools import cache
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -448,7 +449,6 @@ EQUALITIES = {  # and the degrees of freedom
 @pytest.mark.parametrize("name", EQUALITIES)
 def test_mjcf(name):
     """MuJoCo's equalities hold where ours do, and their Jacobian vanishes along G."""
-    mujoco = pytest.importorskip("mujoco")
     equality, count = EQUALITIES[name]
     text = MJCF.replace("EQUALITY", equality)
     model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)

@@ -6,6 +6,7 @@
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
@@ -332,7 +333,6 @@ def test_joint_states_on_a_floating_base():
 
 def test_energy_that_breaks_a_loop(bar):
     """It is the least energy, by Pinocchio's M of the cut tree, from the measured rates to those with a closed loop."""
-    pin = pytest.importorskip("pinocchio")
     tree = pin.buildModelFromXML(four_bar())
     data, names = tree.createData(), list(tree.names)[1:]
     balance, rng = LoopBalance(bar), np.random.default_rng(3)
