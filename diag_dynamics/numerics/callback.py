@@ -5,7 +5,6 @@
 
 import functools
 import logging
-import threading
 
 import numba
 from llvmlite import ir
@@ -13,12 +12,12 @@ from numba import types
 from numba.extending import intrinsic
 
 from diag_dynamics.numerics.cache import code_folder
-from diag_dynamics.numerics.kernel import compile_ahead
+from diag_dynamics.numerics.kernel import compile_ahead, compiler_lock
 from diag_dynamics.numerics.progress import report_compilation
 
 logger = logging.getLogger(__name__)
 
-_NUMBER, _lock = types.int64, threading.RLock()
+_NUMBER = types.int64
 _SIGNATURE = _NUMBER(_NUMBER, _NUMBER, _NUMBER, _NUMBER)
 
 
@@ -36,7 +35,7 @@ class Callback:
     @functools.cached_property
     def address(self):
         """Where the machine code begins; compiled when it is first asked for, and kept on disk."""
-        with _lock, report_compilation(self.__name__):
+        with compiler_lock, report_compilation(self.__name__):
             folder, before = code_folder(self.__module__), numba.config.CACHE_DIR
             try:
                 numba.config.CACHE_DIR = str(folder or before)

@@ -41,7 +41,7 @@ except (ImportError, AttributeError, TypeError) as error:
     logger.info("Kernels compile slowly under numba %s: %r", numba.__version__, error)
 
 _entries = []
-_lock = threading.RLock()
+compiler_lock = threading.RLock()
 
 
 def kernel(function):
@@ -83,7 +83,7 @@ def precompile(*modules):
 
 
 def compile_ahead(entry):
-    """Have :func:`precompile` compile what has a name, a module and a method `compile`."""
+    """Add an entry or callback to those that :func:`precompile` compiles."""
     _entries.append(entry)
 
 
@@ -114,7 +114,7 @@ class Entry:
 
     def compile(self):
         """Compile the function, or load it from the cache, so that its first call does not wait."""
-        with _lock:
+        with compiler_lock:
             if self.run == self._compile_and_run:  # else another thread was first
                 collecting = gc.isenabled()
                 gc.disable()  # a tenth of the time: the compiler leaves no garbage before it ends
