@@ -26,8 +26,8 @@ class EnergyTank:
     K̇ = νᵀε + νᵀε_ext, because νᵀC = 0 and the law compensates gravity. An effort τ held for a cycle does the work τᵀΔq
     exactly, so `measure` takes W = τᵀΔq − ΔU from x, with the potential energy U at both positions, and loses x above the
     capacity. Then K + x rises by no more than the work of external forces, with any law, delay of its set-point and period:
-    whoever holds the robot extracts K + x at most. Friction only lowers it. U belongs to the robot that weighs nothing; held
-    gravity compensation alone does the work τ_gᵀΔq − ΔU, which counts, too.
+    a person who holds the robot extracts at most K + x, less with friction. With gravity compensation U is that of the
+    robot; the compensation, held for a cycle, does the work τ_gᵀΔq − ΔU, which counts, too.
 
     Two steps keep x ≥ 0. The first one removes power along ν and leaves forces across it:
 

@@ -18,7 +18,7 @@ from diag_dynamics.contact.results import Contact
 from diag_dynamics.dynamics.arguments import Loads, States
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.followers import FollowerMotion, loop_error, loop_title
+from diag_dynamics.model.followers import FollowerMotion, FollowerState, loop_error, loop_title
 from diag_dynamics.model.links import wrenches_at, wrenches_on_links
 from diag_dynamics.model.remarks import warn
 from diag_dynamics.numerics.tables import Addresses
@@ -231,12 +231,14 @@ class SweepCaller:
             resisting += (self._motors[0] * rates + self._motors[1] * turned) @ model.motor_rates
         if self._followers:
             rows = zip(at.q.reshape(-1, model.nq), qd.reshape(-1, model.nv), strict=True)
-            resisting += np.reshape([self._friction_of_followers(q, rate) for q, rate in rows], qd.shape)
+            resisting += np.reshape(
+                [self._friction_of_followers(self._followers.at(*row), row[1]) for row in rows], qd.shape
+            )
         return resisting
 
-    def _friction_of_followers(self, q: Array, qd: Array) -> Array:
+    def _friction_of_followers(self, now: FollowerState, qd: Array) -> Array:
         """Return Gᵀ of the friction of followers with changing ratios at one state."""
-        model, now = self.model, self._followers.at(q, qd)  # type: ignore[union-attr]
+        model = self.model
         G, v0 = now.ratios[len(model.mimics) :], model.friction_velocity
         rate = G @ qd
         direction = np.tanh(rate / v0) if v0 else np.sign(rate)

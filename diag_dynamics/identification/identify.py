@@ -84,7 +84,7 @@ def identify(
         raise InputError(f"what is {what!r}; expected payload:<link>, because reference is a recording without it.")
     if "gains" in names and model.motor_efforts:
         raise InputError(
-            f"what is {what!r}; expected no gains, because motor_efforts is true and a gain belongs to one joint."
+            f"what is {what!r}; expected no gains, because motor_efforts is true: efforts are those of motors."
         )
     if model.flexible_joints:
         raise UnsupportedError(

@@ -35,7 +35,7 @@ GAP = 1e-3
 """Largest distance of the ends of a loop [m], as the digits of a description leave it."""
 
 MAX_CHOICES = 500
-"""Largest number of sets of independent joints of which the best is chosen."""
+"""Maximum number of sets of independent joints that are compared."""
 
 COUPLINGS = "loops", "mimics", "flexible_links"
 """Keys of a file."""

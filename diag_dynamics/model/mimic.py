@@ -145,8 +145,8 @@ class Followers:
     """Positions of joints that follow others by their sources, and efforts of followers on their sources.
 
     `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has followers whose
-    position is an angle that wraps. A follower's own position is within `tolerance` [rad, m] of that which its source
-    gives it; 0 accepts any. `motion` is the FollowerMotion of a model whose ratios change. Vectors of followers are in
+    position is an angle that wraps. A measured position of a follower may differ by `tolerance` [rad, m] from the position
+    by its source; 0 accepts any. `motion` is the FollowerMotion of a model whose ratios change. Vectors of followers are in
     the order of `names`, mimic joints first, NaN for unknown values.
     """
 

@@ -53,7 +53,7 @@ CLOSURE = np.dtype(
 
 CURVE = np.dtype(
     [
-        ("loop", "i8"),  # the loop of which it is an equation, or -1
+        ("loop", "i8"),  # number of the loop with this equation, or -1
         ("follower", "i8"),  # a joint of the loop; first body of the follower, if there is none
         ("source", "i8"),
         ("begin", "i8"),  # pieces
