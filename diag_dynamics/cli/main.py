@@ -99,8 +99,8 @@ def usage():
 
 
 def _show_warning(message, category, *where):
-    """Print a warning about a robot's file or an old parameter in one line; others as Python does."""
-    if category is FutureWarning or category.__module__ == "diag_dynamics.exceptions":
+    """Print a warning about a robot's file in one line; others as Python does."""
+    if category.__module__ == "diag_dynamics.exceptions":
         print(f"{PROGRAM}: warning: {message}", file=sys.stderr)
     else:
         print(warnings.formatwarning(message, category, *where[:2]), end="", file=sys.stderr)

@@ -15,7 +15,6 @@ from diag_dynamics.model import Parameters
 from diag_dynamics.model.loops import COUPLINGS
 from diag_dynamics.parameters import controller, simulator, view
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.parameters.spec import current
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"
@@ -105,7 +104,6 @@ def _check(name, value, source):
     """Return the value with the type of the parameter, by its name; nothing for a parameter of rclpy."""
     if name.startswith(OF_RCLPY):
         return {}
-    name, value = current(name, value)
     if name not in PARAMETERS:
         near = get_close_matches(name, PARAMETERS, n=1) or [one for one in PARAMETERS if name.startswith(f"{one}.")]
         raise InputError(f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}")

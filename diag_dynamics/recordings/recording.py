@@ -21,7 +21,6 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
-from diag_dynamics.parameters.spec import current_parameters
 from diag_dynamics.recordings.findings import NOTE, WITHOUT_VALUES, Finding, collect_findings
 from diag_dynamics.recordings.intake import Intake
 from diag_dynamics.recordings.sources import open_source, path_text
@@ -260,7 +259,7 @@ class Reading:
 
 def make_settings(parameters):
     """Return the monitor's Settings with these parameters, or None, other than by default."""
-    parameters = current_parameters(parameters or {})
+    parameters = parameters or {}
     if unknown := set(parameters) - set(PARAMETERS):
         raise InputError(f"the monitor has no parameter '{min(unknown)}'.")
     return Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | parameters)

@@ -3,8 +3,6 @@
 
 """Values of the monitor's parameters: entries by name, payloads, bounds, thresholds, and their meaning for a robot."""
 
-import warnings
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,11 +13,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.model import Payload
-from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
-from diag_dynamics.parameters.spec import RENAMED, RENAMED_VALUES
-from diag_dynamics.recordings.recording import make_settings
 from examples import examples
 from joint_state_messages import INF, NAMES, NAN
 from joint_state_readers import DEFAULTS, model, settings
@@ -58,21 +53,6 @@ def test_payloads_round_trip(numbers, name):
     arrays = Payload(np.float64(mass), np.array(com), np.array(payload.inertia))
     assert payloads_of([payload_entry(name, payload)]) == payloads_of([payload_entry(name, arrays)]) == {name: payload}
     assert payloads_of(["tip=2", "", "hand=1.5 0.1 -0.2 0.3"])["hand"] == Payload(1.5, (0.1, -0.2, 0.3))
-
-
-def test_old_names_and_values_of_recordings(tmp_path):
-    """Files, assignments and `parameters` of recordings are read as the node reads them, with a warning."""
-    file = tmp_path / "old.yaml"
-    file.write_text("diag_dynamics: {ros__parameters: {absurd: {jump: 0.3}, frozen_values: refuse}}")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        values = parameters_of([file], ["frozen_timeout=2.0", "foreign_time=refuse"])
-    assert len(caught) == 5 and "'absurd.jump' is renamed to 'plausibility.jump'" in str(caught[0].message)
-    expected = {"plausibility.jump": 0.3, "stuck_values": "reject", "stuck_timeout": 2.0, "foreign_time": "reject"}
-    assert values == expected
-    with pytest.warns(FutureWarning, match="'stuck_values' is 'refuse'; expected 'reject'"):
-        assert make_settings({"frozen_values": "refuse"}).inputs.reject_stuck
-    assert {*RENAMED.values(), *RENAMED_VALUES} <= {*PARAMETERS} and not {*RENAMED} & {*PARAMETERS}
 
 
 # --- Values that are refused

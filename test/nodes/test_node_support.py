@@ -84,23 +84,6 @@ def test_values_on_the_command_line(made):
         made("-p", "warn_energy:=high")
 
 
-def test_old_names_and_values(made, capfd):
-    """The node accepts each under its current name and warns of it; a value under the current name counts."""
-    node = made(
-        *("-p", "absurd.jump:=0.3", "-p", "frozen_values:=refuse", "-p", "stuck_timeout:=2.0"),
-        *("-p", "frozen_timeout:=1.0", "-p", "foreign_time:=refuse"),
-    )
-    values = {name: node.get_parameter(name).value for name in ("plausibility.jump", "stuck_values", "stuck_timeout")}
-    assert values == {"plausibility.jump": 0.3, "stuck_values": "reject", "stuck_timeout": 2.0}
-    assert node.values["foreign_time"] == "reject" and not node.has_parameter("absurd.jump")
-    said = capfd.readouterr().err
-    for name in ("'absurd.jump'", "'frozen_values'", "'frozen_timeout'"):
-        assert said.count(f"Parameter {name} is renamed to") == 1
-    assert said.count("is 'refuse'; expected 'reject'") == 2
-    assert node.set_parameters([Parameter("missing_velocity", value="refuse")])[0].successful
-    assert node.values["missing_velocity"] == "reject"
-
-
 def test_values_set_while_running(made):
     """As `ros2 param set` parses what is typed; a value of another type is refused, a read-only one stays."""
     node = made()

@@ -16,7 +16,7 @@ from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.topics import NODES, nearest
 from diag_dynamics.numerics.progress import set_progress_callback
-from diag_dynamics.parameters.spec import RENAMED, current, current_parameters, wrong
+from diag_dynamics.parameters.spec import wrong
 from diag_dynamics.text import plain
 
 NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
@@ -38,8 +38,6 @@ class TableNode:
             if parameter.name not in NOT_OVERRIDES:
                 self.overrides[parameter.name] = parameter.value
                 self.undeclare_parameter(parameter.name)  # until it is declared with its type
-        if set(RENAMED.values()) <= specs.keys():
-            self.overrides = current_parameters(self.overrides, self.get_logger().warning)
         self.values = {name: _declare(self, name, spec, specs) for name, spec in specs.items()}
         defaults = {name: spec.default for name, spec in specs.items()}
         if hasattr(self, "add_pre_set_parameters_callback"):  # not in Humble
@@ -56,9 +54,8 @@ class TableNode:
         """Return a parameter with the type of its default; rclpy rejects wrong ones."""
         if parameter.name not in defaults or parameter.type_ == Parameter.Type.NOT_SET:
             return parameter
-        name, value = current(parameter.name, parameter.value, self.get_logger().warning)
-        value, fault = attempt(convert, name, value, defaults[name])
-        return parameter if fault else Parameter(name, value=value)
+        value, fault = attempt(convert, parameter.name, parameter.value, defaults[parameter.name])
+        return parameter if fault else Parameter(parameter.name, value=value)
 
     def destroy_node(self):
         """See rclpy; the compiler reports to stderr from now on."""
