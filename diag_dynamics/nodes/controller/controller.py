@@ -3,12 +3,16 @@
 
 """The controller node: joint_states and targets in, efforts out, by laws in total joint rates."""
 
+import time
 from array import array
 from functools import partial
 
 import numpy as np
+import rclpy
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType
+from rcl_interfaces.srv import GetParameters
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -24,7 +28,6 @@ from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import Options, joints_of
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controller import received
-from diag_dynamics.nodes.controller.effort_controller import joints_of_controller
 from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, ManagedNode
 from diag_dynamics.nodes.controller.record import Record, problems_of_limits, status_message, values_of_loop
 from diag_dynamics.nodes.controller.trajectories import ACTION, Trajectories
@@ -35,6 +38,7 @@ from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, St
 from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
+from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact import bounded_points
@@ -43,6 +47,9 @@ from diag_dynamics.parameters.spec import Spec
 from diag_dynamics.text import plain
 
 COMMANDS, SCALE = "effort_controller/commands", "contact_scale"
+
+RETRY_PERIOD = 0.3
+"""Time [s] after which a request is repeated: a service that does not know its client yet drops the answer."""
 
 WATCHES = 4
 """Checks of the age of the last state within its largest age."""
@@ -413,3 +420,30 @@ class ControllerNode(ManagedNode):
             problems.append(f"other publishers on {topic}: {others}")
         problems += [*problems_of_limits(self._loop.efforts), *self._record.problems_of_contact()]
         return problems, {"subscribers": receivers, "other publishers": others}
+
+
+def joints_of_controller(node, controller, timeout):
+    """Return the parameter `joints` of another node; None if it does not answer within the timeout [s].
+
+    `node` asks, by a node of its own: its executor runs the callback that calls this.
+    """
+    deadline = time.monotonic() + timeout
+    asking = rclpy.create_node(f"{node.get_name()}_asking", context=node.context, use_global_arguments=False)
+    executor = SingleThreadedExecutor(context=node.context)
+    try:
+        executor.add_node(asking)
+        client = asking.create_client(GetParameters, f"{controller}/get_parameters")
+        while (left := deadline - time.monotonic()) > 0.0 and not Stop.requested:
+            if not client.service_is_ready():
+                executor.spin_once(timeout_sec=0.02)
+                continue
+            future = client.call_async(GetParameters.Request(names=["joints"]))
+            executor.spin_until_future_complete(future, timeout_sec=min(left, RETRY_PERIOD))
+            if future.done():
+                values = future.result().values
+                known = values and values[0].type == ParameterType.PARAMETER_STRING_ARRAY
+                return list(values[0].string_array_value) if known else None
+        return None
+    finally:
+        executor.shutdown()
+        asking.destroy_node()
