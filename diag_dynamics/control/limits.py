@@ -42,6 +42,12 @@ def names_where(names: tuple[str, ...], mask: BoolArray) -> tuple[str, ...]:
     return tuple(name for name, is_true in zip(names, mask.tolist(), strict=True) if is_true)
 
 
+def braked(nu: Array, epsilon: Array, excess: float) -> Array:
+    """Return ε [J^½/s] less an excess of its power along ν [W]; ε itself without one, and at rest."""
+    square = float(nu @ nu)
+    return epsilon - nu * (excess / square) if excess > 0.0 and square > 0.0 else epsilon
+
+
 class EnergyLimiter:
     """Kinetic-energy limiter, a filter on any law's command: ε ← ε − ν max(0, νᵀε − αh)/|ν|², h = K_max − K.
 
@@ -63,12 +69,11 @@ class EnergyLimiter:
         power = float(nu @ command.epsilon)
         if external is not None:
             power += float(nu @ vector("external", external, self.dynamics.model.dof_names))
-        excess = power - self.rate * (self.limit - 0.5 * square)
-        if not excess > 0.0:
+        epsilon = braked(nu, command.epsilon, power - self.rate * (self.limit - 0.5 * square))
+        if epsilon is command.epsilon:
             return command
-        removed = nu * (excess / square)  # excess > 0 bounds ν from below: |ν||ε| > αh, or K > K_max
-        tau = command.tau - self.dynamics.tau_from_epsilon(q, removed)
-        return command._replace(tau=tau, epsilon=command.epsilon - removed)
+        tau = command.tau + self.dynamics.tau_from_epsilon(q, epsilon - command.epsilon)
+        return command._replace(tau=tau, epsilon=epsilon)
 
 
 class JointEnergyLimiter:

@@ -12,6 +12,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import positive, vector
 from diag_dynamics.control.laws import Command, actuated
+from diag_dynamics.control.limits import braked
 from diag_dynamics.control.references import nearest
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.sweeps import classical
@@ -102,10 +103,9 @@ class EnergyTank:
 
     def _braked(self, nu: Array, epsilon: Array, rate: float) -> Array:
         """Return ε of the power that x covers above its reserve."""
-        power, square = float(nu @ epsilon), float(nu @ nu)
+        power = float(nu @ epsilon)
         excess = power - rate * (self.energy - RESERVE * self.capacity)
-        removed = min(excess, max(power, 0.0) + rate * square)
-        return epsilon - nu * (removed / square) if removed > 0.0 and square > 0.0 else epsilon
+        return braked(nu, epsilon, min(excess, max(power, 0.0) + rate * float(nu @ nu)))
 
     def _drift(self, q: VectorLike, qd: VectorLike, command: Command, h: float, external: VectorLike | None) -> Array:
         """Return Δq₀ [rad, m], the motion in a cycle under gravity compensation alone."""
