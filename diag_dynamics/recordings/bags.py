@@ -9,27 +9,39 @@ are, for some connections by index, (first log time, last one, function that ret
 
 import re
 import shutil
+import sqlite3
 import tempfile
 from collections import Counter
-from contextlib import suppress
-from functools import partial
+from contextlib import closing, suppress
+from functools import lru_cache, partial
 from importlib import import_module
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import REASON, Messages, Notes, describe_error, merge_parts
+from diag_dynamics.recordings.messages import (
+    REASON,
+    Connection,
+    DamageError,
+    Messages,
+    Notes,
+    describe_error,
+    group_rows,
+    merge_parts,
+)
 
 METADATA = "metadata.yaml"  # file that rosbag2 writes into a folder when it closes a recording
 ZSTD = b"\x28\xb5\x2f\xfd"
 MAGIC = {b"\x89MCAP": "mcap", b"SQLite format 3": "sqlite", b"#ROSBAG": "ros1"}
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite", ".bag": "ros1"}
-UNFINISHED, PACKED = ".active", ".zstd"
-"""Suffixes that rosbag of ROS 1 adds while it records, and rosbag2 to compressed files."""
+PACKED = ".zstd"  # suffix that rosbag2 adds to compressed files
 KNOWN = "a rosbag2 folder, .mcap or .db3, also compressed by zstd, or a ROS 1 .bag"
 ROS1 = "ros1", "ros1msg"  # names of the encoding of ROS 1
+ROS1_TYPES = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry", "std_msgs/msg/String"
+"""Types of messages that recordings are made of."""
 MAX_MESSAGE = 1 << 26  # maximum size of a message that is compressed by itself [bytes]
 
 
@@ -72,13 +84,13 @@ class Bag:
         if begin.startswith(ZSTD):
             return self._open_file(self._unpack(path), name)
         kind = next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
-        kind = kind or SUFFIXES.get(Path(path.name.removesuffix(UNFINISHED)).suffix)
+        kind = kind or SUFFIXES.get(path.suffix)
         if kind is None:
             raise InputError(f"'{name}' is not a supported bag; expected {KNOWN}.")
-        if kind == "mcap":
+        if kind == "mcap":  # the library is optional
             require("mcap", REASON)
-        reader = import_module(f"diag_dynamics.recordings.{kind}_file")  # the libraries are optional
-        return getattr(reader, f"{kind.capitalize()}File")(path, name, self._notes)
+            return import_module("diag_dynamics.recordings.mcap_file").McapFile(path, name, self._notes)
+        return (SqliteFile if kind == "sqlite" else Ros1File)(path, name, self._notes)
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""
@@ -103,8 +115,7 @@ class Bag:
         for k, one in enumerate(file.connections):
             one = one._replace(type=_normalize_type(one.type))
             if one.encoding in ROS1:
-                ros1 = import_module("diag_dynamics.recordings.ros1_file")
-                if convert := ros1.find_conversion(one.type, one.md5):
+                if convert := _find_conversion(one.type, one.md5):
                     conversions[k] = convert
                 one = one._replace(encoding="cdr")
             others = enumerate(self.connections)
@@ -150,6 +161,119 @@ def _normalize_type(name):
         name = name.replace("/dds_/", "/").removesuffix("_")
     package, slash, rest = name.partition("/")
     return f"{package}/msg/{rest}" if slash and "/" not in rest else name
+
+
+@lru_cache(64)
+def _find_conversion(name, md5):
+    """Return the function that converts messages of a type of ROS 1 to CDR; None if none are read."""
+    if name not in ROS1_TYPES:
+        return None
+    typesys = require("rosbags.typesys", REASON)
+    noetic = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)  # its headers have no `seq`
+    is_known = md5 in ("", "*", noetic.generate_msgdef(name, ros_version=1)[1])
+
+    def convert(raw):
+        if not is_known:
+            raise DamageError("the type has another definition")
+        return store.ros1_to_cdr(raw, name)
+
+    return convert
+
+
+# --- SQLite and ROS 1 ---
+
+
+class SqliteFile:
+    """A SQLite file. What a killed recorder left in a journal is read in a copy: no file changes."""
+
+    def __init__(self, path, name, notes):
+        self._path, self._lose = Path(path).absolute(), partial(notes.add_damage, name)
+        self._advice = f"`sqlite3 {name} .recover` may find more"
+        self.connections, self._topics, self.start, self._copy = [], {}, None, None
+        journals = [Path(f"{self._path}{end}") for end in ("-wal", "-journal")]
+        if journals := [one for one in journals if one.is_file() and one.stat().st_size]:
+            self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
+            for one in (path, *journals):
+                shutil.copy(one, self._copy.name)
+            notes.add_oddity(name, " has a journal: its recorder was killed or still records. It is read, too.")
+        try:
+            with closing(self._open()) as database:
+                for key, *declaration in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+                    self._topics[key] = len(self.connections)
+                    self.connections.append(Connection(*map(str, declaration)))
+        except sqlite3.Error as error:
+            size = self._path.stat().st_size
+            is_empty = not size and not self._copy
+            self._lose("database", "the file is empty" if is_empty else f"{error}: {size} bytes; {self._advice}")
+        with suppress(sqlite3.Error), closing(self._open()) as database:
+            (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
+            self.start = start if isinstance(start, int) else None
+
+    def parts(self, wanted):
+        """Yield (first log time, last one, function that returns Messages) in their order."""
+        topics = {key: k for key, k in self._topics.items() if k in wanted}
+        return group_rows(self._read_rows(topics)) if topics else ()
+
+    def _read_rows(self, topics):
+        """Yield (connection, log time, content) of each message."""
+        marks, lost, time = ", ".join("?" * len(topics)), 0, None
+        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
+        with closing(self._open()) as database:
+            try:
+                for key, time, data in database.execute(query, list(topics)):
+                    if isinstance(data, bytes) and isinstance(time, int):
+                        yield topics[key], time, data
+                    else:
+                        lost += 1
+            except sqlite3.Error as error:
+                self._lose("table messages", f"{error}: all after log time {time}; {self._advice}")
+        if lost:
+            self._lose("table messages", f"{lost} messages have no bytes, or no log time in int64")
+
+    def _open(self):
+        """Return a connection to the database."""
+        path, options = self._path, "?mode=ro&immutable=1"
+        if self._copy:
+            path, options = f"{self._copy.name}/{self._path.name}", ""
+        database = sqlite3.connect(f"file:{quote(str(path))}{options}", uri=True, check_same_thread=False)
+        database.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
+        return database
+
+
+class Ros1File:
+    """A bag of ROS 1 with its index. It is read up to the first damaged chunk."""
+
+    def __init__(self, path, name, notes):
+        self._path, self._lose = Path(path), partial(notes.add_damage, name)
+        self._open = partial(require("rosbags.rosbag1", REASON).Reader, self._path)
+        self.connections, self.start = [], None
+        try:
+            with self._open() as reader:
+                for one in reader.connections:
+                    self.connections.append(Connection(one.topic, one.msgtype, "ros1", one.digest))
+                self.start = min((one.start_time for one in reader.chunk_infos), default=None)
+        except Exception as error:  # of damaged bytes
+            size, advice = self._path.stat().st_size, f"`rosbag reindex {name}` makes an index"
+            self._lose("index", f"{describe_error(error)}: {size} bytes; {advice}" if size else "the file is empty")
+
+    def parts(self, wanted):
+        """Yield (first log time, last one, function that returns Messages) in their order."""
+        return group_rows(self._read_rows(wanted)) if wanted and self.connections else ()
+
+    def _read_rows(self, wanted):
+        """Yield (connection, log time, content) of each message."""
+        time, count = 0, 0
+        with self._open() as reader:
+            chosen = {one.id: k for k, one in enumerate(reader.connections) if k in wanted}
+            connections = [one for one in reader.connections if one.id in chosen]
+            try:
+                for one, time, data in reader.messages(connections):
+                    count += 1
+                    yield chosen[one.id], time, data
+            except Exception as error:  # of damaged bytes
+                lost = sum(one.msgcount for one in connections) - count
+                self._lose(f"after log time {time}", f"{describe_error(error)}: {lost} messages")
 
 
 # --- Files of a folder ---
@@ -206,7 +330,7 @@ def _find_bags(folder):
     """Return the names of bags by suffix or first bytes, `bag_10` behind `bag_9`."""
 
     def is_bag(path):
-        suffix = Path(path.name.removesuffix(PACKED).removesuffix(UNFINISHED)).suffix
+        suffix = Path(path.name.removesuffix(PACKED)).suffix
         with suppress(InputError):
             return suffix in SUFFIXES or _first_bytes(path).startswith(tuple(MAGIC))
         return False

@@ -193,7 +193,7 @@ def test_kinds_are_known_by_content(tmp_path):
     paths = [
         write_mcap(tmp_path / "mcap.bag", messages),
         shutil.copy(file_of(write_rosbag2(tmp_path / "bag", messages)), tmp_path / "sqlite.mcap"),
-        write_ros1(tmp_path / "ros1.bag.active", messages),
+        write_ros1(tmp_path / "ros1.mcap", messages),
         tmp_path / "packed.mcap",
     ]
     paths[3].write_bytes(zstandard.compress(paths[0].read_bytes()))
