@@ -35,7 +35,7 @@ UNITS = {
     "sweeps.mobilities": 1,
     "sweeps.followers": 1,
     "sweeps.alarms": 1,
-    "identification.kernels.regressors": 1,
+    "identification.regressors": 1,
 }
 """Modules with entry kernels, and their time to compile one after the other [CPU-s], the longest first."""
 

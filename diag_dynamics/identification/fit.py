@@ -17,8 +17,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OWN, ROOT, ROTOR
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OWN, PARAMETERS, ROOT, ROTOR
 from diag_dynamics.optional import require
 
 PAYLOAD_WEIGHT, POSITIVE_WEIGHT = 0.1, 0.01  # γ of a payload (10 would shift its centre by centimetres) and γ'

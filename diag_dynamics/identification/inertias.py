@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.identification.kernels.regressors import PARAMETERS
+from diag_dynamics.identification.regressors import PARAMETERS
 from diag_dynamics.rigid_body import parallel_axes
 
 TRIANGLE = np.tril_indices(3)  # Ixx, Ixy, Iyy, Ixz, Iyz, Izz: the order of the parameters

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.kernels.regressors import PARAMETERS
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OFFSET, ROOT, ROTOR
+from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OFFSET, PARAMETERS, ROOT, ROTOR
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 
 COLUMNS = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
