@@ -135,108 +135,45 @@ def _values(outcome="published", *words, also=(), **fields):
 
 
 REST = step(joint_state(NAMES, *[[0, 0, 0]] * 3), position=[0, 0, 0], velocity=[0, 0, 0])
+POSITION, BEYOND = {"plausibility__position": 2.5}, {"plausibility__beyond_limits": 0.5}
+WIDER, NARROWER = ({"plausibility__beyond_limits": x, "plausibility__position": 6} for x in (3, 1))
+VELOCITY, TRIPLE = {"plausibility__velocity": 29}, {"plausibility__beyond_velocity": 3}
+LEAST = TRIPLE | {"plausibility__velocity": 10}
+LIMITS = [
+    # parameters, field, values, words of the rejection, if there is one
+    (POSITION, "position", [0, -2.5, 2.5]),
+    (POSITION, "position", [0, 0, 2.51], "'wrist'", "plausibility.position"),
+    (POSITION, "position", [0, -2.51, 0], "'elbow'", "-2.5 … 2.5"),
+    (POSITION, "position", [1e7, 0, 0]),  # of a continuous joint
+    (BEYOND, "position", [1e7, 4.5, -6.5]),
+    (BEYOND, "position", [0, -5.5, 60.5]),
+    (BEYOND, "position", [0, 4.51, 0], "'elbow'", "-5.5 … 4.5"),
+    (BEYOND, "position", [0, -5.51, 0], "plausibility.beyond_limits"),
+    (WIDER, "position", [0, -6, 0]),
+    (WIDER, "position", [0, 0, -6.1], "'wrist'"),
+    (NARROWER, "position", [0, 5.1, 0], "'elbow'"),
+    (VELOCITY, "velocity", [-29, 29, 0]),
+    (VELOCITY, "velocity", [0, 0, 29.1], "'wrist'", "plausibility.velocity"),
+    (VELOCITY, "velocity", [-29.1, 0, 0], "'shoulder'", "±29"),
+    (TRIPLE, "velocity", [-18, 9, 1e6]),
+    (TRIPLE, "velocity", [18.1, 0, 0], "±18", "beyond_vel"),
+    (TRIPLE, "velocity", [0, -9.1, 0], "'elbow'", "±9"),
+    (LEAST, "velocity", [10.1, 0, 0], "±10"),
+    (LEAST, "velocity", [0, 9.1, 0], "±9"),
+    ({}, "position", [1e300, -1e300, 0]),
+    ({}, "velocity", [1e300, 1e300, 0]),
+]
 LIMIT_CASES = [
     *(
-        case(f"{rule}: {value}", REST, _values(outcome, *words, **value), **parameters)
-        for rule, parameters, value, outcome, *words in (
-            ("position", {"plausibility__position": 2.5}, {"position": [0, -2.5, 2.5]}, "published"),
-            (
-                "position",
-                {"plausibility__position": 2.5},
-                {"position": [0, 0, 2.51]},
-                IMPLAUSIBLE,
-                "'wrist'",
-                "plausibility.position",
-            ),
-            (
-                "position",
-                {"plausibility__position": 2.5},
-                {"position": [0, -2.51, 0]},
-                IMPLAUSIBLE,
-                "'elbow'",
-                "-2.5 … 2.5",
-            ),
-            ("position of a continuous joint", {"plausibility__position": 2.5}, {"position": [1e7, 0, 0]}, "published"),
-            ("limits", {"plausibility__beyond_limits": 0.5}, {"position": [1e7, 4.5, -6.5]}, "published"),
-            ("limits", {"plausibility__beyond_limits": 0.5}, {"position": [0, -5.5, 60.5]}, "published"),
-            (
-                "limits",
-                {"plausibility__beyond_limits": 0.5},
-                {"position": [0, 4.51, 0]},
-                IMPLAUSIBLE,
-                "'elbow'",
-                "-5.5 … 4.5",
-            ),
-            (
-                "limits",
-                {"plausibility__beyond_limits": 0.5},
-                {"position": [0, -5.51, 0]},
-                IMPLAUSIBLE,
-                "plausibility.beyond_limits",
-            ),
-            (
-                "narrower",
-                {"plausibility__beyond_limits": 3, "plausibility__position": 6},
-                {"position": [0, -6, 0]},
-                "published",
-            ),
-            (
-                "narrower",
-                {"plausibility__beyond_limits": 3, "plausibility__position": 6},
-                {"position": [0, 0, -6.1]},
-                IMPLAUSIBLE,
-            ),
-            (
-                "narrower",
-                {"plausibility__beyond_limits": 1, "plausibility__position": 6},
-                {"position": [0, 5.1, 0]},
-                IMPLAUSIBLE,
-            ),
-            ("velocity", {"plausibility__velocity": 29}, {"velocity": [-29, 29, 0]}, "published"),
-            (
-                "velocity",
-                {"plausibility__velocity": 29},
-                {"velocity": [0, 0, 29.1]},
-                IMPLAUSIBLE,
-                "'wrist'",
-                "plausibility.velocity",
-            ),
-            ("velocity", {"plausibility__velocity": 29}, {"velocity": [-29.1, 0, 0]}, IMPLAUSIBLE, "'shoulder'", "±29"),
-            ("infinite velocity", {"plausibility__velocity": 29}, {"velocity": [0, INF, 0]}, "no velocity", "elbow"),
-            ("velocity limit", {"plausibility__beyond_velocity": 3}, {"velocity": [-18, 9, 1e6]}, "published"),
-            (
-                "velocity limit",
-                {"plausibility__beyond_velocity": 3},
-                {"velocity": [18.1, 0, 0]},
-                IMPLAUSIBLE,
-                "±18",
-                "beyond_vel",
-            ),
-            (
-                "velocity limit",
-                {"plausibility__beyond_velocity": 3},
-                {"velocity": [0, -9.1, 0]},
-                IMPLAUSIBLE,
-                "'elbow'",
-                "±9",
-            ),
-            (
-                "least",
-                {"plausibility__beyond_velocity": 3, "plausibility__velocity": 10},
-                {"velocity": [10.1, 0, 0]},
-                IMPLAUSIBLE,
-                "±10",
-            ),
-            (
-                "least",
-                {"plausibility__beyond_velocity": 3, "plausibility__velocity": 10},
-                {"velocity": [0, 9.1, 0]},
-                IMPLAUSIBLE,
-                "±9",
-            ),
-            ("no bound", {}, {"position": [1e300, -1e300, 0], "velocity": [1e300, -1e300, 0]}, "published"),
+        case(
+            f"{field} {values}, {parameters}",
+            REST,
+            _values(IMPLAUSIBLE if words else "published", *words, **{field: values}),
+            **parameters,
         )
+        for parameters, field, values, *words in LIMITS
     ),
+    case("infinite velocity with a bound", REST, _values("no velocity", "elbow", velocity=[0, INF, 0]), **VELOCITY),
     case(
         "implausible message in pieces",
         REST,
@@ -253,38 +190,37 @@ def _efforts(sent, state, *also):
     return _values(effort=sent, state_effort=state, also=also)
 
 
+MAX_EFFORT, MULTIPLE = {"plausibility__effort": 1000.0}, {"plausibility__beyond_effort": 4.0}
+SCALED = {"effort_scale": ["*=10"], "plausibility__effort": 30.0}
+ONE_SCALED = {"effort_scale": ["shoulder=10"], **MULTIPLE}
+EFFORTS = [
+    # parameters, efforts of the message, efforts of the state (None: unknown)
+    (MAX_EFFORT, [1000, 0, -1000], [1000, 0, -1000]),
+    (MAX_EFFORT, [1000, 1001, -1000], None),
+    (MAX_EFFORT, [-1001, 1001, INF], None),
+    ({}, [1e300, -1e300, 0], [1e300, -1e300, 0]),
+    (MULTIPLE, [200, 1e9, -400], [200, 1e9, -400]),
+    (MULTIPLE, [200.1, 0, 0], None),
+    (MULTIPLE, [0, 0, -400.1], None),
+    (MULTIPLE | {"plausibility__effort": 100.0}, [100.1, 0, 0], None),
+    ({"effort_scale": ["elbow=-0.5", "*=10"]}, [1, 2, 3], [10, -1, 30]),
+    ({"effort_scale": ["elbow=-0.5"]}, [1, 2, 3], [1, -1, 3]),
+    (SCALED, [3, -3, 3], [30, -30, 30]),
+    (SCALED, [3, -3.1, 3], None),
+    (ONE_SCALED, [20, 0, 0], [200, 0, 0]),
+    (ONE_SCALED, [-20.1, 0, 0], None),
+]
+UNAVAILABLE = [
+    ({"effort_available": ["elbow=false"], "plausibility__effort": 10.0}, [1, INF, 1], None),
+    ({"effort_available": ["*=false", "elbow=true"]}, [1, 2, 3], None),
+    ({"effort_available": ["*=false", *(f"{name}=true" for name in NAMES)]}, [1, 2, 3], [1, 2, 3]),
+]
 EFFORT_CASES = [
     *(
         case(f"effort: {sent}, {parameters}", REST, _efforts(sent, state, *also), **parameters)
-        for parameters, sent, state, *also in (
-            ({"plausibility__effort": 1000.0}, [1000, 0, -1000], [1000, 0, -1000]),
-            ({"plausibility__effort": 1000.0}, [1000, 1001, -1000], None, "implausible effort"),
-            ({"plausibility__effort": 1000.0}, [-1001, 1001, INF], None, "implausible effort"),
-            ({}, [1e300, -1e300, 0], [1e300, -1e300, 0]),
-            ({"plausibility__beyond_effort": 4.0}, [200, 1e9, -400], [200, 1e9, -400]),
-            ({"plausibility__beyond_effort": 4.0}, [200.1, 0, 0], None, "implausible effort"),
-            ({"plausibility__beyond_effort": 4.0}, [0, 0, -400.1], None, "implausible effort"),
-            (
-                {"plausibility__beyond_effort": 4.0, "plausibility__effort": 100.0},
-                [100.1, 0, 0],
-                None,
-                "implausible effort",
-            ),
-            ({"effort_scale": ["elbow=-0.5", "*=10"]}, [1, 2, 3], [10, -1, 30]),
-            ({"effort_scale": ["elbow=-0.5"]}, [1, 2, 3], [1, -1, 3]),
-            ({"effort_scale": ["*=10"], "plausibility__effort": 30.0}, [3, -3, 3], [30, -30, 30]),
-            ({"effort_scale": ["*=10"], "plausibility__effort": 30.0}, [3, -3.1, 3], None, "implausible effort"),
-            ({"effort_scale": ["shoulder=10"], "plausibility__beyond_effort": 4.0}, [20, 0, 0], [200, 0, 0]),
-            (
-                {"effort_scale": ["shoulder=10"], "plausibility__beyond_effort": 4.0},
-                [-20.1, 0, 0],
-                None,
-                "implausible effort",
-            ),
-            ({"effort_available": ["elbow=false"], "plausibility__effort": 10.0}, [1, INF, 1], None),
-            ({"effort_available": ["*=false", "elbow=true"]}, [1, 2, 3], None),
-            ({"effort_available": ["*=false", "shoulder=true", "elbow=true", "wrist=true"]}, [1, 2, 3], [1, 2, 3]),
-        )
+        for table, unknown in ((EFFORTS, ["implausible effort"]), (UNAVAILABLE, []))
+        for parameters, sent, state in table
+        for also in ([] if state else unknown,)
     ),
     case(
         "implausible effort is unknown until the next",
