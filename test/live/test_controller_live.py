@@ -8,8 +8,8 @@ import signal
 import numpy as np
 import pytest
 
-from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet, record, trajectory
-from nodes import MS, START, UR5, S, nanoseconds, robot
+from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet, record
+from nodes import MS, START, UR5, nanoseconds
 from simulators import Simulator
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
@@ -106,26 +106,3 @@ def test_after_kill_9(live):
     live.wait_until_told("control", "mode tracking")
     simulator.wait_for_report(lambda r: r.values["brakes"] == "open", "open brakes")
     assert np.abs(np.array(simulator.next_state().position) - stood.position).max() < 0.1
-
-
-def test_energies_of_joints_at_500_hz(peer):
-    """On a fast trajectory ½ν_k², by Pinocchio at the published states, exceeds its limit by 1 % at most."""
-    names, limit = list(robot(UR5).names), 0.05
-    simulated = {"lockstep": True, "rate": 500.0, "command_joints": names}
-    own = {"robot_compensates_gravity": False, "autostart": True, "use_sim_time": True, "command_joints": names}
-    own |= {"joint_energy_limit": [f"*={limit}"], "effort_rate": ["*=1e5"], "following_energy": 0.0}
-    with Simulator(peer, "/shares", UR5, **simulated) as simulator:
-        put(simulator, START_AT)
-        with Controller(peer, "/shares", **own) as controller:
-            at = controller.wait_for(lambda s: s.tracking_error_valid and s.energy < 1e-6, "rest", START)
-            goal = np.add(START_AT, (0.9, 0.4, -0.5, 0.3, 0.2, 0.4))
-            points = [(0.6, goal, [0] * 6, [0] * 6), (1.2, START_AT, [0] * 6, [0] * 6)]
-            begin = nanoseconds(at.header.stamp)
-            controller.trajectory.publish(trajectory(points, names))
-            controller.wait_for(lambda s: s.energy_limited, "the limiter", START)
-            controller.wait_for(lambda s: nanoseconds(s.header.stamp) > begin + 2 * S, "the end", START)
-            shares = []
-            for state in simulator.states.messages:
-                truth = robot(UR5).oracle.at(np.array(state.position), np.array(state.velocity))
-                shares.append(0.5 * truth.nu**2)
-    assert len(shares) > 500 and 0.9 * limit < np.max(shares) < 1.01 * limit
