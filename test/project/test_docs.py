@@ -168,17 +168,6 @@ def test_access_policy_allows_the_interfaces(node):
 # --- Pages ---
 
 
-def test_messages_and_comments_name_pages_that_exist():
-    """A message that sends a user to docs/… sends them to a page."""
-    files = [
-        path for folder in ("config", "diag_dynamics", "msg", "scripts", "srv") for path in (ROOT / folder).rglob("*")
-    ]
-    for path in files:
-        if path.is_file() and path.suffix in ("", ".msg", ".py", ".srv", ".yaml"):
-            for name in re.findall(r"\bdocs/([\w/]+\.md)\b", path.read_text(encoding="utf-8")):
-                assert (DOCS / name).is_file(), f"{path.relative_to(ROOT)}: docs/{name}"
-
-
 WAYS = {"run", "run in a folder of recordings", "parameters of monitor", "columns of a table"}
 WAYS_WITH_TEXT = {"run until", "run in the background", "hear", "end", "not run"}
 ELSEWHERE = {"tutorial", "control"}

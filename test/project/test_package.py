@@ -90,14 +90,6 @@ def test_versions_and_licences_agree():
 # --- What breaks silently ---
 
 
-def test_the_oldest_numba_is_tested():
-    """`make test-oldest` installs the lower bound that the package declares."""
-    (oldest,) = re.findall(r'"numba>=([\d.]+)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    assert f" numba=={oldest}." in (ROOT / "Makefile").read_text(encoding="utf-8")
-    assert f'version_gte="{oldest}">python3-numba<' in (ROOT / "package.xml").read_text(encoding="utf-8")
-    assert "make test-oldest" in (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
-
-
 def test_compiled_code_is_stale_after_any_change_of_its_sources():
     """The key of the cache has all modules that Python has imported for kernels: no import is of another form."""
     for path, source in SOURCES.items():
