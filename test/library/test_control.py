@@ -16,7 +16,7 @@ import pytest
 
 import diag_dynamics as dd
 import robots
-from controlled import ALL, ARM, FRAMES, PANDA, POINT, RANDOM, TREE, UR5, close, dense_frame, stacked, states
+from controlled import ALL, ARM, FRAMES, PANDA, POINT, RANDOM, UR5, close, dense_frame, stacked, states
 from described import subject
 from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
@@ -105,18 +105,6 @@ def test_tracking_commands(robot, closing):
         close(command.error, q_d - t.q)
         close(command.lyapunov, 0.5 * error @ error)
         close(command.lyapunov_rate, -error @ braking)
-
-
-def test_tracking_goes_the_short_way_round():
-    s = subject(TREE)
-    turns = np.array([name in s.model.continuous_joints for name in s.model.dof_names])
-    assert turns.any() and not turns.all()
-    law = dd.JointTracking(s.dyn, 5.0, 5.0)
-    for _, t in states(TREE, 2):
-        q_d = t.q + 0.3
-        near, far = (law.command(t.q, t.qd, q) for q in (q_d, q_d + 4 * np.pi * turns))
-        close(far.tau, near.tau)
-        assert np.abs(law.command(t.q, t.qd, q_d + 6.0).error[turns]).max() < np.pi
 
 
 def test_documented_example_runs(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 
 import diag_dynamics as dd
 from controlled import ARM as PANDA
-from controlled import READY, TREE, UR5, configuration, frictionless
+from controlled import READY, TREE, frictionless
 from described import subject
 from diag_dynamics.contact.results import contact_force
 from diag_dynamics.exceptions import InputError
@@ -94,32 +94,6 @@ def test_saturation_scales_what_moves_and_not_what_holds():
             acted += 1
             assert result.limited == tuple(n for n, x in zip(s.model.dof_names, at_limit, strict=True) if x) != ()
     assert 100 < acted < 200 and driving > 0
-
-
-@pytest.mark.parametrize("speed", (0.5, -0.5))
-def test_saturation_of_a_joint_that_gravity_overloads(speed):
-    """The joint has the effort of its limit at either direction of motion; the other joints keep their efforts."""
-    s = arm()
-    command = dd.RateDamping(s.dyn, 3.0).command(READY, np.full(N, speed))
-    g = command.gravity_torque
-    k = int(np.argmax(np.abs(g)))
-    limit = np.abs(g) + 100.0
-    limit[k] = 0.5 * abs(g[k])
-    result = dd.EffortSaturation(s.model, limit).filter(command)
-    assert result.tau[k] == np.sign(g[k]) * limit[k] and result.limited == (s.model.dof_names[k],)
-    others = np.arange(N) != k
-    np.testing.assert_allclose(result.tau[others], command.tau[others], rtol=1e-14)
-    assert result.scale == 1.0
-
-
-def test_saturation_of_limits_in_the_description():
-    s = arm()
-    np.testing.assert_array_equal(dd.EffortSaturation(s.model).limit, s.model.effort_limit)
-    free = dd.load_urdf(PANDA.urdf.replace('effort="87.0"', 'effort="0"'), **PANDA.options)
-    with pytest.raises(InputError, match=r"effort limit of 'panda_joint1' is 0\.0"):
-        dd.EffortSaturation(free)
-    command = dd.RateDamping(s.dyn, 8.0).command(READY, np.full(N, 20.0))
-    assert dd.EffortSaturation(free, np.inf).filter(command) is command
 
 
 def test_rates_are_limited_joint_by_joint():
@@ -321,22 +295,3 @@ def test_joint_energies_are_clipped_at_the_end_of_a_cycle(pushed):
         np.testing.assert_allclose(limited.tau, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
         acted += limited.epsilon != command.epsilon
     assert (acted > 5).all() and (acted < 40).all()
-
-
-@pytest.mark.parametrize("robot", (PANDA, UR5, TREE), ids=lambda robot: robot.id)
-def test_joint_energies_stay_below_their_limits(robot):
-    """At 500 Hz under steps of a stiff target, which give some joints tenfold the energy without the limiter."""
-    s, rng = subject(robot), np.random.default_rng(5)
-    nv = s.model.nv
-    limit, law, goals = rng.uniform(0.2, 0.5, nv), dd.JointTracking(s.dyn, 20.0, 10.0), rng.uniform(-1, 1, (4, nv))
-    limiter, start, peaks = dd.JointEnergyLimiter(s.dyn, limit, 50.0), configuration(s.model, rng), []
-    for limited in (True, False):
-        robot, share = frictionless(s.model, start, step=2e-3), np.zeros(nv)
-        for k in range(1200):
-            command = law.command(robot.q, robot.qd, start + 0.5 * goals[k // 300])
-            if limited:
-                command = limiter.filter(robot.q, robot.qd, command, 2e-3)
-            robot.advance(command.tau)
-            share = np.maximum(share, 0.5 * robot.nu**2)
-        peaks.append((share / limit).max())
-    assert 0.95 < peaks[0] < 1.01 and peaks[1] > 10.0

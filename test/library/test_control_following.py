@@ -147,14 +147,6 @@ def follow(closed, goal, **options):
     closed.loop.take_trajectory(waypoints([(1.0, goal, np.zeros(6))]), 0, closed.stamp, **options)
 
 
-def test_success(closed):
-    assert closed.loop.following.outcome is None
-    np.testing.assert_allclose(closed.loop.following.error[0], closed.sent.command.error, atol=1e-12)
-    closed.go(0.6)
-    assert closed.loop.following.outcome.code == 0 and not closed.lost
-    np.testing.assert_allclose(closed.go(1.0).arm.q, Q + 0.2, atol=1e-3)
-
-
 ENDS = {
     "cancel": (lambda c: c.loop.stop_trajectory("canceled by request", canceled=True), "canceled by request"),
     "switch": (lambda c: c.loop.switch("damping"), "mode damping was requested"),
@@ -179,24 +171,3 @@ def test_ends(closed, end, reason):
     assert first.outcome.canceled == (end is ENDS["cancel"][0])
     closed.go(1.0)
     assert np.abs(closed.arm.q - place).max() < 0.05 and np.abs(closed.arm.qd).max() < 0.02
-
-
-def test_violated_tolerances_stop_the_robot(arm):
-    """A push ends the trajectory by its path, or late at the end; the reason is the loss that the loop reports."""
-    free = np.full((2, 6), INF)
-    for path, code, seconds in ((0.02, -4, 0.9), (INF, -5, 2.2)):
-        closed = Closed(arm, Q, following_energy=0.0).go(0.1)
-        limits = np.array([np.full(6, path), np.full(6, INF)])
-        follow(closed, Q + 0.2, tolerances=Tolerances(limits, np.minimum(free, 1e-3), 0.2))
-        push = [0, 0, -150.0, 0, 0, 0]
-        closed.go(seconds, push={"tool0": push})
-        outcome = closed.loop.following.outcome
-        assert outcome.code == code and closed.lost == [outcome.reason] and "error of joint '" in outcome.reason
-        assert not np.allclose(closed.loop.modes[TRACKING].desired.position, Q + 0.2, atol=0.02)
-
-
-def test_following_energy_ends_a_trajectory(arm):
-    closed = Closed(arm, Q, following_energy=1e-7).go(0.1)
-    follow(closed, Q + 0.2)
-    outcome = closed.go(0.9).loop.following.outcome
-    assert outcome.code == -4 and "following_energy" in outcome.reason

@@ -143,15 +143,6 @@ def test_set_points_that_stream_are_followed():
     assert way[0].velocity[0] == pytest.approx(3.0 - 3.0e-3 / WITHIN) and np.abs(way[-1].position) < 1e-6
 
 
-def test_a_set_point_in_fast_motion_brakes_within_its_room():
-    """A set-point that replaces a fast trajectory close to a limit stays within that limit."""
-    one, moving = np.ones(1), at_rest(np.zeros(1))._replace(velocity=2.0 * np.ones(1))
-    for room in (0.1, 0.5):
-        point = SetPoint(-one, 0, moving, one, 10.0 * one, np.zeros(1, dtype=bool), room=room)
-        way = [point.sample(k * MS).position[0] for k in range(1, 4000)]
-        assert 0.8 * room < max(way) < 1.02 * room and way[-1] == pytest.approx(-1.0, abs=1e-6)
-
-
 def test_the_same_pose_in_a_stream_is_gone_to_as_once():
     speed, rate, axes, goal = np.array([0.25, 0.5]), np.full(2, 10.0), np.eye(3), np.array([0.1, -0.1, 0.15])
     reached = []

@@ -276,13 +276,6 @@ def test_a_mode_chosen_without_a_state(strong, name):
     assert one.state == "ACTIVE" and not one.sent.command.error.any() and one.sent.lyapunov_rate is None
 
 
-def test_a_refused_switch_keeps_the_mode(strong):
-    one = driven(strong, "RAMPING_DOWN", mode=DAMPING)
-    with pytest.raises(InputError, match="no valid state yet"):
-        one.loop.switch(TRACKING)
-    assert one.loop.mode == DAMPING
-
-
 def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
     """The arm stays where it is, also where the mode had another target when it was last in force."""
     one = driven(strong, "ACTIVE", mode=TRACKING)
@@ -294,16 +287,6 @@ def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
         one.loop.switch(mode)
         one.step()
     assert not one.sent.command.error.any() and one.sent.lyapunov_rate is None
-
-
-def test_a_missing_state_revokes_the_choice_of_a_stopped_loop(strong):
-    one = driven(strong, "RELEASED")
-    one.without()
-    one.carry()
-    one.step()
-    assert (
-        one.state == "STOPPED" and "choose a mode to go on. The controller stopped: NaN" in one.loop.supervisor.reason
-    )
 
 
 def test_the_cause_of_the_ramp_is_the_first_one():
@@ -429,35 +412,12 @@ def test_the_ramp_of_a_clock_that_stood_still_goes_on(name):
     assert one.state == State.RAMPING_DOWN
 
 
-def test_a_clock_that_goes_back(strong):
-    """Targets are void; efforts go on from the last one, at their rate."""
-    one = driven(strong, "ACTIVE", mode=TRACKING)
-    one.loop.take_set_point(Q + 0.2)
-    for _ in range(50):
-        one.step()
-    assert one.sent.command.error.any()
-    before = one.sent.effort
-    one.step(period=-S // 2)
-    assert one.state == "ACTIVE" and not one.sent.command.error.any() and one.sent.lyapunov_rate is None
-    np.testing.assert_allclose(one.sent.effort, before, atol=1e-12)
-    one.step()
-    assert 0.0 < np.abs(one.sent.effort - before).max() <= RATE * 1e-3 + 1e-9
-
-
 def test_texts_of_the_age():
     supervisor = Supervisor(max_age=0.02, hold_time=0.5)
     assert supervisor.age_problem(S, S + 20 * MS) is supervisor.age_problem(S, S - 20 * MS) is None
     assert "0.021 s old" in supervisor.age_problem(S, S + 21 * MS)
     assert "is 0.021 s in the future" in supervisor.age_problem(S, S - 21 * MS)
     assert "nothing on /clock" in supervisor.age_problem(S, 0)
-
-
-@pytest.mark.parametrize(("late", "phase"), [(-21, 2), (-20, 1), (20, 1), (21, 2)])
-def test_the_age_of_a_state(strong, late, phase):
-    one = driven(strong, "ACTIVE")
-    one.now += 100 * MS
-    one.loop.step(state_at(one.now - late * MS, Q), one.now)
-    assert one.loop.supervisor.phase == phase
 
 
 def test_an_outage_within_the_hold_keeps_the_target(strong):
@@ -512,22 +472,6 @@ def test_joints_that_their_effort_rate_limits(strong):
     one.carry()
     one.step()
     assert one.sent.saturated == ()
-
-
-@pytest.mark.parametrize(("away", "after"), [(0.39, "ACTIVE"), (0.41, "STARTING")])
-def test_efforts_carry_an_arm_that_one_step_of_them_carries(strong, away, after):
-    one = driven(strong, "STARTING")
-    one.loop.efforts.reset(gravity_of(Q) - np.sign(gravity_of(Q)) * away)
-    one.step()
-    assert one.state == after
-
-
-def test_gravity_compensation_within_effort_limits():
-    weak = dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="20"', robot(UR5).urdf))
-    one = driven(weak, "STARTING")
-    gravity = gravity_of(Q)
-    assert np.abs(gravity).max() > 20.0
-    np.testing.assert_allclose(one.loop.leave(), np.clip(gravity, -20.0, 20.0), atol=1e-9)
 
 
 @pytest.mark.parametrize("compensated", [False, True])

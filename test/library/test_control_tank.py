@@ -399,37 +399,6 @@ def used(q, qd):
     return max(parts)
 
 
-@pytest.mark.parametrize(
-    ("push", "gain", "most"), [(0.0, 0.0, 1.0), (30.0, 500.0, 1.05)], ids=["motions", "pushes that are observed"]
-)
-def test_tank_and_contact_limits_together(push, gain, most):
-    """B stays below its limit at every sample of fast motions; a push exceeds it by its observer's lag."""
-    model, limited = subject(ARM).model, []
-    shapes = dd.link_geometry(model, ARM.urdf, "frames").points
-    points = dd.ContactPoints(model, shapes, LIMITS, "limit")
-    for bounded in (True, False):
-        loop = loop_of(
-            points=points if bounded else None,
-            tank_energy=2.0,
-            effort_rate=["*=1e5"],
-            set_point_speed=1.0,
-            observer_gain=gain,
-        )
-        driven, B, force = Driven(loop, seed=1), [], np.zeros(3)
-        for k in range(shortened(2000, 700)):
-            if k % 250 == 10:
-                driven.aim()
-            if k % 600 == 150:
-                force = push / 3**0.5 * driven.rng.normal(size=3)
-            pushed = force * max(0.0, np.sin(np.pi * (k - 150) / 300)) if push else np.zeros(3)
-            B.append(used(driven.plant.q, driven.plant.qd))
-            sent = driven.cycle(frame(driven.plant.q)[1].T @ pushed)
-            assert (np.abs(sent.effort) <= model.effort_limit + 1e-9).all()
-            limited.append(sent.contact_limited)
-        assert 0.9 < max(B) <= most if bounded else max(B) > 3.0
-    assert sum(limited) > 100
-
-
 def test_known_pushes_keep_the_contact_limits():
     """With the force of a push known exactly, B ≤ 1 at every sample, by the tank before the contact limiter."""
     dyn, rng, h = subject(ARM).dyn, np.random.default_rng(2), 1e-3
