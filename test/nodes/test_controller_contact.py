@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from std_msgs.msg import Float64
 
-import diag_dynamics as dd
 from controllers import START_AT, begin_at_rest, lockstep_arm, record, trajectory
-from nodes import UR5, S, nanoseconds, robot
+from nodes import UR5, robot
 
 BOUND = 0.12
 """Of the energy that a contact could take out of the arm [J]."""
@@ -30,46 +29,6 @@ def from_the_start(arm):
     """Every test begins with the arm at rest, and nothing scaled."""
     arm.scale.publish(Float64(data=1.0))
     begin_at_rest(arm)
-
-
-def swing(arm, seconds=2.0):
-    """Follow a trajectory that is faster than the bound lets it be; return the statuses until it is over."""
-    goal = np.add(START_AT, (0.9, 0.4, -0.5, 0.3, 0.2, 0.0))
-    points = [(0.5 * seconds, goal, [0] * 6, [0] * 6), (seconds, START_AT, [0] * 6, [0] * 6)]
-    arm.trajectory.publish(trajectory(points, arm.simulator.robot.names))
-    first = arm.wait_for(lambda s: s.contact_limited, "the limiter")
-    end = nanoseconds(first.header.stamp) + int(seconds * S)
-    arm.wait_for(lambda s: nanoseconds(s.header.stamp) > end, "the end")
-    return list(arm.status.messages)
-
-
-def energies(arm, statuses):
-    """By status: the largest transferable energy [J] of any link, and of each link by name, at the simulator's state."""
-    model = dd.load_urdf(robot(UR5).path)
-    dynamics = dd.DiagonalDynamics(model)
-    points = dd.ContactPoints(model, dd.link_geometry(model, robot(UR5).path).points)
-    found = []
-    for status in statuses:
-        state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
-        if state is not None:
-            contact = dynamics.contact(np.array(state.position), np.array(state.velocity), points)
-            found.append((status, contact.energy.max(), dict(zip(contact.links, contact.energy, strict=True))))
-    assert len(found) > 100
-    return found
-
-
-def test_the_command_never_adds_energy_above_the_bound(arm):
-    """No link has more than the bound, at no state; without a bound the same motion has a multiple of it."""
-    found = energies(arm, swing(arm))
-    assert 0.9 * BOUND < max(energy for _, energy, _ in found) <= BOUND
-    moving = [(s, energy, by_link) for s, energy, by_link in found if energy > 1e-3 * BOUND and s.contact_valid]
-    assert len(moving) > 50 and sum(s.contact_limited for s, *_ in moving) > 20
-    for status, energy, by_link in moving:
-        assert status.contact_energy == pytest.approx(energy, rel=1e-6)
-        assert status.contact_energy_limit == pytest.approx(BOUND)
-        assert by_link[status.contact_link] == pytest.approx(
-            energy, rel=1e-6
-        )  # of two with as much either may be named
 
 
 def test_a_push_is_told_of(arm):

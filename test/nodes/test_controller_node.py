@@ -5,10 +5,8 @@
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
 
 from controllers import (
-    ACTIVE,
     GAINS,
     START_AT,
     begin_at_rest,
@@ -18,12 +16,9 @@ from controllers import (
     pose_error,
     pose_message,
     pose_of,
-    put,
     record,
     trajectory,
-    untouched,
 )
-from examples import shortened
 from nodes import UR5, S, joint_state, nanoseconds, robot
 
 RATE = 250
@@ -113,82 +108,3 @@ def test_led_by_hand_and_damped(arm):
     arm.switch("damping")
     arm.wait_for(lambda s: s.energy < 1e-6, "rest")
     check_commands(arm, "damping", None)
-
-
-def test_a_switch_has_no_bump(arm):
-    """A law put in force while the arm is pushed about: efforts go on at their rate, and where it is then is the target."""
-    arm.simulator.push("tool0", 0, 25, 15, 0, 0, 0)
-    for mode in ("damping", "pose", "tracking"):
-        arm.switch("gravity_compensation")
-        arm.wait_for(lambda s: s.energy > 0.5 * BOUND, "motion")
-        status = arm.switch(mode)
-        assert status.energy > 0.2 * BOUND
-        if mode == "tracking":
-            assert not any(status.tracking_error)
-        if mode == "pose":
-            assert max(pose_error(status)) < 1e-12
-    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
-    arm.wait_for(lambda s: s.energy < 1e-8, "rest")
-    efforts = np.array([s.effort_command for s in arm.status.messages])
-    assert np.abs(np.diff(efforts, axis=0)).max() <= EFFORT_RATE / RATE + 1e-9
-    np.testing.assert_allclose(efforts[-1], gravity_of(arm.simulator.states.messages[-1].position), atol=0.1)
-
-
-def test_targets_of_another_mode_are_refused(arm):
-    """They say which mode they are for; joints that are not controlled, and places beyond limits, are named."""
-    names = arm.simulator.robot.names
-    arm.refuses(lambda: arm.set_point.publish(joint_state((*names[1:], "wing"), START_AT)), "has 'wing'")
-    arm.refuses(lambda: arm.set_point.publish(joint_state(names, [9.0] * 6)), f"'{names[0]}' is 9, expected within")
-    short = trajectory([(1.0, START_AT[1:])], names[1:])
-    arm.refuses(lambda: arm.trajectory.publish(short), f"lacks joint '{names[0]}'")
-    arm.refuses(lambda: arm.target.publish(PoseStamped()), "target is for mode pose, but tracking is in force")
-
-
-def test_position_limits_repel_softly(arm):
-    """An arm that is led towards the stop of its elbow turns round before it, without a jolt; a hard stop would be one."""
-    stop, names = np.pi, arm.simulator.robot.names
-    elbow = names.index("elbow_joint")
-    q, qd = np.array(START_AT), np.zeros(6)
-    q[elbow], qd[elbow] = stop - 0.2, 0.6
-    arm.switch("gravity_compensation")
-    put(arm.simulator, q)
-    arm.wait_for(untouched, "efforts for there")
-    record(arm)
-    put(arm.simulator, q, qd)
-
-    def back(status):
-        state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
-        return state is not None and state.position[elbow] < stop - 0.1 and state.velocity[elbow] < -0.01
-
-    arm.wait_for(back, "the way back")
-    states = arm.simulator.states.messages
-    begin = 10 + next(k for k, state in enumerate(states) if state.velocity[elbow] > 0.5)  # efforts have come there
-    path, rates = ([getattr(state, field)[elbow] for state in states[begin:]] for field in ("position", "velocity"))
-    assert stop - 0.1 < max(path) < stop - 0.005
-    assert np.abs(np.diff(rates)).max() < 0.05
-
-
-@pytest.mark.full
-def test_for_long(arm):
-    """One target after the other for 16 s, or 60, pushed all the time: commands by Pinocchio, K and efforts bounded."""
-    rng, names = np.random.default_rng(8), arm.simulator.robot.names
-    limit = np.array(arm.simulator.model.effort_limit)
-
-    def go_on(duration):
-        until = nanoseconds(arm.wait_for(lambda s: True, "a status").header.stamp) + duration
-        return nanoseconds(arm.wait_for(lambda s: nanoseconds(s.header.stamp) >= until, "time to pass").header.stamp)
-
-    begin = now = go_on(0)
-    while now < begin + shortened(60, 16) * S:
-        arm.simulator.push("tool0", *rng.uniform(-10, 10, 3), 0, 0, 0)
-        go_on(S // 2)  # till the observer knows it
-        goal = np.array(START_AT) + rng.uniform(-0.08, 0.08, 6)
-        arm.set_point.publish(joint_state(names, goal))
-        now = go_on(3 * S)
-        check_commands(arm, "tracking", goal, least=20, every=4)
-        assert set(np.diff(arm.status.stamps)) == {S // RATE}
-        assert all(s.phase == ACTIVE and s.energy < 1.02 * BOUND for s in arm.status.messages)
-        assert (np.abs([s.effort_command for s in arm.status.messages]) <= limit).all()
-        record(arm)
-    report = arm.wait_for_report(lambda r: True, "a report")
-    assert report.values["stalls"] == "0" and not [key for key in report.values if key.startswith("rejected")]

@@ -83,19 +83,6 @@ def test_every_entry(monitor, panda, sample):
     assert (report.level, report.message) == (STALE, "no joint states")
 
 
-def test_rates_add_up(monitor, panda):
-    """Counters are what was sent and what came out, rates their growth in a second."""
-    before = monitor.next_report()
-    for k in range(20):
-        monitor.publish(panda.message(monitor.tick(), panda.samples[k % 3]))
-        if k % 4 == 0:
-            monitor.publish(joint_state(panda.names, panda.samples[0].q, [], [], monitor.now + MS))
-    report = monitor.next_report()
-    assert report.since(before) == {"received": 25, "published": 20, "rejected: no velocity": 5}
-    assert report.count("received") == report.outcomes()
-    assert (report.values["input rate [Hz]"], report.values["output rate [Hz]"]) == ("25", "20")
-
-
 # --- energies
 
 
@@ -215,22 +202,6 @@ def test_residual(gap, integrated):
     assert residual(watch) == pytest.approx((1.0 - 0.3 - 0.2) / 0.3, rel=1e-5)
     watch.accept_state(CLOCK + 300 * MS + gap, at_energy(4.0, 0, power=-2.0))
     assert residual(watch) == (pytest.approx(6.0) if integrated else None)
-
-
-def test_where_the_balance_begins_anew():
-    """After a state without effort, after a jump of time and with another model."""
-    for interrupt in (
-        lambda watch: watch.accept_state(CLOCK + 200 * MS, at_energy(9.0, 0)),
-        EnergyWatch.forget,
-        lambda watch: watch.configure(MODEL, Thresholds()),
-    ):
-        watch = watching()
-        watch.accept_state(CLOCK, at_energy(1.0, 0, power=0.0))
-        interrupt(watch)
-        watch.accept_state(CLOCK + 300 * MS, at_energy(5.0, 0, power=0.0))
-        assert residual(watch) is None
-        watch.accept_state(CLOCK + 400 * MS, at_energy(6.0, 0, power=0.0))
-        assert residual(watch) == pytest.approx(10.0)
 
 
 def share_of(watch):

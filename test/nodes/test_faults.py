@@ -101,17 +101,6 @@ def test_result_that_overflows(monitor, panda, velocity, effort):
     assert (entry.level, entry.message) == (OK, "publishing")
 
 
-def test_frozen_values(monitor, panda):
-    """Old values under fresh stamps are published with a warning."""
-    q, qd, tau, _ = panda.samples[0]
-    with monitor.having(stuck_timeout=0.5):
-        for _ in range(8):
-            monitor.publish(joint_state(panda.names, q, qd, tau, monitor.tick(100 * MS)))
-        assert monitor.topics["state"].at(monitor.now)
-        entry = monitor.next_report().entries["joint states"]
-        assert entry.level == WARN and "stuck values" in entry.message
-
-
 # --- joint states that are no states
 
 
@@ -153,17 +142,6 @@ def floating(peer):
     """Start a monitor of Solo, whose odometry may be 0.2 s old."""
     with FloatingMonitor(peer, "/floating", odom_timeout=0.2) as monitor:
         yield monitor
-
-
-def test_joints_before_odometry(floating):
-    """Counted and warned of until the first odometry."""
-    before = floating.next_report()
-    floating.publish(floating.joints_message(floating.tick()))
-    assert not published(floating)
-    report = floating.next_report()
-    assert report.since(before) == {"received": 1, "before odometry": 1}
-    assert "no odometry yet" in report.entries["joint states"].message
-    floating.check(floating.answer())
 
 
 # --- descriptions

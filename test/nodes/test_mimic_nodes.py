@@ -13,13 +13,11 @@ from std_msgs.msg import String
 
 from coupling import Coupled
 from diag_dynamics.nodes.support.diagnostics import OK, WARN
-from nodes import LATCHED, PANDA, Monitor, Truth, assert_close, description, joint_state, robot, tolerance
+from nodes import LATCHED, Monitor, Truth, assert_close, description, joint_state, robot, tolerance
 
 CHAIN = "follower of a follower"
 FAN = "several followers of one leader"
 GRIPPER = "parallel gripper"
-BAXTER = "baxter_description/urdf/baxter.urdf"
-
 SOURCE, MIMIC = "f1", "f2"
 """Of FAN; q(f2) = 0.8 q(f1)."""
 
@@ -75,35 +73,6 @@ def fan(monitor):
 # --- joint states
 
 
-@pytest.mark.parametrize("id", [CHAIN, GRIPPER, BAXTER, FAN])
-def test_listed_or_not(monitor, id):
-    """The same numbers, those of the dense GᵀMG; each robot replaces one with other mimic joints."""
-    found = use(monitor, id)
-    before = monitor.next_report()
-    for sample in range(2):
-        whole = Whole(found, sample)
-        for names in (whole.names, found.names):
-            stamp = monitor.tick()
-            whole.truth.check(monitor.feed(whole.message(stamp, names)), stamp)
-    report = monitor.next_report()
-    assert report.since(before) == {"received": 4, "published": 4}
-    number, _, names = report.values["mimic joints"].partition(": ")
-    assert sorted(names.split(", ")) == sorted(found.oracle.coupling.mimics) and int(number) == names.count(",") + 1
-
-
-@pytest.mark.parametrize("own", [{"f2": -1.0, "f3": 4.0, "g1": 0.5}, {"f2": math.nan, "f3": 4.0}])
-def test_efforts_are_reflected(monitor, fan, own):
-    """The power is that of all efforts listed; one that is NaN is zero."""
-    whole = Whole(fan.robot, 2, **{name: effort for name, effort in own.items() if math.isfinite(effort)})
-    message = whole.message(monitor.tick())
-    for name, effort in own.items():
-        message.effort[message.name.index(name)] = effort
-    published = monitor.feed(message)
-    whole.truth.check(published, monitor.now)
-    state = published["state"]
-    assert_close(np.dot(state.effort, state.velocity), whole.effort @ whole.velocity, 1e-14)
-
-
 def test_disagreement(monitor, fan):
     """Counted and named; states go on by the source joint. The tolerance holds for services, too, and changes at run time."""
     expected = 0.8 * fan.q[fan.robot.names.index(SOURCE)]
@@ -120,14 +89,6 @@ def test_disagreement(monitor, fan):
             for text in (MIMIC, SOURCE, f"{expected + apart:.6g}"[:6], f"{expected:.6g}"[:6], "mimic_tolerance = 0.01"):
                 assert text in report.values["last mimic disagreement"]
             assert "'f2' is …," in report.message
-
-
-@pytest.mark.parametrize(("mimic", "nv", "locked"), [("free", "9", "0"), ("lock", "8", "1: panda_finger_joint2")])
-def test_free_and_locked(peer, mimic, nv, locked):
-    """`free` has a degree of freedom for each joint, `lock` none for mimic joints, and names them."""
-    with Monitor(peer, f"/{mimic}", robot_description=robot(PANDA).path, mimic=mimic) as monitor:
-        values = monitor.next_report().values
-        assert (values["mimic joints"], values["locked joints"], values["degrees of freedom"]) == ("0", locked, nv)
 
 
 # --- requests

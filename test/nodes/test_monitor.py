@@ -151,16 +151,6 @@ def test_estimated_velocity(monitor, panda, absent):
 # --- time
 
 
-def test_without_stamp(monitor, panda):
-    """The time of reception stands for a stamp of zero, and the state says so."""
-    monitor.publish(joint_state(panda.names, *panda.samples[1][:3], 0))
-    now = monitor.peer.now()
-    published = {topic: seen.at(now) for topic, seen in monitor.topics.items()}
-    Truth(panda, *panda.samples[1][:3]).check(published, now)
-    assert published["state"].stamp_is_receive_time
-    assert nanoseconds(published["state"].oldest_stamp) == now
-
-
 def test_recording_without_simulated_time(peer, panda):
     """Right numbers with a warning of the distance, until stamps of now come; the recording is rejected then."""
     with Monitor(peer, "/played", live=True, robot_description=panda.path) as monitor:
@@ -451,22 +441,6 @@ def floating(peer):
 def test_base_from_odometry(floating):
     """The base's coordinates and rates are those of odometry, its dynamics Pinocchio's free-flyer's."""
     floating.check(floating.answer())
-
-
-def test_joints_and_base_at_their_own_rates(floating):
-    """The state bears the newest stamp and tells the oldest."""
-    floating.answer()
-    at_leg = floating.now
-    others = slice(1, None)
-    assert floating.joints[0] == "FL_HAA"
-    for k in range(12):  # joints every 50 ms, base every 150 ms and 20 ms behind, one joint never again
-        stamp = floating.tick(50 * MS)
-        if k % 3 == 0:
-            floating.q[2] = 1.0 + k
-            floating.odom.publish(floating.odometry(stamp - 20 * MS))
-        published = floating.feed(floating.joints_message(stamp, others), ["state", "kinetic_energy"])
-        floating.check(published)
-        assert nanoseconds(published["state"].oldest_stamp) == at_leg
 
 
 def test_odometry_of_an_attached_link(peer):

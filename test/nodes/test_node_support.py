@@ -207,17 +207,6 @@ def test_executor_takes_the_newest_robot(loading):
     assert loading.loader.loading is None and not loading.node.timers
 
 
-def test_dropped_description_is_not_taken(loading):
-    """Not even if the same one is loaded again."""
-    loading.begin("one")
-    loading.loader.drop()
-    assert loading.loader.loading is None and not loading.node.timers
-    loading.loader.load("one")
-    loading.allow("one")
-    loading.node.spin_until(lambda: loading.taken)
-    assert loading.begun == ["one", "one"] and len(loading.taken) == 1
-
-
 def test_error_is_handed_over(loading):
     loading.begin("bad")
     loading.allow("bad")

@@ -119,22 +119,6 @@ def test_diagonalize(monitor, panda, gravity):
     assert nanoseconds(response.state.oldest_stamp) == stamp
 
 
-def test_empty_is_zero(monitor, panda):
-    """Without velocity, effort and acceleration; of diagonalize efforts are unknown, and what needs them is empty."""
-    q, qd, tau, _ = panda.samples[0]
-    zero = np.zeros(len(q))
-    for state, truth in (
-        (joint_state(panda.names, q, [], tau), Truth(panda, q, zero, tau)),
-        (joint_state(panda.names, q, qd), Truth(panda, q, qd, zero)),
-    ):
-        check_acceleration(truth, answer(monitor, panda, "forward_dynamics", state))
-    response = answer(monitor, panda, "inverse_dynamics", joint_state(panda.names, q))
-    truth = Truth(panda, q, zero, zero)
-    assert_close(response.effort / truth.unit, truth.state.g / truth.unit, truth.tolerance)
-    response = answer(monitor, panda, "diagonalize", joint_state(panda.names, q, qd))
-    Truth(panda, q, qd, None).check_state(response.state)
-
-
 def wrench(numbers):
     """Return a Wrench of six numbers."""
     force, torque = (Vector3(x=x, y=y, z=z) for x, y, z in np.reshape(numbers, (2, 3)).astype(float).tolist())

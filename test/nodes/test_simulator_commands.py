@@ -74,19 +74,6 @@ def test_silence_then_a_command(arm):
     arm.peer.wait_until(lambda: not rates(arm.next_state()).any(), "the brakes to hold")
 
 
-def test_commander_gone_and_restarted(arm):
-    """Nobody helps: within the time-out the brakes close, and the next commander opens them."""
-    for _ in range(2):
-        commander = arm.peer.extra_node("commander", "/arm")
-        publisher = commander.create_publisher(Float64MultiArray, "effort_controller/commands", 10)
-        commander.create_timer(0.01, lambda publisher=publisher: publisher.publish(Float64MultiArray(data=[0.0] * 6)))
-        arm.wait_for_report(
-            lambda r: r.values["brakes"] == "open" and r.entries["commands"].level == b"\0", "open brakes"
-        )
-        arm.peer.drop_node(commander)
-        arm.wait_for_report(lambda r: r.values["brakes"] == "closed", "closed brakes")
-
-
 @pytest.mark.parametrize(
     ("data", "named"),
     [
@@ -314,17 +301,6 @@ def test_lockstep_goes_on(peer):
         peer.drop_node(first)
         commander()
         goes_on("the commander's restart")
-
-
-@pytest.mark.parametrize("factor", [0.25, 4.0])
-def test_slower_and_faster(peer, factor):
-    """Simulated time, and what was let go of it, go as the node's clock times the factor."""
-    with Simulator(peer, "/paced", UR5, real_time_factor=factor, publish_clock=True, rate=100.0) as simulator:
-        first = simulator.reports.next()
-        peer.pass_time(2.0)
-        last = simulator.reports.next()
-        gone = [float(r.values["simulated time [s]"]) + float(r.values["dropped lag [s]"]) for r in (first, last)]
-        assert gone[1] - gone[0] == pytest.approx(factor * (last.stamp - first.stamp) / S, abs=0.01 * factor + 0.01)
 
 
 def test_as_fast_as_can_be(peer):

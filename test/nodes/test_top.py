@@ -165,17 +165,6 @@ def test_peaks_pause_and_silence(make_robot, make_screen):
     assert "no state for" in screen.frame(seconds=5.0)
 
 
-def test_time_that_jumps(peer, make_robot, make_screen):
-    """After a jump back of the stamps, as of a bag that begins again, the chart begins again."""
-    robot, screen = make_robot("/three"), make_screen(80, 10)
-    peer.pass_time(1.0)
-    robot.publish(count=500)
-    assert screen.frame().count("█") > 40
-    peer.graph.system -= 100_000_000_000
-    robot.publish(count=5)
-    assert 0 < screen.frame().count("█") < 5
-
-
 def test_several_robots(make_robot, make_screen):
     """Tab shows one robot after the other, `o` all of them; a simulator's own states are not shown unasked."""
     robots = [make_robot(f"/{name}") for name in ("left", "right")]

@@ -6,15 +6,12 @@
 import math
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from diag_dynamics.msg import ExternalTorque
 
 import diag_dynamics as dd
 from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN
-from floating import FloatingMonitor
 from nodes import MS, PANDA, Monitor, S, joint_state, nanoseconds, robot
 from pushed import GAIN, STEP, TORQUE, Motion, feed, subscribed
 
@@ -89,19 +86,6 @@ def test_a_push_on_a_moving_arm(monitor, panda, settles_on):
     assert not len(last.torque_threshold) and not len(last.joint_collision)
 
 
-def test_the_ground_is_external(peer):
-    """Nothing drives the base of a standing robot, so its whole weight is external."""
-    with FloatingMonitor(peer, "/standing", **{"external_torque.gain": GAIN}) as monitor:
-        torque = peer.topic(ExternalTorque, f"{monitor.name}/external_torque")
-        monitor.v[:] = 0.0
-        g = pin.computeGeneralizedGravity(monitor.model, monitor.data, monitor.q)
-        for _ in range(300):
-            stamp = monitor.tick(STEP)
-            monitor.odom.publish(monitor.odometry(stamp))
-            monitor.publish(monitor.joints_message(stamp, effort=g[6:]))
-        np.testing.assert_allclose(torque.messages[-1].external_torque, np.r_[g[:6], np.zeros(12)], atol=1e-3)
-
-
 @pytest.mark.parametrize(
     ("name", "value", "restarts"),
     [
@@ -139,18 +123,6 @@ def test_time(monitor, standing):
     np.testing.assert_allclose(second.external_torque, through(1) * standing.push, rtol=1e-6)
 
 
-def test_a_jump_of_positions(monitor, standing, panda):
-    """Nothing is integrated over it: the state that is believed is the first one."""
-    q, qd, tau = standing(0)
-    elsewhere = q + 0.5 * (np.array(panda.names) == "panda_joint4"), qd, tau
-    with monitor.having(plausibility__jump=0.1, external_torque__max_gap=100.0):
-        feed(monitor, [standing(0)] * 5)
-        restart(monitor)
-        assert feed(monitor, [standing(0)])[0].valid
-        *rejected, first, second = feed(monitor, [elsewhere] * 4)
-    assert rejected == [None, None] and nothing(first) and second.valid
-
-
 # --- efforts
 
 
@@ -169,18 +141,6 @@ def test_missing_efforts(monitor, standing, panda):
     feed(monitor, [(q, qd, one)])
     entry = monitor.next_report().entries[TORQUE]
     assert entry.level == WARN and entry.message.endswith(f"joints without effort: 1: {panda.names[2]}")
-
-
-def test_a_threshold_of_r_judges_no_part_of_the_efforts(monitor, standing):
-    """Its norm is unknown, so only states with all efforts raise the alarm."""
-    q, qd, tau = standing(0)
-    part = q, qd, np.where(np.arange(len(tau)) == 2, math.nan, tau)
-    with monitor.having(**{"external_torque.threshold": 1e-3, "external_torque.release_threshold": 1e-3}):
-        restart(monitor)
-        found = feed(monitor, [part] * 5 + [standing(0)] * 2)
-    monitor.next_report()  # the collision is no other test's
-    torques = np.nan_to_num([one.external_torque for one in found[1:5]])
-    assert np.abs(torques).max() > 1e-2 and not any(one.collision for one in found[:5]) and found[-1].collision
 
 
 # --- collisions

@@ -110,23 +110,6 @@ def test_weights_of_the_noise(frames):
     np.testing.assert_allclose(vector(estimate.wrench), FORCE, rtol=1e-6)
 
 
-def test_directions_without_observation(frames):
-    """Six numbers name each; the wrench has nothing along them, and is the best fit along the others."""
-    frames.feed(*[pushed(FORCE)(0)] * 400)
-    estimate, scale = frames.at(FOREARM)[-1], np.repeat(LIMITS, 3)
-    J, wrench = jacobian(FOREARM) * scale[:, None], vector(estimate.wrench) / scale
-    values, vectors = np.linalg.eigh(J @ J.T)
-    unobserved = np.reshape(estimate.unobserved, (-1, 6)) / scale
-    assert len(unobserved) == (values < 1.0).sum() >= 2
-    np.testing.assert_allclose(unobserved @ unobserved.T, np.eye(len(unobserved)), atol=1e-9)
-    seen = vectors[:, values >= 1.0]
-    np.testing.assert_allclose(unobserved @ seen, 0.0, atol=1e-9)
-    best = seen @ np.linalg.solve(seen.T @ J @ J.T @ seen, seen.T @ J @ (jacobian(HAND).T @ FORCE))
-    np.testing.assert_allclose(wrench, best, atol=1e-6)
-    assert frames.forearm.messages[-1].wrench == estimate.wrench and estimate.chi_square > 1.0
-    assert frames.forearm.messages[-1].header.frame_id == FOREARM
-
-
 def test_no_wrench_without_a_result(frames):
     """A controller receives nothing; the estimates say so, with zeros."""
     state = pushed(FORCE)(0)
