@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.collision.detector import AlarmDetector, Judged
-from diag_dynamics.collision.events import Alarms, NormCollisions
+from diag_dynamics.collision.detector import AlarmDetector, Alarms, Judged, NormCollisions
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.stamps import SECOND

@@ -15,7 +15,7 @@ from diag_dynamics.cli.calibrate import METHODS
 from diag_dynamics.cli.main import main
 from diag_dynamics.collision import calibration, residuals
 from diag_dynamics.collision.calibration import calibrate_residuals
-from diag_dynamics.collision.events import Alarms
+from diag_dynamics.collision.detector import Alarms
 from diag_dynamics.collision.residuals import poisson_interval
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.files import parameters_of

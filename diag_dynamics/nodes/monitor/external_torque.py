@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 
-from diag_dynamics.collision.detector import RELEASE, AlarmDetector, AlarmThresholds
-from diag_dynamics.collision.events import Alarms
+from diag_dynamics.collision.detector import RELEASE, AlarmDetector, Alarms, AlarmThresholds
 from diag_dynamics.control.load import LoadEstimator
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.exceptions import InputError
