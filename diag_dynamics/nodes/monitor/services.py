@@ -24,6 +24,12 @@ NO_PAYLOAD = Payload(0.0)
 """Removes the payload of a link."""
 
 
+def _required(current):
+    if current is None:
+        raise InputError("There is no robot yet. The node waits for a valid robot_description.")
+    return current
+
+
 class DynamicsServices:
     """Services of a node; `current` returns dynamics, MessageMaker and Followers, or None."""
 
@@ -38,14 +44,9 @@ class DynamicsServices:
             callback = answered(node, kind, answer)
             node.create_service(kind, f"~/{name}", callback, qos_profile=SERVICE_QOS)
 
-    def _robot(self):
-        if (current := self._current()) is None:
-            raise InputError("There is no robot yet. The node waits for a valid robot_description.")
-        return current
-
     def _read(self, request):
         """Return the dynamics, MessageMaker, state and options of a request."""
-        dynamics, maker, followers = self._robot()
+        dynamics, maker, followers = _required(self._current())
         if request.override_gravity:
             g = request.gravity
             dynamics = DiagonalDynamics(dynamics.model.with_gravity((g.x, g.y, g.z)))
@@ -81,7 +82,7 @@ class DynamicsServices:
 
     def _set_payload(self, request, response):
         payload = payload_of(request.inertia)
-        self._robot()[0].model.with_payload(request.link, *payload)  # raises InputError
+        _required(self._current())[0].model.with_payload(request.link, *payload)  # raises InputError
         response.total_mass = self._attach(request.link, payload).total_mass
 
 
@@ -104,13 +105,10 @@ class PayloadServices:
             node.create_subscription(*options, latched(), raw=True)  # receives nothing from volatile publishers
 
     def _model(self):
-        if (robot := self._current()) is None:
-            raise InputError("There is no robot yet. The node waits for a valid robot_description.")
-        return robot.model
+        return _required(self._current()).model
 
     def _watch(self):
-        self._model()
-        torque = self._current().torque
+        torque = _required(self._current()).torque
         if torque is None or torque.load is None:
             raise InputError("parameter 'load.link' is ''; expected a link. Set it to have loads estimated.")
         return torque.load
