@@ -59,8 +59,8 @@ class FlexibleLink(NamedTuple):
         The mass of the link.
     tips : mapping
         :class:`Station` of each joint that the modes move.
-    bends : ndarray, shape (p, n, n)
-        B of the strain energy of fourth order, U₄ = ½ Σ (ηᵀBη)².
+    bends : ndarray, shape (p, 2, n)
+        Curvature κ [√J] and slope σ [1] of points of the beam by η, for the strain energy of :func:`bending_energy`.
     """
 
     modes: tuple[str, ...]
@@ -72,16 +72,17 @@ class FlexibleLink(NamedTuple):
     bends: Array
 
     def energy(self, eta: VectorLike) -> float:
-        """Return the strain energy at modes η [J], ½ Σ ω²η² + U₄."""
+        """Return the strain energy at modes η [J], ½ Σ ω²η² + U₄₆."""
         eta = vector("eta", eta, self.modes)
-        return 0.5 * float((self.frequencies * eta) ** 2 @ np.ones(len(eta)) + ((self.bends @ eta @ eta) ** 2).sum())
+        return 0.5 * float(((self.frequencies * eta) ** 2).sum()) + bending_energy(*(self.bends @ eta).T)
 
     def effort(self, eta: VectorLike, etad: VectorLike) -> Array:
-        """Return the efforts of stiffness and damping on the modes, shape (n,): −ω²η − 2ζω η̇ − ∂U₄/∂η."""
+        """Return the efforts of stiffness and damping on the modes, shape (n,): −ω²η − 2ζω η̇ − ∂U₄₆/∂η."""
         eta, etad = vector("eta", eta, self.modes), vector("etad", etad, self.modes)
         linear = self.frequencies * (self.frequencies * eta + 2.0 * self.damping_ratio * etad)
-        bent = self.bends @ eta
-        return np.asarray(-linear - 2.0 * (bent @ eta) @ bent)
+        curvature, slope = (self.bends @ eta).T
+        moment = curvature * (slope**2 + slope**4) @ self.bends[:, 0]
+        return np.asarray(-linear - moment - curvature**2 * (slope + 2.0 * slope**3) @ self.bends[:, 1])
 
     def displacement(self, eta: VectorLike, joint: str | None = None) -> Array:
         """Return the displacement (4, 4) of the frame of a joint at the tip, in the link's axes about its own origin."""
@@ -96,6 +97,11 @@ class FlexibleLink(NamedTuple):
     def slope(self, eta: Array) -> float:
         """Return the largest rotation of a tip about an axis of the beam [rad]."""
         return max(float(np.abs(tip.slope @ eta).max()) for tip in self.tips.values())
+
+
+def bending_energy(curvature: Array, slope: Array) -> float:
+    """Return U₄₆ = ½ Σ κ²(σ² + σ⁴) [J], what the energy of a beam's curve, ½ ∫ EI κ²/(1 − σ²) dx, has beyond ½ ∫ EI κ² dx."""
+    return 0.5 * float((curvature**2 * (slope**2 + slope**4)).sum())
 
 
 class Form(NamedTuple):
@@ -190,12 +196,11 @@ def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: f
         inertia = tuple(weight * polar * np.array([1.0, 0.5, 0.5]))
         return Station(np.array([xi * length, 0.0, 0.0]), shape, slope, H, weight * mass, inertia)
 
-    def bend(xi: float, weight: float) -> Array:
-        B = np.zeros((n, n))
-        for k, plane in enumerate(planes):
-            product = np.outer(plane.values(xi, 2), plane.values(xi, 1)) * np.sqrt(weight * length * EI[k])
-            B[parts[k], parts[k]] = 0.5 * (product + product.T)
-        return B
+    def bend(k: int, xi: float, weight: float) -> Array:
+        row = np.zeros((2, n))
+        row[0, parts[k]] = planes[k].values(xi, 2) * np.sqrt(weight * length * EI[k])
+        row[1, parts[k]] = planes[k].values(xi, 1)
+        return row
 
     points = max(n_y, n_z, n_x)
     return FlexibleLink(
@@ -205,7 +210,7 @@ def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: f
         _ratios(where, given, n),
         tuple(station(xi, False, weight) for xi, weight in _gauss(points + 2)),
         {tip: station(1.0, True, 0.0)},
-        np.array([bend(xi, weight) for xi, weight in _gauss(2 * max(n_y, n_z))]).reshape(-1, n, n),
+        np.array([bend(k, *one) for k in (0, 1) for one in _gauss(3 * (n_y, n_z)[k])]).reshape(-1, 2, n),
     )
 
 
@@ -293,7 +298,7 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
         )
         nodes.append(station(f"node {k}", at, entry)._replace(slope=np.zeros((3, n))))
     tips = {joint: station(f"tip '{joint}'", origins[joint], entry) for joint, entry in given["tips"].items()}
-    names, bends = tuple(f"{link}/m{k + 1}" for k in range(n)), np.zeros((0, n, n))
+    names, bends = tuple(f"{link}/m{k + 1}" for k in range(n)), np.zeros((0, 2, n))
     return FlexibleLink(names, axes, frequencies, _ratios(where, given, n), tuple(nodes), tips, bends)
 
 

@@ -78,8 +78,8 @@ SIMULATION = Table(
     **dict.fromkeys(BY_DOF, array(float)),
     **dict.fromkeys(BY_STAGE, array(float, 2)),
     moment=array(float),  # result of first_moment
-    bends=array(float, 3),  # B of flexible links, strain energy ½ Σ (ηᵀBη)², and degrees of freedom of η
-    bend_dofs=array(np.int64, 2),
+    bends=array(float, 3),  # curvature and slope of points of flexible links by q, and those of modes that are held
+    held_bends=array(float, 2),
 )
 
 opened = SIMULATION.opened
@@ -134,15 +134,14 @@ class Memory:
 
 
 def _bends(model):
-    """Return B and its degrees of freedom; those beyond the modes of a link have zeros in B."""
-    links = [link for link in model.flexible_links.values() if len(link.bends)]
-    size = max((link.bends.shape[1] for link in links), default=0)
-    bends, dofs = [np.zeros((0, size, size))], [np.zeros((0, size), np.int64)]
-    for link in links:
-        free = [k for k, name in enumerate(link.modes) if name in model.dof_names]
-        block, own = np.zeros((len(link.bends), size, size)), np.zeros((len(link.bends), size), np.int64)
-        block[:, : len(free), : len(free)] = link.bends[:, free][:, :, free]
-        own[:, : len(free)] = [model.dof_names.index(link.modes[k]) for k in free]
-        bends.append(block)
-        dofs.append(own)
-    return {"bends": np.concatenate(bends), "bend_dofs": np.concatenate(dofs)}
+    """Return `bends`, shape (points, 2, nv), and `held_bends`, shape (points, 2): see :func:`bending_energy`."""
+    bends, held = [np.zeros((0, 2, model.nv))], [np.zeros((0, 2))]
+    for link in model.flexible_links.values():
+        bends.append(np.zeros((len(link.bends), 2, model.nv)))
+        held.append(np.zeros((len(link.bends), 2)))
+        for k, mode in enumerate(link.modes):
+            if mode in model.locked_joints:
+                held[-1] += link.bends[:, :, k] * model.locked_joints[mode]
+            else:
+                bends[-1][:, :, model.dof_names.index(mode)] = link.bends[:, :, k]
+    return {"bends": np.concatenate(bends), "held_bends": np.concatenate(held)}

@@ -48,7 +48,7 @@ UNRESOLVED = 1.5
 
 @large_kernel
 def wrench_efforts(address, q, load, pushed):
-    """Write Jᵀf of the wrenches at q into `pushed`, and the stiffness of fourth order of links; return a status."""
+    """Write Jᵀf of the wrenches at q into `pushed`, and efforts of bent links; return a status."""
     sim = opened(address)
     status = 0
     if len(load.wrenches) == 0:
@@ -62,19 +62,18 @@ def wrench_efforts(address, q, load, pushed):
 
 @large_kernel
 def _add_bending_efforts(address, q, pushed):
-    """Add −∂/∂η of ½ Σ (ηᵀBη)²."""
+    """Add −∂/∂η of ½ Σ κ²(σ² + σ⁴): see :func:`bending_energy`."""
     sim = opened(address)
     for p in range(len(sim.bends)):
-        B, dofs, square = sim.bends[p], sim.bend_dofs[p], 0.0
-        for again in range(2):
-            for i in range(len(dofs)):
-                bent = 0.0
-                for j in range(len(dofs)):
-                    bent += B[i, j] * q[sim.coordinate[dofs[j]]]
-                if again == 0:
-                    square += bent * q[sim.coordinate[dofs[i]]]
-                else:
-                    pushed[dofs[i]] -= 2.0 * square * bent
+        curvature, slope = sim.held_bends[p, 0], sim.held_bends[p, 1]
+        for k in range(len(pushed)):
+            curvature += sim.bends[p, 0, k] * q[sim.coordinate[k]]
+            slope += sim.bends[p, 1, k] * q[sim.coordinate[k]]
+        square = slope * slope
+        by_curvature = curvature * square * (1.0 + square)
+        by_slope = curvature * curvature * slope * (1.0 + 2.0 * square)
+        for k in range(len(pushed)):
+            pushed[k] -= by_curvature * sim.bends[p, 0, k] + by_slope * sim.bends[p, 1, k]
 
 
 @large_kernel

@@ -18,7 +18,7 @@ from diag_dynamics.dynamics.calls import raise_failure
 from diag_dynamics.dynamics.flexible import FlexibleDynamics, potential_energy
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.flexible_links import warn_of_slopes
+from diag_dynamics.model.flexible_links import bending_energy, warn_of_slopes
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.model.links import wrenches_on_links
 from diag_dynamics.results import Evaluation
@@ -469,10 +469,10 @@ class Simulation:
         return np.array([0.5 * kinetic, potential_energy(self.model, q), 0.5 * elastic])
 
     def _bending_energy(self, q):
-        """Return the strain energy of fourth order of flexible links [J]."""
+        """Return the strain energy of flexible links beyond that of linear springs [J]."""
         memory = self._memory
-        eta = q[memory["coordinate"][memory["bend_dofs"]]]
-        return 0.5 * float((np.einsum("pij,pi,pj->p", memory["bends"], eta, eta) ** 2).sum())
+        bent = memory["bends"] @ q[memory["coordinate"]] + memory["held_bends"]
+        return bending_energy(*bent.T)
 
     def _energies_at_start(self):
         """Energies of the state at the last reset, computed on first use because resets must be fast."""
