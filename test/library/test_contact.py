@@ -5,7 +5,6 @@
 
 import math
 import pickle
-import runpy
 from pathlib import Path
 
 import mujoco
@@ -459,55 +458,7 @@ def test_points_of_meshes(tmp_path):
     assert all(frames.source[link] == "frames" for link in frames.left_out)
 
 
-def test_points_between_corners_are_needed():
-    """Speed is largest at a corner; energy along the motion is not. With the points in between little is missed.
-
-    Corners alone miss a factor of more than 2 in one state of twenty. The points that a box gets miss a part of 0.15 there,
-    and of the force against a light mass 0.07.
-    """
-    urdf = with_shapes("box")
-    (box, _) = dd.link_geometry(dd.load_urdf(urdf), urdf).points
-    corners = np.asarray(box.points)[:8]
-    middle = corners.mean(axis=0)
-    edges = (corners[1:] - corners[0])[np.argsort(norm(corners[1:] - corners[0], axis=1))[:3]]  # of the nearest corners
-    axes = edges / 2.0
-    rng = np.random.default_rng(1)
-    shares = rng.uniform(-1, 1, (2000, 3))
-    shares[np.arange(2000), rng.integers(3, size=2000)] = rng.choice([-1.0, 1.0], 2000)
-    surface = middle + shares @ axes
-    limits = dd.ContactLimits({"hand": {"mass": 0.6, "stiffness": 75e3, "force": 100.0}})
-    model = dd.load_urdf(robot(PANDA).urdf, locked_joints=dict.fromkeys(FINGERS, 0.0))
-    dyn = dd.DiagonalDynamics(model)
-    Q, QD = np.array([model.random(rng) for _ in range(200)]), rng.normal(size=(200, model.nv))
-    missed = {}
-    for by in ("energy", "force"):
-        sets = (("surface", surface), ("corners", corners), ("points", box.points))
-        points = dd.ContactPoints(model, [(name, "panda_hand", some) for name, some in sets], limits, by)
-        c = dyn.contact_batch(Q, QD, points)
-        values = c.energy if by == "energy" else c.force
-        missed[by] = np.quantile(values[:, :1] / values[:, 1:], 0.95, axis=0)
-    assert missed["energy"][0] > 2.0 and missed["energy"][1] < 1.2
-    assert missed["force"][1] < 1.1
-
-
 # --- The worked example ------------------------------------------------------------------------------------
-
-
-def test_worked_example(capsys):
-    """The two-link arm of examples/contact.py, by hand: M = [[8, 2], [2, 2]], J = [[−1, −1], [1, 0]] of the tip."""
-    names = runpy.run_path(str(ROOT / "examples/contact.py"))
-    dyn, tip, q = names["dyn"], names["tip"], names["q"]
-    np.testing.assert_allclose(dyn.mass_matrix(q), [[8, 2], [2, 2]], atol=1e-12)
-    np.testing.assert_allclose(dyn.jacobian(q, "forearm", (1, 0, 0), frame="world")[:2], [[-1, -1], [1, 0]], atol=1e-12)
-    for qd, m in (((0.5, -0.5), 6.0), ((0.0, -0.5), 2.0)):  # the tip moves at 0.5 m/s along y, along x
-        c, mu = dyn.contact(q, qd, tip), 1 / (1 / m + 1 / 3)
-        allowed = 150 / math.sqrt(mu * 20e3)
-        found = c.reflected_mass[0], c.energy[0], c.force[0], c.allowed_speed[0], c.margin[0]
-        expected = m, 0.5 * m * 0.25, 0.5 * math.sqrt(mu * 20e3), allowed, allowed - 0.5
-        np.testing.assert_allclose(found, expected, rtol=1e-9)
-    after = names["after"]
-    assert (after.impulse, after.mass_speed, after.loss) == pytest.approx((1.0, 1 / 3, 0.25))
-    assert "force 100.0 N, by the simplified mass 86.6 N" in capsys.readouterr().out
 
 
 def test_example_limits_load_and_are_placeholders():

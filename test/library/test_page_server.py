@@ -165,23 +165,6 @@ def test_robots_and_meshes(address):
         assert len(body) == 8 + 12 * int(np.frombuffer(body, "<u4", 2).sum())
 
 
-def test_bytes_that_are_no_request(address):
-    """The server rejects them or ends the connection, and serves the next request."""
-    rng = np.random.default_rng(5)
-    lines = (
-        *("", "/ HTTP/9.9", "/%ff%00 HTTP/1.1\r\nHost: localhost", "http://[ HTTP/1.1\r\nHost: localhost"),
-        *("/ HTTP/1.1\r\nHost: [", f"/{100_000 * 'a'} HTTP/1.1", "/ HTTP/1.1\r\n" + 300 * "X: y\r\n"),
-    )
-    nonsense = [rng.integers(0, 256, 400, dtype=np.uint8).tobytes() for _ in range(20)]
-    where = tuple(address.removeprefix("http://").strip("/").split(":"))
-    for data in (*nonsense, *(f"GET {line}\r\n\r\n".encode() for line in lines)):
-        with socket.create_connection(where, timeout=PATIENCE) as one, contextlib.suppress(OSError):
-            one.sendall(data)
-            one.shutdown(socket.SHUT_WR)
-            assert b"200 OK" not in one.recv(4096), data[:60]
-    assert get(address, "/robots")[0] == 200
-
-
 # --- Streams ---
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contact limiter on the graph, in lockstep with the simulator: the bound is kept, a push is told of, and it scales."""
+"""The contact limiter on the graph, in lockstep with the simulator: a push is reported, and the limit scales."""
 
 import numpy as np
 import pytest

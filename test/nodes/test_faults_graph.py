@@ -169,10 +169,6 @@ def test_two_publishers_of_the_clock(peer, intruder):
 # --- requests
 
 
-MANY_ENTRIES = 50_000
-"""Characters of a message: a thousand, and the number of all."""
-
-
 def inertia(mass, moments=(0.01, 0.02, 0.025), **com):
     """Return an inertia."""
     message = Inertia(m=mass, com=Vector3(**com))
