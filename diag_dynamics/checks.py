@@ -46,14 +46,21 @@ def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
 
 def choice(name: str, value: object, choices: Iterable[object]) -> None:
     """Reject a value that is not one of the choices."""
-    if value not in choices:
+    if value not in (choices := tuple(choices)):
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
 
 
-def mapping(name: str, value: object) -> Mapping[Any, Any]:
-    """Return the value if it is a dict."""
+def mapping(name: str, value: object, known: Sequence[str] = (), required: Sequence[str] = ()) -> Mapping[Any, Any]:
+    """Return the value if it is a dict, or a NamedTuple as one, that has required keys and none but `known` ones, if any."""
+    value = value._asdict() if hasattr(value, "_asdict") else value
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is {value!r}, expected a dict by name.")
+    for key in required:
+        if key not in value:
+            raise InputError(f"{name} has no {key}.")
+    for key in value if known else ():
+        if key not in known:
+            raise InputError(f"{name} has {key!r}, expected one of {', '.join(known)}.")
     return value
 
 

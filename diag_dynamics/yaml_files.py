@@ -5,11 +5,25 @@
 
 from __future__ import annotations
 
+import re
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
+
+EXPONENT = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"
+"""Numbers of YAML 1.2 that PyYAML reads as text: 1e-3."""
+
+
+@cache
+def _loader() -> Any:
+    """Return the class of loaders."""
+    yaml = require("yaml", "reading YAML")
+    loader = type("Loader", (yaml.SafeLoader,), {})
+    loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(EXPONENT), list("-+.0123456789"))
+    return loader
 
 
 def read_yaml(path: object, what: str) -> Any:
@@ -27,7 +41,7 @@ def parsed_yaml(text: str, what: str) -> Any:
     """Return the contents of YAML text."""
     yaml = require("yaml", what)
     try:
-        return yaml.safe_load(text)
+        return yaml.load(text, _loader())
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: an invalid date
         is_alias = "scanning an alias" in str(error)
         hint = ". Put a text that begins with * in quotes." if is_alias else ""

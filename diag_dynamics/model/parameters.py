@@ -17,7 +17,7 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import listed, not_negative, numbers
+from diag_dynamics.checks import listed, mapping, not_negative, number, numbers
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.flexible import FlexibleJoint, checked_joint
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_body, not_physical
@@ -152,9 +152,9 @@ class Parameters:
         """Return the parameters of a dict that has attributes of this class as keys, all optional, as the file has them."""
         if isinstance(content, Parameters):
             return content
-        given = _mapping(content, source, tuple(cls.__dataclass_fields__))
+        given = mapping(source, content, tuple(cls.__dataclass_fields__))
         joints, links, payloads, couplings, origin, flexible = (
-            _mapping(given.get(key) or {}, f"{source}: {key}")
+            mapping(f"{source}: {key}", given.get(key) or {})
             for key in ("joints", "links", "payloads", "couplings", "origin", "flexible_joints")
         )
         of_motors = given.get("motor_efforts", False)
@@ -162,7 +162,7 @@ class Parameters:
             raise InputError(f"{source}: motor_efforts is {of_motors!r}, expected true or false.")
         velocity = given.get("friction_velocity")
         if velocity is not None:
-            velocity = not_negative("friction_velocity", _number(velocity), "[rad/s, m/s]")
+            velocity = not_negative("friction_velocity", velocity, "[rad/s, m/s]")
         return cls(
             {str(name): _joint(entry, f"{source}: joint '{name}'") for name, entry in joints.items()},
             {str(name): _body(entry, f"{source}: link '{name}'", False) for name, entry in links.items()},
@@ -219,37 +219,16 @@ def read_parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, An
     return Parameters.load(given) if isinstance(given, (str, os.PathLike)) else Parameters.from_dict(given)
 
 
-def _mapping(value: object, source: str, known: tuple[str, ...] = ()) -> Mapping[Any, Any]:
-    """Return the value if it is a dict that has only known keys."""
-    if not isinstance(value, Mapping):
-        raise InputError(f"{source}: {value!r} stands there, expected {', '.join(known) or 'entries by name'}.")
-    for key in value if known else ():
-        if key not in known:
-            raise InputError(f"{source} has '{key}', expected one of {', '.join(known)}.")
-    return value
-
-
-def _number(value: object) -> Any:
-    """Return numbers, also those that YAML reads as text: 1e-3 without a dot."""
-    if isinstance(value, (list, tuple)):
-        return [_number(part) for part in value]
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
-
-
 def _joint(entry: object, source: str) -> JointParameters:
-    entry = entry._asdict() if isinstance(entry, JointParameters) else entry
     checked = {}
-    for key, value in _mapping(entry, source, JointParameters._fields).items():
+    for key, value in mapping(source, entry, JointParameters._fields).items():
         if value is None:
             continue
         expected = f"a finite number{'' if key in SIGNED else ' >= 0'} {_UNITS[key]}"
         if key == "effort_scale":
             expected = f"a number other than 0 {_UNITS[key]}, .nan if it is unknown"
-        is_unknown = key == "effort_scale" and _number(value) != _number(value)
-        x = np.nan if is_unknown else float(numbers(f"{source}: {key}", _number(value), (), expected, LARGEST))
+        is_unknown = key == "effort_scale" and isinstance(value, float) and np.isnan(value)
+        x = np.nan if is_unknown else float(numbers(f"{source}: {key}", value, (), expected, LARGEST))
         if (x < 0.0 and key not in SIGNED) or (x == 0.0 and key == "effort_scale"):
             raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
         checked[key] = x
@@ -257,31 +236,25 @@ def _joint(entry: object, source: str) -> JointParameters:
 
 
 def _flexible(entry: object, source: str) -> FlexibleJoint:
-    entry = _mapping(entry._asdict() if isinstance(entry, FlexibleJoint) else entry, source, FlexibleJoint._fields)
-    return checked_joint({key: _number(value) for key, value in entry.items()}, source)
+    return checked_joint(mapping(source, entry, FlexibleJoint._fields), source)
 
 
 def _coupling(entry: object, name: str, source: str) -> Coupling:
     source = f"{source}: coupling '{name}'"
-    entry = _mapping(entry._asdict() if isinstance(entry, Coupling) else entry, source, Coupling._fields)
-    joints = {str(joint): _number(ratio) for joint, ratio in _mapping(entry.get("joints") or {}, source).items()}
+    entry = mapping(source, entry, Coupling._fields)
     joints = {name: 1.0} | {
-        one: float(numbers(f"{source}: {one}", x, (), "a finite number")) for one, x in joints.items()
+        str(one): number(f"{source}: {one}", x, "a finite number")
+        for one, x in mapping(source, entry.get("joints") or {}).items()
     }
-    values = [
-        not_negative(f"{source}: {key}", _number(entry.get(key, 0.0)), _UNITS[key]) for key in Coupling._fields[1:]
-    ]
+    values = [not_negative(f"{source}: {key}", entry.get(key, 0.0), _UNITS[key]) for key in Coupling._fields[1:]]
     if len(joints) < 2 or joints[name] != 1.0:
         raise InputError(f"{source} has joints {joints}, expected others by ratio, and 1 for '{name}'.")
     return Coupling(joints, *values)
 
 
 def _body(entry: object, source: str, may_be_negative: bool) -> Payload:
-    entry = entry._asdict() if isinstance(entry, Payload) else entry
-    entries = _mapping(entry, source, Payload._fields).items()
-    given = {key: _number(value) for key, value in entries if value is not None}
-    if "mass" not in given:
-        raise InputError(f"{source} has no mass.")
+    entries = mapping(source, entry, Payload._fields).items()
+    given = mapping(source, {key: x for key, x in entries if x is not None}, required=["mass"])
     return checked_body(Payload(**given), f"{source}: ", may_be_negative=may_be_negative)
 
 

@@ -229,7 +229,7 @@ def of_link(**entry):
 TOO_HEAVY = {"payloads": {"panda_hand": {"mass": -3.0}}}
 
 WRONG = [
-    ([], r"^parameters: \[\] "),
+    ([], r"^parameters is \[\], expected a dict"),
     ({"joint": {}}, "^parameters has 'joint', expected one of joints"),
     ({"joints": {"panda_joint_1": {}}}, "'panda_joint_1' is not a joint"),
     ({"joints": {"panda_joint8": {"damping": 1.0}}}, "joint 'panda_joint8' is fixed"),
@@ -248,7 +248,7 @@ WRONG = [
     ),
     ({"payloads": {"panda_hand": {"mass": -0.7, "com": [0, 0, 1]}}}, "on link 'panda_hand', .* principal moments"),
     ({"friction_velocity": -1.0}, "friction_velocity is -1.0"),
-    ({"origin": 3}, "origin: 3"),
+    ({"origin": 3}, "origin is 3"),
 ]
 
 
