@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import math
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import choice, listed, mapping, number, numbers, unit
+from diag_dynamics.checks import array_of, choice, listed, mapping, number, numbers, unit
 from diag_dynamics.exceptions import InputError, LoopError
 from diag_dynamics.model.flexible_links import Flexible, form_tables
 from diag_dynamics.model.joint_types import SINGLE
@@ -122,14 +123,14 @@ def read_couplings(
         name, source = os.fspath(source), read_yaml(source, os.fspath(source))
     if not isinstance(source, Mapping):
         source = {"loops": source}
-    if unknown := set(source) - set(COUPLINGS):
-        expected = "expected loops, mimics or flexible_links"
-        raise InputError(f"{name}: {listed(sorted(map(repr, unknown)))} is unknown, {expected}.")
+    mapping(name, source, COUPLINGS)
     given = source.get("loops", loops) or ()
     if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
         raise InputError(f"{name}: loops is {given!r}, expected a list.")
     own = {loop.name: loop._asdict() for loop in loops}
-    loops = tuple(one if isinstance(one, Loop) else _loop(name, k, one, own) for k, one in enumerate(given))
+    loops = tuple(_loop(name, k, one, own) for k, one in enumerate(given))
+    if twice := [name for name, count in Counter(loop.name for loop in loops).items() if count > 1]:
+        raise InputError(f"{name}: two loops have the name '{twice[0]}'.")
     return loops, curves | {
         joint: one if isinstance(one, Curve) else _curve(f"{name}: mimics of '{joint}'", one)
         for joint, one in mapping(f"{name}: mimics", source.get("mimics") or {}).items()
@@ -137,15 +138,10 @@ def read_couplings(
 
 
 def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop:
-    where = f"{source}: loop {number_}"
-    given = mapping(where, given)
+    given = mapping(f"{source}: loop {number_}", given)
     given = own.get(given.get("name"), {}) | dict(given)
     where = f"{source}: loop '{given.get('name', number_)}'"
-    if unknown := set(given) - set(Loop._fields):
-        raise InputError(f"{where}: {listed(sorted(map(repr, unknown)))} is unknown, expected {listed(Loop._fields)}.")
-    for key in ("a", "b"):
-        if key not in given:
-            raise InputError(f"{where} has no {key}: expected the link and frame of this end.")
+    given = mapping(where, given, Loop._fields, ("a", "b"))
     kind = given.get("type", "point")
     choice(f"{where}: type", kind, TYPES)
     start = {
@@ -154,45 +150,35 @@ def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop
     }
     axis = unit(f"{where}: axis", given.get("axis", (0.0, 0.0, 1.0)))
     independent = given.get("independent") or ()
-    independent = (independent,) if isinstance(independent, str) else tuple(map(str, independent))
+    independent = (independent,) if isinstance(independent, str) else independent
+    if not isinstance(independent, list | tuple):
+        raise InputError(f"{where}: independent is {independent!r}, expected a list of joints.")
     ends = (_end(f"{where}: {key}", given[key]) for key in ("a", "b"))
-    return Loop(str(given.get("name", number_)), *ends, kind, tuple(axis.tolist()), independent, start)
+    return Loop(str(given.get("name", number_)), *ends, kind, tuple(axis.tolist()), tuple(map(str, independent)), start)
 
 
 def _end(where: str, given: Any) -> LoopEnd:
-    if isinstance(given, LoopEnd):
-        return given
     if isinstance(given, str):
         return LoopEnd(given)
-    given = mapping(where, given)
-    if "link" not in given or set(given) - set(LoopEnd._fields):
-        raise InputError(
-            f"{where} has {listed(list(map(repr, given)))}, expected link, and xyz and rpy if they are not 0."
-        )
+    given = mapping(where, given, LoopEnd._fields, ["link"])
     vectors = (numbers(f"{where}: {key}", given.get(key, (0, 0, 0)), (3,), "three numbers") for key in ("xyz", "rpy"))
     return LoopEnd(str(given["link"]), *(tuple(one.tolist()) for one in vectors))
 
 
 def _curve(where: str, given: Any) -> Curve:
-    given = mapping(where, given)
-    if "source" not in given or len({"polynomial", "table"} & set(given)) != 1 or len(given) != 2:
+    given = mapping(where, given, ("source", "polynomial", "table"), ["source"])
+    source, expected = str(given["source"]), "two rows or more of the source's position, ascending, and the joint's"
+    if ("polynomial" in given) == ("table" in given):
         raise InputError(f"{where} has {listed(list(map(repr, given)))}, expected source, and polynomial or table.")
     if "polynomial" in given:
-        values = np.atleast_1d(np.asarray(given["polynomial"], float))
-        if values.ndim != 1 or not np.isfinite(values).all():
-            raise InputError(
-                f"{where}: polynomial is {given['polynomial']!r}, expected coefficients, the constant first."
-            )
-        return Curve(str(given["source"]), np.array([[0.0, *values]]))
-    try:
-        table = np.asarray(given["table"], float)
-        good = table.ndim == 2 and table.shape[1] == 2 and len(table) > 1 and np.isfinite(table).all()
-    except (TypeError, ValueError):
-        good = False
-    if not good or not (np.diff(table[:, 0]) > 0.0).all():
-        expected = "two rows or more of the source's position, ascending, and the joint's"
+        values = array_of(given["polynomial"])
+        count, expected = 1 if values is None else max(1, values.size), "coefficients, the constant first"
+        return Curve(source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]]))
+    table = array_of(given["table"])
+    is_table = table is not None and table.ndim == 2 and table.shape[1] == 2 and len(table) > 1
+    if not is_table or not np.isfinite(table).all() or not (np.diff(table[:, 0]) > 0.0).all():
         raise InputError(f"{where}: table is {given['table']!r}, expected {expected}.")
-    return Curve(str(given["source"]), _spline(*table.T))
+    return Curve(source, _spline(*table.T))
 
 
 def _spline(x: Array, y: Array) -> Array:
@@ -305,11 +291,13 @@ def close(
     families = [(cut.members(loop), [loop]) for loop in loops]
     families += [(cut.between(f, one.source) | {f, one.source}, []) for f, one in (curves | linear).items()]
     for members, own in _merged(families):
-        if own and members:
+        if own and not members:
+            cut.reject_open(own)
+        elif own:
             group = Group(members, own, {f: one for f, one in (linear | curves).items() if f in members}, [])
             for name in group.equations:
-                result.curves.pop(name, None)
-                result.mimics.pop(name, None)
+                for kind in (result.curves, result.mimics, result.followers):
+                    kind.pop(name, None)
             _choose(cut, group, driven, result)
             result.groups.append(group)
     return result
@@ -345,8 +333,8 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
         if gap <= GAP and apart <= couplings.CLOSED:
             break
     else:
-        text = f"{title} cannot be closed from the start values: the ends stay {gap:.3g} m apart. Give other ones."
-        raise LoopError(text)
+        cut.reject_open(group.loops, start)
+        raise LoopError(f"{title} cannot be closed from the start values, {gap:.3g} remains. Give other ones.")
     values, basis = np.linalg.svd(J)[1:]
     rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum())
     free = len(names) - rank
@@ -438,8 +426,25 @@ class _Cut:
                 raise LoopError(f"loop '{loop.name}': '{end.link}' is not a link of this robot.")
         for name in (*loop.independent, *loop.start):
             if name not in self._q:
-                raise LoopError(f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that moves.")
+                text = f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that moves; it may be locked."
+                raise LoopError(text)
+        for name, x in loop.start.items():
+            if self.tree.moving[name].kind != "prismatic" and abs(x) > 2.0 * np.pi:
+                raise LoopError(f"loop '{loop.name}': start of '{name}' is {x:g}, expected radians within ±2π.")
         return self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
+
+    def reject_open(self, loops: Sequence[Loop], q: Array | None = None) -> None:
+        """Raise an error of the first loop that is open at q, by default the start."""
+        q = self.start(loops) if q is None else q
+        for loop in loops:
+            phi = self._equations(q, [], Group(set(), [loop], {}, []))[0].reshape(-1, 3)
+            gap, turn = np.linalg.norm(phi[0]), np.linalg.norm(phi - phi[0], axis=1).max()
+            if max(gap, turn) > GAP:
+                text = f"loop '{loop.name}' cannot be closed from the start values: "
+                text += (
+                    f"the ends stay {gap:.3g} m apart" if gap > GAP else f"the axes of the ends differ by {turn:.3g}"
+                )
+                raise LoopError(f"{text}. Give other ones, or correct the ends.")
 
     def start(self, loops: Sequence[Loop]) -> Array:
         """Return positions of all joints: the start values of loops, otherwise 0."""

@@ -28,8 +28,9 @@ def floats(text: str | None, count: int, may_be_infinite: bool = False) -> list[
 
 
 def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False) -> list[float]:
-    """Return the numbers of an attribute that the element has, within ±:data:`LARGEST`; `where` is for errors."""
-    text = element.get(attribute)
+    """Return the numbers of an attribute of an element, within ±:data:`LARGEST`; `where` is for errors."""
+    if (text := element.get(attribute)) is None:
+        raise UrdfError(f"{where}: <{element.tag}> has no {attribute}.")
     shown = f"{where}: <{element.tag} {attribute}={short(text)}>"
     if "${" in text or "$(" in text:
         raise UrdfError(f"{shown} is unexpanded xacro. Run xacro on it first.")

@@ -126,6 +126,12 @@ CASES = {  # URDF, loops, pairs of points and curves of the oracle
         [BAR_PAIR],
         {"j4": ("j2", polynomial(P))},
     ),
+    "cam": (
+        FOUR_BAR.replace("</robot>", body("cam", 4) + hinge("j0", "base", "cam", (0, 0.1, 0)) + "</robot>"),
+        {"loops": [BAR | {"independent": ["j0"]}], "mimics": {"j1": Q | {"source": "j0"}}},
+        [BAR_PAIR],
+        {"j1": ("j0", polynomial(P))},
+    ),
 }
 
 
@@ -353,6 +359,12 @@ BROKEN = {
         {"b": {"link": "rocker", "xyz": [2.0, 0, 0]}},
         "'bar' cannot be closed from the start values: the ends stay",
     ),
+    "one link": ({"b": {"link": "coupler"}, "start": {}}, "the ends stay 0.5 m apart"),
+    "degrees": ({"start": {"j2": -45.0}}, "start of 'j2' is -45, expected radians"),
+    "axes": (
+        {"b": {"link": "rocker", "xyz": [0.4, 0, 0], "rpy": [np.pi, 0, 0]}, "type": "revolute", "axis": list(Y)},
+        "the axes of the ends differ by 2",
+    ),
     "rigid": ({"b": {"link": "base", "xyz": [0.6, 0, 0.1]}}, "leaves none of its joints free"),
 }
 
@@ -367,13 +379,19 @@ def test_loops_that_cannot_be_closed(name):
 
 WRONG = {
     "type": ([BAR | {"type": "screw"}], "loops: loop 'bar': type"),
-    "key": ([BAR | {"c": 1}], "loop 'bar': 'c' is unknown"),
+    "type of type": ([BAR | {"type": ["point"]}], "loops: loop 'bar': type"),
+    "twice": ([BAR, BAR], "two loops have the name 'bar'"),
+    "independent": ([BAR | {"independent": 3}], "independent is 3, expected a list of joints"),
+    "object": ([dd.Loop("bar", dd.LoopEnd("coupler"), dd.LoopEnd("rocker"), "screw")], "loops: loop 'bar': type"),
+    "key": ([BAR | {"c": 1}], "loop 'bar' has 'c', expected one of name, a, b"),
     "end": ([{"name": "bar", "a": "crank"}], "loop 'bar' has no b"),
     "no list": ({"loops": "bar"}, "loops is 'bar', expected a list"),
-    "keys": ({"loop": []}, "'loop' is unknown, expected loops, mimics or flexible_links"),
+    "keys": ({"loop": []}, "loops has 'loop', expected one of loops, mimics, flexible_links"),
     "table": ({"mimics": {"j2": {"source": "j1", "table": [[0, 0], [1, 1], [1, 2]]}}}, "ascending"),
     "row": ({"mimics": {"j2": {"source": "j1", "table": [[0, 0]]}}}, "two rows or more"),
     "polynomial": ({"mimics": {"j2": {"source": "j1", "polynomial": [0.0, np.nan]}}}, "expected coefficients"),
+    "text": ({"mimics": {"j2": {"source": "j1", "polynomial": "0 1"}}}, "expected coefficients"),
+    "ragged": ({"mimics": {"j2": {"source": "j1", "table": [[0, 1], [1]]}}}, "two rows or more"),
     "both": ({"mimics": {"j2": {"source": "j1"}}}, "expected source, and polynomial or table"),
     "source": ({"mimics": {"j2": {"source": "j9", "polynomial": [1]}}}, "'j9' is not a joint of robot 'four'"),
 }
@@ -397,6 +415,11 @@ CONSTRAINT = f'''<constraint name="bar" type="TYPE"><parent link="coupler"/><par
 
 def with_element(element):
     return FOUR_BAR.replace("</robot>", element + "</robot>")
+
+
+def test_start_without_a_position():
+    with pytest.raises(dd.UrdfError, match="<start> has no position"):
+        dd.load_urdf(with_element(LOOP_JOINT.replace(' position="0.5"', "")))
 
 
 HINGE = CONSTRAINT.replace("TYPE", "continuous")
