@@ -28,6 +28,7 @@ def add_arguments(parser):
     common.add_robot(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--floating-base", action="store_true", help="the root link moves freely")
+    parser.add_argument("--loops", metavar="FILE.yaml", help="closed loops of the robot")
     text = "write a URDF with inertias estimated from geometry at this density [kg/m³], for links without one"
     parser.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
     parser.add_argument("-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias")
@@ -43,7 +44,7 @@ def run(chosen):
             return _estimate(robot, chosen.estimate_inertias, Path(chosen.output), chosen.json)
         from diag_dynamics.inspection import inspect_robot
 
-        report = inspect_robot(robot, chosen.floating_base)
+        report = inspect_robot(robot, chosen.floating_base, loops=chosen.loops)
     except DiagDynamicsError as error:
         if not chosen.json:
             raise

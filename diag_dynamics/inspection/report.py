@@ -85,6 +85,7 @@ def inspect_robot(
     source: str | bytes | os.PathLike[str] | IO[Any],
     floating_base: bool = False,
     xacro_args: Mapping[str, Any] | None = None,
+    loops: Any = None,
 ) -> Report:
     """Report facts about a robot's model, and findings of the checks of its URDF.
 
@@ -99,6 +100,8 @@ def inspect_robot(
         Whether the root link moves freely; an MJCF says that itself.
     xacro_args : dict, optional
         Arguments of a xacro file, by name.
+    loops : optional
+        Closed loops, as of :func:`load_urdf`.
 
     Returns
     -------
@@ -116,7 +119,7 @@ def inspect_robot(
     described = read_source(source, xacro_args)
     if floating_base and not described.options.get("floating_base", True):
         raise InputError("floating_base is True; expected False: the MJCF has no free body, or several.")
-    options = {"floating_base": floating_base, **described.options}
+    options = {"floating_base": floating_base, **described.options} | ({} if loops is None else {"loops": loops})
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
         urdf = Urdf(described.text, folder)
         model, poses, rows = _load(described.text, options)

@@ -21,6 +21,9 @@ STEP, STEPS = 0.02, 1000
 PRECISE = 1e-8
 """Precision of such an end [rad, m]: loops are not singular yet."""
 
+SHORTER, SHORTEST = 0.8, 1e-3
+"""Factor of the way from the start to random positions in which a loop is open, and its least fraction."""
+
 
 class FollowerState(NamedTuple):
     """Followers at a state, f of them, and how they depend on the independent joints.
@@ -86,6 +89,23 @@ def loop_title(model: Any, number: int) -> str:
     """Return the names of the loops of a closed group, and its joints."""
     names = listed([f"'{loop.name}'" for loop in model.loops[number]])
     return f"loop{'s' * (len(model.loops[number]) > 1)} {names} ({', '.join(model.loop_joints[number])})"
+
+
+def closed(model: Any, q: Array) -> Array:
+    """Return positions in which loops are closed: q, or nearer to the start in the joints of loops."""
+    motion, start, way = FollowerMotion(model), q.copy(), 1.0
+    names = {name for group in model.loop_joints for name in group}
+    moved = [k for k, name in enumerate(model.coordinate_names) if name in names]
+    start[moved] = model.start[moved]
+    while way > SHORTEST:
+        try:
+            motion.at(start)  # the branch is that of the start
+            motion.at(start + way * (q - start))
+        except LoopError:
+            way *= SHORTER
+        else:
+            break
+    return start + way * (q - start) if way > SHORTEST else start
 
 
 def limit_by_followers(model: Any, joints: Any, lower: Array, upper: Array) -> list[str]:

@@ -25,7 +25,7 @@ from diag_dynamics.model.flexible_links import (
     read_flexible_links,
     with_flexible_links,
 )
-from diag_dynamics.model.followers import FollowerMotion, FollowerState, limit_by_followers
+from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.geometry import estimated
 from diag_dynamics.model.inertias import Payload, checked_payloads, not_physical
 from diag_dynamics.model.joint_types import is_angle
@@ -296,7 +296,10 @@ class RobotModel:
         return FollowerMotion(self).at(self._positions("q", q), rate)
 
     def random(self, rng: np.random.Generator | int | None = None) -> Array:
-        """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m; `rng` may be a seed."""
+        """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m; `rng` may be a seed.
+
+        Where loops cannot be closed, their joints are moved toward the start until they are.
+        """
         try:
             rng = np.random.default_rng(rng)  # a generator is itself
         except (TypeError, ValueError) as error:
@@ -311,7 +314,7 @@ class RobotModel:
             if component == 3:
                 quaternion = rng.normal(size=4)
                 q[k - 3 : k + 1] = quaternion / np.linalg.norm(quaternion)
-        return q
+        return closed(self, q) if self.loops else q
 
     def integrate(self, q: VectorLike, v: VectorLike) -> Array:
         """Return the positions reached from q along v, shape (nq,): v [rad, m], shape (nv,), is a rate times a time.

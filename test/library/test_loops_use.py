@@ -15,6 +15,7 @@ from arm import state_at
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.dynamics.loops import LoopBalance
 from diag_dynamics.exceptions import LoopError
+from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.joint_states.assembler import Accepted, Rejected, StateAssembler
 from diag_dynamics.joint_states.decoding import JointStates
 from diag_dynamics.joint_states.joints import Options, joints_of
@@ -76,6 +77,20 @@ def test_followers_of_mimic_joints():
     assert found.names == ("m", "p2", "r2")
     assert (found.position[0], found.rate[0]) == (pytest.approx(0.7), 2.0)
     assert len(found.singularity) == 1 and found.singularity[0] > 0.1
+
+
+def test_random_positions(tmp_path):
+    """Loops are closed there, whatever came before, also for the poses of an inspection; other joints are not moved."""
+    model, rng = dd.load_urdf(five_bar(), loops=[FIVE_BAR]), np.random.default_rng(1)
+    Q = np.array([model.random(rng) for _ in range(60)])
+    for q in Q[::7]:
+        dd.DiagonalDynamics(model).evaluate(q, np.ones(3))
+    dd.DiagonalDynamics(model).evaluate_batch(Q, np.ones((60, 3)))
+    assert np.ptp(Q, axis=0).min() > 3.0
+    path = tmp_path / "loops.yaml"
+    path.write_text(yaml.safe_dump({"loops": [FIVE_BAR]}))
+    report = inspect_robot(five_bar(), loops=str(path))
+    assert report.facts["degrees_of_freedom"] == 3 and report.checks["conditioning"] != "skipped"
 
 
 # --- Errors and warnings
