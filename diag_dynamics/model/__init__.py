@@ -12,11 +12,12 @@ from diag_dynamics.model.flexible import FlexibleJoint
 from diag_dynamics.model.flexible_links import FlexibleLink
 from diag_dynamics.model.inertias import Payload
 from diag_dynamics.model.links import end_effector_link
+from diag_dynamics.model.loading import load_urdf
 from diag_dynamics.model.loops import Curve, Loop, LoopEnd
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
 from diag_dynamics.model.parameters import Coupling, JointParameters, Parameters
-from diag_dynamics.model.robot import RobotModel, load_urdf
+from diag_dynamics.model.robot import RobotModel
 from diag_dynamics.model.sources import urdf_text
 
 __all__ = [

@@ -16,8 +16,9 @@ from typing import Any
 
 from diag_dynamics.entries import arguments_of, split_arguments
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.loading import load_urdf
 from diag_dynamics.model.mjcf import Described, is_mjcf, read_mjcf
-from diag_dynamics.model.robot import RobotModel, load_urdf
+from diag_dynamics.model.robot import RobotModel
 from diag_dynamics.model.sources import expanded, urdf_text
 
 DESCRIPTIONS = "robot_descriptions"  # its modules, one for each robot, clone a repository when they are imported

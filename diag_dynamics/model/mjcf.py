@@ -16,9 +16,10 @@ from lxml import etree
 
 from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
+from diag_dynamics.model.loading import load_urdf
 from diag_dynamics.model.parameters import numbers_text, read_parameters, set_inertia
 from diag_dynamics.model.remarks import warn
-from diag_dynamics.model.robot import RobotModel, load_urdf
+from diag_dynamics.model.robot import RobotModel
 
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")  # of load_urdf, which an MJCF has itself
 
