@@ -60,7 +60,7 @@ class FlexibleLink(NamedTuple):
     tips : mapping
         :class:`Station` of each joint that the modes move.
     bends : ndarray, shape (p, 2, n)
-        Curvature κ [√J] and slope σ [1] of points of the beam by η, for the strain energy of :func:`bending_energy`.
+        Curvature κ [√J] and slope σ [1] of points of the beam by η, for the strain energy of `bending_energy`.
     """
 
     modes: tuple[str, ...]
