@@ -34,7 +34,7 @@ class LinkGeometry(NamedTuple):
 
     `shapes` are visual ones, or the collision shapes of a link with mass that has no others; `mass` [kg] is with payload;
     `ellipsoid` (4x4, or None) maps the unit sphere to what stands for a link without shapes: the solid ellipsoid of its
-    inertia, scaled into the link; `bones` are the origins of the joints that it carries [m].
+    inertia, scaled into the link; `bones` are the origins of the joints that it carries and its ends of loops [m].
     """
 
     name: str
@@ -58,6 +58,9 @@ def links_of(model, source, missing=None):
         origins[child] = origin
         if np.linalg.norm(origin) > MIN_LENGTH:
             bones[joint.find("parent").get("link")].append(origin)
+    for end in (end for group in model.loops for loop in group for end in (loop.a, loop.b)):
+        if np.linalg.norm(end.xyz) > MIN_LENGTH:
+            bones[end.link].append(np.array(end.xyz))
     records = {model.link_names[record["index"]]: record for record in model.links}
     found = []
     for name in model.link_names:
