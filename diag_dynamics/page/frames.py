@@ -20,6 +20,9 @@ MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
 """Delay above which a state is flagged `late` [s]; relative difference between K and the sum of link energies above which
 the monitor has another model."""
 
+ROUNDING = 1e-12
+"""Size of C, relative to ν and the largest rate [rad/s, m/s], below which it is 0 but for rounding."""
+
 
 class States(NamedTuple):
     """T states, a row each. Fields have the names of a frame; NaN is unknown."""
@@ -79,6 +82,14 @@ class States(NamedTuple):
         )
 
 
+def coriolis_work(nu, coriolis, qd):
+    """Return |ν·C| / (|ν| |C|) of states, shape (..., nv); NaN where C is within rounding, as of one degree of freedom."""
+    size, speed = np.linalg.norm(nu, axis=-1), np.abs(qd).max(axis=-1, initial=0.0)
+    known = np.linalg.norm(coriolis, axis=-1) > ROUNDING * size * speed
+    whole = np.where(known, size * np.linalg.norm(coriolis, axis=-1), np.nan)
+    return np.abs((nu * coriolis).sum(axis=-1)) / whole
+
+
 class FrameMaker:
     """Make the frames of a robot.
 
@@ -136,12 +147,11 @@ class FrameMaker:
     def _computed(self, states):
         """Return fields that are computed from those of the states."""
         nu, K, energies = states.nu, states.K, self._link_energies(states)
-        terms = np.empty((6, *nu.shape))
-        given = states.epsilon, states.gravity, states.residual, nu, states.coriolis, states.external_torque
+        terms = np.empty((4, *nu.shape))
+        given = states.epsilon, states.gravity, states.residual, states.external_torque
         for term, value in zip(terms, given, strict=True):
             term[:] = value
-        p_effort, p_gravity, p_external, nu_squared, p_coriolis = np.einsum("tk,ftk->ft", nu, terms[:5])
-        coriolis_squared, torque_squared = np.einsum("ftk,ftk->ft", terms[4:], terms[4:])
+        p_effort, p_gravity, p_external = np.einsum("tk,ftk->ft", nu, terms[:3])
         return {
             "gravity_torque": self._rows("tau_from_epsilon", states.q, states.gravity),
             "link_energy": energies,
@@ -150,9 +160,9 @@ class FrameMaker:
             "p_friction": self._friction_power(states),
             "p_external": p_external,
             "dK": self._energy_rate(states.t, K),
-            "torque_norm": np.sqrt(torque_squared),
+            "torque_norm": np.linalg.norm(terms[3], axis=-1),
             # Zero but for rounding, NaN at rest. In doubles: floats would hide it.
-            "coriolis_work": np.abs(p_coriolis) / np.sqrt(nu_squared * coriolis_squared),
+            "coriolis_work": coriolis_work(nu, states.coriolis, states.qd),
             "flags": _flags(states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12),
         }
 

@@ -12,6 +12,7 @@ from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model.followers import loop_title
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status, counted
+from diag_dynamics.page.frames import coriolis_work
 from diag_dynamics.parameters.monitor import share_thresholds
 from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share
 from diag_dynamics.sweeps.couplings import NEARLY_SINGULAR
@@ -200,8 +201,7 @@ def numerical_health(dynamics, state):
         return Status("numerical health", STALE, "no state")
     q, qd = state.position, state.velocity
     s = dynamics.evaluate(q, qd)
-    size = np.linalg.norm(s.nu) * np.linalg.norm(s.coriolis)
-    work = abs(s.nu @ s.coriolis) / size if size > 0.0 else 0.0
+    work = np.nan_to_num(coriolis_work(s.nu, s.coriolis, qd)) if np.isfinite(s.coriolis).all() else np.nan
     K = 0.5 * qd @ dynamics.mass_matrix(q) @ qd
     error = abs(s.kinetic_energy - K) / K if K > 0.0 else 0.0
     values = {"|nu.C| / (|nu| |C|)": f"{work:.1e}", "|K - qd.M.qd / 2| / K": f"{error:.1e}"}
