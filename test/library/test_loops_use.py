@@ -26,7 +26,18 @@ from diag_dynamics.parameters.controller import PARAMETERS as CONTROLLER
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.robots import model_of, require_as_made
-from linkages import BASE, COUPLER, CRANK, FIVE_BAR, FOUR_BAR, ROCKER, five_bar, four_bar, four_bar_followers
+from linkages import (
+    BASE,
+    COUPLER,
+    CRANK,
+    FIVE_BAR,
+    FOUR_BAR,
+    ROCKER,
+    five_bar,
+    four_bar,
+    four_bar_followers,
+    placed_by_page,
+)
 
 RUBBING = '<dynamics damping="0.3" friction="0.2"/>'
 ANGLES = np.linspace(-3.0, 3.0, 9)
@@ -390,20 +401,6 @@ def test_page(bar):
         )
         point = places["rocker"] @ [ROCKER, 0, 0, 1]
         np.testing.assert_allclose(point[:3], tip_of_rocker(row[0]), atol=1e-6)
-
-
-def placed_by_page(tree, q, names):
-    """Return the placement of each link as web/src/tree.js computes it."""
-    world = []
-    for body in tree["bodies"]:
-        rest = np.reshape(body["placement"], (4, 4))
-        X = np.eye(4)
-        if body["kind"] == "revolute":
-            angle = body["multiplier"] * q[body["q"]] + body["offset"]
-            X[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-        world.append((world[body["parent"]] if world else np.eye(4)) @ rest @ X)
-    links = zip(names, tree["links"], strict=True)
-    return {name: world[link["body"]] @ np.reshape(link["placement"], (4, 4)) for name, link in links}
 
 
 def test_set_point():

@@ -229,7 +229,8 @@ def desired_by_differences(arm, k):
     if len(statuses) < 3 or None in states or not tracked or times[2] - times[1] != times[1] - times[0]:
         return None
     dt = (times[2] - times[1]) * 1e-9
-    q = [np.array(state.position) + status.tracking_error for state, status in zip(states, statuses, strict=True)]
+    both = zip(states, statuses, strict=True)  # followers of loops come after the degrees of freedom
+    q = [np.add(state.position[: len(status.tracking_error)], status.tracking_error) for state, status in both]
     return q[2], (q[2] - q[1]) / dt, (q[2] - 2.0 * q[1] + q[0]) / dt**2
 
 

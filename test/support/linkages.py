@@ -90,3 +90,17 @@ FIVE_BAR = {
     "start": {"p1": -0.3, "r1": 0.4},
 }
 """The loop, of two degrees of freedom."""
+
+
+def placed_by_page(tree, q, names):
+    """Return the placement of each link as web/src/tree.js computes it."""
+    world = []
+    for body in tree["bodies"]:
+        rest = np.reshape(body["placement"], (4, 4))
+        X = np.eye(4)
+        if body["kind"] == "revolute":
+            angle = body["multiplier"] * q[body["q"]] + body["offset"]
+            X[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        world.append((world[body["parent"]] if world else np.eye(4)) @ rest @ X)
+    links = zip(names, tree["links"], strict=True)
+    return {name: world[link["body"]] @ np.reshape(link["placement"], (4, 4)) for name, link in links}
