@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import listed, mapping, not_negative, numbers, positive, vector
+from diag_dynamics.checks import listed, mapping, not_negative, numbers, per_name, positive, vector
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.remarks import warn
 from diag_dynamics.rigid_body import RigidBody, parallel_axes
@@ -157,15 +157,12 @@ class _Field(NamedTuple):
         return np.asarray(self.V.T @ (np.outer(p, p) * xi**both / both) @ self.V) / self.length
 
 
-def _normal_modes(count: int, first: int, length: float, stiffness: float, inertia: float) -> _Field:
-    """Return modes of x^first …: of bending (first power 2, EI and mass) or torsion (1, GJ and polar inertia)."""
-    p = np.arange(first, first + count)
-    if not count:
-        return _Field(p, np.zeros((0, 0)), np.zeros(0), length)
-    both, order = np.add.outer(p, p), 2 if first == 2 else 1
-    factor = np.outer(p, p) if order == 1 else np.outer(p * (p - 1), p * (p - 1))
+def _normal_modes(count: int, order: int, length: float, stiffness: float, inertia: float) -> _Field:
+    """Return modes of x^order …: of bending (order 2, EI and mass) or torsion (1, GJ and polar inertia)."""
+    p = np.arange(order, order + count)
+    both, derivative = np.add.outer(p, p), p if order == 1 else p * (p - 1)
     L = np.linalg.inv(np.linalg.cholesky(inertia / (both + 1.0)))
-    K = stiffness / length ** (2 * order - 1) * factor / (both - 2.0 * order + 1.0)
+    K = stiffness / length ** (2 * order - 1) * np.outer(derivative, derivative) / (both - 2.0 * order + 1.0)
     squares, V = np.linalg.eigh(L @ K @ L.T)
     return _Field(p, L.T @ V, np.sqrt(squares), length)
 
@@ -177,7 +174,9 @@ def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: f
     if (counts != counts.astype(int)).any() or (counts < 0).any() or (counts > MAX_MODES).any() or not counts.any():
         raise InputError(f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to {MAX_MODES}.")
     n_y, n_z, n_x = (int(n) for n in counts)
-    EI = _bending_stiffness(f"{where}: EI", given)
+    EI = numbers(f"{where}: EI", given["EI"], (2,), "two numbers > 0 [N m²]")
+    if not (EI > 0.0).all():
+        raise InputError(f"{where}: EI is {EI.tolist()}, expected two numbers > 0 [N m²].")
     GJ = positive(f"{where}: GJ", given.get("GJ"), "[N m²]") if n_x else 1.0
     if n_x and not polar > 0.0:
         raise InputError(f"{where}: its inertia about the beam is {polar:g} kg m², expected more than 0 for torsion.")
@@ -203,11 +202,12 @@ def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: f
         return row
 
     points = max(n_y, n_z, n_x)
+    names = tuple(f"{link}/{letter}{k + 1}" for letter, m in zip("yzx", (n_y, n_z, n_x), strict=True) for k in range(m))
     return FlexibleLink(
-        tuple(f"{link}/{letter}{k + 1}" for letter, m in zip("yzx", (n_y, n_z, n_x), strict=True) for k in range(m)),
+        names,
         _axes(vector_),
         np.concatenate([planes[0].frequencies, planes[1].frequencies, twist.frequencies]),
-        _ratios(where, given, n),
+        _ratios(where, given, names),
         tuple(station(xi, False, weight) for xi, weight in _gauss(points + 2)),
         {tip: station(1.0, True, 0.0)},
         np.array([bend(k, *one) for k in (0, 1) for one in _gauss(3 * (n_y, n_z)[k])]).reshape(-1, 2, n),
@@ -222,38 +222,9 @@ def _gauss(count: int) -> list[tuple[float, float]]:
     return list(zip((0.5 * (1.0 + x)).tolist(), (0.5 * w).tolist(), strict=True))
 
 
-def _bending_stiffness(where: str, given: Mapping[str, Any]) -> Array:
-    """Return EI against bending along y and z, given both, or E and the section."""
-    EI = given.get("EI")
-    if not isinstance(EI, Mapping):
-        values = numbers(where, [EI, EI] if np.ndim(EI) == 0 else EI, (2,), "two numbers > 0 [N m²]")
-    else:
-        if set(EI) != {"E", "section"} or len(section := mapping(where, EI["section"])) != 1:
-            raise InputError(f"{where} is {EI!r}, expected two numbers, or E and section: {{tube | box: sizes}}.")
-        [(kind, sizes)] = section.items()
-        if kind not in ("tube", "box"):
-            raise InputError(f"{where}: section is '{kind}', expected tube or box.")
-        if kind == "tube":  # outer and inner diameter
-            d = numbers(f"{where}: tube", sizes, (2,), "outer and inner diameter [m]")
-            area = np.full(2, np.pi / 64.0 * (d[0] ** 4 - d[1] ** 4))
-        else:  # along y and z, and the wall
-            b, h, t = numbers(f"{where}: box", sizes, (3,), "width along y, height along z, wall [m]")
-            inner = max(b - 2.0 * t, 0.0), max(h - 2.0 * t, 0.0)
-            area = np.array([h * b**3 - inner[1] * inner[0] ** 3, b * h**3 - inner[0] * inner[1] ** 3]) / 12.0
-        values = positive(f"{where}: E", EI["E"], "[Pa]") * area
-    if not (values > 0.0).all():
-        raise InputError(f"{where} is {values.tolist()}, expected two numbers > 0 [N m²].")
-    return values
-
-
-def _ratios(where: str, given: Mapping[str, Any], n: int) -> Array:
+def _ratios(where: str, given: Mapping[str, Any], modes: tuple[str, ...]) -> Array:
     ratio = given.get("damping_ratio", 0.0)
-    if np.ndim(ratio) == 0:
-        ratio = [not_negative(f"{where}: damping_ratio", ratio, "[1]")] * n
-    found = numbers(f"{where}: damping_ratio", ratio, (n,), f"a number >= 0, or {n} of them")
-    if (found < 0.0).any():
-        raise InputError(f"{where}: damping_ratio is {found.tolist()}, expected numbers >= 0.")
-    return found
+    return per_name(f"{where}: damping_ratio", ratio, modes, "a finite number >= 0", lambda x: 0.0 <= x < np.inf)
 
 
 def _axes(direction: Array) -> Array:
@@ -267,6 +238,9 @@ def _axes(direction: Array) -> Array:
 
 # --- Finite elements --------------------------------------------------------------------------------------------
 
+NODE = "mass", "xyz", "shape", "shortening"
+TIP = "shape", "slope", "shortening"
+
 
 def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any]) -> FlexibleLink:
     """Return the modes of nodes, in the link's axes: shapes of unit modal mass of the link clamped at its origin."""
@@ -279,10 +253,9 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
         )
     axes = _axes(next(iter(origins.values())))
 
-    def station(name: str, at: Array, entry: Any) -> Station:
-        entry = mapping(f"{where}: {name}", entry)
-        if unknown := set(entry) - {"mass", "xyz", "shape", "slope", "shortening"}:
-            raise InputError(f"{where}: {name} has {listed(sorted(map(repr, unknown)))}, which is unknown.")
+    def station(name: str, entry: Any, known: tuple[str, ...], at: Array | None = None) -> Station:
+        entry = mapping(f"{where}: {name}", entry, known)
+        at = numbers(f"{where}: xyz of {name}", entry.get("xyz", at), (3,), "three numbers")
         parts = {}
         for key, shape in (("shape", (n, 3)), ("slope", (n, 3)), ("shortening", (n, n))):
             expected = " x ".join(map(str, shape)) + " numbers"
@@ -291,15 +264,10 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
         H = 0.5 * (parts["shortening"] + parts["shortening"].T)
         return Station(axes.T @ at, axes.T @ parts["shape"].T, axes.T @ parts["slope"].T, H, mass)
 
-    nodes = []
-    for k, entry in enumerate(given["nodes"]):
-        at = numbers(
-            f"{where}: xyz of node {k}", mapping(f"{where}: node {k}", entry).get("xyz"), (3,), "three numbers"
-        )
-        nodes.append(station(f"node {k}", at, entry)._replace(slope=np.zeros((3, n))))
-    tips = {joint: station(f"tip '{joint}'", origins[joint], entry) for joint, entry in given["tips"].items()}
+    nodes = tuple(station(f"node {k}", entry, NODE) for k, entry in enumerate(given["nodes"]))
+    tips = {joint: station(f"tip '{joint}'", entry, TIP, origins[joint]) for joint, entry in given["tips"].items()}
     names, bends = tuple(f"{link}/m{k + 1}" for k in range(n)), np.zeros((0, 2, n))
-    return FlexibleLink(names, axes, frequencies, _ratios(where, given, n), tuple(nodes), tips, bends)
+    return FlexibleLink(names, axes, frequencies, _ratios(where, given, names), nodes, tips, bends)
 
 
 # --- The modes of a model ---------------------------------------------------------------------------------------
@@ -332,8 +300,8 @@ def warn_of_slopes(model: Any, q: Array) -> None:
 
 # --- The robot --------------------------------------------------------------------------------------------------
 
-BEAM = {"tip", "EI", "GJ", "modes", "damping_ratio", "mass"}
-ELEMENTS = {"nodes", "frequencies", "tips", "damping_ratio"}
+BEAM = "tip", "EI", "GJ", "modes", "damping_ratio", "mass"
+ELEMENTS = "frequencies", "nodes", "tips", "damping_ratio"
 
 
 class Flexible(NamedTuple):
@@ -374,7 +342,7 @@ def with_flexible_links(robot: Any, given: Mapping[str, Any]) -> tuple[Any, Flex
     robot = copy.copy(robot)
     robot.links, robot.joints = list(robot.links), list(robot.joints)
     found = Flexible({}, {}, ())
-    for name, entry in mapping("flexible_links", given).items():
+    for name, entry in given.items():
         places = [k for k, link in enumerate(robot.links) if link.name == name]
         if not places:
             raise InputError(f"flexible_links: '{name}' is not a link of robot '{robot.name}'.")
@@ -394,7 +362,7 @@ def with_flexible_links(robot: Any, given: Mapping[str, Any]) -> tuple[Any, Flex
             index = next(k for k, one in enumerate(robot.joints) if one.name == joint)
             moved = robot.joints[index] = copy.copy(robot.joints[index])
             turn = np.eye(4)
-            turn[:3, :3] = flexible.axes.T @ (np.eye(3) if moved.origin is None else moved.origin[:3, :3])
+            turn[:3, :3] = flexible.axes.T @ _origin(moved)[:3, :3]
             moved.parent, moved.origin = end.name, turn
         own = frozenset(joint.name for joint in robot.joints) - before
         found = found._replace(groups=(*found.groups, own))
@@ -404,12 +372,8 @@ def with_flexible_links(robot: Any, given: Mapping[str, Any]) -> tuple[Any, Flex
 def _flexible_link(robot: Any, link: Any, given: Mapping[str, Any]) -> FlexibleLink:
     """Check the entry of a link, and leave it the inertia that is not that of its modes."""
     where = f"flexible link '{link.name}'"
-    known = ELEMENTS if "nodes" in given else BEAM
-    required = known - {"damping_ratio", "GJ", "modes", "mass"}
-    if unknown := set(given) - known or required - set(given):
-        raise InputError(
-            f"{where}: {listed(sorted(map(repr, unknown)))} is unknown or missing, expected {listed(sorted(known))}."
-        )
+    known, required = (ELEMENTS, ELEMENTS[:3]) if "nodes" in given else (BEAM, BEAM[:2])
+    mapping(where, given, known, required)
     if link.inertial is None or not link.inertial.mass > 0.0:
         raise InputError(f"{where} has no mass, expected an <inertial>.")
     joints = {joint.name: joint for joint in robot.joints if joint.parent == link.name}
@@ -419,22 +383,24 @@ def _flexible_link(robot: Any, link: Any, given: Mapping[str, Any]) -> FlexibleL
             raise InputError(
                 f"{where}: tip '{tip}' is not a joint of this link; its joints are {listed(list(joints))}."
             )
-    origins = {tip: np.zeros(3) if joints[tip].origin is None else joints[tip].origin[:3, 3] for tip in tips}
+    origins = {tip: _origin(joints[tip])[:3, 3] for tip in tips}
     tip, vector_ = next(iter(origins.items()))
     if not np.linalg.norm(vector_) > 0.0:
         raise InputError(f"{where}: joint '{tip}' is at its origin, expected a tip at a distance.")
-    origin = np.eye(4) if link.inertial.origin is None else link.inertial.origin
-    whole = RigidBody(link.inertial.mass, np.zeros(3), np.asarray(link.inertial.inertia)).moved(origin)
+    whole = RigidBody(link.inertial.mass, np.zeros(3), np.asarray(link.inertial.inertia)).moved(_origin(link.inertial))
     if "nodes" in given:
         flexible = _elements(link.name, origins, given)
     else:
-        mass = given.get("mass", "inertial")
-        mass = whole.mass if mass == "inertial" else positive(f"{where}: mass", mass, "[kg]")
+        mass = positive(f"{where}: mass", given.get("mass", whole.mass), "[kg]")
         x = vector_ / np.linalg.norm(vector_)
         about = whole.inertia + parallel_axes(whole.mass, whole.centre)
         flexible = _beam(link.name, tip, vector_, given, mass, float(x @ about @ x) * mass / whole.mass)
     link.inertial = _rest(where, whole, flexible, float(np.linalg.norm(vector_)))
     return flexible
+
+
+def _origin(one: Any) -> Array:
+    return np.eye(4) if one.origin is None else np.asarray(one.origin)
 
 
 def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -> Any:

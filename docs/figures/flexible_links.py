@@ -13,7 +13,7 @@ TIP = (
     '<link name="tip"/><joint name="tip" type="fixed"><parent link="rod3"/><child link="tip"/>'
     '<origin xyz="0.3 0 0"/></joint></robot>'
 )
-BENDING = {"EI": 34.0, "modes": [2, 0, 0], "damping_ratio": 0.02}
+BENDING = {"EI": [34.0, 34.0], "modes": [2, 0, 0], "damping_ratio": 0.02}
 STIFFNESS, DAMPING = np.array([900.0, 400.0, 50.0]), np.array([40.0, 12.0, 1.0])
 START, TURN, TIME = np.array([-0.6, 0.4, 0.4]), np.array([1.2, 0.3, -0.3]), 0.8
 
