@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from diag_dynamics.checks import choice, listed, not_negative, positive
-from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.tree import Tree
 
 _POSITIVE = {"stiffness": "[N m/rad, N/m]", "rotor_inertia": "[kg m²]", "gear": "[1, rad/m]"}
-_CHOICES = {"model": ("reduced", "complete"), "position": ("motor", "link"), "effort": ("motor", "spring")}
+_CHOICES = {"position": ("motor", "link"), "effort": ("motor", "spring")}
 
 
 class FlexibleJoint(NamedTuple):
@@ -29,7 +29,6 @@ class FlexibleJoint(NamedTuple):
     rotor_inertia: float  # J_rotor, at the motor [kg m²]
     damping: float = 0.0  # d [N m s/rad, N s/m]
     gear: float = 1.0  # N [1, prismatic: rad/m]
-    model: str = "reduced"
     position: str = "motor"
     effort: str = "motor"
 
@@ -47,8 +46,6 @@ def checked_joint(entry: Mapping[str, Any], source: str) -> FlexibleJoint:
     values["damping"] = not_negative(f"{source}: damping", values["damping"], "[N m s/rad, N s/m]")
     for name, known in _CHOICES.items():
         choice(f"{source}: {name}", values.get(name, known[0]), known)
-    if values.get("model") == "complete":
-        raise UnsupportedError(f"{source}: model is 'complete', which is not implemented; expected 'reduced'.")
     return FlexibleJoint(**values)
 
 

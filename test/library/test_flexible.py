@@ -465,7 +465,6 @@ WRONG = {
     "missing": ({"panda_joint1": {"stiffness": 1.0}}, {}, "'panda_joint1': rotor_inertia is None"),
     "key": ({"panda_joint1": ENTRY | {"spring": 1.0}}, {}, "'panda_joint1' has 'spring'"),
     "position": ({"panda_joint1": ENTRY | {"position": "both"}}, {}, "'panda_joint1': position is 'both'"),
-    "complete": ({"panda_joint1": ENTRY | {"model": "complete"}}, {}, "'complete', which is not implemented"),
     "armature": ({"panda_joint1": ENTRY}, {"armature": {"panda_joint1": 0.1}}, "'panda_joint1' has armature 0.1"),
     "all armatures": ({"panda_joint1": ENTRY}, {"armature": 0.1}, "'panda_joint1' has armature 0.1"),
 }
@@ -474,7 +473,7 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_parameters(case):
     flexible, options, text = WRONG[case]
-    with pytest.raises((dd.InputError, UnsupportedError), match=text):
+    with pytest.raises(dd.InputError, match=text):
         dd.load_urdf(URDF, parameters={"flexible_joints": flexible}, **options)
 
 
