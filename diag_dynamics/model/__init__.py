@@ -8,7 +8,6 @@ raises a UrdfError that names the element.
 """
 
 from diag_dynamics.model.catalog import load_robot
-from diag_dynamics.model.flexible import FlexibleJoint
 from diag_dynamics.model.flexible_links import FlexibleLink
 from diag_dynamics.model.inertias import Payload
 from diag_dynamics.model.links import end_effector_link
@@ -16,7 +15,7 @@ from diag_dynamics.model.loading import load_urdf
 from diag_dynamics.model.loops import Curve, Loop, LoopEnd
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.mjcf import load_mjcf
-from diag_dynamics.model.parameters import Coupling, JointParameters, Parameters
+from diag_dynamics.model.parameters import Coupling, FlexibleJoint, JointParameters, Parameters
 from diag_dynamics.model.robot import RobotModel
 from diag_dynamics.model.sources import urdf_text
 

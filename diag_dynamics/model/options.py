@@ -13,13 +13,12 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import mapping, number, numbers
 from diag_dynamics.exceptions import InputError, MimicJointError, UnsupportedError
-from diag_dynamics.model.flexible import FlexibleJoint
 from diag_dynamics.model.flexible_links import Flexible
 from diag_dynamics.model.inertias import LARGEST, Payload
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.loops import Curve, Loop, close, resolve_curves, without_curves
 from diag_dynamics.model.mimic import resolve_mimics
-from diag_dynamics.model.parameters import Coupling
+from diag_dynamics.model.parameters import Coupling, FlexibleJoint
 from diag_dynamics.model.tree import Tree
 
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default

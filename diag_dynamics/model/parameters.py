@@ -17,9 +17,8 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import listed, mapping, not_negative, number, numbers
+from diag_dynamics.checks import choice, listed, mapping, not_negative, number, numbers, positive
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.flexible import FlexibleJoint, checked_joint
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_body, not_physical
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.tree import Tree
@@ -39,6 +38,8 @@ _UNITS = {
     "effort_scale": "[N m, N by reported unit]",
 }
 SIGNED = "effort_offset", "effort_scale"
+_POSITIVE = {"stiffness": "[N m/rad, N/m]", "rotor_inertia": "[kg m²]", "gear": "[1, rad/m]"}
+_CHOICES = {"position": ("motor", "link"), "effort": ("motor", "spring")}
 
 _HEAD = """\
 # Parameters of a robot beside its URDF: load_urdf(…, parameters=…), and parameters_file of every node of diag_dynamics.
@@ -50,6 +51,27 @@ _HEAD = """\
 # Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in the axes of the link, inertia about com
 # [kg m²].
 """
+
+
+class FlexibleJoint(NamedTuple):
+    """Spring and rotor of a joint in the reduced model, in which a rotor has the energy of its own spin alone.
+
+    With the motor's position θ = θ_motor/N and the link's q the spring torque is τ_J = k(θ − q) + d(θ̇ − q̇), and
+    B = N²J_rotor. Joint states carry the position of the "motor" (θ) or the "link" (q), and the effort of the "motor"
+    (N τ_motor) or of the "spring" (τ_J).
+    """
+
+    stiffness: float  # k [N m/rad, N/m]
+    rotor_inertia: float  # J_rotor, at the motor [kg m²]
+    damping: float = 0.0  # d [N m s/rad, N s/m]
+    gear: float = 1.0  # N [1, prismatic: rad/m]
+    position: str = "motor"
+    effort: str = "motor"
+
+    @property
+    def reflected_inertia(self) -> float:
+        """B [kg m², kg]."""
+        return self.gear**2 * self.rotor_inertia
 
 
 class JointParameters(NamedTuple):
@@ -236,7 +258,14 @@ def _joint(entry: object, source: str) -> JointParameters:
 
 
 def _flexible(entry: object, source: str) -> FlexibleJoint:
-    return checked_joint(mapping(source, entry, FlexibleJoint._fields), source)
+    fields = FlexibleJoint._fields
+    values = {"gear": 1.0, "damping": 0.0, **mapping(source, entry, fields, fields[:2])}
+    for name, unit in _POSITIVE.items():
+        values[name] = positive(f"{source}: {name}", values[name], unit)
+    values["damping"] = not_negative(f"{source}: damping", values["damping"], "[N m s/rad, N s/m]")
+    for name, known in _CHOICES.items():
+        choice(f"{source}: {name}", values.get(name, known[0]), known)
+    return FlexibleJoint(**values)
 
 
 def _coupling(entry: object, name: str, source: str) -> Coupling:
@@ -256,6 +285,22 @@ def _body(entry: object, source: str, may_be_negative: bool) -> Payload:
     entries = mapping(source, entry, Payload._fields).items()
     given = mapping(source, {key: x for key, x in entries if x is not None}, required=["mass"])
     return checked_body(Payload(**given), f"{source}: ", may_be_negative=may_be_negative)
+
+
+def flexible_joints(tree: Tree, given: Mapping[str, FlexibleJoint], armature: Mapping[str, float]) -> dict[str, Any]:
+    """Return the flexible joints that are degrees of freedom, in their order; InputError names joints that cannot be."""
+    types = {joint.name: joint.type for joint in tree.robot.joints}
+    for name in given:
+        reason = f"is no joint of robot '{tree.robot.name}', expected one of {listed(list(types))}"
+        if name in types:
+            reason = "" if types[name] in SINGLE else f"is {types[name]}, expected one degree of freedom"
+        if not reason and name not in (*tree.dof_names, *tree.locked):
+            reason = "follows other joints, expected a degree of freedom"
+        if armature.get(name):
+            reason = f"has armature {armature[name]:g}, expected none. Set its rotor_inertia and gear"
+        if reason:
+            raise InputError(f"flexible_joints: '{name}' {reason}.")
+    return {name: given[name] for name in tree.dof_names if name in given}
 
 
 def apply_parameters(robot: Any, parameters: Parameters) -> Any:

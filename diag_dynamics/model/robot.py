@@ -18,7 +18,6 @@ import numpy.typing as npt
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import number, vector
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.flexible import FlexibleJoint, flexible_joints
 from diag_dynamics.model.flexible_links import (
     FlexibleLink,
     modal_effort,
@@ -41,8 +40,10 @@ from diag_dynamics.model.options import (
 )
 from diag_dynamics.model.parameters import (
     Coupling,
+    FlexibleJoint,
     Parameters,
     apply_parameters,
+    flexible_joints,
     perturbed_links,
     read_parameters,
     reject_too_light,

@@ -462,7 +462,7 @@ WRONG = {
     "stiffness": ({"panda_joint1": ENTRY | {"stiffness": 0.0}}, {}, "'panda_joint1': stiffness is 0.0"),
     "damping": ({"panda_joint1": ENTRY | {"damping": -1.0}}, {}, "'panda_joint1': damping is -1.0"),
     "rotor": ({"panda_joint1": ENTRY | {"rotor_inertia": "x"}}, {}, "'panda_joint1': rotor_inertia is 'x'"),
-    "missing": ({"panda_joint1": {"stiffness": 1.0}}, {}, "'panda_joint1': rotor_inertia is None"),
+    "missing": ({"panda_joint1": {"stiffness": 1.0}}, {}, "'panda_joint1' has no rotor_inertia"),
     "key": ({"panda_joint1": ENTRY | {"spring": 1.0}}, {}, "'panda_joint1' has 'spring'"),
     "position": ({"panda_joint1": ENTRY | {"position": "both"}}, {}, "'panda_joint1': position is 'both'"),
     "armature": ({"panda_joint1": ENTRY}, {"armature": {"panda_joint1": 0.1}}, "'panda_joint1' has armature 0.1"),
