@@ -13,8 +13,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import cause_of
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
-from diag_dynamics.joint_states.flexible import LinkPositions
-from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.joints import LinkPositions, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import RejectedUnits

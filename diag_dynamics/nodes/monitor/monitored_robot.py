@@ -12,8 +12,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
-from diag_dynamics.joint_states.flexible import LinkPositions
-from diag_dynamics.joint_states.joints import RobotState, joints_of
+from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_link
