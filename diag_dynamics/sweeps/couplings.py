@@ -5,7 +5,7 @@
 
 A follower's rate is Σ G q̇ over independent joints. It is a body for each of them, all along the same axis in one frame:
 the workspace has the body's own entry of G as `multiplier`, its rate Ġ as `multiplier_rate`, and the follower's position
-as `offset`. These three are all that other sweeps know of a coupling.
+as `offset`. Other sweeps read only these three.
 
 A loop is cut. It is closed where φ = 0: points on both sides of the cut coincide, in directions that are fixed in the
 group's carrier. With J = ∂φ/∂q over all joints of the group, independent ones r, followers d,
@@ -37,7 +37,7 @@ LOOP = np.dtype([(name, "i8") for name in ("begin", "end", "followers", "first",
 """A group that is closed: its joints, the number of followers, its closures, and the number of equations."""
 
 JOINT = np.dtype([("body", "i8"), ("carrier", "i8"), ("order", "i8")])
-"""A joint of a loop: its first body, the joint that carries it or -1, and a joint: followers in order, then the others."""
+"""A joint of a loop: its first body, the joint that carries it or -1, and in `order` the joints, followers first."""
 
 CLOSURE = np.dtype(
     [
@@ -79,8 +79,9 @@ COUPLINGS = Table(
     closures=array(CLOSURE),
     curves=array(CURVE),
     pieces=array(float, 2),  # where each begins, and coefficients of the distance from there, the constant first
-    start=array(float),  # positions of joints of loops: at the start, at the last state, and now
+    start=array(float),  # positions of joints of loops: at the start, at the last state, before this one, and now
     last=array(float),
+    before=array(float),
     position=array(float),
     forms=array(FORM),
     coefficients=array(float),  # of forms; without Q if that is zero
@@ -104,8 +105,11 @@ NEAR = 0.5
 LARGEST_CORRECTION = 0.25
 """Correction of a follower [rad, m] above which a step toward the state is halved: it might change the branch."""
 
-SMALLEST_STEP = 1e-4
-"""Fraction of the remaining way below which a loop counts as one that cannot be closed."""
+LONGEST_STEP, SHORTEST_STEP = 0.1, 1e-5
+"""Steps of independent joints [rad, m]: a longer one may change the branch, for a shorter one the loop cannot be closed."""
+
+STEPS = 1_000_000
+"""Maximum number of steps to a state."""
 
 FINE = 1e-9
 """Correction [rad, m] after which Newton's method has converged: the next one is its square."""
@@ -120,7 +124,7 @@ NEARLY_SINGULAR, SINGULAR = 1e-6, 1e-10
 """Ratio of a loop below which to warn, and to refuse."""
 
 OPEN_LOOP, SINGULAR_LOOP = -1000, -2000
-"""Statuses of a loop that cannot be closed or is singular, less the number of the loop."""
+"""Statuses of a loop that cannot be closed or is singular, minus the number of the loop."""
 
 ITERATIONS = 15
 
@@ -150,7 +154,7 @@ class Couplings:
         given = {"bodies": bodies, "work": work, "nq": nq, "nv": nv, "ratio": self.ratio} | of_model._asdict()
         shapes = dict.fromkeys(("J", "J_rate", "reduced"), (count, rows)) | {"frames": (count, 30)}
         shapes |= {"x": max(rows, count), "bend": len(of_model.curves)} | dict.fromkeys(
-            ("last", "position", "diagonal", "scale"), count
+            ("last", "before", "position", "diagonal", "scale"), count
         )
         self._addresses = Addresses(
             COUPLINGS, **given, **{name: np.full(size, np.nan) for name, size in shapes.items()}
@@ -270,7 +274,7 @@ def _add_end(at, k, F, sign, row):
 @nk.kernel
 def _close(at, number):
     """Fill J and φ, in x; return the largest entry of φ, and the size of points by which it is rounded."""
-    loop, row, largest, size = at.loops[number], 0, 0.0, 0.0
+    loop, largest, size = at.loops[number], 0.0, 0.0
     for k in range(loop.begin, loop.end):
         for row in range(loop.rows):
             at.J[k, row] = 0.0
@@ -296,7 +300,7 @@ def _close(at, number):
 
 @nk.large_kernel
 def _newton(table, number):
-    """Find the followers from where they are; J and its reduction are those of the result. Returns whether they are."""
+    """Run Newton's method from `position`; returns whether it converged. J and its reduction are those of the result."""
     at = _opened(table)
     loop, correction = at.loops[number], math.inf
     for _ in range(ITERATIONS):
@@ -332,6 +336,16 @@ def _set_ratios(table, loop):
             at.work[at.joints[at.joints[loop.begin + k].order].body + rank].multiplier = at.x[k]
 
 
+@nk.kernel
+def _distance(at, loop, q):
+    """Largest way of an independent joint from the last state."""
+    farthest = 0.0
+    for k in range(loop.begin + loop.followers, loop.end):
+        r = at.joints[k].order
+        farthest = max(farthest, abs(q[at.bodies[at.joints[r].body].q] - at.last[r]))
+    return farthest
+
+
 @nk.large_kernel
 def _approach(table, number, q):
     """Move a closed loop from `last` to q in as many steps as it needs; returns whether it arrives.
@@ -339,9 +353,10 @@ def _approach(table, number, q):
     Followers begin where their ratios take them, so that the branch stays where two of them meet.
     """
     at = _opened(table)
-    loop, step = at.loops[number], 1.0
-    while step > SMALLEST_STEP:
-        moved = step == 1.0  # steps shorter than rounding would succeed without an end
+    loop, length = at.loops[number], LONGEST_STEP
+    for _ in range(STEPS):
+        remaining = _distance(at, loop, q)
+        step = 1.0 if remaining <= length else length / remaining
         for k in range(loop.followers):
             i = at.joints[loop.begin + k].order
             at.position[i] = at.last[i]
@@ -349,39 +364,28 @@ def _approach(table, number, q):
             r = at.joints[loop.begin + loop.followers + rank].order
             target = q[at.bodies[at.joints[r].body].q]
             at.position[r] = target if step == 1.0 else at.last[r] + step * (target - at.last[r])
-            moved |= at.position[r] != at.last[r]
             for k in range(loop.followers):
                 i = at.joints[loop.begin + k].order
                 at.position[i] += at.work[at.joints[i].body + rank].multiplier * (at.position[r] - at.last[r])
-        if not moved:
-            return False
         if _newton(table, number):
             _set_ratios(table, loop)
             if step == 1.0:
                 return True
-            step = min(1.0, 2.0 * step / (1.0 - step))
+            length = min(2.0 * length, LONGEST_STEP)
         else:
-            step *= 0.5
+            length = 0.5 * min(length, remaining)
+            if not length > SHORTEST_STEP:
+                return False
     return False
 
 
-@nk.kernel
-def _is_near(at, loop, q):
-    """Whether the last state is known and near."""
-    for k in range(loop.begin + loop.followers, loop.end):
-        r = at.joints[k].order
-        if not abs(q[at.bodies[at.joints[r].body].q] - at.last[r]) <= NEAR:
-            return False
-    return True
-
-
 @nk.large_kernel
-def _begin(table, number):
-    """Close a loop at its start values; returns whether it is closed there."""
+def _close_at(table, number, positions):
+    """Close a loop near positions of its joints; returns whether it is closed."""
     at = _opened(table)
     loop = at.loops[number]
     for k in range(loop.begin, loop.end):
-        at.position[k] = at.start[k]
+        at.position[k] = positions[k]
     closed = _newton(table, number)
     if closed:
         _set_ratios(table, loop)
@@ -390,15 +394,25 @@ def _begin(table, number):
 
 @nk.large_kernel
 def _close_loop(table, number, q):
-    """Positions of followers of a loop and their ratios; returns a status."""
+    """Positions of followers of a loop and their ratios; returns a status.
+
+    They are found from the last state if it is near, else from the start, else from the last state.
+    """
     at = _opened(table)
     loop = at.loops[number]
-    closed = _is_near(at, loop, q) and _approach(table, number, q)
+    for k in range(loop.begin, loop.end):
+        at.before[k] = at.last[k]
+    is_near = _distance(at, loop, q) <= NEAR
+    closed = is_near and _approach(table, number, q)
     if not closed:
-        closed = _begin(table, number) and _approach(table, number, q)
+        closed = _close_at(table, number, at.start) and _approach(table, number, q)
+    if not (closed or is_near):
+        closed = _close_at(table, number, at.before) and _approach(table, number, q)
     if not closed:
-        at.last[loop.begin : loop.end] = math.nan
-        return (SINGULAR_LOOP if not at.ratio[number] > SINGULAR else OPEN_LOOP) - number
+        is_singular = not at.ratio[number] > SINGULAR
+        if not _close_at(table, number, at.before):
+            at.last[loop.begin : loop.end] = math.nan
+        return (SINGULAR_LOOP if is_singular else OPEN_LOOP) - number
     for k in range(loop.followers):
         i = at.joints[loop.begin + k].order
         at.work[at.joints[i].body].offset = at.position[i]
