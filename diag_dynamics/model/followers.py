@@ -111,22 +111,31 @@ def closed(model: Any, q: Array) -> Array:
 def limit_by_followers(model: Any, joints: Any, lower: Array, upper: Array) -> list[str]:
     """Narrow the limits of independent joints to where followers are within theirs and loops can be closed.
 
-    Return texts on followers of several joints, whose limits do not count. Continuous joints have no limits.
+    Return texts on followers whose limits do not count: those of several joints, of continuous ones, and those that are
+    beyond their limits at the start.
     """
     ends = {name: [joints[name].limit(side, np.nan) for side in ("lower", "upper")] for name in model.followers}
-    for leader in {leaders for leaders in model.followers.values() if len(leaders) == 1}:
-        own = {name: ends[name] for name, leaders in model.followers.items() if leaders == leader}
-        has_end = np.isfinite(list(own.values())).any() or any(leader[0] in group for group in model.loop_joints)
-        if has_end and leader[0] not in model.continuous_joints:
-            k = model.coordinate_names.index(leader[0])
-            lower[k], upper[k] = _end(model, k, lower[k], -1.0, own), _end(model, k, upper[k], 1.0, own)
-    several = {name: leaders for name, leaders in model.followers.items() if len(leaders) > 1}
-    limited = [name for name in several if np.isfinite(ends[name]).any()]
-    return [f"limits of joint '{name}', which follows {listed(several[name])}" for name in limited]
+    limited, omitted = [name for name in ends if np.isfinite(ends[name]).any()], set[str]()
+    for leaders in set(model.followers.values()):
+        own = {name: ends[name] for name, others in model.followers.items() if others == leaders}
+        if len(leaders) > 1 or leaders[0] in model.continuous_joints:
+            omitted |= own.keys()
+        elif own.keys() & set(limited) or any(leaders[0] in group for group in model.loop_joints):
+            k = model.coordinate_names.index(leaders[0])
+            found = [_end(model, k, lower[k], -1.0, own), _end(model, k, upper[k], 1.0, own)]
+            if None in found:
+                omitted |= own.keys()
+            else:
+                lower[k], upper[k] = found
+    return [
+        f"limits of joint '{name}', which follows {listed(model.followers[name])}"
+        for name in limited
+        if name in omitted
+    ]
 
 
-def _end(model: Any, k: int, limit: float, sign: float, own: Mapping[str, Any]) -> float:
-    """Return the position up to which a joint moves toward its limit from the start."""
+def _end(model: Any, k: int, limit: float, sign: float, own: Mapping[str, Any]) -> float | None:
+    """Return the position up to which a joint moves toward its limit from the start; None if followers are beyond theirs."""
     motion, start = FollowerMotion(model), model.start
     rows, ends = [motion.names.index(name) for name in own], np.array(list(own.values()))
 
@@ -139,8 +148,8 @@ def _end(model: Any, k: int, limit: float, sign: float, own: Mapping[str, Any]) 
         return not ((position < ends[:, 0]) | (position > ends[:, 1])).any()
 
     good, steps = float(start[k]), 0
-    if not fits(good) or sign * (limit - good) <= 0.0:
-        return limit
+    if not fits(good):
+        return None
     while sign * (limit - good) > 0.0 and steps < STEPS:
         ahead, steps = min(sign * limit, sign * good + STEP) * sign, steps + 1
         if not fits(ahead):
