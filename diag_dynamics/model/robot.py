@@ -19,6 +19,7 @@ from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import number, vector
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.flexible_links import (
+    Flexible,
     FlexibleLink,
     modal_effort,
 )
@@ -452,8 +453,9 @@ class RobotModel:
 
     def cut_tree(self) -> RobotModel:
         """Return this robot with its loops open and every joint independent; some may move no inertia."""
-        tree = self._tree
-        return RobotModel(Tree(tree.robot, tree.root, tree.floating_base, tree.locked, {}), self._options)
+        tree = Tree(self._tree.robot, self._tree.root, self.floating_base, self._tree.locked, {})
+        options = self._options._replace(loops=(), curves={}, mimic="free", flexible_links=Flexible())
+        return RobotModel(tree, options)
 
     def first_body(self, joint: str) -> int:
         """Return the first body of a joint that moves."""
