@@ -32,8 +32,11 @@ TYPES = {"point": 1, "revolute": 2, "weld": 3}
 DEPENDENT = 1e-7
 """Singular value of a loop's equations, by the largest, below which they depend on each other at the start."""
 
-GAP = 1e-3
-"""Largest distance of the ends of a loop [m], as the digits of a description leave it."""
+GAP, CLOSED = 1e-3, 1e-5
+"""Tolerance for rounded descriptions: distance of the ends of a loop [m], and along directions in which they can part."""
+
+RANK, ROUNDED_RANK = 1e-9, 1e-4
+"""Singular values of J, by the largest, below which no step is made; axes in descriptions may be rounded to 1e-4 rad."""
 
 MAX_CHOICES = 500
 """Maximum number of sets of independent joints that are compared."""
@@ -322,15 +325,15 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
         raise LoopError(f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one.")
     if modal := group.joints & result.flexible.joints:
         raise LoopError(f"{title}: joint '{min(modal)}' in it is of a flexible link, expected rigid links.")
-    given = {name for loop in group.loops for name in loop.independent}
+    given = {name for loop in group.loops for name in loop.independent} - cut.tree.locked.keys()
     if foreign := given - group.joints:
         text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
         raise LoopError(text)
-    for held in (given, set[str]()):
+    for held, dependent in ((given, RANK), (set[str](), RANK), (set[str](), ROUNDED_RANK)):
         start = cut.start(group.loops)
-        J, gap = cut.close(start, names, group, held)
+        J, gap = cut.close(start, names, group, held, dependent)
         closures, apart = cut.closures(start, names, group, max(DEPENDENT, 10.0 * gap))
-        if gap <= GAP and apart <= couplings.CLOSED:
+        if gap <= GAP and apart <= CLOSED:
             break
     else:
         cut.reject_open(group.loops, start)
@@ -424,12 +427,12 @@ class _Cut:
         for end in (loop.a, loop.b):
             if end.link not in self._places:
                 raise LoopError(f"loop '{loop.name}': '{end.link}' is not a link of this robot.")
-        for name in (*loop.independent, *loop.start):
+        for name in {*loop.independent, *loop.start} - self.tree.locked.keys():
             if name not in self._q:
-                text = f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that moves; it may be locked."
+                text = f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that moves."
                 raise LoopError(text)
         for name, x in loop.start.items():
-            if self.tree.moving[name].kind != "prismatic" and abs(x) > 2.0 * np.pi:
+            if name in self._q and self.tree.moving[name].kind != "prismatic" and abs(x) > 2.0 * np.pi:
                 raise LoopError(f"loop '{loop.name}': start of '{name}' is {x:g}, expected radians within ±2π.")
         return self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
 
@@ -450,8 +453,8 @@ class _Cut:
         """Return positions of all joints: the start values of loops, otherwise 0."""
         q = np.array([1.0 if index == 3 else 0.0 for index in self.tree.orientations])
         for loop in loops:
-            for name, value in loop.start.items():
-                q[self._q[name]] = value
+            for name in loop.start.keys() & self._q.keys():
+                q[self._q[name]] = loop.start[name]
         return q
 
     def moved(self, q: Array, names: list[str], directions: Array) -> list[Array]:
@@ -498,10 +501,12 @@ class _Cut:
             J.append(row)
         return np.concatenate(phi), np.concatenate(J)[:, [self._dof[name] for name in names]]
 
-    def close(self, q: Array, names: list[str], group: Group, held: set[str]) -> tuple[Array, float]:
+    def close(
+        self, q: Array, names: list[str], group: Group, held: set[str], dependent: float = RANK
+    ) -> tuple[Array, float]:
         """Move joints by the shortest way to where loops are closed; return J there, and the gap that remains.
 
-        Positions of `held` joints stay.
+        Positions of `held` joints stay. No step is made along singular values below `dependent`, by the largest.
         """
         moves, best = np.array([name not in held for name in names]), np.inf
         for _ in range(MAX_STEPS):
@@ -510,7 +515,7 @@ class _Cut:
             if gap < 1e-14 or (gap < 1e-6 and gap > 0.5 * best):
                 break
             best = min(best, gap)
-            step = np.linalg.lstsq(J * moves, phi, rcond=1e-9)[0] * moves
+            step = np.linalg.lstsq(J * moves, phi, rcond=dependent)[0] * moves
             q[self._columns(names)] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
         return J, gap
 

@@ -3,6 +3,7 @@
 
 """Robots with closed loops in what surrounds the sweeps: followers, friction, limits, joint states, simulation, control."""
 
+import pickle
 import warnings
 
 import numpy as np
@@ -131,6 +132,60 @@ def test_open_loop():
     np.testing.assert_allclose(dynamics.mass_matrix(model.start), dd.DiagonalDynamics(model).mass_matrix(model.start))
 
 
+def test_last_state_after_an_open_one():
+    """A state that is not on the straight line from the start is found again after one in which the loop is open."""
+    model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
+    dynamics, corner, goal = dd.DiagonalDynamics(model), np.array([0.0, 0.75, 2.75]), np.array([0.0, -0.604, 3.509])
+    for q in (*np.linspace(model.start, corner, 60), *np.linspace(corner, goal, 60)):
+        mass = dynamics.mass_matrix(q)
+    for _ in range(2):
+        with pytest.raises(LoopError):
+            dynamics.mass_matrix([0.0, -1.5, 1.5])
+        np.testing.assert_allclose(dynamics.mass_matrix(goal), mass, rtol=1e-9)
+    with pytest.raises(LoopError):
+        model.followers_at(goal)
+
+
+def test_positions_beyond_a_gap():
+    """A state that small steps cannot reach from the start is not reached by a large one."""
+    model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
+    with pytest.raises(LoopError):
+        model.followers_at([0.0, 5.45348675, -0.32880405])
+
+
+def test_rounded_axes():
+    """Axes askew by five digits of a description close a loop; rates of followers that obey it break it by no energy."""
+    turned = f"{0.5 * np.pi!r} 0 0"
+    askew = (
+        four_bar()
+        .replace('"0 1 0"', '"0 0 -1"')
+        .replace('<origin xyz="0 0 0"/>', '<origin xyz="0 0 0" rpy="1.5708 0 0"/>')
+    )
+    askew = askew.replace('<origin xyz="0.5 0 0"/>', f'<origin xyz="0.5 0 0" rpy="{turned}"/>')
+    for kind in ("point", "revolute"):
+        model = dd.load_urdf(askew, loops=[FOUR_BAR | {"type": kind, "axis": [0, 0, -1]}])
+        found = model.followers_at(model.start, [1.0, 0.5])
+        np.testing.assert_allclose(found.position, four_bar_followers(model.start[0]), atol=1e-5)
+        energies, _ = LoopBalance(model).energies(model.start, np.array([1.0, 0.5]), found.rate)
+        assert energies["bar"] < 1e-20
+        free = FOUR_BAR | {"type": kind, "axis": [0, 0, -1], "independent": []}
+        assert dd.load_urdf(askew, loops=[free]).nv == 2
+
+
+def test_cut_tree(bar):
+    """It stays open where it is copied, or gets other parameters."""
+    cut = bar.cut_tree()
+    for own in (pickle.loads(pickle.dumps(cut)), cut.with_parameters({}), cut.with_payload("arm", 1.0)):
+        assert own.nv == 4 and not own.followers
+    assert cut.with_locked_joints({"arm": 0.0}).nv == 3
+
+
+def test_locked_joints_of_a_loop():
+    """They are neither independent nor started elsewhere; the other joints of the loop move."""
+    model = dd.load_urdf(five_bar(), loops=[FIVE_BAR]).with_locked_joints({"p1": -0.2})
+    assert model.dof_names == ("c", "r1") and set(model.followers) == {"p2", "r2"}
+
+
 def test_nearly_singular_loop():
     """One warning names the loop whose independent joint is nearly at its dead point, where crank and coupler are in line."""
     model = dd.load_urdf(four_bar(), loops=[FOUR_BAR | {"independent": ["rocker"]}])
@@ -158,16 +213,19 @@ def test_nearly_singular_loop():
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous"])
 def test_limits_of_followers(kind):
-    """An independent joint stops where its follower does; a continuous one has no limits."""
+    """An independent joint stops where its follower does; if that is beyond at the start, its limits are named as omitted."""
+    omitted = ("limits of joint 'rocker', which follows crank",)
     limit = '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>'
     crank = '<limit lower="-3" upper="3" effort="9" velocity="9"/>'
     model = dd.load_urdf(four_bar(limit, crank, kind), loops=[FOUR_BAR])
     if kind == "continuous":
-        assert (model.lower[0], model.upper[0]) == (-np.inf, np.inf)
+        assert (model.lower[0], model.upper[0]) == (-np.inf, np.inf) and model.omitted == omitted
         return
     for end, expected in ((model.lower[0], -1.6), (model.upper[0], -2.3)):
         assert abs(end) < 3.0
         assert four_bar_followers(end)[1] == pytest.approx(expected, abs=1e-6)
+    beyond = dd.load_urdf(four_bar(limit.replace("-1.6", "-2.2"), crank, kind), loops=[FOUR_BAR])
+    assert (beyond.lower[0], beyond.upper[0]) == (-3.0, 3.0) and beyond.omitted == omitted
 
 
 def test_limits_by_the_loop():
