@@ -162,6 +162,8 @@ def load_urdf(
         loops=of_file,
         curves={} if mimic == "free" else curves,
         driven=driven_joints(element),
+        omitted=(),
+        held={},
         flexible_joints=dict(given.flexible_joints),
         flexible_links=flexible,
     )

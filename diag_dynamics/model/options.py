@@ -45,13 +45,13 @@ class Options(NamedTuple):
     max_coupled: int
     friction_velocity: float
     estimated_links: tuple[str, ...]
-    loops: tuple[Loop, ...] = ()
-    curves: dict[str, Curve] = {}  # noqa: RUF012  # never changed
-    driven: frozenset[str] = frozenset()
-    omitted: tuple[str, ...] = ()
-    held: dict[str, float] = {}  # noqa: RUF012  # never changed
-    flexible_joints: dict[str, FlexibleJoint] = {}  # noqa: RUF012  # never changed
-    flexible_links: Flexible = Flexible()
+    loops: tuple[Loop, ...]
+    curves: dict[str, Curve]
+    driven: frozenset[str]
+    omitted: tuple[str, ...]
+    held: dict[str, float]
+    flexible_joints: dict[str, FlexibleJoint]
+    flexible_links: Flexible
 
 
 def motor_rates(couplings: Mapping[str, Coupling], names: tuple[str, ...]) -> Array:
