@@ -83,9 +83,7 @@ def identify(
     if reference is not None and not asked:
         raise InputError(f"what is {what!r}; expected payload:<link>, because reference is a recording without it.")
     if "gains" in names and model.motor_efforts:
-        raise InputError(
-            f"what is {what!r}; expected no gains, because motor_efforts is true: efforts are those of motors."
-        )
+        raise InputError(f"what is {what!r}, but gains of joints cannot be identified with motor_efforts: true.")
     if model.flexible_joints:
         raise UnsupportedError(
             f"joint '{min(model.flexible_joints)}' is flexible; expected rigid joints, because recordings lack springs. "
