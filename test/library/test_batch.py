@@ -348,7 +348,6 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
 
 
 @pytest.mark.full  # forks the process of the test
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no os.fork")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
 def test_forked_process_has_threads_of_its_own(two):
     Q, QD, TAU, _ = states(two, 300)
