@@ -24,10 +24,16 @@ def compare(robot, quantity, actual, expected):
     """
     actual, expected = np.asarray(actual), np.asarray(expected)
     if actual.shape != expected.shape:
-        raise DisagreementError(f"{robot}: {quantity} has shape {actual.shape}, expected {expected.shape}.")
-    error = float(np.linalg.norm(actual - expected) / max(np.linalg.norm(expected), np.finfo(float).tiny))
+        raise DisagreementError(
+            f"{robot}: {quantity} has shape {actual.shape}, expected {expected.shape}."
+        )
+    error = float(
+        np.linalg.norm(actual - expected) / max(np.linalg.norm(expected), np.finfo(float).tiny)
+    )
     if not error <= TOLERANCE:
-        raise DisagreementError(f"{robot}: {quantity} differs by {error:.1e} of its norm, expected <= {TOLERANCE:g}.")
+        raise DisagreementError(
+            f"{robot}: {quantity} differs by {error:.1e} of its norm, expected <= {TOLERANCE:g}."
+        )
     return error
 
 
@@ -39,10 +45,16 @@ def check(case, pinocchio, mujoco):
     def same(quantity, actual, expected):
         errors[quantity] = compare(label, quantity, actual, expected)
 
-    calls = pinocchio.calls(pinocchio.positions(case.q), pinocchio.vectors(case.qd), pinocchio.vectors(case.tau))
+    calls = pinocchio.calls(
+        pinocchio.positions(case.q), pinocchio.vectors(case.qd), pinocchio.vectors(case.tau)
+    )
     s = dyn.evaluate(case.q, case.qd, case.tau)
     for name, expected in zip(QUANTITIES, calls["dense_evaluate"](), strict=True):
-        same(f"{name} of evaluate", getattr(s, name), expected[order] if np.ndim(expected) else expected)
+        same(
+            f"{name} of evaluate",
+            getattr(s, name),
+            expected[order] if np.ndim(expected) else expected,
+        )
 
     qdd = calls["aba"]()[order]
     same("aba in its default convention", calls["aba_default"]()[order], qdd)
@@ -61,7 +73,9 @@ def check(case, pinocchio, mujoco):
         same(
             f"{name} of evaluate_batch",
             getattr(batch, name),
-            np.array([getattr(dyn.evaluate(*state), name) for state in zip(Q, QD, TAU, strict=True)]),
+            np.array(
+                [getattr(dyn.evaluate(*state), name) for state in zip(Q, QD, TAU, strict=True)]
+            ),
         )
     same(
         "nu_dot of evaluate_batch and abaInParallel",  # ν̇ = mᵀq̈ + ṁᵀq̇

@@ -33,14 +33,23 @@ from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.observer import ObservedStates
 
 RECORDINGS = Path(
-    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).resolve().parents[2] / "shared" / "recordings")
+    os.environ.get(
+        "DIAG_DYNAMICS_RECORDINGS", Path(__file__).resolve().parents[2] / "shared" / "recordings"
+    )
 )
 
 GAIN, FALSE_ALARMS = 25.0, 1 / 60  # [1/s], the latter of all detectors together
-PUSH, LATEST, PAUSE = 0.3, 0.6, 1.5  # [s]: how long a push lasts, until when it may be seen, between two of them
+PUSH, LATEST, PAUSE = (
+    0.3,
+    0.6,
+    1.5,
+)  # [s]: how long a push lasts, until when it may be seen, between two of them
 FORCES = (10.0, 20.0, 40.0)  # [N]
 MOTION, PERIOD_OF_STOPS = 3.0, 6.0  # [s]
-PUSHED = {"standing": (4.0, 5.4), "moving": (0.5, 2.2)}  # when a push begins, after the beginning of a motion [s]
+PUSHED = {
+    "standing": (4.0, 5.4),
+    "moving": (0.5, 2.2),
+}  # when a push begins, after the beginning of a motion [s]
 PERIOD = 2e-3  # [s] of the simulated samples
 STICTION = 8.0  # ratio of the friction of an arm that stops to that of the other one
 KNOWN = 0.8  # part of the simulated friction that the observers know of
@@ -67,7 +76,9 @@ class Robot:
         self.name, self.links = name, links
         self.model = dd.load_urdf(str(urdf), **options)
         self.dyn = dd.DiagonalDynamics(self.model)
-        self.friction = friction  # viscous, Coulomb, offset of each joint, taken out of the efforts of both
+        self.friction = (
+            friction  # viscous, Coulomb, offset of each joint, taken out of the efforts of both
+        )
 
     def without_friction(self, states):
         """Efforts less those of friction that is known, and of offsets."""
@@ -80,13 +91,20 @@ class Robot:
     def observed(self, states, settles_on):
         """What an observer sees."""
         observer = dd.DisturbanceObserver(self.dyn, GAIN, settles_on=settles_on)
-        results = [observer.update(1e-9 * (t - states.stamps[0]), *row) for t, *row in zip(*states, strict=True)]
-        return _observed(states, [(x.residual, x.external_torque) if x.valid else None for x in results])
+        results = [
+            observer.update(1e-9 * (t - states.stamps[0]), *row)
+            for t, *row in zip(*states, strict=True)
+        ]
+        return _observed(
+            states, [(x.residual, x.external_torque) if x.valid else None for x in results]
+        )
 
 
 def _observed(states, rows):
     n, valid = states.q.shape[1], np.array([row is not None for row in rows])
-    residual, torque = (np.array([np.full(n, np.nan) if row is None else row[k] for row in rows]) for k in range(2))
+    residual, torque = (
+        np.array([np.full(n, np.nan) if row is None else row[k] for row in rows]) for k in range(2)
+    )
     norm = np.linalg.norm(residual, axis=1)
     return ObservedStates(residual, torque, norm, valid, np.zeros(len(rows), dtype=bool))
 
@@ -110,7 +128,10 @@ def pushes(rng, robot, stamps, count, force, ats=None):
         ats += np.arange(count) * int(PAUSE * 1e9)
     directions = rng.normal(size=(count, 3))
     directions *= force / np.linalg.norm(directions, axis=1, keepdims=True)
-    return [Push(int(at), str(rng.choice(robot.links)), f) for at, f in zip(ats, directions, strict=True)]
+    return [
+        Push(int(at), str(rng.choice(robot.links)), f)
+        for at, f in zip(ats, directions, strict=True)
+    ]
 
 
 def shape(passed):
@@ -132,7 +153,9 @@ def pushed(robot, states, given):
     """States as they are measured on an arm that is pushed, but keeps its way."""
     tau = states.tau.copy()
     for push in given:
-        inside = np.flatnonzero((states.stamps >= push.at) & (states.stamps < push.at + int(1e9 * PUSH)))
+        inside = np.flatnonzero(
+            (states.stamps >= push.at) & (states.stamps < push.at + int(1e9 * PUSH))
+        )
         for k in inside.tolist():
             tau[k] -= torque_of(robot, states.q[k], push, states.stamps[k])
     return states._replace(tau=tau)
@@ -156,8 +179,12 @@ def kuka():
 
 def panda(folder):
     """The Panda without its hand, friction likewise."""
-    rows = np.genfromtxt(RECORDINGS / "panda" / "exciting_trajectory.csv.gz", delimiter=",", skip_header=1)
-    states = States(np.round(1e9 * rows[:, 0]).astype(np.int64), rows[:, 1:8], rows[:, 8:15], rows[:, 15:22])
+    rows = np.genfromtxt(
+        RECORDINGS / "panda" / "exciting_trajectory.csv.gz", delimiter=",", skip_header=1
+    )
+    states = States(
+        np.round(1e9 * rows[:, 0]).astype(np.int64), rows[:, 1:8], rows[:, 8:15], rows[:, 15:22]
+    )
     hand = {"panda_hand", "panda_hand_tcp", "panda_leftfinger", "panda_rightfinger"}
     root = ET.parse(find_urdf("panda")).getroot()
     for part in list(root):
@@ -185,7 +212,10 @@ def _with_friction(robot, states):
         if result.valid:
             rows.append((slow.copy(), -result.external_torque))
     columns, torque = (np.array(column) for column in zip(*rows, strict=True))
-    fitted = [np.linalg.lstsq(columns[:, :, k], torque[:, k], rcond=None)[0] for k in range(robot.model.nv)]
+    fitted = [
+        np.linalg.lstsq(columns[:, :, k], torque[:, k], rcond=None)[0]
+        for k in range(robot.model.nv)
+    ]
     robot.friction = tuple(np.array(fitted).T)
     return robot, states
 
@@ -196,12 +226,19 @@ class Sines:
     def __init__(self, model, rng):
         lower, upper, n = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0), model.nv
         self.centre, self.pace = 0.5 * (lower + upper), rng.uniform(0.4, 1.5, n)
-        self.swing, self.phase = 0.25 * (upper - lower) * rng.uniform(0.4, 1, n), rng.uniform(0, 2 * np.pi, n)
+        self.swing, self.phase = (
+            0.25 * (upper - lower) * rng.uniform(0.4, 1, n),
+            rng.uniform(0, 2 * np.pi, n),
+        )
 
     def __call__(self, t):
         """Position, velocity and acceleration at a time [s]."""
         angle, size = self.pace * t + self.phase, self.swing * self.pace
-        return self.centre + self.swing * np.sin(angle), size * np.cos(angle), -size * self.pace * np.sin(angle)
+        return (
+            self.centre + self.swing * np.sin(angle),
+            size * np.cos(angle),
+            -size * self.pace * np.sin(angle),
+        )
 
 
 class Stops:
@@ -209,14 +246,20 @@ class Stops:
 
     def __init__(self, model, rng):
         lower, upper = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0)
-        self.poses = 0.5 * (lower + upper) + rng.uniform(-0.3, 0.3, (1000, model.nv)) * (upper - lower)
+        self.poses = 0.5 * (lower + upper) + rng.uniform(-0.3, 0.3, (1000, model.nv)) * (
+            upper - lower
+        )
 
     def __call__(self, t):
         """Position, velocity and acceleration at a time [s]."""
         k, passed = divmod(t, PERIOD_OF_STOPS)
         first, last = self.poses[int(k)], self.poses[int(k) + 1]
         x = min(passed / MOTION, 1.0)
-        shapes = 10 * x**3 - 15 * x**4 + 6 * x**5, 30 * x**2 - 60 * x**3 + 30 * x**4, 60 * x - 180 * x**2 + 120 * x**3
+        shapes = (
+            10 * x**3 - 15 * x**4 + 6 * x**5,
+            30 * x**2 - 60 * x**3 + 30 * x**4,
+            60 * x - 180 * x**2 + 120 * x**3,
+        )
         q, qd, qdd = (np.multiply(last - first, one / MOTION**n) for n, one in enumerate(shapes))
         return first + q, qd, qdd
 
@@ -227,7 +270,13 @@ def simulate(robot, true, path, begin, seconds, rng, given=()):
     viscous, coulomb = true
     law = dd.JointTracking(robot.dyn, 20.0, 10.0)
     plant = dd.Simulation(
-        model, *path(begin)[:2], step=PERIOD, damping=viscous, friction=coulomb, limits=False, effort_limits=False
+        model,
+        *path(begin)[:2],
+        step=PERIOD,
+        damping=viscous,
+        friction=coulomb,
+        limits=False,
+        effort_limits=False,
     )
     rows, given = [], list(given)
     for k in range(int(seconds / PERIOD)):
@@ -273,7 +322,9 @@ def judge(name, names, quiet, trials):
         for observer, free in quiet.items():
             residuals = Residuals(len(names))
             residuals.add_states(*_columns(*free[0], knows_rest))
-            found = calibrate_residuals(residuals, names, FALSE_ALARMS, AlarmThresholds({}), gain=GAIN, friction=False)
+            found = calibrate_residuals(
+                residuals, names, FALSE_ALARMS, AlarmThresholds({}), gain=GAIN, friction=False
+            )
             seen = {}
             for trial, given, by in trials:
                 at = by[observer][0].stamps[_judged(names, found, *by[observer], knows_rest).begins]
@@ -362,7 +413,9 @@ def simulated(count, seconds, rng, stops):
             length, ats = 3.0 + 2.0 * PAUSE * count, None
             if stops:
                 length = PERIOD_OF_STOPS * (count + 1)
-                ats = np.round(1e9 * (PERIOD_OF_STOPS * np.arange(count) + rng.uniform(first, last, count)))
+                ats = np.round(
+                    1e9 * (PERIOD_OF_STOPS * np.arange(count) + rng.uniform(first, last, count))
+                )
                 ats = ats.astype(np.int64)
             given = pushes(rng, robot, np.array([0, round(1e9 * length)]), count, force, ats)
             begin = PERIOD_OF_STOPS * (200 + 70 * number)
@@ -403,7 +456,10 @@ def table(rows):
                 f"| {' | '.join(heads)} | median delay | common |",
                 "|---" * (7 + len(heads)) + "|",
             ]
-        seen = [f"{part} of {whole}, {_in_ms(row.delays[trial])}" for trial, (whole, part) in row.seen.items()]
+        seen = [
+            f"{part} of {whole}, {_in_ms(row.delays[trial])}"
+            for trial, (whole, part) in row.seen.items()
+        ]
         cells = [row.detectors, row.observer, row.held_out, row.false, f"{row.spread:.3g}", *seen]
         cells += [_in_ms(late) for late in (row.median, row.common)]
         lines.append(f"| {' | '.join(cells)} |")

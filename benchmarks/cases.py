@@ -48,7 +48,12 @@ ROBOTS = (
     Robot("talos_full_v2"),
 )
 
-FEW = (Robot("ur5_robot"), Robot("kinova"), Robot("go2", floating_base=True), Robot("talos_reduced"))
+FEW = (
+    Robot("ur5_robot"),
+    Robot("kinova"),
+    Robot("go2", floating_base=True),
+    Robot("talos_reduced"),
+)
 
 
 WITH_TARGETS = ("ur5_robot", "panda", "talos_reduced")
@@ -75,7 +80,11 @@ class Case:
 
     def __init__(self, robot):
         path = Path(find_urdf(robot.name))
-        self.label, self.floating_base, self.urdf = robot.label, robot.floating_base, path.read_text(encoding="utf-8")
+        self.label, self.floating_base, self.urdf = (
+            robot.label,
+            robot.floating_base,
+            path.read_text(encoding="utf-8"),
+        )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", dd.InertiaWarning)  # peers are given the same inertias
             self.model = dd.load_urdf(path, mimic="free", floating_base=robot.floating_base)

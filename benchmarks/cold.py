@@ -66,7 +66,9 @@ def starts():
         more = {"controller": ["-p", "robot_compensates_gravity:=false", "-p", "autostart:=true"]}
         for node in ("monitor", "simulator", "controller"):
             command = [sys.executable, "-m", "diag_dynamics", node, *robot, *more.get(node, [])]
-            lines.append(Start(f"`{node}`, until it is ready", command, {"ROS_DOMAIN_ID": "83"}, 20.0))
+            lines.append(
+                Start(f"`{node}`, until it is ready", command, {"ROS_DOMAIN_ID": "83"}, 20.0)
+            )
     return lines
 
 
@@ -88,7 +90,12 @@ def _seconds(start, folder):
     environment = os.environ | {"NUMBA_CACHE_DIR": folder} | start.environment
     before = used()
     process = subprocess.Popen(
-        start.command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        start.command,
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     )
     said = []
     for line in process.stdout:
@@ -112,9 +119,13 @@ def table(found):
     for start, cold, warm in found:
         median = float(np.median(cold))
         target, verdict = (
-            ("", "") if start.target is None else (f"≤ {start.target:g}", "met" if median <= start.target else "missed")
+            ("", "")
+            if start.target is None
+            else (f"≤ {start.target:g}", "met" if median <= start.target else "missed")
         )
-        lines.append(f"| {start.subject} | {median:.1f} | {target} | {verdict} | {float(np.median(warm)):.1f} |")
+        lines.append(
+            f"| {start.subject} | {median:.1f} | {target} | {verdict} | {float(np.median(warm)):.1f} |"
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -62,17 +62,27 @@ class Motions:
         self.model = dd.load_urdf(path, locked_joints=case.locked_joints)
         self.dyn = dd.DiagonalDynamics(self.model)
         limits = dd.ContactLimits({"any": case.limit})
-        self.points = dd.ContactPoints(self.model, dd.link_geometry(self.model, path, "frames").points, limits, "limit")
+        self.points = dd.ContactPoints(
+            self.model, dd.link_geometry(self.model, path, "frames").points, limits, "limit"
+        )
 
     def goal(self, rng):
         """Where a swing should be, and how it should move, as functions of time."""
         model, n = self.model, self.model.nv
         centre = np.clip(0.5 * (model.lower + model.upper), -2, 2)
-        size, pace, phase = 0.4 * rng.uniform(0.5, 1, n), rng.uniform(0.8, 2.4, n), rng.uniform(0, 6, n)
+        size, pace, phase = (
+            0.4 * rng.uniform(0.5, 1, n),
+            rng.uniform(0.8, 2.4, n),
+            rng.uniform(0, 6, n),
+        )
 
         def at(t):
             angle = pace * t + phase
-            return centre + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
+            return (
+                centre + size * np.sin(angle),
+                size * pace * np.cos(angle),
+                -size * pace**2 * np.sin(angle),
+            )
 
         return at
 
@@ -81,11 +91,20 @@ class Motions:
         usages, errors, changes, times = [], [], [], []
         nothing = np.zeros(self.model.nv)
         for seed in seeds:
-            goal, law = self.goal(np.random.default_rng(seed)), dd.JointTracking(self.dyn, 20.0, 10.0)
+            goal, law = (
+                self.goal(np.random.default_rng(seed)),
+                dd.JointTracking(self.dyn, 20.0, 10.0),
+            )
             contact = dd.ContactLimiter(self.dyn, self.points, RATE)
             energy = dd.EnergyLimiter(self.dyn, bound or 1.0, RATE)
             q, qd, _ = goal(0.0)
-            options = {"step": PERIOD, "limits": False, "effort_limits": False, "damping": nothing, "friction": nothing}
+            options = {
+                "step": PERIOD,
+                "limits": False,
+                "effort_limits": False,
+                "damping": nothing,
+                "friction": nothing,
+            }
             plant = dd.Simulation(self.model, q, 0.1 * qd, **options)
             for k in range(int(self.duration / PERIOD)):
                 q, qd = plant.q, plant.qd
@@ -101,7 +120,9 @@ class Motions:
                 changes.append(command.tau - asked.tau)
                 plant.advance(command.tau)
         rms = [float(np.sqrt(np.mean(np.square(x)))) for x in (errors, changes)]
-        return Outcome(float(max(usages)), rms[0], float(np.abs(errors).max()), rms[1], float(np.median(times)))
+        return Outcome(
+            float(max(usages)), rms[0], float(np.abs(errors).max()), rms[1], float(np.median(times))
+        )
 
     def bound_of_all(self, seeds):
         """Largest bound on K with which these motions keep the same limit, to two hundredths [J]."""
@@ -129,13 +150,18 @@ def measure(case, count, duration=DURATION):
     return {
         "nothing": motions.run(seeds, "none"),
         "`ContactLimiter`": motions.run(seeds, "contact"),
-        f"`EnergyLimiter` with the K that keeps it, {bound:.2f} J": motions.run(seeds, "energy", bound),
+        f"`EnergyLimiter` with the K that keeps it, {bound:.2f} J": motions.run(
+            seeds, "energy", bound
+        ),
     }
 
 
 def table(found):
     """The results as lines of text."""
-    lines = [f"All joints swing, tracked at {1 / PERIOD:g} Hz; contact at the frames of all links.", ""]
+    lines = [
+        f"All joints swing, tracked at {1 / PERIOD:g} Hz; contact at the frames of all links.",
+        "",
+    ]
     for case, outcomes in found.items():
         lines += [
             f"## {case.what}",

@@ -55,14 +55,18 @@ def measure(name, rounds):
         },
         rounds,
     )
-    over = {name: ratio(times[name], times["evaluate"]) for name in ("mobilities", "frames", "hulls")}
+    over = {
+        name: ratio(times[name], times["evaluate"]) for name in ("mobilities", "frames", "hulls")
+    }
     return Costs(len(model.link_names), hulls.count, float(np.median(times["evaluate"])), **over)
 
 
 def check(dyn, q):
     """Nothing is timed that is wrong: each link's mobility is that of the factor of its wrenches."""
     for link, Y in zip(dyn.model.link_names, dyn.mobilities(q), strict=True):
-        np.testing.assert_allclose(Y, dyn.operational_inverse_inertia(q, link), rtol=0, atol=1e-9 * np.abs(Y).max())
+        np.testing.assert_allclose(
+            Y, dyn.operational_inverse_inertia(q, link), rtol=0, atol=1e-9 * np.abs(Y).max()
+        )
 
 
 def table(found):
@@ -81,5 +85,8 @@ def table(found):
         )
         lines.append(f"| {' | '.join(cells)} |")
     worst = found["talos_reduced"].mobilities.median
-    lines += ["", f"Target of Talos' mobilities: × {TARGET:g}, {'met' if worst <= TARGET else 'missed'}."]
+    lines += [
+        "",
+        f"Target of Talos' mobilities: × {TARGET:g}, {'met' if worst <= TARGET else 'missed'}.",
+    ]
     return lines

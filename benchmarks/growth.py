@@ -65,7 +65,9 @@ def exponents(times):
 
 def row(slopes, sizes):
     """The line of the table: every O(N) method, on chains and trees."""
-    found = {f"`{method}`, {kind}": slope for (kind, method), slope in slopes.items() if kind != COUPLED}
+    found = {
+        f"`{method}`, {kind}": slope for (kind, method), slope in slopes.items() if kind != COUPLED
+    }
     return Row(
         "growth of every O(N) method",
         f"exponent of N, from {FIRST} to {sizes[-1]}",

@@ -34,9 +34,15 @@ def motion(model, states):
     sine, cosine = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
     q, qd = sine @ a.T + cosine @ b.T, (cosine * w) @ a.T - (sine * w) @ b.T
     qdd = -(sine * w**2) @ a.T - (cosine * w**2) @ b.T
-    scale = np.minimum(0.35 * (model.upper - model.lower) / np.abs(q).max(axis=0), 1.7 / np.abs(qd).max(axis=0))
+    scale = np.minimum(
+        0.35 * (model.upper - model.lower) / np.abs(q).max(axis=0), 1.7 / np.abs(qd).max(axis=0)
+    )
     q, qd, qdd = 0.5 * (model.lower + model.upper) + scale * q, scale * qd, scale * qdd
-    tau = dd.DiagonalDynamics(model).inverse_dynamics_batch(q, qd, qdd) + 0.3 * qd + 0.3 * np.tanh(qd / 5e-3)
+    tau = (
+        dd.DiagonalDynamics(model).inverse_dynamics_batch(q, qd, qdd)
+        + 0.3 * qd
+        + 0.3 * np.tanh(qd / 5e-3)
+    )
     noise = rng.normal(size=(3, *q.shape))
     return t, q + 1e-4 * noise[0], qd + 1e-2 * noise[1], tau + 0.3 * noise[2]
 
@@ -50,16 +56,22 @@ def spent():
 def measure(states):
     """CPU-seconds by what is done; each is done once before, for the compiler."""
     model = dd.load_robot("panda", locked_joints=HELD)
-    lighter = model.with_parameters({"payloads": {"panda_link4": {"mass": 0.5, "com": [0.0, 0.0, 0.1]}}})
+    lighter = model.with_parameters(
+        {"payloads": {"panda_link4": {"mass": 0.5, "com": [0.0, 0.0, 0.1]}}}
+    )
     t, q, qd, tau = motion(lighter, states)
     stamp, none = np.round(t * 1e9).astype(np.int64) + 10**9, np.zeros(states, dtype=bool)
-    recording = dd.Recording(model, States(stamp, stamp, stamp, q, qd, tau, ~none, none, none, none), 10**9, {}, [])
+    recording = dd.Recording(
+        model, States(stamp, stamp, stamp, q, qd, tau, ~none, none, none, none), 10**9, {}, []
+    )
 
     def sums():
         return Regressors(model).sum_segment(t, q, qd, tau)
 
     calls = {"regressors, filter and normal equations": sums}
-    calls |= {name: lambda what=what: dd.identify(recording, model, what) for name, what in TASKS.items()}
+    calls |= {
+        name: lambda what=what: dd.identify(recording, model, what) for name, what in TASKS.items()
+    }
     found = {}
     for name, call in calls.items():
         call()
@@ -81,7 +93,9 @@ def table(measured):
     ]
     for name, seconds in found.items():
         each = seconds * 1e5 / states
-        lines.append(f"| {name} | {seconds:.2f} | {each:.2f} | {'met' if each <= TARGET else 'missed'} |")
+        lines.append(
+            f"| {name} | {seconds:.2f} | {each:.2f} | {'met' if each <= TARGET else 'missed'} |"
+        )
     return lines
 
 

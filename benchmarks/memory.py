@@ -28,7 +28,13 @@ def rows(states):
     peak = Ratio(*[many["peak"] / few["peak"]] * 3)
     sizes = f"{many['peak'] / 1e6:.0f} MB, all results are {many['results'] / 1e6:.0f} MB"
     return [
-        Row(f"allocations of compiled code, of {CALLS} steps or states", "each further one", "7 dof", 0.001, found),
+        Row(
+            f"allocations of compiled code, of {CALLS} steps or states",
+            "each further one",
+            "7 dof",
+            0.001,
+            found,
+        ),
         Row(
             f"memory of `evaluate_stream`, {many['states']:,} states",
             f"that of {few['states']:,} states",
@@ -77,7 +83,9 @@ def stream(states):
         for name in ("Q", "QD", "TAU"):
             array = np.lib.format.open_memmap(Path(folder, f"{name}.npy"), "w+", shape=(states, nv))
             for first in range(0, states, SIZE):
-                array[first : first + SIZE] = rng.uniform(-1.0, 1.0, (len(array[first : first + SIZE]), nv))
+                array[first : first + SIZE] = rng.uniform(
+                    -1.0, 1.0, (len(array[first : first + SIZE]), nv)
+                )
             arrays.append(np.load(array.filename, mmap_mode="r"))
             del array
         dyn.evaluate_batch(*(array[:2] for array in arrays))
@@ -95,15 +103,25 @@ def _own_memory():
     try:
         status = Path("/proc/self/status").read_text()
     except OSError as error:
-        raise RuntimeError("the memory of a process is read from /proc, which only Linux has") from error
+        raise RuntimeError(
+            "the memory of a process is read from /proc, which only Linux has"
+        ) from error
     return 1024 * int(status.split("RssAnon:")[1].split()[0])
 
 
 def _run(what, *arguments):
     command = [sys.executable, __file__, what, *map(str, arguments)]
     environment = os.environ | {"NUMBA_NRT_STATS": "1"}
-    return json.loads(subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True).stdout)
+    return json.loads(
+        subprocess.run(
+            command, env=environment, stdout=subprocess.PIPE, text=True, check=True
+        ).stdout
+    )
 
 
 if __name__ == "__main__":
-    print(json.dumps({"allocations": allocations, "stream": stream}[sys.argv[1]](*map(int, sys.argv[2:]))))
+    print(
+        json.dumps(
+            {"allocations": allocations, "stream": stream}[sys.argv[1]](*map(int, sys.argv[2:]))
+        )
+    )

@@ -58,7 +58,9 @@ class Arm:
         self.name = name
         self.model = dd.load_urdf(find_urdf(name), **ARMS[name])
         wrong = condition == "model"
-        self.true = self.model.with_payload(TIPS[name][-1], 0.2, (0.03, 0.0, 0.05)) if wrong else self.model
+        self.true = (
+            self.model.with_payload(TIPS[name][-1], 0.2, (0.03, 0.0, 0.05)) if wrong else self.model
+        )
         self.damping = np.full(self.model.nv, 0.3 if wrong else 0.0)
         self.dyn, self.plant = dd.DiagonalDynamics(self.model), dd.DiagonalDynamics(self.true)
         full = pin.buildModelFromUrdf(str(find_urdf(name)))
@@ -97,21 +99,33 @@ class Arm:
             qd = true_rate + VELOCITY_NOISE * rng.normal(size=n)
             rows.append((q, qd, tau + EFFORT_NOISE * rng.normal(size=n)))
             angle = pace * k * PERIOD + phase
-            goal = centre + swing * np.sin(angle), swing * pace * np.cos(angle), -swing * pace**2 * np.sin(angle)
+            goal = (
+                centre + swing * np.sin(angle),
+                swing * pace * np.cos(angle),
+                -swing * pace**2 * np.sin(angle),
+            )
             tau = law.command(q, qd, *goal).tau
             push = np.zeros(n)
             if pushed and onset <= k < onset + PUSH / PERIOD:
                 grown = min(1.0, (k + 1 - onset) * PERIOD / 0.01)
                 push = self.plant.tau_from_epsilon(
-                    q, self.plant.epsilon_from_wrench(q, link, [*(grown * force), 0, 0, 0], frame="world")
+                    q,
+                    self.plant.epsilon_from_wrench(
+                        q, link, [*(grown * force), 0, 0, 0], frame="world"
+                    ),
                 )
             plant.advance(tau + push)
         return Stream(*(np.array(column) for column in zip(*rows, strict=True)), onset)
 
     def on_total_rates(self, stream, gain):
         """Residuals of the library's observer, and τ_ext ≈ m r."""
-        observer = dd.DisturbanceObserver(self.dyn, gain, np.inf, effort="held", settles_on="working_moment")
-        results = [observer.update(k * PERIOD, *sample) for k, sample in enumerate(zip(*stream[:3], strict=True))]
+        observer = dd.DisturbanceObserver(
+            self.dyn, gain, np.inf, effort="held", settles_on="working_moment"
+        )
+        results = [
+            observer.update(k * PERIOD, *sample)
+            for k, sample in enumerate(zip(*stream[:3], strict=True))
+        ]
         zero = np.zeros(self.model.nv)
         return (
             np.array([zero if x.residual is None else x.residual for x in results]),
@@ -126,7 +140,10 @@ class Arm:
         for q, qd, tau in zip(*stream[:3], strict=True):
             M = np.triu(pin.crba(model, data, q))
             M += np.triu(M, 1).T
-            C_s, g = pin.computeCoriolisMatrix(model, data, q, qd), pin.computeGeneralizedGravity(model, data, q)
+            C_s, g = (
+                pin.computeCoriolisMatrix(model, data, q, qd),
+                pin.computeGeneralizedGravity(model, data, q),
+            )
             now = M @ qd, C_s.T @ qd - g
             if last is not None:
                 external = (now[0] - last[0]) / PERIOD - 0.5 * (now[1] + last[1]) - tau
@@ -196,11 +213,15 @@ def delay(score, onset, threshold):
 class Row(NamedTuple):
     """What one detector is worth, of pushes and free motions that it was not tuned on."""
 
-    detected: float  # with no false alarm in the tuning's free motion: part of the pushes that is seen
+    detected: (
+        float  # with no false alarm in the tuning's free motion: part of the pushes that is seen
+    )
     median: float  # delay [s] of those that are seen by all detectors
     late: float  # 90th percentile of these
     false: float  # false alarms per minute
-    false_at_equal: float  # the same where a threshold lets SENSITIVITY of the tuning's pushes be seen
+    false_at_equal: (
+        float  # the same where a threshold lets SENSITIVITY of the tuning's pushes be seen
+    )
     detected_at_equal: float
     curve: tuple  # false alarms per minute and part detected, over thresholds
 
@@ -217,9 +238,17 @@ def judge(tuning, trial, spread):
     for name in DETECTORS:
         threshold = max(tuned[k][name][int(SETTLING / PERIOD) :].max() for k in free)
         delays[name] = np.array([delay(tried[k][name], trial[k].onset, threshold) for k in hit])
-        reach = [tuned[k][name][tuning[k].onset : tuning[k].onset + int(PUSH / PERIOD)].max() for k in pushed]
+        reach = [
+            tuned[k][name][tuning[k].onset : tuning[k].onset + int(PUSH / PERIOD)].max()
+            for k in pushed
+        ]
         equal = np.quantile(reach, 1 - SENSITIVITY)
-        top = np.array([tried[k][name][trial[k].onset : trial[k].onset + int(PUSH / PERIOD)].max() for k in hit])
+        top = np.array(
+            [
+                tried[k][name][trial[k].onset : trial[k].onset + int(PUSH / PERIOD)].max()
+                for k in hit
+            ]
+        )
         levels = threshold * np.geomspace(0.2, 3.0, 60)
         curve = (
             [sum(alarms(tried[k][name], level) for k in quiet) / minutes for level in levels],
@@ -233,7 +262,12 @@ def judge(tuning, trial, spread):
         )
     common = np.isfinite(list(delays.values())).all(axis=0)
     return {
-        name: Row(np.isfinite(d).mean(), float(np.median(d[common])), float(np.quantile(d[common], 0.9)), *rest[name])
+        name: Row(
+            np.isfinite(d).mean(),
+            float(np.median(d[common])),
+            float(np.quantile(d[common], 0.9)),
+            *rest[name],
+        )
         for name, d in delays.items()
     }
 
@@ -256,10 +290,17 @@ def lag(arm, rng, gain):
     q, qd = centre + 0.4 * np.sin(pace * t + phase), 0.4 * pace * np.cos(pace * t + phase)
     qdd = -0.4 * pace**2 * np.sin(pace * t + phase)
     middle = 0.5 * PERIOD  # an effort that is held stands for that of the middle of its interval
-    tau = np.array([arm.dyn.inverse_dynamics(*x) for x in zip(q - middle * qd, qd - middle * qdd, qdd, strict=True)])
+    tau = np.array(
+        [
+            arm.dyn.inverse_dynamics(*x)
+            for x in zip(q - middle * qd, qd - middle * qdd, qdd, strict=True)
+        ]
+    )
     seen = watch(arm, Stream(q, qd, tau - push, None), gain)
     late = slice(int(10 / gain / PERIOD), None)
-    return tuple(float(np.sqrt(np.mean((x[late] - push) ** 2) / np.mean(push**2))) for x in seen.torques)
+    return tuple(
+        float(np.sqrt(np.mean((x[late] - push) ** 2) / np.mean(push**2))) for x in seen.torques
+    )
 
 
 def measure(arm, gain, streams):
@@ -270,12 +311,24 @@ def measure(arm, gain, streams):
     half = len(streams) // 2
     spread = [
         np.sqrt(
-            np.mean([(run.components[k][settled] ** 2).mean(axis=0) for run in seen[:half] if run.onset is None], 0)
+            np.mean(
+                [
+                    (run.components[k][settled] ** 2).mean(axis=0)
+                    for run in seen[:half]
+                    if run.onset is None
+                ],
+                0,
+            )
         )
         for k in range(2)
     ]
-    noise = tuple(float(np.sqrt(np.mean([np.mean(run.torques[k][settled] ** 2) for run in free]))) for k in range(2))
-    return Outcome(judge(seen[:half], seen[half:], spread), noise, lag(arm, np.random.default_rng(5), gain))
+    noise = tuple(
+        float(np.sqrt(np.mean([np.mean(run.torques[k][settled] ** 2) for run in free])))
+        for k in range(2)
+    )
+    return Outcome(
+        judge(seen[:half], seen[half:], spread), noise, lag(arm, np.random.default_rng(5), gain)
+    )
 
 
 HEAD = f"""# Benchmark of disturbance observers
@@ -325,13 +378,21 @@ def draw(outcomes, path):
     """How many pushes are seen at how many false alarms."""
     shown = [key for key in outcomes if key[2] == GAINS[-1]]
     figure, axes = plt.subplots(
-        len(ARMS), len(CONDITIONS), figsize=(9, 6.4), sharex=True, sharey=True, squeeze=False, constrained_layout=True
+        len(ARMS),
+        len(CONDITIONS),
+        figsize=(9, 6.4),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+        constrained_layout=True,
     )
     for ax, key in zip(axes.ravel(), shown, strict=True):
         for detector, row in outcomes[key].rows.items():
             ax.plot(*row.curve, color=COLORS[detector], label=detector, drawstyle="steps-post")
         ax.set_title(
-            f"{key[0]}, {'noise' if key[1] == 'noise' else 'noise and a wrong model'}", loc="left", fontsize=10
+            f"{key[0]}, {'noise' if key[1] == 'noise' else 'noise and a wrong model'}",
+            loc="left",
+            fontsize=10,
         )
         ax.set_xscale("symlog", linthresh=1.0)
         ax.grid(alpha=0.25)
@@ -349,7 +410,9 @@ def compare(short):
     for name in ARMS:
         for condition in CONDITIONS:
             arm, rng = Arm(name, condition), np.random.default_rng(17)
-            kinds = np.arange(free + pushed) % ((free + pushed) / free) < 1  # free ones spread over both halves
+            kinds = (
+                np.arange(free + pushed) % ((free + pushed) / free) < 1
+            )  # free ones spread over both halves
             streams = [arm.run(rng, not is_free) for is_free in kinds]
             for gain in GAINS:
                 outcomes[name, condition, gain] = measure(arm, gain, streams)

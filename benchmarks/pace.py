@@ -62,15 +62,21 @@ def measured(robot, seconds, order, commanded=False):
     `commanded`: efforts come at the rate of the joint states, to drives that carry the robot's weight; else it waves.
     """
     parameters = {"robot_description": find_urdf(robot), "rate": RATE, "order": order}
-    parameters |= {"compensates_gravity": True, "publish_clock": True} if commanded else {"motion": "wave"}
+    parameters |= (
+        {"compensates_gravity": True, "publish_clock": True} if commanded else {"motion": "wave"}
+    )
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    process = subprocess.Popen([sys.executable, "-m", "diag_dynamics", "simulator", "--ros-args", *arguments])
+    process = subprocess.Popen(
+        [sys.executable, "-m", "diag_dynamics", "simulator", "--ros-args", *arguments]
+    )
     node, reports, done = rclpy.create_node("listener"), [], Future()
 
     def take(array):
         for status in array.status:
             if status.name.endswith("simulator: pace"):
-                reports.append({pair.key: pair.value for pair in status.values} | {"cpu": sum(cpu()[:2])})
+                reports.append(
+                    {pair.key: pair.value for pair in status.values} | {"cpu": sum(cpu()[:2])}
+                )
         if len(reports) > WARM_UP + seconds and not done.done():
             done.set_result(None)
 
@@ -119,9 +125,13 @@ def main():
     private_domain()
     rclpy.init()
     begin = time.monotonic()
-    print("| robot | late, mean | latest of a second, median | latest of all | overruns | let go | CPU per tick |")
+    print(
+        "| robot | late, mean | latest of a second, median | latest of all | overruns | let go | CPU per tick |"
+    )
     print("|---|---|---|---|---|---|---|")
-    idle = subprocess.run([sys.executable, "-c", IDLE, str(seconds)], capture_output=True, text=True, check=True)
+    idle = subprocess.run(
+        [sys.executable, "-c", IDLE, str(seconds)], capture_output=True, text=True, check=True
+    )
     mean, largest, overran = map(float, idle.stdout.split())
     print(
         f"| a timer alone | {1e6 * mean:.0f} µs | — | {1e3 * largest:.1f} ms | {100 * overran:.2f} % | — | — |",
@@ -130,7 +140,10 @@ def main():
     for robot in ROBOTS:
         for order in (4, 1):
             print(row(f"{robot}, order {order}", measured(robot, seconds, order)), flush=True)
-        print(row(f"{robot}, order 4, commanded", measured(robot, seconds, 4, commanded=True)), flush=True)
+        print(
+            row(f"{robot}, order 4, commanded", measured(robot, seconds, 4, commanded=True)),
+            flush=True,
+        )
     print(f"\n{time.monotonic() - begin:.0f} s", file=sys.stderr)
 
 

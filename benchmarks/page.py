@@ -101,8 +101,12 @@ def started(node, *arguments, **parameters):
 
 def popen(command):
     """A process that says nothing here."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    }
+    return subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
 
 
 @contextlib.contextmanager
@@ -156,7 +160,9 @@ def share(processes, seconds):
     before, begin = [used(process) for process in processes], time.monotonic()
     time.sleep(seconds)
     passed = time.monotonic() - begin
-    return [100.0 * (used(process) - b) / passed for process, b in zip(processes, before, strict=True)]
+    return [
+        100.0 * (used(process) - b) / passed for process, b in zip(processes, before, strict=True)
+    ]
 
 
 def eventually(condition):
@@ -177,9 +183,19 @@ def measure(case, seconds, rounds, folder):
     if case.contact:
         limits = Path(folder) / "limits.yaml"
         limits.write_text(LIMITS, encoding="utf-8")
-        observed |= {"contact.limits_file": limits, "contact.geometry": "meshes", "robot_description": find_urdf(robot)}
+        observed |= {
+            "contact.limits_file": limits,
+            "contact.geometry": "meshes",
+            "robot_description": find_urdf(robot),
+        }
     simulator = started(
-        "simulator", "-r", "__ns:=/arm", robot_description=find_urdf(robot), motion="wave", rate=rate, order=1
+        "simulator",
+        "-r",
+        "__ns:=/arm",
+        robot_description=find_urdf(robot),
+        motion="wave",
+        rate=rate,
+        order=1,
     )
     monitor = started("monitor", "-r", "__ns:=/arm", **observed)
     view = started("view", port=port)
@@ -198,7 +214,13 @@ def measure(case, seconds, rounds, folder):
             (two,) = share([view], seconds)
             for tab in tabs:
                 tab.close()
-            for name, value in (("idle", idle), ("one", one), ("two", two), ("raw", raw_share), ("frames", frames)):
+            for name, value in (
+                ("idle", idle),
+                ("one", one),
+                ("two", two),
+                ("raw", raw_share),
+                ("frames", frames),
+            ):
                 found[name].append(value)
             found["monitor_watched"].append(watched)
         with ended(view):
@@ -224,8 +246,12 @@ def page(found):
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for case, one in found.items():
-        verdict = f"{case.most:g} %, {'met' if one.one * HZ / one.frames <= case.most else 'missed'}"
-        shares = f"{one.idle:.1f} % | {one.one:.1f} % | {one.two:.1f} % | {one.frames:.1f} | {verdict}"
+        verdict = (
+            f"{case.most:g} %, {'met' if one.one * HZ / one.frames <= case.most else 'missed'}"
+        )
+        shares = (
+            f"{one.idle:.1f} % | {one.one:.1f} % | {one.two:.1f} % | {one.frames:.1f} | {verdict}"
+        )
         monitor = f"{one.raw:.1f} % | {one.monitor:.1f} %, {one.monitor_watched:.1f} %"
         lines.append(f"| {case.name} | {case.rate:g} | {shares} | {monitor} |")
     return [*lines, ""]
@@ -234,9 +260,13 @@ def page(found):
 def main():
     """Measure, print and write."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--seconds", type=float, default=6.0, help="of each measurement (default %(default)s)")
+    options.add_argument(
+        "--seconds", type=float, default=6.0, help="of each measurement (default %(default)s)"
+    )
     options.add_argument("--rounds", type=int, default=3)
-    options.add_argument("--contact", action="store_true", help="robots with contact, and the same without it, alone")
+    options.add_argument(
+        "--contact", action="store_true", help="robots with contact, and the same without it, alone"
+    )
     options.add_argument("--output", type=Path, default=ROOT / "benchmarks" / "results" / "view.md")
     chosen = options.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", "120")  # beyond those of tests

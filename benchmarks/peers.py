@@ -42,9 +42,13 @@ class Pinocchio:
 
     def __init__(self, case):
         if case.floating_base:
-            self.model = pin.buildModelFromXML(case.urdf, pin.JointModelFreeFlyer(), "root_joint", False)
+            self.model = pin.buildModelFromXML(
+                case.urdf, pin.JointModelFreeFlyer(), "root_joint", False
+            )
         else:
-            self.model = pin.buildModelFromXML(case.urdf, False)  # False: mimic joints are ordinary ones
+            self.model = pin.buildModelFromXML(
+                case.urdf, False
+            )  # False: mimic joints are ordinary ones
         self.data = self.model.createData()
         own = 6 * case.floating_base
         joints = [self.model.getJointId(name) for name in case.model.dof_names[own:]]
@@ -112,7 +116,9 @@ class Parallel:
 
     def __init__(self, pinocchio, threads, Q, QD, TAU):
         self._pool, self._threads = pin.ModelPool(pinocchio.model, threads), threads
-        self._arguments = [x.T for x in (pinocchio.positions(Q), pinocchio.vectors(QD), pinocchio.vectors(TAU))]
+        self._arguments = [
+            x.T for x in (pinocchio.positions(Q), pinocchio.vectors(QD), pinocchio.vectors(TAU))
+        ]
         self._qdd = np.empty_like(self._arguments[1])
 
     def __call__(self):
@@ -130,14 +136,18 @@ class Mujoco:
             spec.worldbody.first_body().add_freejoint(name="root_joint")
         self.model = spec.compile()
         off = mujoco.mjtDisableBit
-        self.model.opt.disableflags |= off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR
+        self.model.opt.disableflags |= (
+            off.mjDSBL_CONSTRAINT | off.mjDSBL_CONTACT | off.mjDSBL_SENSOR
+        )
         self.data = mujoco.MjData(self.model)
         own = 6 * case.floating_base
         joints = [self.model.joint(name).id for name in case.model.dof_names[own:]]
         self.order = np.array([*range(own), *(self.model.jnt_dofadr[joint] for joint in joints)])
         self._turn = _rotation(case.q[3:7]) if case.floating_base else None
         self._q, self._qd, self._tau = np.zeros(self.model.nq), *np.zeros((2, self.model.nv))
-        self._q[[self.model.jnt_qposadr[joint] for joint in joints]] = case.q[7 * case.floating_base :]
+        self._q[[self.model.jnt_qposadr[joint] for joint in joints]] = case.q[
+            7 * case.floating_base :
+        ]
         self._qd[self.order], self._tau[self.order] = case.qd, case.tau
         if case.floating_base:  # linear parts in the world's axes, the quaternion's real part first
             self._q[:7] = case.q[[0, 1, 2, 6, 3, 4, 5]]

@@ -59,9 +59,16 @@ def _against_dof(times, dof):
             medians = [1e6 * np.median(times[name][call]) for name in names]
             axes.plot([dof[name] for name in names], medians, marker=marker, color=color, **style)
     axes.plot([], [], "o", mfc="white", color="0.4", label="hollow: floating base")
-    axes.set(xscale="log", yscale="log", xlabel="degrees of freedom", ylabel="time of one call from Python [µs]")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="degrees of freedom",
+        ylabel="time of one call from Python [µs]",
+    )
     axes.set_title("One state: time against degrees of freedom")
-    axes.xaxis.set_major_locator(matplotlib.ticker.FixedLocator(_apart(sorted({dof[name] for name in times}))))
+    axes.xaxis.set_major_locator(
+        matplotlib.ticker.FixedLocator(_apart(sorted({dof[name] for name in times})))
+    )
     axes.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
     _plain(axes.xaxis, axes.yaxis)
     axes.legend(ncols=2, loc="upper left", bbox_to_anchor=(0, -0.13), fontsize=9)
@@ -94,9 +101,13 @@ def _throughput(measured):
     for (name, count), states in measured.throughput.items():
         color, marker = (OURS, "o") if name == "evaluate_batch" else (PINOCCHIO, "v")
         label = f"{name}, {count} thread{'s' * (count > 1)}"
-        axes.plot(measured.batch_sizes, states, styles[count], color=color, marker=marker, label=label)
+        axes.plot(
+            measured.batch_sizes, states, styles[count], color=color, marker=marker, label=label
+        )
     axes.set(xscale="log", yscale="log", xlabel="states of a batch", ylabel="states per second")
-    axes.set_title(f"Many states: throughput ({measured.batch_robot}; abaInParallel computes q̈ only)")
+    axes.set_title(
+        f"Many states: throughput ({measured.batch_robot}; abaInParallel computes q̈ only)"
+    )
     axes.legend(fontsize=9)
     return figure
 

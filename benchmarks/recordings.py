@@ -128,7 +128,9 @@ def write(path, states, joints):
     with open(path, "wb") as file:
         writer = Writer(file)
         writer.start("ros2")
-        schema = writer.register_schema(JOINT_STATE, "ros2msg", definition_with_parts(JOINT_STATE).encode())
+        schema = writer.register_schema(
+            JOINT_STATE, "ros2msg", definition_with_parts(JOINT_STATE).encode()
+        )
         channel = writer.register_channel("/joint_states", "cdr", schema)
         for first in range(0, states, 5000):
             stamp = start + np.arange(first, min(first + 5000, states)) * PERIOD
@@ -174,7 +176,13 @@ def _output(program, *arguments, cores=None):
 
     command = [sys.executable, "-c", program, *map(str, arguments)]
     return subprocess.run(
-        command, check=True, capture_output=True, text=True, cwd=ROOT, preexec_fn=bound, timeout=3000
+        command,
+        check=True,
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        preexec_fn=bound,
+        timeout=3000,
     ).stdout
 
 

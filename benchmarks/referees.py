@@ -11,7 +11,9 @@ import warnings
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "test" / folder) for folder in ("library", "support")]  # the scenes are those of the tests
+sys.path[:0] = [
+    str(ROOT / "test" / folder) for folder in ("library", "support")
+]  # the scenes are those of the tests
 
 import test_simulation as forces  # noqa: E402
 
@@ -53,9 +55,16 @@ def audit(name, seconds, order):
     a = audits[-1]
     numbers = (a.effort, a.wrenches, a.damping, a.friction, a.limits, a.kinetic + a.potential)
     turnover = sum(
-        max(0.0, y.effort - x.effort) + max(0.0, y.wrenches - x.wrenches) for x, y in forces.pairwise(audits)
+        max(0.0, y.effort - x.effort) + max(0.0, y.wrenches - x.wrenches)
+        for x, y in forces.pairwise(audits)
     )
-    cells = [name, f"{order}", *(f"{x:.4g}" for x in numbers), f"{a.residual:.1e}", f"{abs(a.residual) / turnover:.0e}"]
+    cells = [
+        name,
+        f"{order}",
+        *(f"{x:.4g}" for x in numbers),
+        f"{a.residual:.1e}",
+        f"{abs(a.residual) / turnover:.0e}",
+    ]
     return f"| {' | '.join(cells)} |"
 
 
@@ -75,12 +84,19 @@ def main():
         "",
         "| robot | order | efforts | wrenches | damping | friction | limits | ΔK + ΔU | residual | of the work put in |",
         "|---|---|---|---|---|---|---|---|---|---|",
-        *(audit(name, seconds, order) for name in AUDITED for order in (4, 1) if order == 4 or "flying" not in name),
+        *(
+            audit(name, seconds, order)
+            for name in AUDITED
+            for order in (4, 1)
+            if order == 4 or "flying" not in name
+        ),
     ]
     print("\n".join(lines))
     before, _, figures = PAGE.read_text(encoding="utf-8").partition(MARK)
     _, end, after = figures.partition(END)
-    PAGE.write_text(before + MARK + "\n\n" + "\n".join(lines) + "\n" + end + after, encoding="utf-8")
+    PAGE.write_text(
+        before + MARK + "\n\n" + "\n".join(lines) + "\n" + end + after, encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

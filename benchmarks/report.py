@@ -24,7 +24,10 @@ BEGIN, END = "<!-- benchmarks: begin -->\n", "<!-- benchmarks: end -->\n"
 
 def summary(rows):
     """The first table of the page: a line for each target, the worst of it deciding."""
-    lines = ["| measured | against | on | target | median | worst | |", "|---|---|---|---|---|---|---|"]
+    lines = [
+        "| measured | against | on | target | median | worst | |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for row in rows:
         targets = row.target.values() if isinstance(row.target, dict) else [row.target]
         limits = "" if row.target is None else "≤ " + ", ".join(f"{target:g}" for target in targets)
@@ -104,7 +107,10 @@ def _robots(times, dof):
 
 
 def _growth(times, slopes):
-    lines = [f"| | {' | '.join(KINDS)} | against `nu_from_qd` |", "|---|" + "---|" * (len(KINDS) + 1)]
+    lines = [
+        f"| | {' | '.join(KINDS)} | against `nu_from_qd` |",
+        "|---|" + "---|" * (len(KINDS) + 1),
+    ]
     longest = max(n for _, _, n in times)
     for method in dict.fromkeys(method for _, method in slopes):
         cells = [quartiles(slopes[kind, method]) for kind in KINDS]
@@ -116,7 +122,10 @@ def _growth(times, slopes):
 def _details(rows):
     lines = ["| measured | against | on | ratio |", "|---|---|---|---|"]
     for row in rows:
-        lines += [f"| {row.subject} | {row.peer} | {name} | {quartiles(r)} |" for name, r in row.ratios.items()]
+        lines += [
+            f"| {row.subject} | {row.peer} | {name} | {quartiles(r)} |"
+            for name, r in row.ratios.items()
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -142,7 +151,9 @@ def _processor():
     except OSError:
         text = ""
     found = re.search(r"model name\s*: (.*)", text)
-    vectors = next((f" ({name})" for name, flag in VECTORS.items() if re.search(rf"\b{flag}\b", text)), "")
+    vectors = next(
+        (f" ({name})" for name, flag in VECTORS.items() if re.search(rf"\b{flag}\b", text)), ""
+    )
     return (found[1] if found else platform.processor() or "unknown processor") + vectors
 
 
@@ -154,7 +165,9 @@ def _commit():
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        changed = git("status", "--porcelain", "--", "diag_dynamics", "benchmarks", ":!benchmarks/results")
+        changed = git(
+            "status", "--porcelain", "--", "diag_dynamics", "benchmarks", ":!benchmarks/results"
+        )
         return git("rev-parse", "--short", "HEAD") + (" with changes" if changed else "")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"

@@ -25,7 +25,9 @@ class Row(NamedTuple):
     @property
     def worst(self):
         """What has the largest ratio to its target."""
-        return max(self.ratios, key=lambda name: self.ratios[name].median / (self.limit(name) or 1.0))
+        return max(
+            self.ratios, key=lambda name: self.ratios[name].median / (self.limit(name) or 1.0)
+        )
 
     @property
     def met(self):

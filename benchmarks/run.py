@@ -83,13 +83,25 @@ SHORT = Plan(
 )
 
 
-PARTS = ("library", "starts", "recordings", "identification", "observer", "alarms", "contact", "nodes", "top")
+PARTS = (
+    "library",
+    "starts",
+    "recordings",
+    "identification",
+    "observer",
+    "alarms",
+    "contact",
+    "nodes",
+    "top",
+)
 
 
 def main():
     """Measure library, observer and nodes, and print the tables; with a folder, write tables and plots into it."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--short", action="store_true", help="two minutes' worth, which writes nothing by default")
+    options.add_argument(
+        "--short", action="store_true", help="two minutes' worth, which writes nothing by default"
+    )
     options.add_argument("--only", choices=PARTS, help="measure one of these alone")
     options.add_argument(
         "--output",
@@ -164,7 +176,16 @@ def identifications(short, folder, _):
     lines = identification.table(identification.measure(20_000 if short else 100_000))
     print("\n".join(lines))
     if folder:
-        page = "\n".join(["# Benchmark of identification", "", *lines, "", report.machine(("numpy", "numba")), ""])
+        page = "\n".join(
+            [
+                "# Benchmark of identification",
+                "",
+                *lines,
+                "",
+                report.machine(("numpy", "numba")),
+                "",
+            ]
+        )
         (folder / "identification.md").write_text(page, encoding="utf-8")
 
 
@@ -251,7 +272,9 @@ def measure(plan):
     batches = throughput.rows(arms, plan.batch, plan.rounds)
     curves = throughput.curves(*arms[0], plan.batch_sizes, max(3, plan.rounds // 5))
     other_work = others.processors()
-    _say(f"other work kept {other_work:.2f} processors busy meanwhile, which batches on all of them suffer from")
+    _say(
+        f"other work kept {other_work:.2f} processors busy meanwhile, which batches on all of them suffer from"
+    )
     _say("measures the simulator")
     steps = stepping.rows(moving, plan.steps, plan.rounds)
     _say("measures growth")

@@ -38,7 +38,9 @@ def rows(times, dof):
     """Lines of the table, from times and degrees of freedom by robot; targets are by robot."""
 
     def row(subject, ours, peer, theirs, over, limits=None):
-        names = [name for name in times if (name in limits if limits else dof[name] in CLASSES[over])]
+        names = [
+            name for name in times if (name in limits if limits else dof[name] in CLASSES[over])
+        ]
         found = {name: ratio(times[name][ours], times[name][theirs]) for name in names}
         return Row(subject, peer, over, limits, found)
 
@@ -49,7 +51,9 @@ def rows(times, dof):
         row(REUSED, "reused", aba, "aba", "6–50 dof"),
         row(bare, "evaluate", dense, "dense_evaluate", "all robots"),
         row(FIELDS, "fields", dense, "dense_evaluate", "all robots"),
-        row("`forward_dynamics`", "forward_dynamics", aba, "aba", COMPARED, targets(0.75, 0.66, 0.5)),
+        row(
+            "`forward_dynamics`", "forward_dynamics", aba, "aba", COMPARED, targets(0.75, 0.66, 0.5)
+        ),
         row("`factors`", "factors", FACTORS, "dense_factors", COMPARED, targets(1.1, 0.95, 0.65)),
     ]
 

@@ -36,7 +36,9 @@ def measured(subject, seconds):
 def cell(values, rate):
     """Medians of what was measured at a rate, as text."""
     cost, kept = (median(each) for each in zip(*values, strict=True))
-    return f"{1e6 * cost:.0f} µs, {100 * cost * kept:.0f} %" + (f" (at {kept:.0f} Hz)" * (kept < BUSY * rate))
+    return f"{1e6 * cost:.0f} µs, {100 * cost * kept:.0f} %" + (
+        f" (at {kept:.0f} Hz)" * (kept < BUSY * rate)
+    )
 
 
 def main():
@@ -57,7 +59,10 @@ def main():
     for robot in ROBOTS:
         for rate in RATES:
             cells = [cell(found[robot, rate, name], rate) for name in LISTENED]
-            print(f"| {robot} | {len(prebuilt.joints(robot))} | {rate:.0f} Hz | {' | '.join(cells)} |", flush=True)
+            print(
+                f"| {robot} | {len(prebuilt.joints(robot))} | {rate:.0f} Hz | {' | '.join(cells)} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -45,4 +45,6 @@ def row(robots, rounds):
 
 def _seconds(program):
     command = [sys.executable, "-c", CLOCK.format(program)]
-    return float(subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout)
+    return float(
+        subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
+    )

@@ -27,7 +27,13 @@ class Loop:
 
     def euler(self, steps, h=STEP):
         """Semi-implicit Euler: one aba and one integrate a step. Returns q and q̇."""
-        model, data, (q, v), tau, damping = self._model, self._data, self._start, self._tau, self._damping
+        model, data, (q, v), tau, damping = (
+            self._model,
+            self._data,
+            self._start,
+            self._tau,
+            self._damping,
+        )
         for _ in range(steps):
             v = v + h * pin.aba(model, data, q, v, tau - damping * v if damping else tau, WORLD)
             q = pin.integrate(model, q, h * v)
@@ -35,7 +41,13 @@ class Loop:
 
     def runge_kutta(self, steps, h=STEP):
         """The classical method of order 4: four of each a step. Returns q and q̇."""
-        model, data, (q, v), tau, damping = self._model, self._data, self._start, self._tau, self._damping
+        model, data, (q, v), tau, damping = (
+            self._model,
+            self._data,
+            self._start,
+            self._tau,
+            self._damping,
+        )
 
         def acceleration(q, v):
             return pin.aba(model, data, q, v, tau - damping * v if damping else tau, WORLD)
@@ -68,9 +80,14 @@ def check(case, pinocchio):
         ours.reset(case.q, case.qd)
         ours.advance(case.tau, 20)
         q, v = METHODS[order](Loop(pinocchio, case, damping), 20, 0.1 * STEP)
-        for name, actual, expected in (("q", pinocchio.positions(ours.q), q), ("q̇", ours.qd, v[pinocchio.order])):
+        for name, actual, expected in (
+            ("q", pinocchio.positions(ours.q), q),
+            ("q̇", ours.qd, v[pinocchio.order]),
+        ):
             quantity = f"{name} of Simulation of order {order}"
-            errors.append((compare(case.label, quantity, actual, expected), f"{case.label}: {quantity}"))
+            errors.append(
+                (compare(case.label, quantity, actual, expected), f"{case.label}: {quantity}")
+            )
     return max(errors)
 
 
@@ -85,7 +102,10 @@ def rows(pairs, steps, rounds):
                 ours = _simulation(case, damping, STEP, order)
                 times = interleaved(
                     {
-                        "ours": lambda s=ours, c=case: (s.reset(c.q, c.qd), s.advance(c.tau, steps)),
+                        "ours": lambda s=ours, c=case: (
+                            s.reset(c.q, c.qd),
+                            s.advance(c.tau, steps),
+                        ),
                         "theirs": lambda loop=loop, method=method: method(loop, steps),
                     },
                     rounds,

@@ -27,8 +27,13 @@ import diag_dynamics as dd
 from diag_dynamics.model.catalog import find_urdf
 
 STEP, PERIOD = 2.5e-4, 1e-3  # [s] of the plant and of the loop
-PEAK = 0.7  # peak torque of every tuned law in the nominal case, relative to the joints' effort limits
-FRICTION, CREEP = 0.02, 5e-3  # Coulomb friction relative to effort limits; velocity of its tanh(1) [rad/s, m/s]
+PEAK = (
+    0.7  # peak torque of every tuned law in the nominal case, relative to the joints' effort limits
+)
+FRICTION, CREEP = (
+    0.02,
+    5e-3,
+)  # Coulomb friction relative to effort limits; velocity of its tanh(1) [rad/s, m/s]
 SETTLED = 0.05  # distance from the place of rest relative to the step
 RUNAWAY = 100.0  # velocity of a diverged run [rad/s, m/s]
 FINGER = 0.015  # step of fingers [m]
@@ -45,7 +50,10 @@ class Robot(NamedTuple):
     step: float = 0.4
 
 
-PANDA, TALOS = (0, -0.5, 0, -2, 0, 1.6, 0.8), (0, 0.1, 0.2, 0.3, 0.2, -1.2, 0.2, -0.2, -0.3, -0.2, -1.2, -0.2)
+PANDA, TALOS = (
+    (0, -0.5, 0, -2, 0, 1.6, 0.8),
+    (0, 0.1, 0.2, 0.3, 0.2, -1.2, 0.2, -0.2, -0.3, -0.2, -1.2, -0.2),
+)
 FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
 UPPER = {"torso_1_joint", "torso_2_joint"} | {
     f"arm_{side}_{k}_joint" for side in ("left", "right") for k in range(1, 6)
@@ -54,7 +62,9 @@ ROBOTS = {
     "Panda": Robot("panda", "panda_hand", PANDA, dict.fromkeys(FINGERS, 0.02)),
     "UR5": Robot("ur5", "tool0", (0.0, -1.2, 1.4, -0.6, 1.2, 0.3)),
     "Talos, 12 joints": Robot("talos_reduced", "arm_left_7_link", TALOS, step=0.25),
-    "Panda with fingers": Robot("panda", "panda_hand", (*PANDA, 0.02), mimic={FINGERS[1]: FINGERS[0]}),
+    "Panda with fingers": Robot(
+        "panda", "panda_hand", (*PANDA, 0.02), mimic={FINGERS[1]: FINGERS[0]}
+    ),
 }
 
 
@@ -69,7 +79,9 @@ class Rigid:
             self.locked = dict.fromkeys((name for name in full.names[1:] if name not in UPPER), 0.0)
         for name, value in self.locked.items():
             q[full.joints[full.getJointId(name)].idx_q] = value
-        self.model = model = pin.buildReducedModel(full, [full.getJointId(name) for name in self.locked], q)
+        self.model = model = pin.buildReducedModel(
+            full, [full.getJointId(name) for name in self.locked], q
+        )
         for inertia in model.inertias:
             inertia.mass, inertia.inertia = scale * inertia.mass, scale * inertia.inertia
         self.frame = model.getFrameId(robot.link)
@@ -80,7 +92,9 @@ class Rigid:
         self.data, every = model.createData(), list(model.names[1:])
         self.names = [name for name in every if name not in robot.mimic]
         self.used = [every.index(name) for name in self.names]
-        self.G = np.array([[float(robot.mimic.get(name, name) == x) for x in self.names] for name in every])
+        self.G = np.array(
+            [[float(robot.mimic.get(name, name) == x) for x in self.names] for name in every]
+        )
         self.limit, self.home = model.effortLimit[self.used], np.array(robot.home, dtype=float)
 
     def mass(self, q):
@@ -103,7 +117,12 @@ class Rigid:
 
     def jacobian(self, q):
         """Return the link's Jacobian in the root's axes, shape (6, n)."""
-        return pin.computeFrameJacobian(self.model, self.data, self.G @ q, self.frame, pin.LOCAL_WORLD_ALIGNED) @ self.G
+        return (
+            pin.computeFrameJacobian(
+                self.model, self.data, self.G @ q, self.frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            @ self.G
+        )
 
     def energies(self, q, qd):
         """Return the kinetic energy [J] of each row."""
@@ -111,7 +130,10 @@ class Rigid:
 
     def random(self, rng):
         """Return a random pose within the joint limits and 2.5 rad."""
-        lower, upper = self.model.lowerPositionLimit[self.used], self.model.upperPositionLimit[self.used]
+        lower, upper = (
+            self.model.lowerPositionLimit[self.used],
+            self.model.upperPositionLimit[self.used],
+        )
         return rng.uniform(np.maximum(lower, -2.5), np.minimum(upper, 2.5))
 
 
@@ -132,7 +154,9 @@ class Plant(Rigid):
             else:
                 drag = self.friction * np.tanh(qd / CREEP)
                 slope = self.friction / np.maximum(np.abs(qd), CREEP)
-                qdd = np.linalg.solve(self.mass(q) + np.diag(STEP * slope), tau - drag - self.bias(q, qd))
+                qdd = np.linalg.solve(
+                    self.mass(q) + np.diag(STEP * slope), tau - drag - self.bias(q, qd)
+                )
             self.qd = qd + STEP * qdd
             self.q = q + STEP * self.qd
 
@@ -198,7 +222,9 @@ def computed_torque(label, x):
 
     def command(q, qd, target):
         q_d, qd_d, qdd_d = target
-        return rigid.mass(q) @ (qdd_d + x * x * (q_d - q) + 2.0 * x * (qd_d - qd)) + rigid.bias(q, qd)
+        return rigid.mass(q) @ (qdd_d + x * x * (q_d - q) + 2.0 * x * (qd_d - qd)) + rigid.bias(
+            q, qd
+        )
 
     return command
 
@@ -274,7 +300,9 @@ def target_of(label, task):
     """Return the target as a function of time: a step from home, or sines that begin 0.1 rad away from the robot."""
     rigid, size = nominal(label)[0], ROBOTS[label].step
     home, n = rigid.home, len(rigid.home)
-    unit = np.where(np.arange(n) % 2, -1.0, 1.0) * [FINGER / size if "finger" in name else 1.0 for name in rigid.names]
+    unit = np.where(np.arange(n) % 2, -1.0, 1.0) * [
+        FINGER / size if "finger" in name else 1.0 for name in rigid.names
+    ]
     step, pace = size * unit, np.linspace(1.5, 3.0, n)
     if task == "regulation":
         return lambda t: (home + step, np.zeros(n), np.zeros(n))
@@ -312,7 +340,9 @@ def tune(label, name, task):
     low, high, count, target = 0.5, 60.0, round(SECONDS[task] / PERIOD), target_of(label, task)
     while high > 1.005 * low:
         middle = float(np.sqrt(low * high))
-        done = len(run(label, LAWS[name](label, middle), target, SECONDS[task], stop=PEAK)[0]) == count
+        done = (
+            len(run(label, LAWS[name](label, middle), target, SECONDS[task], stop=PEAK)[0]) == count
+        )
         low, high = (middle, high) if done else (low, middle)
     return low
 
@@ -326,7 +356,10 @@ def judge(label, task, times, q, qd, tau):
     hand = np.array([rigid.pose(x)[0] for x in q[chosen]])
     error = np.array([rigid.pose(target(t)[0])[0] for t in times[chosen]]) - hand
     power = np.abs(tau * qd).sum(axis=1)
-    figures = {"peak": float((np.abs(tau) / rigid.limit).max()), "energy": float(power.mean() * SECONDS[task])}
+    figures = {
+        "peak": float((np.abs(tau) / rigid.limit).max()),
+        "energy": float(power.mean() * SECONDS[task]),
+    }
     if task == "tracking":
         late = times[chosen] >= TRANSIENT
         return figures | {"rms": 1e3 * float(np.sqrt((error[late] ** 2).sum(axis=1).mean()))}
@@ -368,10 +401,17 @@ def damping(label, starts):
         start = rigid.random(rng), rng.normal(size=len(M))
         for key, law in calls.items():
             t, q, qd, tau = run(label, law, lambda t: None, 2.0, start=start)
-            K, u = rigid.energies(q, qd), [one - rigid.gravity(x) for one, x in zip(tau, q, strict=True)]
-            efforts = np.array([one @ np.linalg.solve(rigid.mass(x), one) for one, x in zip(u, q, strict=True)])
+            K, u = (
+                rigid.energies(q, qd),
+                [one - rigid.gravity(x) for one, x in zip(tau, q, strict=True)],
+            )
+            efforts = np.array(
+                [one @ np.linalg.solve(rigid.mass(x), one) for one, x in zip(u, q, strict=True)]
+            )
             found[key]["rate"].append(float(np.log(K[0] / K[400]) / (2 * RATE * t[400])))
-            found[key]["cost"].append(float(np.sum(RATE**2 * K + 0.5 * efforts)) * PERIOD / float(RATE * K[0]))
+            found[key]["cost"].append(
+                float(np.sum(RATE**2 * K + 0.5 * efforts)) * PERIOD / float(RATE * K[0])
+            )
     return {"robot": label, "laws": found}
 
 
@@ -379,7 +419,10 @@ def ratios(label, poses):
     """Return least damping ratios of all modes by law, sorted over the poses; laws are tuned alike at home."""
     (rigid, M, dyn), rng, n = nominal(label), np.random.default_rng(2), len(nominal(label)[1])
     K, D = joint_gains(label, 10.0, RATIO)
-    law, middle = dd.JointRegulation(dyn, K, RATIO), np.sqrt(np.trace(np.linalg.solve(M, np.diag(K))) / n)
+    law, middle = (
+        dd.JointRegulation(dyn, K, RATIO),
+        np.sqrt(np.trace(np.linalg.solve(M, np.diag(K))) / n),
+    )
     found = {"ζ law": [], "constant c": [], "joint damping": []}
     for _ in range(poses):
         q = rigid.random(rng)
@@ -401,7 +444,9 @@ def coupling(label, scales):
         law, rows = LAWS[name](label, x), []
         for k in [k for k, joint in enumerate(rigid.names) if "finger" not in joint]:
             pulse = 0.2 * rigid.limit * (np.arange(len(rigid.limit)) == k)
-            q = run(label, law, lambda t: home, 1.0, push=lambda t, _, pulse=pulse: pulse * (t < 0.1))[1]
+            q = run(
+                label, law, lambda t: home, 1.0, push=lambda t, _, pulse=pulse: pulse * (t < 0.1)
+            )[1]
             way = np.abs(q - rigid.home).max(axis=0)
             rows.append((max(w for j, w in enumerate(way) if j != k), way[k]))
         others, own = np.array(rows).T
@@ -412,7 +457,10 @@ def coupling(label, scales):
 def energies(label, x):
     """Return figures of K on a step by limiter, of the worst of four pushes of 40 N for 0.2 s at the link."""
     rigid, _, dyn = nominal(label)
-    law, target = dd.JointRegulation(dyn, joint_gains(label, x)[0], 1.0), target_of(label, "regulation")
+    law, target = (
+        dd.JointRegulation(dyn, joint_gains(label, x)[0], 1.0),
+        target_of(label, "regulation"),
+    )
     found, bound, tau = {}, np.inf, rigid.gravity(rigid.home)
     forces = np.random.default_rng(3).normal(size=(4, 3))
     forces *= 40.0 / np.linalg.norm(forces, axis=1, keepdims=True)
@@ -435,7 +483,9 @@ def energies(label, x):
             return rigid.jacobian(q)[:3].T @ force if 0.3 <= t < 0.5 else 0.0 * q
 
         t, q, qd, _ = run(label, limited, target, 1.5, push=push)
-        largest = max(float(dyn.evaluate(*state).energy_share.max()) for state in zip(q, qd, strict=True))
+        largest = max(
+            float(dyn.evaluate(*state).energy_share.max()) for state in zip(q, qd, strict=True)
+        )
         return t, rigid.energies(q, qd), largest
 
     for kind in ("none", "sum", "sum, observer", "joints", "joints, observer"):
@@ -465,7 +515,9 @@ def study(robots, names, starts, poses):
             if one["task"] == "regulation" and one["law"] not in ("ν pose", "impedance"):
                 scales[one["robot"]][one["law"]] = one["scale"]
         jobs["coupling"] = [pool.submit(coupling, label, scales[label]) for label in robots]
-        jobs["energies"] = [pool.submit(energies, label, scales[label]["ν joints"]) for label in robots]
+        jobs["energies"] = [
+            pool.submit(energies, label, scales[label]["ν joints"]) for label in robots
+        ]
         return {key: [rounded(job.result()) for job in some] for key, some in jobs.items()}
 
 
@@ -481,14 +533,23 @@ def rounded(value):
 def main():
     """Run the study, and write data, tables, plots and the page."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--short", action="store_true", help="a minute: two laws of a UR5, into build/study")
-    options.add_argument("--output", type=Path, metavar="FOLDER", help="default: benchmarks/results and the page")
+    options.add_argument(
+        "--short", action="store_true", help="a minute: two laws of a UR5, into build/study"
+    )
+    options.add_argument(
+        "--output", type=Path, metavar="FOLDER", help="default: benchmarks/results and the page"
+    )
     chosen = options.parse_args()
     few, full = (["UR5"], ["ν joints", "joint PD"], 1, 20), (list(ROBOTS), list(LAWS), 10, 300)
     found = study(*(few if chosen.short else full))
-    folder = chosen.output or (study_page.RESULTS.parents[1] / "build/study" if chosen.short else study_page.RESULTS)
+    folder = chosen.output or (
+        study_page.RESULTS.parents[1] / "build/study" if chosen.short else study_page.RESULTS
+    )
     folder.mkdir(parents=True, exist_ok=True)
-    parts = {key: ",\n".join(json.dumps(one, ensure_ascii=False) for one in some) for key, some in found.items()}
+    parts = {
+        key: ",\n".join(json.dumps(one, ensure_ascii=False) for one in some)
+        for key, some in found.items()
+    }
     text = ",\n".join(f'"{key}": [\n{lines}]' for key, lines in parts.items())
     (folder / "study.json").write_text(f"{{\n{text}\n}}\n", encoding="utf-8")
     study_page.write(folder, official=folder == study_page.RESULTS)

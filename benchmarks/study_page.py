@@ -59,7 +59,12 @@ def filled(text, data):
         "summary": summary(data),
     }
     part = r"<!-- study: (\w+) -->\n.*?<!-- end -->"
-    return re.sub(part, lambda m: f"<!-- study: {m[1]} -->\n{parts[m[1]]}\n<!-- end -->", text, flags=re.DOTALL)
+    return re.sub(
+        part,
+        lambda m: f"<!-- study: {m[1]} -->\n{parts[m[1]]}\n<!-- end -->",
+        text,
+        flags=re.DOTALL,
+    )
 
 
 def spread(values):
@@ -75,7 +80,9 @@ def laws_table(section, cell):
 
 def table(head, rows):
     """Return a table of Markdown."""
-    return "\n".join("|".join(["", *map(str, row), ""]) for row in (head, ["---"] * len(head), *rows))
+    return "\n".join(
+        "|".join(["", *map(str, row), ""]) for row in (head, ["---"] * len(head), *rows)
+    )
 
 
 def text_of(value):
@@ -97,7 +104,10 @@ def figures(contests, task, metric):
 
 def verdict(laws):
     """Return 1 if the best law is one in (ν, ε), −1 if another, 0 for a tie, by the law's names."""
-    ours, others = (min(x for name, x in laws.items() if name.startswith("ν") == is_ours) for is_ours in (True, False))
+    ours, others = (
+        min(x for name, x in laws.items() if name.startswith("ν") == is_ours)
+        for is_ours in (True, False)
+    )
     if max(ours, others) - min(ours, others) <= max(TIE * min(ours, others), FLOOR):
         return 0
     return 1 if ours < others else -1
@@ -105,7 +115,10 @@ def verdict(laws):
 
 def medians(robots):
     """Return the median figure of robots by law."""
-    return {name: float(np.median([laws[name] for laws in robots.values()])) for name in next(iter(robots.values()))}
+    return {
+        name: float(np.median([laws[name] for laws in robots.values()]))
+        for name in next(iter(robots.values()))
+    }
 
 
 def wins_table(contests):
@@ -114,7 +127,9 @@ def wins_table(contests):
     for metric, (task, _) in METRICS.items():
         for condition, robots in figures(contests, task, metric).items():
             verdicts = [verdict(laws) for laws in robots.values()]
-            rows.setdefault(condition, []).append("/".join(str(verdicts.count(x)) for x in (1, 0, -1)))
+            rows.setdefault(condition, []).append(
+                "/".join(str(verdicts.count(x)) for x in (1, 0, -1))
+            )
     head = ["ν/tie/other", *(title.split(" [")[0] for _, title in METRICS.values())]
     return table(head, [[condition, *cells] for condition, cells in rows.items()])
 
@@ -122,7 +137,9 @@ def wins_table(contests):
 def compared(contests, metric, ours, other):
     """Return figures of two laws by robot and condition, shape (2, n), where neither diverged."""
     found = figures(contests, METRICS[metric][0], metric)
-    pairs = np.array([[laws[ours], laws[other]] for robots in found.values() for laws in robots.values()]).T
+    pairs = np.array(
+        [[laws[ours], laws[other]] for robots in found.values() for laws in robots.values()]
+    ).T
     return pairs[:, np.isfinite(pairs).all(axis=0)]
 
 
@@ -133,19 +150,26 @@ def summary(data):
     settling = compared(contests, "settling", "ν joints", "joint PD")
     shoot = compared(contests, "overshoot", "ν joints", "joint PD").max(axis=1)
     friction = [
-        laws["ν joints"] / laws["joint PD"] for laws in figures(contests, "regulation", "final")["friction"].values()
+        laws["ν joints"] / laws["joint PD"]
+        for laws in figures(contests, "regulation", "final")["friction"].values()
     ]
     rms = figures(contests, "tracking", "rms")
     lag = [laws["ν pose"] / laws["impedance"] for laws in rms["nominal, 1 kHz"].values()]
     loaded = [
-        laws["ν robust"] / min(laws["joint PD"], laws["computed torque"]) for laws in rms["payload 2 kg"].values()
+        laws["ν robust"] / min(laws["joint PD"], laws["computed torque"])
+        for laws in rms["payload 2 kg"].values()
     ]
     ratio = [laws["ν joints"]["coupling"] / laws["joint PD"]["coupling"] for laws in moved]
     lost = [one["law"] for one in contests for row in one["figures"].values() if row is None]
-    peaks = {kind: max(one["laws"][kind]["peak"] for one in data["energies"]) for kind in ("sum", "sum, observer")}
+    peaks = {
+        kind: max(one["laws"][kind]["peak"] for one in data["energies"])
+        for kind in ("sum", "sum, observer")
+    }
     heavy = rms["nominal, 1 kHz"]["Talos, 12 joints"]["ν robust"]
     decays = [one["laws"][key] for key in ("ν, 5", "joint damping") for one in data["damping"]]
-    rates, costs = (np.array([one[key] for one in decays]).reshape(2, -1) for key in ("rate", "cost"))
+    rates, costs = (
+        np.array([one[key] for one in decays]).reshape(2, -1) for key in ("rate", "cost")
+    )
     return f"""\
 * **Tie**: tracking errors of ν tracking and computed torque differ by at most {np.abs(np.diff(same, axis=0)).max():.1f} mm.
 * **Loss**: joint PD settles before ν joints in {(settling[0] > settling[1]).sum()} of {settling.shape[1]} cases.
@@ -188,18 +212,37 @@ def details(data):
     """Return all figures of regulation and tracking by robot and condition; the best of a row is bold."""
     lines = ["# Study of control", "", METHOD.rstrip()]
     for task in ("regulation", "tracking"):
-        scales = figures([one | {"figures": {"": one}} for one in data["contests"]], task, "scale")[""]
-        head, rows = list(next(iter(scales.values()))), [[robot, *laws.values()] for robot, laws in scales.items()]
-        lines += ["", f"## {task.capitalize()}", "", "Scales of gains [1/s]:", "", table(["robot", *head], rows)]
+        scales = figures([one | {"figures": {"": one}} for one in data["contests"]], task, "scale")[
+            ""
+        ]
+        head, rows = (
+            list(next(iter(scales.values()))),
+            [[robot, *laws.values()] for robot, laws in scales.items()],
+        )
+        lines += [
+            "",
+            f"## {task.capitalize()}",
+            "",
+            "Scales of gains [1/s]:",
+            "",
+            table(["robot", *head], rows),
+        ]
         shown = {metric: title for metric, (where, title) in METRICS.items() if where == task}
         for metric, title in (shown | {"energy": "work [J]"}).items():
             rows = []
             for condition, robots in figures(data["contests"], task, metric).items():
                 for robot, laws in robots.items():
                     best = min(laws.values())
-                    cells = (f"**{text_of(x)}**" if x == best else text_of(x) for x in laws.values())
+                    cells = (
+                        f"**{text_of(x)}**" if x == best else text_of(x) for x in laws.values()
+                    )
                     rows.append([robot, condition, *cells])
-            lines += ["", f"### {title[0].upper()}{title[1:]}", "", table(["robot", "condition", *head], rows)]
+            lines += [
+                "",
+                f"### {title[0].upper()}{title[1:]}",
+                "",
+                table(["robot", "condition", *head], rows),
+            ]
     others = {
         "Damping: Decay of K relative to 2c; ∫½(25|ν|² + |u|²)dt relative to √(qr) K(0); ten starts at c = 5 1/s": laws_table(
             data["damping"], lambda row: f"{spread(row['rate'])}; {spread(row['cost'])}"
@@ -208,7 +251,8 @@ def details(data):
             data["coupling"], lambda row: f"{row['coupling']:.2f}; {1e3 * row['own']:.0f}"
         ),
         "Energy limits: Peaks of K and of a joint's share relative to limits; time above 1.01 K_max after a push": laws_table(
-            data["energies"], lambda row: f"{row['peak']:.3g}; {row['joint']:.3g}; {row['recovery']:.2f} s"
+            data["energies"],
+            lambda row: f"{row['peak']:.3g}; {row['joint']:.3g}; {row['recovery']:.2f} s",
         ),
     }
     for title, text in others.items():
@@ -220,7 +264,9 @@ def draw_ratios(ratios):
     """Return a plot of the least damping ratio over the poses."""
     figure, every = plt.subplots(2, 2, figsize=(4.6, 4.4), sharex=True, sharey=True)
     for axes, one in zip(every.ravel(), ratios, strict=False):
-        for (law, least), color, style in zip(one["laws"].items(), COLORS[::2], STYLES, strict=False):
+        for (law, least), color, style in zip(
+            one["laws"].items(), COLORS[::2], STYLES, strict=False
+        ):
             axes.plot(least, np.linspace(0, 100, len(least)), style, color=color, lw=2, label=law)
         axes.set_title(one["robot"])
     every[0, 0].set(xlim=(0, 0.75), xticks=[0, 0.2, 0.4, 0.6])
@@ -235,15 +281,25 @@ def draw_contests(contests):
     figure, every = plt.subplots(2, 1, figsize=(4.6, 6.0), sharex=True)
     for axes, metric in zip(every, ("settling", "rms"), strict=True):
         task, title = METRICS[metric]
-        rows = {condition: medians(robots) for condition, robots in figures(contests, task, metric).items()}
+        rows = {
+            condition: medians(robots)
+            for condition, robots in figures(contests, task, metric).items()
+        }
         for k, name in enumerate(dict.fromkeys(one["law"] for one in contests)):
-            place, values = np.arange(len(rows)) + 0.1 * (k - 3), [row.get(name, np.nan) for row in rows.values()]
+            place, values = (
+                np.arange(len(rows)) + 0.1 * (k - 3),
+                [row.get(name, np.nan) for row in rows.values()],
+            )
             axes.plot(place, values, MARKERS[k], color=COLORS[k], ms=5, label=name)
         finite = np.isfinite([value for row in rows.values() for value in row.values()]).all()
         absent = "" if finite else "; absent: diverged"
         axes.set(title=f"{task.capitalize()}: median {title}{absent}")
         if task == "tracking":
-            axes.set(yscale="log", yticks=[0.01, 0.1, 1, 10, 100], yticklabels=["0.01", "0.1", "1", "10", "100"])
+            axes.set(
+                yscale="log",
+                yticks=[0.01, 0.1, 1, 10, 100],
+                yticklabels=["0.01", "0.1", "1", "10", "100"],
+            )
         else:
             axes.set_ylim(0)
         axes.grid(axis="x", alpha=0)

@@ -39,7 +39,9 @@ def rows(pairs, size, rounds):
     """Lines of the table: time per state on all processors, against the peer's and of large batches against small ones."""
     found = {name: {} for name in ("ours", "reused", "kept", "wrench", "touched")}
     for case, pinocchio in pairs:
-        times = interleaved(_calls(case, pinocchio, size, cores()), rounds, seconds=0.03, pause=PAUSE)
+        times = interleaved(
+            _calls(case, pinocchio, size, cores()), rounds, seconds=0.03, pause=PAUSE
+        )
         for name in ("ours", "reused"):
             found[name][case.label] = ratio(times[name], times["theirs"])
         times = interleaved(_kept(case, pinocchio, cores()), rounds, seconds=0.03, pause=PAUSE)
@@ -55,12 +57,48 @@ def rows(pairs, size, rounds):
     times = interleaved(calls, max(3, rounds // 5), seconds=0.03, pause=PAUSE)
     growth = {case.label: ratio(times[10 * size] / 10, times[size])}
     return [
-        Row("`evaluate_batch` per state, all cores", peer, COMPARED, targets(0.45, 0.4, 0.36), found["ours"]),
-        Row("`evaluate_batch` with `out=` per state, all cores", peer, COMPARED, None, found["reused"]),
-        Row(f"`evaluate_batch` of {KEPT} states, all results kept", peer, COMPARED, None, found["kept"]),
-        Row("`wrench_batch` at the last link per state, all cores", peer, COMPARED, None, found["wrench"]),
-        Row("`touched_link_batch` in contact per state, all cores", peer, COMPARED, None, found["touched"]),
-        Row(f"`evaluate_batch` per state, {10 * size:,} states", f"{size:,} states", case.label, 1.25, growth),
+        Row(
+            "`evaluate_batch` per state, all cores",
+            peer,
+            COMPARED,
+            targets(0.45, 0.4, 0.36),
+            found["ours"],
+        ),
+        Row(
+            "`evaluate_batch` with `out=` per state, all cores",
+            peer,
+            COMPARED,
+            None,
+            found["reused"],
+        ),
+        Row(
+            f"`evaluate_batch` of {KEPT} states, all results kept",
+            peer,
+            COMPARED,
+            None,
+            found["kept"],
+        ),
+        Row(
+            "`wrench_batch` at the last link per state, all cores",
+            peer,
+            COMPARED,
+            None,
+            found["wrench"],
+        ),
+        Row(
+            "`touched_link_batch` in contact per state, all cores",
+            peer,
+            COMPARED,
+            None,
+            found["touched"],
+        ),
+        Row(
+            f"`evaluate_batch` per state, {10 * size:,} states",
+            f"{size:,} states",
+            case.label,
+            1.25,
+            growth,
+        ),
     ]
 
 
@@ -74,7 +112,9 @@ def curves(case, pinocchio, sizes, rounds):
             calls["pin.abaInParallel", count, size] = both["theirs"]
     times = interleaved(calls, rounds, pause=PAUSE)
     lines = dict.fromkeys((name, count) for name, count, _ in calls)
-    return {line: np.array([size / np.median(times[(*line, size)]) for size in sizes]) for line in lines}
+    return {
+        line: np.array([size / np.median(times[(*line, size)]) for size in sizes]) for line in lines
+    }
 
 
 def _calls(case, pinocchio, size, count):
@@ -95,7 +135,11 @@ def _call(case, size, count):
 
 def _kept(case, pinocchio, count):
     """Calls of few states, of which ours keeps the last hundred results: their memory is fresh."""
-    kept, evaluate, (Q, QD, TAU) = deque(maxlen=100), case.dynamics.evaluate_batch, case.states(KEPT)
+    kept, evaluate, (Q, QD, TAU) = (
+        deque(maxlen=100),
+        case.dynamics.evaluate_batch,
+        case.states(KEPT),
+    )
     return {
         "ours": lambda: kept.append(evaluate(Q, QD, TAU, threads=count)),
         "theirs": Parallel(pinocchio, count, Q, QD, TAU),
@@ -115,6 +159,8 @@ def _external(case, pinocchio, size, count):
     link = dynamics.model.link_names[int(dynamics.model.bodies["link"][-1])]
     return {
         "wrench": lambda: dynamics.wrench_batch(Q, TAU, link, covariance, threads=count),
-        "touched": lambda: dynamics.touched_link_batch(Q, TAU, covariance, significance=0.0, threads=count),
+        "touched": lambda: dynamics.touched_link_batch(
+            Q, TAU, covariance, significance=0.0, threads=count
+        ),
         "theirs": Parallel(pinocchio, count, Q, QD, TAU),
     }

@@ -62,7 +62,12 @@ def measure(seconds=20.0, cases=CASES):
 
 def _measured(case, seconds):
     feeder = subprocess.Popen(
-        [sys.executable, __file__, "--feed", *(str(x) for x in (case.joints, case.robots, case.rate))]
+        [
+            sys.executable,
+            __file__,
+            "--feed",
+            *(str(x) for x in (case.joints, case.robots, case.rate)),
+        ]
     )
     leader, follower = pty.openpty()
     fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", case.height, case.width, 0, 0))
@@ -127,7 +132,9 @@ all of its threads; states and external torques at the rate that is said, from a
 
 def write(found, machine, folder):
     """Write the page."""
-    (folder / "top.md").write_text("\n".join([HEAD, *table(found), "", machine, ""]), encoding="utf-8")
+    (folder / "top.md").write_text(
+        "\n".join([HEAD, *table(found), "", machine, ""]), encoding="utf-8"
+    )
 
 
 def feed(joints, robots, rate):
@@ -152,11 +159,25 @@ def feed(joints, robots, rate):
         t = time.monotonic() - begun
         nu, stamp = np.sin(pace * t), node.get_clock().now().to_msg()
         state = DiagonalizedState(
-            dof_names=names, nu=nu, velocity=nu, effort=nu, effort_valid=True, coriolis=np.cos(pace * t)
+            dof_names=names,
+            nu=nu,
+            velocity=nu,
+            effort=nu,
+            effort_valid=True,
+            coriolis=np.cos(pace * t),
         )
-        state.articulated_inertia, state.gravity, state.epsilon, state.xi = np.ones(joints), nu, nu, nu
+        state.articulated_inertia, state.gravity, state.epsilon, state.xi = (
+            np.ones(joints),
+            nu,
+            nu,
+            nu,
+        )
         torque = ExternalTorque(
-            dof_names=names, valid=True, external_torque=nu, residual=nu, torque_threshold=np.ones(joints)
+            dof_names=names,
+            valid=True,
+            external_torque=nu,
+            residual=nu,
+            torque_threshold=np.ones(joints),
         )
         for states, torques in publishers:
             for publisher, message in ((torques, torque), (states, state)):

@@ -13,7 +13,9 @@ def chain(joints, coupled=False):
     """Serial chain of revolute joints with turning axes; with a gripper of two followers at the tip, if coupled."""
     parts = ['<robot name="chain"><link name="link_0"/>']
     for k in range(joints):
-        parts.append(_joint(f"joint_{k}", f"link_{k}", f"link_{k + 1}", ("1 0 0", "0 1 0", "0 0 1")[k % 3]))
+        parts.append(
+            _joint(f"joint_{k}", f"link_{k}", f"link_{k + 1}", ("1 0 0", "0 1 0", "0 0 1")[k % 3])
+        )
     if coupled:
         tip = f"link_{joints}"
         parts.append(_joint("palm_a", tip, "finger_a", "0 0 1"))
@@ -26,7 +28,14 @@ def balanced(joints):
     """Binary tree of revolute joints, filled level by level."""
     parts = ['<robot name="balanced"><link name="link_0"/>']
     for k in range(joints):
-        parts.append(_joint(f"joint_{k:05}", f"link_{k // 2}", f"link_{k + 1}", ("1 0 0", "0 1 0", "0 0 1")[k % 3]))
+        parts.append(
+            _joint(
+                f"joint_{k:05}",
+                f"link_{k // 2}",
+                f"link_{k + 1}",
+                ("1 0 0", "0 1 0", "0 0 1")[k % 3],
+            )
+        )
     return "".join(parts) + "</robot>"
 
 

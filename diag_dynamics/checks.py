@@ -50,7 +50,9 @@ def choice(name: str, value: object, choices: Iterable[object]) -> None:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
 
 
-def mapping(name: str, value: object, known: Sequence[str] = (), required: Sequence[str] = ()) -> Mapping[Any, Any]:
+def mapping(
+    name: str, value: object, known: Sequence[str] = (), required: Sequence[str] = ()
+) -> Mapping[Any, Any]:
     """Return the value if it is a dict, or a NamedTuple as one, that has required keys and none but `known` ones, if any."""
     value = value._asdict() if hasattr(value, "_asdict") else value
     if not isinstance(value, Mapping):
@@ -72,7 +74,11 @@ def whole(name: str, value: object) -> int:
 
 
 def number(
-    name: str, value: object, expected: str, valid: Callable[[float], bool] = math.isfinite, unit: str = ""
+    name: str,
+    value: object,
+    expected: str,
+    valid: Callable[[float], bool] = math.isfinite,
+    unit: str = "",
 ) -> float:
     """Return a finite number for which `valid` is true; errors say `expected` and `unit`."""
     x = value if type(value) is float else _single(value)
@@ -96,7 +102,9 @@ def not_negative(name: str, value: object, unit: str) -> float:
     return number(name, value, f"a finite number >= 0 {unit}", lambda x: x >= 0.0)
 
 
-def numbers(name: str, value: object, shape: tuple[int, ...], expected: str, most: float = np.inf) -> Array:
+def numbers(
+    name: str, value: object, shape: tuple[int, ...], expected: str, most: float = np.inf
+) -> Array:
     """Return finite numbers of a shape within ±`most` as a new array; errors say `expected`."""
     array = array_of(value)
     if array is None or array.shape != shape or not np.isfinite(array).all():

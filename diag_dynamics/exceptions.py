@@ -91,7 +91,9 @@ class MasslessLinkError(ModelError):
         D of each of them [kg m², prismatic: kg].
     """
 
-    def __init__(self, message: str, joints: Iterable[str], articulated_inertia: Iterable[float]) -> None:
+    def __init__(
+        self, message: str, joints: Iterable[str], articulated_inertia: Iterable[float]
+    ) -> None:
         super().__init__(message, joints, articulated_inertia)
         self.joints: tuple[str, ...] = tuple(joints)
         self.articulated_inertia: tuple[float, ...] = tuple(map(float, articulated_inertia))

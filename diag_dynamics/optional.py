@@ -11,7 +11,9 @@ from diag_dynamics.exceptions import InputError
 PACKAGES = {"yaml": "pyyaml", "distributed": "'dask[distributed]'"}
 """Names of packages that differ from those of their modules."""
 
-EXTRAS = dict.fromkeys(("lz4", "mcap", "pyarrow", "yaml", "rosbags", "scipy", "zstandard"), "recordings")
+EXTRAS = dict.fromkeys(
+    ("lz4", "mcap", "pyarrow", "yaml", "rosbags", "scipy", "zstandard"), "recordings"
+)
 EXTRAS |= {"matplotlib": "plots", "distributed": "fleet", "jinja2": "fleet"}
 """Extras of the package by the module that they install."""
 
@@ -24,5 +26,9 @@ def require(module: str, what: str) -> Any:
         name = module.partition(".")[0]
         package = PACKAGES.get(name, name)
         extra = EXTRAS.get(name)
-        whole = f", or all packages of this kind: pip install 'diag_dynamics[{extra}]'" if extra else ""
-        raise InputError(f"{what} needs the package {name}: pip install {package}{whole}.") from error
+        whole = (
+            f", or all packages of this kind: pip install 'diag_dynamics[{extra}]'" if extra else ""
+        )
+        raise InputError(
+            f"{what} needs the package {name}: pip install {package}{whole}."
+        ) from error

@@ -232,7 +232,9 @@ class Evaluation:
 
 
 NAMES = tuple(
-    name for name, value in vars(Evaluation).items() if isinstance(value, property) and name not in ("model", "rows")
+    name
+    for name, value in vars(Evaluation).items()
+    if isinstance(value, property) and name not in ("model", "rows")
 )
 """Quantities of `to_dict` and `repr`."""
 
@@ -575,7 +577,9 @@ def read_only(array: Array) -> Array:
     return array
 
 
-def evaluation_of(model: RobotModel, state: Array, with_tau: bool, external: Term, friction: Term) -> Evaluation:
+def evaluation_of(
+    model: RobotModel, state: Array, with_tau: bool, external: Term, friction: Term
+) -> Evaluation:
     """Return the permanent result of a state, whose arrays are read-only from now on."""
     for term in (external, friction):
         if term is not None:

@@ -22,7 +22,13 @@ class _Escapes(dict):
     def __missing__(self, code):
         if unicodedata.category(chr(code)) not in _HIDDEN:
             raise LookupError(code)
-        return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+        return (
+            f"\\x{code:02x}"
+            if code < 0x100
+            else f"\\u{code:04x}"
+            if code < 0x10000
+            else f"\\U{code:08x}"
+        )
 
 
 _ESCAPES = _Escapes()

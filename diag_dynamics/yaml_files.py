@@ -22,7 +22,9 @@ def _loader() -> Any:
     """Return the class of loaders."""
     yaml = require("yaml", "reading YAML")
     loader = type("Loader", (yaml.SafeLoader,), {})
-    loader.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(EXPONENT), list("-+.0123456789"))
+    loader.add_implicit_resolver(
+        "tag:yaml.org,2002:float", re.compile(EXPONENT), list("-+.0123456789")
+    )
     return loader
 
 

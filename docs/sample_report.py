@@ -29,7 +29,10 @@ def motion(model, length=LENGTH):
     t = np.arange(0.0, length, 0.004)
     ramp = np.clip(np.minimum(t, length - t) / 2.0, 0.0, 1.0)
     amount = ramp * ramp * (3.0 - 2.0 * ramp)
-    middle, swing = 0.5 * (model.lower + model.upper), np.minimum(0.2 * (model.upper - model.lower), 0.55)
+    middle, swing = (
+        0.5 * (model.lower + model.upper),
+        np.minimum(0.2 * (model.upper - model.lower), 0.55),
+    )
     pace = 2.2 + 0.7 * (np.arange(model.nv) * 0.618 % 1.0)
     q = middle + amount[:, None] * swing * np.sin(pace * t[:, None] + np.arange(model.nv))
     qd = np.gradient(q, t, axis=0)
@@ -39,8 +42,14 @@ def motion(model, length=LENGTH):
 def sample(folder):
     """The recording, as a table in a folder; returns its path."""
     model = load_urdf(find_urdf("panda"), locked_joints=HELD)
-    force = {PUSHED[0]: (0.0, 35.0, 0.0), PUSHED[1]: (-30.0, 0.0, 15.0), PUSHED[2]: (0.0, -25.0, -25.0)}
-    pushes = [Push("panda_hand", begin, begin + 0.25, np.array(push)) for begin, push in force.items()]
+    force = {
+        PUSHED[0]: (0.0, 35.0, 0.0),
+        PUSHED[1]: (-30.0, 0.0, 15.0),
+        PUSHED[2]: (0.0, -25.0, -25.0),
+    }
+    pushes = [
+        Push("panda_hand", begin, begin + 0.25, np.array(push)) for begin, push in force.items()
+    ]
     states = record(model.perturbed(0.01, 3), model, *motion(model), pushes)
     path = Path(folder) / "panda_run.npz"
     np.savez(path, joints=np.array(model.dof_names), **states)
@@ -53,5 +62,11 @@ if __name__ == "__main__":
         path = sample(folder)
         os.chdir(folder)  # reports have the path of the recording
         held = ",".join(f"{name}={angle}" for name, angle in HELD.items())
-        parameters = [f"locked_joints={held}", "external_torque.gain=25.0", "external_torque.threshold=12.0"]
-        main(["analyse", path.name, "--urdf", "panda", "--set", *parameters, "--report", str(target)])
+        parameters = [
+            f"locked_joints={held}",
+            "external_torque.gain=25.0",
+            "external_torque.threshold=12.0",
+        ]
+        main(
+            ["analyse", path.name, "--urdf", "panda", "--set", *parameters, "--report", str(target)]
+        )

@@ -74,7 +74,13 @@ def parameters_of(node):
 def as_yaml(value):
     """Value of a parameter as text of a parameter file."""
     if isinstance(value, list):
-        return "[" + ", ".join(f'"{entry}"' if isinstance(entry, str) else as_yaml(entry) for entry in value) + "]"
+        return (
+            "["
+            + ", ".join(
+                f'"{entry}"' if isinstance(entry, str) else as_yaml(entry) for entry in value
+            )
+            + "]"
+        )
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float) and "e" in repr(value) and "." not in repr(value):
@@ -116,7 +122,11 @@ def allowed(spec):
         return f"each within ±{spec.maximum:g}"
     if spec.minimum is None:
         return ""
-    return f"≥ {spec.minimum:g}" if spec.maximum == LARGEST else f"{spec.minimum:g} to {spec.maximum:g}"
+    return (
+        f"≥ {spec.minimum:g}"
+        if spec.maximum == LARGEST
+        else f"{spec.minimum:g} to {spec.maximum:g}"
+    )
 
 
 def changes(spec):
@@ -133,9 +143,17 @@ def parameter_tables(node):
             parts.append((title, rows))
             if parameter == "autostart":
                 why = WHY_REQUIRED[0].upper() + WHY_REQUIRED[1:]
-                rows.append((f"`{COMPENSATES}`", cell(why) + ".", "none: **required**", "", "unconfigured"))
+                rows.append(
+                    (f"`{COMPENSATES}`", cell(why) + ".", "none: **required**", "", "unconfigured")
+                )
         rows.append(
-            (f"`{parameter}`", cell(spec.description), f"`{as_yaml(spec.default)}`", allowed(spec), changes(spec))
+            (
+                f"`{parameter}`",
+                cell(spec.description),
+                f"`{as_yaml(spec.default)}`",
+                allowed(spec),
+                changes(spec),
+            )
         )
     head = ("parameter", "meaning", "default", "values", "changes")
     titles = [f"### {title} ({node})\n\n{table(head, rows)}" for title, rows in parts]
@@ -174,7 +192,12 @@ DESCRIPTION = Interface(
 
 INTERFACES = {
     "monitor": (
-        Interface(IN, "joint_states", "sensor_msgs/JointState", "positions, velocities and efforts of the joints"),
+        Interface(
+            IN,
+            "joint_states",
+            "sensor_msgs/JointState",
+            "positions, velocities and efforts of the joints",
+        ),
         DESCRIPTION,
         Interface(
             IN,
@@ -185,7 +208,10 @@ INTERFACES = {
             "floating_base",
         ),
         CLOCK,
-        *(Interface(OUT, f"~/{topic.name}", topic.type, topic.meaning, topic.condition) for topic in TOPICS),
+        *(
+            Interface(OUT, f"~/{topic.name}", topic.type, topic.meaning, topic.condition)
+            for topic in TOPICS
+        ),
         Interface(
             OUT,
             "~/collision",
@@ -200,16 +226,42 @@ INTERFACES = {
             "inputs, model, numerical health, energy, external torque, contact: once a second, and immediately on a "
             "threshold, a collision or an exceeded contact limit",
         ),
-        Interface(SERVICE, "~/forward_dynamics", "ForwardDynamics", "q̈ and ν̇ from positions, velocities, efforts"),
         Interface(
-            SERVICE, "~/inverse_dynamics", "InverseDynamics", "joint torques from positions, velocities, accelerations"
+            SERVICE,
+            "~/forward_dynamics",
+            "ForwardDynamics",
+            "q̈ and ν̇ from positions, velocities, efforts",
         ),
-        Interface(SERVICE, "~/diagonalize", "Diagonalize", "all quantities of the monitor for a requested state"),
-        Interface(SERVICE, "~/set_payload", "SetPayload", "attach, change or remove the payload of a link at run time"),
         Interface(
-            SERVICE, "~/accept_payload", "std_srvs/Trigger", "add the estimated load to the payload of `load.link`"
+            SERVICE,
+            "~/inverse_dynamics",
+            "InverseDynamics",
+            "joint torques from positions, velocities, accelerations",
         ),
-        Interface(SERVICE, "~/reset_payload", "std_srvs/Trigger", "restore the payload before `~/accept_payload`"),
+        Interface(
+            SERVICE,
+            "~/diagonalize",
+            "Diagonalize",
+            "all quantities of the monitor for a requested state",
+        ),
+        Interface(
+            SERVICE,
+            "~/set_payload",
+            "SetPayload",
+            "attach, change or remove the payload of a link at run time",
+        ),
+        Interface(
+            SERVICE,
+            "~/accept_payload",
+            "std_srvs/Trigger",
+            "add the estimated load to the payload of `load.link`",
+        ),
+        Interface(
+            SERVICE,
+            "~/reset_payload",
+            "std_srvs/Trigger",
+            "restore the payload before `~/accept_payload`",
+        ),
     ),
     "simulator": (
         Interface(
@@ -241,12 +293,22 @@ INTERFACES = {
             "floating_base",
         ),
         Interface(OUT, "~/ground_truth", "DiagonalizedState", "true state, without sensor errors"),
-        Interface(OUT, "/clock", "rosgraph_msgs/Clock", "simulated time", "publish_clock or lockstep"),
         Interface(
-            OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "commands, pace and simulation: once a second"
+            OUT, "/clock", "rosgraph_msgs/Clock", "simulated time", "publish_clock or lockstep"
+        ),
+        Interface(
+            OUT,
+            "/diagnostics",
+            "diagnostic_msgs/DiagnosticArray",
+            "commands, pace and simulation: once a second",
         ),
         Interface(SERVICE, "~/pause", "std_srvs/SetBool", "pause and resume"),
-        Interface(SERVICE, "~/step", "Step", "advance some steps while paused; stamps start at the request"),
+        Interface(
+            SERVICE,
+            "~/step",
+            "Step",
+            "advance some steps while paused; stamps start at the request",
+        ),
         Interface(
             SERVICE,
             "~/reset",
@@ -262,7 +324,9 @@ INTERFACES = {
             "sensor_msgs/JointState",
             "positions and velocities of all joints, with stamps; efforts are ignored",
         ),
-        DESCRIPTION._replace(meaning=DESCRIPTION.meaning + "; another robot replaces it only while inactive"),
+        DESCRIPTION._replace(
+            meaning=DESCRIPTION.meaning + "; another robot replaces it only while inactive"
+        ),
         Interface(
             IN,
             "target",
@@ -295,7 +359,12 @@ INTERFACES = {
             "std_msgs/Float64MultiArray",
             "joint torques in the order of command_joints, one message for each valid joint state",
         ),
-        Interface(OUT, "~/status", "ControllerStatus", "mode, phase, energies, V and its rate, errors, limited joints"),
+        Interface(
+            OUT,
+            "~/status",
+            "ControllerStatus",
+            "mode, phase, energies, V and its rate, errors, limited joints",
+        ),
         Interface(
             OUT,
             "~/trajectory_feedback",
@@ -309,7 +378,10 @@ INTERFACES = {
             "end or rejection of a trajectory: reason, and error_code of FollowJointTrajectory",
         ),
         Interface(
-            OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "control, commands and inputs: once a second"
+            OUT,
+            "/diagnostics",
+            "diagnostic_msgs/DiagnosticArray",
+            "control, commands and inputs: once a second",
         ),
         *(
             Interface(
@@ -323,13 +395,21 @@ INTERFACES = {
     ),
     "view": (
         Interface(IN, "diag_dynamics/state", "DiagonalizedState", "of every monitor on the graph"),
-        Interface(IN, "diag_dynamics/external_torque", "ExternalTorque", "of every monitor on the graph"),
+        Interface(
+            IN, "diag_dynamics/external_torque", "ExternalTorque", "of every monitor on the graph"
+        ),
         Interface(IN, "diag_dynamics/contact", "Contact", "of every monitor with contact limits"),
         Interface(IN, "diag_dynamics/load", "Load", "of every monitor with load.link"),
-        Interface(IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"),
-        Interface(IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "statuses of each robot's nodes"),
+        Interface(
+            IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"
+        ),
+        Interface(
+            IN, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "statuses of each robot's nodes"
+        ),
         CLOCK,
-        Interface(OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "page and robots: once a second"),
+        Interface(
+            OUT, "/diagnostics", "diagnostic_msgs/DiagnosticArray", "page and robots: once a second"
+        ),
     ),
 }
 """Interfaces by node."""
@@ -377,16 +457,22 @@ def fields_of(lines):
 def interface_page_of(path):
     """Section of one message or service: what its file says of it and of each field."""
     lines = path.read_text(encoding="utf-8").splitlines()
-    lines = lines[next(k for k, line in enumerate(lines) if line and not line.startswith("# SPDX-")) :]
+    lines = lines[
+        next(k for k, line in enumerate(lines) if line and not line.startswith("# SPDX-")) :
+    ]
     count = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     about = [line[1:].removeprefix(" ") for line in lines[:count]]
     parts = [f"### {path.stem}", f"`{path.parent.name}/{path.name}`"]
-    for equation, group in groupby(about, lambda line: line.startswith("  ")):  # an equation stands by itself
+    for equation, group in groupby(
+        about, lambda line: line.startswith("  ")
+    ):  # an equation stands by itself
         lines_of = list(group)
         parts.append("\n".join(lines_of) if equation else paragraph(cell(" ".join(lines_of))))
     head = ("field", "type", "meaning")
     sections = "\n".join(lines[count:]).split("\n---\n")
-    for title, section in zip(("Request:", "Response:") if len(sections) > 1 else ("",), sections, strict=True):
+    for title, section in zip(
+        ("Request:", "Response:") if len(sections) > 1 else ("",), sections, strict=True
+    ):
         if title:
             parts.append(title)
         parts.append(table(head, fields_of(section.splitlines())))
@@ -400,15 +486,23 @@ def interface_tables(node):
         rows = []
         for one in INTERFACES[node]:
             if one.kind == kind:
-                meaning = cell(one.meaning) + (f" (with {conditions(one)})" if one.condition else "")
+                meaning = cell(one.meaning) + (
+                    f" (with {conditions(one)})" if one.condition else ""
+                )
                 rows.append((f"`{one.name}`", anchored(one.type), meaning))
         if rows:
             parts.append(table((title, "type", ""), rows))
     if node == "controller":
         own = ", ".join(f"`{name}`" for name, _ in LIFECYCLE)
-        parts.append(paragraph(f"The controller is a managed node with the services {own} of `lifecycle_msgs`."))
+        parts.append(
+            paragraph(
+                f"The controller is a managed node with the services {own} of `lifecycle_msgs`."
+            )
+        )
         action = "`~/follow_joint_trajectory` (`control_msgs/FollowJointTrajectory`)"
-        parts.append(paragraph(f"Where `control_msgs` is installed, it serves the action {action}."))
+        parts.append(
+            paragraph(f"Where `control_msgs` is installed, it serves the action {action}.")
+        )
     return "\n\n".join(parts)
 
 
@@ -498,7 +592,9 @@ def configuration(node):
 
 def commented(text, indent):
     """Lines of a comment."""
-    return wrap(text, 118, initial_indent=" " * indent + "# ", subsequent_indent=" " * indent + "# ")
+    return wrap(
+        text, 118, initial_indent=" " * indent + "# ", subsequent_indent=" " * indent + "# "
+    )
 
 
 def files():

@@ -18,7 +18,9 @@ ARM = f"""<robot name='two_link'>
 {JOINT.format("shoulder", "base", "upper_arm", 0)}{JOINT.format("elbow", "upper_arm", "forearm", 1)}
 </robot>"""
 
-LIMITS = dd.ContactLimits({"example": {"mass": 3.0, "stiffness": 20_000.0, "force": 150.0}})  # numbers of nobody's body
+LIMITS = dd.ContactLimits(
+    {"example": {"mass": 3.0, "stiffness": 20_000.0, "force": 150.0}}
+)  # numbers of nobody's body
 
 model = dd.load_urdf(ARM, gravity=(0, 0, 0))
 dyn = dd.DiagonalDynamics(model)
@@ -28,9 +30,13 @@ q = (0.0, math.pi / 2)  # shoulder along x, elbow at a right angle: the tip is a
 for name, qd in (("along y", (0.5, -0.5)), ("along x", (0.0, -0.5))):
     c = dyn.contact(q, qd, tip)
     print(f"{name}, direction {c.direction[0].round(6) + 0.0}, at {c.position[0].round(6) + 0.0}")
-    print(f"  speed {c.speed[0]:.3f} m/s, reflected mass {c.reflected_mass[0]:.3f} kg, simplified {half:.3f} kg")
+    print(
+        f"  speed {c.speed[0]:.3f} m/s, reflected mass {c.reflected_mass[0]:.3f} kg, simplified {half:.3f} kg"
+    )
     print(f"  transferable energy {c.energy[0]:.4f} J of {c.kinetic_energy:.4f} J")
-    print(f"  force {c.force[0]:.1f} N, by the simplified mass {contact_force(c.speed[0], half, 20e3, 3.0):.1f} N")
+    print(
+        f"  force {c.force[0]:.1f} N, by the simplified mass {contact_force(c.speed[0], half, 20e3, 3.0):.1f} N"
+    )
     print(f"  allowed {c.allowed_speed[0]:.3f} m/s, margin {c.margin[0]:.3f} m/s", end="; ")
     print(f"by the simplified mass {speed_of_force(150.0, half, 20e3, 3.0):.3f} m/s")
 

@@ -9,7 +9,9 @@ import diag_dynamics as dd
 
 model = dd.load_robot("panda")
 dyn = dd.DiagonalDynamics(model)
-middle = np.clip(model.neutral, 0.9 * model.lower + 0.1 * model.upper, 0.1 * model.lower + 0.9 * model.upper)
+middle = np.clip(
+    model.neutral, 0.9 * model.lower + 0.1 * model.upper, 0.1 * model.lower + 0.9 * model.upper
+)
 simulation = dd.Simulation(model, q=middle)
 law = dd.JointTracking(dyn, gain=20.0, convergence=5.0)
 limiter = dd.EnergyLimiter(dyn, limit=0.5, rate=20.0)
@@ -23,4 +25,6 @@ for _ in range(2000):
     command = saturation.filter(limiter.filter(simulation.q, command))
     simulation.advance(command.tau)
     largest = max(largest, 0.5 * float(simulation.nu @ simulation.nu))
-print(f"error {np.abs(simulation.q - target).max():.4f} rad, largest kinetic energy {largest:.3f} J")
+print(
+    f"error {np.abs(simulation.q - target).max():.4f} rad, largest kinetic energy {largest:.3f} J"
+)

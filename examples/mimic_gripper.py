@@ -9,4 +9,6 @@ for mimic in ("embed", "free", "lock"):
     model = dd.load_robot("panda", mimic=mimic)
     dyn = dd.DiagonalDynamics(model)
     M = dyn.mass_matrix(model.neutral)
-    print(f"mimic='{mimic}': {model.nv} dof, the fingers move {M[-1, -1]:.3f} kg; coupled: {dict(model.mimics)}")
+    print(
+        f"mimic='{mimic}': {model.nv} dof, the fingers move {M[-1, -1]:.3f} kg; coupled: {dict(model.mimics)}"
+    )

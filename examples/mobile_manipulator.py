@@ -36,7 +36,9 @@ still = dict.fromkeys(dyn.model.dof_names, 0.0)
 for name, speed in {"base_x_joint": 0.5, "arm_1_joint": 0.5}.items():
     s = dyn.evaluate(still, still | {name: speed})
     base = s.energy_share[:3].sum()
-    print(f"{name} at {speed} alone: {s.kinetic_energy:.2f} J, of which the base has {base / s.kinetic_energy:.0%}")
+    print(
+        f"{name} at {speed} alone: {s.kinetic_energy:.2f} J, of which the base has {base / s.kinetic_energy:.0%}"
+    )
 
 if len(sys.argv) > 1:
     Path(sys.argv[1]).write_text(urdf, encoding="utf-8")

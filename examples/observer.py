@@ -8,7 +8,10 @@ import numpy as np
 import diag_dynamics as dd
 
 model = dd.load_robot("ur5")
-dyn, simulation = dd.DiagonalDynamics(model), dd.Simulation(model, q=[0.0, -1.0, 1.2, 0.0, 0.5, 0.0])
+dyn, simulation = (
+    dd.DiagonalDynamics(model),
+    dd.Simulation(model, q=[0.0, -1.0, 1.2, 0.0, 0.5, 0.0]),
+)
 observer = dd.DisturbanceObserver(dyn, gain=25.0, threshold=2.0)
 
 for k in range(1000):
@@ -16,7 +19,11 @@ for k in range(1000):
     q, qd = simulation.q, simulation.qd
     tau = dyn.gravity_torque(q) - 5.0 * qd
     pushed = 0.4 <= time < 0.6
-    simulation.advance(tau, f_ext={"wrist_3_link": [0, 0, -20, 0, 0, 0]} if pushed else None, frame="world")
+    simulation.advance(
+        tau, f_ext={"wrist_3_link": [0, 0, -20, 0, 0, 0]} if pushed else None, frame="world"
+    )
     seen = observer.update(time, q, qd, tau)
     if k % 100 == 50:  # the first sample of all has nothing to compare with
-        print(f"{time:.2f} s: external torque {np.round(seen.external_torque, 1)} N m{'  collision' * seen.collision}")
+        print(
+            f"{time:.2f} s: external torque {np.round(seen.external_torque, 1)} N m{'  collision' * seen.collision}"
+        )

@@ -20,5 +20,7 @@ with warnings.catch_warnings(record=True) as told:
 for warning in told:
     print(warning.message)
 print(model)
-for name, lower, upper, effort in zip(model.dof_names, model.lower, model.upper, model.effort_limit, strict=False):
+for name, lower, upper, effort in zip(
+    model.dof_names, model.lower, model.upper, model.effort_limit, strict=False
+):
     print(f"  {name:28}[{lower:7.2f}, {upper:7.2f}]  effort up to {effort:g}")

@@ -21,8 +21,13 @@ for k in range(6000):
     tau = dyn.gravity_torque(q) + swing - np.array([8, 8, 6, 6, 1, 1, 0.5, 0.5]) * qd
     rows.append([time, *q, *qd, *tau])
     pushed = 3.5 <= time < 3.9
-    simulation.advance(tau, f_ext={"panda_hand": [12.0, 25.0, 0.0, 0, 0, 0]} if pushed else None, frame="world")
-names = ["time", *(f"{kind}_{name}" for kind in ("position", "velocity", "effort") for name in model.dof_names)]
+    simulation.advance(
+        tau, f_ext={"panda_hand": [12.0, 25.0, 0.0, 0, 0, 0]} if pushed else None, frame="world"
+    )
+names = [
+    "time",
+    *(f"{kind}_{name}" for kind in ("position", "velocity", "effort") for name in model.dof_names),
+]
 np.savetxt("swing.csv", rows, delimiter=",", header=",".join(names), comments="")
 recording = dd.read_recording("swing.csv", model)
 
@@ -32,7 +37,12 @@ try:
     dd.plot.balance(recording).savefig("balance.png")
     dd.plot.external_torque(recording, {"*": 3.0}).savefig("external_torque.png")
     dd.plot.tree(model, recording.q[0]).savefig("tree.png")
-    dd.plot.ellipsoid(model, recording.q[2000], "panda_hand", recording.qd[2000]).figure.savefig("ellipsoid.png")
-    print(recording, "as energy.png, shares.png, balance.png, external_torque.png, tree.png, ellipsoid.png")
+    dd.plot.ellipsoid(model, recording.q[2000], "panda_hand", recording.qd[2000]).figure.savefig(
+        "ellipsoid.png"
+    )
+    print(
+        recording,
+        "as energy.png, shares.png, balance.png, external_torque.png, tree.png, ellipsoid.png",
+    )
 except dd.InputError as error:  # without matplotlib
     print(error)

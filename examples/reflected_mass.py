@@ -19,4 +19,6 @@ for axis, direction in {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}.items():
 v = dyn.link_velocity(q, qd, "panda_hand", frame="world")[:3]
 speed = float(np.linalg.norm(v))
 mass = dyn.reflected_mass(q, "panda_hand", v, frame="world")
-print(f"the hand moves at {speed:.2f} m/s with {mass:.2f} kg along its way: {0.5 * mass * speed**2:.3f} J")
+print(
+    f"the hand moves at {speed:.2f} m/s with {mass:.2f} kg along its way: {0.5 * mass * speed**2:.3f} J"
+)

@@ -9,5 +9,7 @@ model = dd.load_robot("panda")
 simulation = dd.Simulation(model)
 for _ in range(10):
     simulation.advance(steps=100)
-    print(f"{simulation.time:.1f} s  q₂ = {simulation.q[1]:+.3f} rad  K = {0.5 * simulation.nu @ simulation.nu:7.3f} J")
+    print(
+        f"{simulation.time:.1f} s  q₂ = {simulation.q[1]:+.3f} rad  K = {0.5 * simulation.nu @ simulation.nu:7.3f} J"
+    )
 print(simulation.audit)

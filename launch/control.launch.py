@@ -14,7 +14,9 @@ from launch.substitutions import LaunchConfiguration
 def include(name, **arguments):
     """Return the action that includes a launch file; its arguments hold for later files, too."""
     path = str(Path(__file__).with_name(f"{name}.launch.py"))
-    return IncludeLaunchDescription(PythonLaunchDescriptionSource(path), launch_arguments=arguments.items())
+    return IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(path), launch_arguments=arguments.items()
+    )
 
 
 def generate_launch_description():
@@ -25,7 +27,9 @@ def generate_launch_description():
         description="Whether the simulated robot compensates gravity.",
     )
     autostart = DeclareLaunchArgument(
-        "autostart", default_value="true", description="Whether the controller configures and activates itself."
+        "autostart",
+        default_value="true",
+        description="Whether the controller configures and activates itself.",
     )
     simulator = include(
         "simulator",

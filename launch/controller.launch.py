@@ -10,9 +10,15 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 PARAMETERS = {
     "robot_description": (str, "URDF, or the path of one. Empty: the topic robot_description."),
-    "robot_compensates_gravity": (bool, "Required: whether the robot adds gravity compensation to efforts."),
+    "robot_compensates_gravity": (
+        bool,
+        "Required: whether the robot adds gravity compensation to efforts.",
+    ),
     "autostart": (bool, "Whether the node configures and activates itself."),
-    "check_time": (float, "Timeout for reading the effort controller's joints [s]; 0 skips the check."),
+    "check_time": (
+        float,
+        "Timeout for reading the effort controller's joints [s]; 0 skips the check.",
+    ),
     "use_sim_time": (bool, "Whether the node uses /clock."),
 }
 """Parameters of the controller as arguments: type and description. If empty, params_file or the node determines them."""
@@ -28,7 +34,9 @@ def start(context):
     """Return the node for the values of the arguments."""
     given = context.launch_configurations
     parameters = {
-        name: ParameterValue(given[name], value_type=kind) for name, (kind, _) in PARAMETERS.items() if given[name]
+        name: ParameterValue(given[name], value_type=kind)
+        for name, (kind, _) in PARAMETERS.items()
+        if given[name]
     }
     return [
         Node(
@@ -49,5 +57,7 @@ def generate_launch_description():
         DeclareLaunchArgument(name, default_value="", description=text)
         for name, text in (COMMON | {name: text for name, (_, text) in PARAMETERS.items()}).items()
     ]
-    log_level = DeclareLaunchArgument("log_level", default_value="info", description="Log level of the node.")
+    log_level = DeclareLaunchArgument(
+        "log_level", default_value="info", description="Log level of the node."
+    )
     return LaunchDescription([*declared, log_level, OpaqueFunction(function=start)])

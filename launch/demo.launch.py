@@ -13,10 +13,16 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 def include(name, **arguments):
     """Return the action that includes a launch file; its arguments hold for later files, too."""
     path = str(Path(__file__).with_name(f"{name}.launch.py"))
-    return IncludeLaunchDescription(PythonLaunchDescriptionSource(path), launch_arguments=arguments.items())
+    return IncludeLaunchDescription(
+        PythonLaunchDescriptionSource(path), launch_arguments=arguments.items()
+    )
 
 
 def generate_launch_description():
     """Include the simulator and the monitor, which declare all other arguments."""
-    motion = DeclareLaunchArgument("motion", default_value="wave", description="Motion of the robot: wave or free.")
-    return LaunchDescription([motion, include("simulator"), include("monitor", robot_description="")])
+    motion = DeclareLaunchArgument(
+        "motion", default_value="wave", description="Motion of the robot: wave or free."
+    )
+    return LaunchDescription(
+        [motion, include("simulator"), include("monitor", robot_description="")]
+    )

@@ -25,7 +25,9 @@ def start(context):
     """Return the nodes for the values of the arguments."""
     given = context.launch_configurations
     parameters = {
-        name: ParameterValue(given[name], value_type=kind) for name, (kind, _) in PARAMETERS.items() if given[name]
+        name: ParameterValue(given[name], value_type=kind)
+        for name, (kind, _) in PARAMETERS.items()
+        if given[name]
     }
     common = {
         "package": "diag_dynamics",
@@ -34,10 +36,14 @@ def start(context):
         "output": "both",
     }
     files = [given["params_file"]] if given["params_file"] else []
-    nodes = [Node(executable="monitor", name="diag_dynamics", parameters=[*files, parameters], **common)]
+    nodes = [
+        Node(executable="monitor", name="diag_dynamics", parameters=[*files, parameters], **common)
+    ]
     if given["view"] == "true":
         time = {name: value for name, value in parameters.items() if name == "use_sim_time"}
-        nodes.append(Node(executable="view", name="diag_dynamics_view", parameters=[*files, time], **common))
+        nodes.append(
+            Node(executable="view", name="diag_dynamics_view", parameters=[*files, time], **common)
+        )
     return nodes
 
 
@@ -47,6 +53,10 @@ def generate_launch_description():
         DeclareLaunchArgument(name, default_value="", description=text)
         for name, text in (COMMON | {name: text for name, (_, text) in PARAMETERS.items()}).items()
     ]
-    view = DeclareLaunchArgument("view", default_value="false", description="Whether the page is served, too.")
-    log_level = DeclareLaunchArgument("log_level", default_value="info", description="Log level of the nodes.")
+    view = DeclareLaunchArgument(
+        "view", default_value="false", description="Whether the page is served, too."
+    )
+    log_level = DeclareLaunchArgument(
+        "log_level", default_value="info", description="Log level of the nodes."
+    )
     return LaunchDescription([*declared, view, log_level, OpaqueFunction(function=start)])

@@ -29,7 +29,9 @@ def start(context):
     """Return the node for the values of the arguments."""
     given = context.launch_configurations
     parameters = {
-        name: ParameterValue(given[name], value_type=kind) for name, (kind, _) in PARAMETERS.items() if given[name]
+        name: ParameterValue(given[name], value_type=kind)
+        for name, (kind, _) in PARAMETERS.items()
+        if given[name]
     }
     return [
         Node(
@@ -50,5 +52,7 @@ def generate_launch_description():
         DeclareLaunchArgument(name, default_value="", description=text)
         for name, text in (COMMON | {name: text for name, (_, text) in PARAMETERS.items()}).items()
     ]
-    log_level = DeclareLaunchArgument("log_level", default_value="info", description="Log level of the node.")
+    log_level = DeclareLaunchArgument(
+        "log_level", default_value="info", description="Log level of the node."
+    )
     return LaunchDescription([*declared, log_level, OpaqueFunction(function=start)])

@@ -13,7 +13,8 @@ try:
     import examples
 except ModuleNotFoundError as error:
     pytest.exit(
-        f"{error}: `make setup-tests` or pip install '.[all]' --group test, installs them.", pytest.ExitCode.USAGE_ERROR
+        f"{error}: `make setup-tests` or pip install '.[all]' --group test, installs them.",
+        pytest.ExitCode.USAGE_ERROR,
     )
 
 WITH_ROS = [Path(__file__).parent / folder for folder in ("nodes", "live")]
@@ -29,7 +30,10 @@ the test that ends a process would be charged for all of its life.
 
 def pytest_addoption(parser):
     parser.addoption(
-        "--robots", choices=("few", "all"), default="few", help="robots that the laws run over: 14 in the gate, or all"
+        "--robots",
+        choices=("few", "all"),
+        default="few",
+        help="robots that the laws run over: 14 in the gate, or all",
     )
 
 
@@ -107,7 +111,9 @@ def pytest_runtest_call(item):
     limited = "PYTEST_XDIST_WORKER" in os.environ and not examples.all_robots_selected()
     exempt = item.get_closest_marker("full") or item.get_closest_marker("live")
     if limited and taken > MAX_CPU_TIME and not exempt:
-        pytest.fail(f"the test took {taken:.1f} CPU-s; expected at most {MAX_CPU_TIME:g} in the gate. Mark it `full`.")
+        pytest.fail(
+            f"the test took {taken:.1f} CPU-s; expected at most {MAX_CPU_TIME:g} in the gate. Mark it `full`."
+        )
     return result
 
 

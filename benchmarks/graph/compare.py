@@ -68,8 +68,14 @@ def measure(plan):
         A process ended, or the floor's messages are not of the monitor's size.
     """
     private_domain()
-    subjects = [Subject(node, topics) for topics in SETS.values() for node in (FLOOR, BYTES, MONITOR)]
-    under = [Subject(node, SETS["all"], executor=name) for name in plan.executors for node in (FLOOR, MONITOR)]
+    subjects = [
+        Subject(node, topics) for topics in SETS.values() for node in (FLOOR, BYTES, MONITOR)
+    ]
+    under = [
+        Subject(node, SETS["all"], executor=name)
+        for name in plan.executors
+        for node in (FLOOR, MONITOR)
+    ]
     found = Found(defaultdict(list), defaultdict(list), defaultdict(list), defaultdict(dict))
     for k in range(plan.rounds):
         _say(f"measures nodes, round {k + 1} of {plan.rounds}")
@@ -97,7 +103,9 @@ def same_sizes(sizes):
         for topic, size in own.items():
             expected = sizes[FLOOR].get(topic, size)
             if abs(size - expected) >= PADDING:
-                raise GraphError(f"Messages on {topic} of {node} have {size} bytes, expected {expected}.")
+                raise GraphError(
+                    f"Messages on {topic} of {node} have {size} bytes, expected {expected}."
+                )
 
 
 def _say(what):

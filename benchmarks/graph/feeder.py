@@ -32,8 +32,12 @@ class Feeder:
 
     def __init__(self, names):
         self._node = rclpy.create_node("feeder")
-        self._publisher = self._node.create_publisher(JointState, "joint_states", QoSProfile(depth=10))
-        position, velocity, effort = np.random.default_rng(1).uniform(-0.3, 0.3, (3, len(names))).tolist()
+        self._publisher = self._node.create_publisher(
+            JointState, "joint_states", QoSProfile(depth=10)
+        )
+        position, velocity, effort = (
+            np.random.default_rng(1).uniform(-0.3, 0.3, (3, len(names))).tolist()
+        )
         message = JointState(name=names, position=position, velocity=velocity, effort=effort)
         self._data = bytearray(serialize_message(message))
 
@@ -51,7 +55,12 @@ class Feeder:
             sent += 1
             due = max(due + period, time.perf_counter() - BEHIND * period)
         seconds = time.perf_counter() - begin
-        return {"sent": sent, "late": late, "seconds": seconds, "matched": self._publisher.get_subscription_count() > 0}
+        return {
+            "sent": sent,
+            "late": late,
+            "seconds": seconds,
+            "matched": self._publisher.get_subscription_count() > 0,
+        }
 
 
 def main():

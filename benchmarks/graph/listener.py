@@ -51,7 +51,9 @@ class Listener:
     def _subscribe(self, node, output, qos):
         topic, kind = output.split(":")
         kind = getattr(diag_dynamics.msg, kind, None) or getattr(sensor_msgs.msg, kind)
-        return topic, node.create_subscription(kind, f"/diag_dynamics/{topic}", self._take, qos, raw=True)
+        return topic, node.create_subscription(
+            kind, f"/diag_dynamics/{topic}", self._take, qos, raw=True
+        )
 
     def _take(self, data):
         now, stamp = time.time_ns(), stamps.get(data)
@@ -80,7 +82,9 @@ class Listener:
     def end(self, sent):
         """Wait for the rest of what was sent; returns latencies [ns] of what has come, and the CPU time it took."""
         count, since = -1, 0.0
-        while len(self._latencies) < sent and (len(self._latencies) != count or time.monotonic() - since < QUIET):
+        while len(self._latencies) < sent and (
+            len(self._latencies) != count or time.monotonic() - since < QUIET
+        ):
             if len(self._latencies) != count:
                 count, since = len(self._latencies), time.monotonic()
             time.sleep(0.01)

@@ -39,14 +39,20 @@ def _panels(rows, title):
 
 
 def _legend(figure, panel):
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=len(NODES), fontsize=9)
+    figure.legend(
+        *panel.get_legend_handles_labels(), loc="outside lower center", ncols=len(NODES), fontsize=9
+    )
 
 
 def _latency(steady):
-    figure, axes = _panels(1, f"Latency at {RATE / 1000:g} kHz: part of the messages that come later")
+    figure, axes = _panels(
+        1, f"Latency at {RATE / 1000:g} kHz: part of the messages that come later"
+    )
     for panel, topics in zip(axes[0], SETS.values(), strict=True):
         for node, (label, color) in NODES.items():
-            latencies = np.sort(np.concatenate([burst.latencies for burst in steady[Subject(node, topics)]]))
+            latencies = np.sort(
+                np.concatenate([burst.latencies for burst in steady[Subject(node, topics)]])
+            )
             later = 1.0 - np.arange(len(latencies)) / len(latencies)
             panel.plot(1e3 * latencies, later, color=color, label=label, drawstyle="steps-post")
         for percent in (50, 99, 99.9):
@@ -61,7 +67,9 @@ def _latency(steady):
                 color="0.4",
             )
         panel.set(xscale="log", yscale="log", xlabel="publish of joint_states to receipt [ms]")
-        plain(panel.xaxis, subs=(1,))  # from fractions of a millisecond to a stalled machine's hundreds
+        plain(
+            panel.xaxis, subs=(1,)
+        )  # from fractions of a millisecond to a stalled machine's hundreds
     axes[0, 0].set_ylabel("part of the messages")
     _legend(figure, axes[0, 0])
     return figure
@@ -73,7 +81,14 @@ def _rates(searched):
         for node, (label, color) in NODES.items():
             best = _best(searched[Subject(node, topics)])
             rates = [burst.rate for burst in best]
-            loss.plot(rates, [100 * max(burst.loss, 0.0) for burst in best], "o-", ms=3.5, color=color, label=label)
+            loss.plot(
+                rates,
+                [100 * max(burst.loss, 0.0) for burst in best],
+                "o-",
+                ms=3.5,
+                color=color,
+                label=label,
+            )
             cpu.plot(rates, [100 * burst.share for burst in best], "o-", ms=3.5, color=color)
         loss.axhline(100 * LOSSLESS, color="0.4", lw=0.8, ls=":")
         loss.set_yscale("symlog", linthresh=0.1)

@@ -42,7 +42,9 @@ def outputs(robot):
     state = RobotState(q, qd, tau, newest=0, oldest=0, stamp_is_receive_time=False)
     maker, s = MessageMaker(model, revision=1), dynamics.evaluate(q, qd, tau)
     messages = [
-        maker.matrix(topic, dynamics, state) if topic in MATRICES else maker.evaluated(topic, s, state)
+        maker.matrix(topic, dynamics, state)
+        if topic in MATRICES
+        else maker.evaluated(topic, s, state)
         for topic in ORDER
     ]
     return [

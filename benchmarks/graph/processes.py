@@ -89,7 +89,9 @@ class Process(contextlib.AbstractContextManager):
     def alive(self):
         """Raise GraphError if the process has ended."""
         if self._process.poll() is not None:
-            raise GraphError(f"{self._name} ended with {self._process.returncode}:\n{self.errors()}")
+            raise GraphError(
+                f"{self._name} ended with {self._process.returncode}:\n{self.errors()}"
+            )
 
     def errors(self):
         """The end of what it has written to its standard error."""

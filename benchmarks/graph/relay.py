@@ -36,8 +36,16 @@ class Output:
         self.publish = node.create_publisher(kind, f"~/{topic}", QoSProfile(depth=10)).publish
         self.period = 1e9 / rate if rate else 0.0  # ns
         self.next = 0.0
-        names = [name for name, of in kind.get_fields_and_field_types().items() if of == "sequence<double>"]
-        self.numbers = [(name, bytes(getattr(self.message, name))) for name in names if getattr(self.message, name)]
+        names = [
+            name
+            for name, of in kind.get_fields_and_field_types().items()
+            if of == "sequence<double>"
+        ]
+        self.numbers = [
+            (name, bytes(getattr(self.message, name)))
+            for name in names
+            if getattr(self.message, name)
+        ]
 
     def is_due(self, stamp):
         """Return whether a message stamped `stamp` [ns] goes out."""

@@ -23,7 +23,12 @@ RELAY = Path(__file__).with_name("relay.py")
 
 KHZ, LOST, FULL = f"{RATE / 1000:g}", f"{100 * LOSSLESS:g}", f"{100 * BUSY:g}"
 
-CPU, P50, P99, HIGHEST = "CPU time per joint state", "median latency", "p99 latency", "highest lossless rate"
+CPU, P50, P99, HIGHEST = (
+    "CPU time per joint state",
+    "median latency",
+    "p99 latency",
+    "highest lossless rate",
+)
 
 TARGETS = {
     "all": {CPU: ("≤", 0.85), P50: ("≤", 1.0), P99: ("≤", 1.0), HIGHEST: ("≥", 1.3)},
@@ -56,7 +61,10 @@ def lines(found):
         ratios = _ratios(found, ours, floor)
         limits = {HIGHEST: highest(found.searched[ours])[1]}
         targets = TARGETS[name].items()
-        judged += [Line(what, name, *target, ratios[what], limits.get(what, "")) for what, target in targets]
+        judged += [
+            Line(what, name, *target, ratios[what], limits.get(what, ""))
+            for what, target in targets
+        ]
     return judged
 
 
@@ -67,7 +75,10 @@ def summary(found):
         shown = f"{line.ratio.median:.2f}" if line.quantity == HIGHEST else quartiles(line.ratio)
         target, verdict = f"{line.relation} {line.target:g}", "met" if line.met else "missed"
         if line.limit and line.limit != "node":  # then it is a bound from below
-            shown, verdict = f"at least {shown}", "met" if line.met else f"not shown: {line.limit} was the limit"
+            shown, verdict = (
+                f"at least {shown}",
+                "met" if line.met else f"not shown: {line.limit} was the limit",
+            )
         rows.append(f"| {line.quantity} | {line.topics} | {target} | {shown} | {verdict} |")
     return "\n".join(rows) + "\n"
 
@@ -167,7 +178,10 @@ def _nodes(found):
 
 
 def _executors(found):
-    rows = ["| executor | node | CPU | p50 | p99 | memory | lost |", "|---|---|---|---|---|---|---|"]
+    rows = [
+        "| executor | node | CPU | p50 | p99 | memory | lost |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for subject, bursts in found.executors.items():
         rows.append(f"| {subject.executor} | {_name(subject)} | {' | '.join(_at_rate(bursts))} |")
     return "\n".join(rows) + "\n"
@@ -176,10 +190,17 @@ def _executors(found):
 def _at_rate(bursts):
     """CPU, p50, p99, memory and loss of bursts at the same rate."""
     cpu = np.median([burst.cpu_per_message for burst in bursts])
-    percentiles = [np.median([burst.percentile(percent) for burst in bursts]) for percent in (50, 99)]
+    percentiles = [
+        np.median([burst.percentile(percent) for burst in bursts]) for percent in (50, 99)
+    ]
     lost = 1.0 - sum(burst.received for burst in bursts) / sum(burst.sent for burst in bursts)
     memory = max(burst.memory for burst in bursts)
-    return [f"{1e6 * cpu:.0f} µs", *map(_milliseconds, percentiles), f"{memory / 1e6:.0f} MB", f"{100 * lost:.2f} %"]
+    return [
+        f"{1e6 * cpu:.0f} µs",
+        *map(_milliseconds, percentiles),
+        f"{memory / 1e6:.0f} MB",
+        f"{100 * lost:.2f} %",
+    ]
 
 
 def _milliseconds(seconds):

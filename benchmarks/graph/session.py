@@ -43,14 +43,22 @@ class Subject(NamedTuple):
     def process(self):
         """The node, started."""
         if self.node in RELAYS:
-            wanted = [output for output in prebuilt.outputs(self.robot) if output.topic in self.topics]
-            return Process("graph.relay", self.executor, str(self.queue), json.dumps(wanted), RELAYS[self.node])
+            wanted = [
+                output for output in prebuilt.outputs(self.robot) if output.topic in self.topics
+            ]
+            return Process(
+                "graph.relay", self.executor, str(self.queue), json.dumps(wanted), RELAYS[self.node]
+            )
         parameters = {
             "robot_description": find_urdf(self.robot),
             "qos_overrides./joint_states.subscription.depth": self.queue,
         }
-        arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-        return Process("graph.monitor", self.executor, "--ros-args", "--log-level", "warn", *arguments)
+        arguments = [
+            word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")
+        ]
+        return Process(
+            "graph.monitor", self.executor, "--ros-args", "--log-level", "warn", *arguments
+        )
 
 
 class Burst(NamedTuple):
@@ -60,7 +68,9 @@ class Burst(NamedTuple):
     sent: int
     seconds: float
     received: int  # messages of the topic that is timed; all that was sent if nobody listens
-    latencies: np.ndarray  # from the stamp of a joint state to the receipt of what was made of it [s]
+    latencies: (
+        np.ndarray
+    )  # from the stamp of a joint state to the receipt of what was made of it [s]
     cpu: float  # of the node
     listener_cpu: float
     late: float  # of the feeder's at worst: how long this machine does not run a process that is due [s]
@@ -132,8 +142,12 @@ class Session(contextlib.AbstractContextManager):
         kinds = [f"{topic}:{TYPES[topic].__name__}" for topic in topics]
         with contextlib.ExitStack() as processes:
             self._node = processes.enter_context(self._subject.process())
-            self._listener = processes.enter_context(Process("graph.listener", *kinds)) if topics else None
-            self._feeder = processes.enter_context(Process("graph.feeder", *prebuilt.joints(self._subject.robot)))
+            self._listener = (
+                processes.enter_context(Process("graph.listener", *kinds)) if topics else None
+            )
+            self._feeder = processes.enter_context(
+                Process("graph.feeder", *prebuilt.joints(self._subject.robot))
+            )
             self._await_flow(set(topics))
             self._processes = processes.pop_all()
         return self
@@ -149,7 +163,9 @@ class Session(contextlib.AbstractContextManager):
         while missing:
             self._node.alive()
             if time.monotonic() > deadline:
-                raise GraphError(f"{self._subject}: nothing on {', '.join(missing)}:\n{self._node.errors()}")
+                raise GraphError(
+                    f"{self._subject}: nothing on {', '.join(missing)}:\n{self._node.errors()}"
+                )
             if self._feeder.ask("burst", 100.0, 0.1)["matched"]:
                 missing.discard("joint_states")
             if topics:
@@ -163,7 +179,11 @@ class Session(contextlib.AbstractContextManager):
         cpu, everybody = self._node.cpu(), _busy()
         fed = self._feeder.ask("burst", rate, seconds, seconds=seconds)
         machine = _share(everybody, _busy())
-        heard = self._listener.ask("end", fed["sent"]) if self._listener else {"latencies": [], "cpu": 0.0}
+        heard = (
+            self._listener.ask("end", fed["sent"])
+            if self._listener
+            else {"latencies": [], "cpu": 0.0}
+        )
         cpu = self._node.cpu() - cpu
         self._node.alive()
         return Burst(

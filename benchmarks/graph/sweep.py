@@ -36,7 +36,9 @@ def lossless(burst):
 
 def highest(bursts):
     """The highest rate that was served [Hz], as it was sent, and who was the limit; 0 if none was."""
-    served = max((burst for burst in bursts if lossless(burst)), key=lambda burst: burst.rate, default=None)
+    served = max(
+        (burst for burst in bursts if lossless(burst)), key=lambda burst: burst.rate, default=None
+    )
     if served and not served.kept:
         return served.rate, served.limit
     rate = served.rate if served else 0.0
@@ -70,6 +72,8 @@ def search(session, how):
         low, high = (middle, high) if served(middle) else (low, middle)
     top = max(burst.asked for burst in bursts)
     bursts += [
-        session.burst(top * CLIMB**k, how.seconds) for k in range(1, how.beyond + 1) if top * CLIMB**k < how.last
+        session.burst(top * CLIMB**k, how.seconds)
+        for k in range(1, how.beyond + 1)
+        if top * CLIMB**k < how.last
     ]
     return bursts

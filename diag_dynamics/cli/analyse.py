@@ -30,7 +30,13 @@ from diag_dynamics.text import Progress
 EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
 than 80 %, a wrong unit, or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."""
 
-THRESHOLDS = {"alarm.joints", "alarm.external_torque", "alarm.norm", "alarm.rest_joints", "external_torque.threshold"}
+THRESHOLDS = {
+    "alarm.joints",
+    "alarm.external_torque",
+    "alarm.norm",
+    "alarm.rest_joints",
+    "external_torque.threshold",
+}
 """Parameters of the monitor that set a threshold; a file of alarms sets at least one."""
 
 OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json", "lerobot")}
@@ -39,18 +45,30 @@ OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "j
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_recording(
-        parser, "rosbag2 folder, .mcap, .db3, .bag, CSV, TSV, Parquet, npz or LeRobot dataset", nargs="*"
+        parser,
+        "rosbag2 folder, .mcap, .db3, .bag, CSV, TSV, Parquet, npz or LeRobot dataset",
+        nargs="*",
     )
-    parser.add_argument("--alarms", metavar="ALARMS.yaml", help="thresholds written by diag-dynamics calibrate")
+    parser.add_argument(
+        "--alarms", metavar="ALARMS.yaml", help="thresholds written by diag-dynamics calibrate"
+    )
     text = f"observer gain [1/s] unless external_torque.gain is set (default: {common.GAIN:g})"
     parser.add_argument("--gain", type=float, help=text)
-    parser.add_argument("-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play")
+    parser.add_argument(
+        "-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play"
+    )
     text = f"topics in OUT.mcap, separated by commas: {', '.join(TOPICS)} (default: {','.join(WRITTEN)})"
     parser.add_argument("--topics", help=text)
-    parser.add_argument("--parquet", metavar="OUT.parquet", help="table with a column for each quantity and joint")
+    parser.add_argument(
+        "--parquet", metavar="OUT.parquet", help="table with a column for each quantity and joint"
+    )
     parser.add_argument("--csv", metavar="OUT.csv", help="the same table as text")
-    parser.add_argument("--report", metavar="OUT.html", help="self-contained HTML page with all results")
-    parser.add_argument("--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout; a folder for several")
+    parser.add_argument(
+        "--report", metavar="OUT.html", help="self-contained HTML page with all results"
+    )
+    parser.add_argument(
+        "--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout; a folder for several"
+    )
     text = "copy of a LeRobot dataset with nu, energies and external torque of its episodes"
     parser.add_argument("--lerobot", metavar="FOLDER", help=text)
     common.add_threads(parser)
@@ -61,7 +79,9 @@ def add_arguments(parser):
 def run(chosen):
     """Analyse recordings; return the exit status."""
     if not chosen.recording and not chosen.fleet:
-        raise InputError("recording is missing; expected a path before --set and --joint-names, or --fleet PATTERN.")
+        raise InputError(
+            "recording is missing; expected a path before --set and --joint-names, or --fleet PATTERN."
+        )
     parameters, robot = _parameters(chosen), common.chosen_robot(chosen)
     if chosen.fleet is not None:
         return fleet.analyse(chosen, parameters, robot)
@@ -73,7 +93,9 @@ def run(chosen):
     is_single = len(chosen.recording) == 1
     for option, name in OUTPUTS.items():
         if name not in ("json", "lerobot") and getattr(chosen, name) and not is_single:
-            count = f"there are {len(chosen.recording)}. Use --fleet --out DIR to write files of each."
+            count = (
+                f"there are {len(chosen.recording)}. Use --fleet --out DIR to write files of each."
+            )
             raise InputError(f"{option} writes results of one recording, but {count}")
     is_folder = chosen.json and not is_single and os.path.isdir(chosen.json)
     with common.json_output(Path(chosen.json, "all.json") if is_folder else chosen.json) as write:
@@ -88,7 +110,9 @@ def _open_dataset(chosen):
     """Return the output for a copy of the dataset that is analysed."""
     if len(chosen.recording) > 1 or not is_dataset(chosen.recording[0]):
         found = f"but the recording is {', '.join(chosen.recording)}"
-        raise InputError(f"--lerobot copies a LeRobot dataset, {found}; expected one folder with meta/info.json.")
+        raise InputError(
+            f"--lerobot copies a LeRobot dataset, {found}; expected one folder with meta/info.json."
+        )
     from diag_dynamics.recordings.outputs.lerobot import LeRobotOutput
 
     return LeRobotOutput(chosen.lerobot, chosen.recording[0])
@@ -104,7 +128,9 @@ def _analyse(chosen, parameters, robot, write):
         took = max(time.perf_counter() - start, 1e-9)
         ratio = summary["duration"] / took
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} × real time.", file=sys.stderr)
-        common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values() if name != "lerobot"))
+        common.report_written(
+            *(getattr(chosen, name) for name in OUTPUTS.values() if name != "lerobot")
+        )
         if faults:
             print(f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}.", file=sys.stderr)
     return DOUBTFUL if faults else DONE
@@ -184,7 +210,9 @@ def _progress_of_states(progress):
 
 def _no_states(chosen, recording, analysis):
     if (chosen.start, chosen.end) != (None, None) and not analysis.reading.counts["received"]:
-        return InputError(f"'{printable(recording)}' contains no message between --start and --end.")
+        return InputError(
+            f"'{printable(recording)}' contains no message between --start and --end."
+        )
     return no_states_error(printable(recording), analysis.findings)
 
 
@@ -197,7 +225,9 @@ def _parameters(chosen):
             f"{', '.join(sorted(THRESHOLDS))}. Create it with diag-dynamics calibrate, or use --parameters."
         )
     parameters = common.chosen_parameters(chosen, *alarms)
-    if chosen.gain is not None and parameters.get("external_torque.threshold"):  # it counts only with a gain
+    if chosen.gain is not None and parameters.get(
+        "external_torque.threshold"
+    ):  # it counts only with a gain
         parameters["external_torque.gain"] = parameters.get("external_torque.gain") or chosen.gain
     return parameters
 

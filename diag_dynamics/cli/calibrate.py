@@ -37,7 +37,9 @@ METHODS = {
 
 def add_arguments(parser):
     """Declare the arguments."""
-    common.add_recording(parser, "recordings without any contact: bag, MCAP, CSV, TSV, Parquet, npz")
+    common.add_recording(
+        parser, "recordings without any contact: bag, MCAP, CSV, TSV, Parquet, npz"
+    )
     text = "accepted rate of false alarms, all detectors together: N/s, N/min or N/h (default: %(default)s)"
     parser.add_argument("--false-alarms", metavar="N/min", default="1/min", help=text)
     text = "accepted rate of false contacts, for the lower thresholds (default: ten times that of false alarms)"
@@ -46,9 +48,15 @@ def add_arguments(parser):
         ("--gain", common.GAIN, "gain of the disturbance observer [1/s]"),
         ("--release", RELEASE, "fraction of its threshold below which a detector releases"),
         ("--hold-off", HOLD_OFF, "time after an alarm in which a rise belongs to that alarm [s]"),
-        ("--standing", STANDING, "age of an alarm at which a constant torque becomes an offset [s], 0 for never"),
+        (
+            "--standing",
+            STANDING,
+            "age of an alarm at which a constant torque becomes an offset [s], 0 for never",
+        ),
     ):
-        parser.add_argument(option, type=float, default=default, help=f"{text} (default: %(default)g)")
+        parser.add_argument(
+            option, type=float, default=default, help=f"{text} (default: %(default)g)"
+        )
     text = "parameter file for the monitor and for analyse --alarms"
     parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help=text)
     common.add_threads(parser)
@@ -57,14 +65,19 @@ def add_arguments(parser):
 
 def run(chosen):
     """Calibrate; return the exit status."""
-    rate, parameters = parse_rate("--false-alarms", chosen.false_alarms), common.chosen_parameters(chosen)
+    rate, parameters = (
+        parse_rate("--false-alarms", chosen.false_alarms),
+        common.chosen_parameters(chosen),
+    )
     contacts = chosen.false_contacts and parse_rate("--false-contacts", chosen.false_contacts)
     with Progress(chosen.quiet) as progress:
         robot = common.chosen_robot(chosen)
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
         names = [f"external_torque.{name}" for name in ("friction", "max_gap", "settles_on")]
-        friction, max_gap, settles_on = (parameters.get(name, PARAMETERS[name].default) for name in names)
+        friction, max_gap, settles_on = (
+            parameters.get(name, PARAMETERS[name].default) for name in names
+        )
         found = calibrate(
             [one.pieces() for one in recordings],
             DiagonalDynamics(model),
@@ -80,19 +93,30 @@ def run(chosen):
             threads=chosen.threads,
         )
     found.save(chosen.output, _notes(chosen))
-    findings = [(one.path, finding) for one in recordings for finding in one.findings if finding.cause != "note"]
+    findings = [
+        (one.path, finding)
+        for one in recordings
+        for finding in one.findings
+        if finding.cause != "note"
+    ]
     if not chosen.quiet:
         texts = [f"'{Path(path).name}': {finding}" for path, finding in findings]
         print("\n".join(_summary(found, model, chosen.output, texts)))
-    damaged = any(finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings)
+    damaged = any(
+        finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings
+    )
     return DOUBTFUL if found.warnings or damaged else DONE
 
 
 def _notes(chosen):
     """Return comments of the file: recordings, date and parameters."""
-    notes = [f"From {', '.join(map(repr, chosen.recording))}, {datetime.now(timezone.utc):%Y-%m-%d}."]
+    notes = [
+        f"From {', '.join(map(repr, chosen.recording))}, {datetime.now(timezone.utc):%Y-%m-%d}."
+    ]
     if chosen.parameters or chosen.set:
-        notes.append(f"With {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor also needs.")
+        notes.append(
+            f"With {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor also needs."
+        )
     return notes
 
 
@@ -104,14 +128,19 @@ def parse_rate(option, text):
     except ValueError:
         rate = math.nan
     if not 0.0 < rate < math.inf:
-        raise InputError(f"{option} is {text!r}; expected a number > 0 per time: N/s, N/min or N/h.")
+        raise InputError(
+            f"{option} is {text!r}; expected a number > 0 per time: N/s, N/min or N/h."
+        )
     return rate
 
 
 def _summary(found, model, path, findings):
     contact = found.contact
     width = max(len("|m r|"), *map(len, found.joints))
-    units = {name: "N" if slides else "N m" for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)}
+    units = {
+        name: "N" if slides else "N m"
+        for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)
+    }
     return [
         f"{found.duration:.4g} s without contact, {found.rest:.4g} s of it at rest, observer gain {found.gain:g}/s, "
         f"{'with' if found.friction else 'without'} friction of the model",
@@ -122,10 +151,17 @@ def _summary(found, model, path, findings):
         "",
         f"Thresholds of collision, {METHODS[found.method].format(found.peaks)}, "
         f"and of contact, {METHODS[contact.method].format(contact.peaks)}",
-        *(f"  {name:{width}}  {x:.4g} {units[name]}  {contact.joints[name]:.4g}" for name, x in found.joints.items()),
+        *(
+            f"  {name:{width}}  {x:.4g} {units[name]}  {contact.joints[name]:.4g}"
+            for name, x in found.joints.items()
+        ),
         f"  {'|m r|':{width}}  {found.external_torque:.4g} N m  {contact.external_torque:.4g}",
         f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s  {contact.norm:.4g}",
-        *(["", "Thresholds of an arm at rest, on the change of m r within 0.2 s"] if found.rest_joints else []),
+        *(
+            ["", "Thresholds of an arm at rest, on the change of m r within 0.2 s"]
+            if found.rest_joints
+            else []
+        ),
         *(
             f"  {name:{width}}  {x:.4g} {units[name]}  {contact.rest_joints.get(name, math.inf):.4g}"
             for name, x in found.rest_joints.items()

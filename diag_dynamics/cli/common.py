@@ -20,9 +20,7 @@ INTERRUPTED = 130
 
 GAIN = 25.0  # default gain of the disturbance observer [1/s]
 
-ROBOT = (
-    "robot: a URDF, xacro or MJCF file, or a name listed by `diag-dynamics robots`. Add xacro arguments as NAME:=VALUE"
-)
+ROBOT = "robot: a URDF, xacro or MJCF file, or a name listed by `diag-dynamics robots`. Add xacro arguments as NAME:=VALUE"
 
 READ = ("recording", "reference", "urdf", "columns", "alarms", "parameters")
 """Arguments that name files to be read."""
@@ -40,7 +38,9 @@ def run_command(name, about, module, arguments):
     parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=about, epilog=epilog)
     module.add_arguments(parser)
     chosen = parse_arguments(parser, arguments)
-    outputs = {option: getattr(chosen, dest) for option, dest in getattr(module, "OUTPUTS", {}).items()}
+    outputs = {
+        option: getattr(chosen, dest) for option, dest in getattr(module, "OUTPUTS", {}).items()
+    }
     try:
         with terminable():
             check_outputs(chosen, outputs)
@@ -77,7 +77,9 @@ def _raise_terminated(*_):
 
 def parse_arguments(parser, arguments):
     """Parse a command line; xacro arguments may stand anywhere, and are the list `xacro_args` of the result."""
-    chosen, left = parser.parse_known_args([word for word in arguments if not ARGUMENT.fullmatch(word)])
+    chosen, left = parser.parse_known_args(
+        [word for word in arguments if not ARGUMENT.fullmatch(word)]
+    )
     chosen.xacro_args = [word for word in arguments if ARGUMENT.fullmatch(word)]
     if not hasattr(chosen, "urdf"):
         left += chosen.xacro_args
@@ -95,9 +97,15 @@ def add_recording(parser, text, nargs="+"):
     """Add recordings and the options of how they are read."""
     parser.add_argument("recording", nargs=nargs, help=text)
     parser.add_argument("--urdf", metavar="ROBOT", help=f"{ROBOT} (default: the robot in the bag)")
-    parser.add_argument("--columns", metavar="MAP.yaml", help="column map of a table (docs/recordings.md)")
-    parser.add_argument("--topic", action="append", help="topic of joint states; repeat it to merge several")
-    text = "map a name in the recording to a joint of the robot; * matches any text: 'fer_*=panda_*'"
+    parser.add_argument(
+        "--columns", metavar="MAP.yaml", help="column map of a table (docs/recordings.md)"
+    )
+    parser.add_argument(
+        "--topic", action="append", help="topic of joint states; repeat it to merge several"
+    )
+    text = (
+        "map a name in the recording to a joint of the robot; * matches any text: 'fer_*=panda_*'"
+    )
     add_entries(parser, "--joint-names", "NAME=JOINT", text)
     add_parameters(parser)
     for option, what in (("--start", "ignore earlier data"), ("--end", "ignore later data")):
@@ -114,7 +122,12 @@ def add_parameters(parser):
     """Add the options that set parameters."""
     text = "file with parameters of the monitor or of the robot, or its loops (docs/library.md); repeatable"
     parser.add_argument("--parameters", metavar="FILE.yaml", action="append", default=[], help=text)
-    add_entries(parser, "--set", "PARAMETER=VALUE", "set parameters of the monitor, such as effort_scale='*=0.5'")
+    add_entries(
+        parser,
+        "--set",
+        "PARAMETER=VALUE",
+        "set parameters of the monitor, such as effort_scale='*=0.5'",
+    )
 
 
 def add_quiet(parser):
@@ -124,7 +137,9 @@ def add_quiet(parser):
 
 def add_threads(parser):
     """Add the option --threads."""
-    parser.add_argument("--threads", type=positive_int, help="number of threads (default: number of processors)")
+    parser.add_argument(
+        "--threads", type=positive_int, help="number of threads (default: number of processors)"
+    )
 
 
 def positive_int(text):
@@ -145,7 +160,9 @@ def chosen_robot(chosen):
         return robot_source(chosen.urdf, chosen.xacro_args)
     if chosen.xacro_args:
         argument = chosen.xacro_args[0]
-        raise InputError(f"'{argument}' is a xacro argument, but --urdf is missing. Give --urdf FILE.xacro.")
+        raise InputError(
+            f"'{argument}' is a xacro argument, but --urdf is missing. Give --urdf FILE.xacro."
+        )
     return None
 
 
@@ -254,7 +271,9 @@ def check_outputs(chosen, outputs):
     """Reject outputs that are inputs, two outputs into one file, and folders that do not exist."""
     read = [getattr(chosen, name, None) or () for name in READ]
     read = [path for paths in read for path in ([paths] if isinstance(paths, str) else paths)]
-    read += [part for path in read if "+" in path for part in path.split("+")]  # tables side by side
+    read += [
+        part for path in read if "+" in path for part in path.split("+")
+    ]  # tables side by side
     taken = {_resolve(split_arguments(path)[0]): f"'{path}' is an input" for path in read}
     for option, path in outputs.items():
         full = None if path in (None, "-") else _resolve(path)
@@ -264,7 +283,9 @@ def check_outputs(chosen, outputs):
             if full == other or other in full.parents:
                 raise InputError(f"{option} is '{path}', but {what}. Choose another file.")
         if path.endswith("/") and not full.is_dir():
-            raise InputError(f"{option} is '{path}', but there is no such folder. Create it, or name a file.")
+            raise InputError(
+                f"{option} is '{path}', but there is no such folder. Create it, or name a file."
+            )
         if not full.parent.is_dir():
             raise InputError(f"{option} is '{path}', but there is no folder '{full.parent}'.")
         taken[full] = f"{option} writes this file"
@@ -273,5 +294,9 @@ def check_outputs(chosen, outputs):
 def _resolve(path):
     try:
         return Path(path).expanduser().resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a link to itself, no home, a null character
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+    ) as error:  # a link to itself, no home, a null character
         raise InputError(f"'{path}': {error}.") from None

@@ -15,7 +15,14 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 
 from diag_dynamics.cli import common
-from diag_dynamics.numerics.cache import PACKAGE, STAMP_PREFIX, cache_folder, code_folder, source_hash, source_path
+from diag_dynamics.numerics.cache import (
+    PACKAGE,
+    STAMP_PREFIX,
+    cache_folder,
+    code_folder,
+    source_hash,
+    source_path,
+)
 from diag_dynamics.text import Progress
 from diag_dynamics.threads import cores
 
@@ -53,7 +60,8 @@ def run(chosen):
     """Compile what the cache lacks; return the exit status."""
     if cache_folder() is None:
         print(
-            "diag-dynamics compile: there is no folder to keep compiled code in, so nothing is done.", file=sys.stderr
+            "diag-dynamics compile: there is no folder to keep compiled code in, so nothing is done.",
+            file=sys.stderr,
         )
         return 1
     with suppress(OSError):
@@ -62,7 +70,9 @@ def run(chosen):
             return common.DONE
     start = time.perf_counter()
     with Progress(chosen.quiet, lines=True) as progress:
-        progress.show("Compiling all kernels for this machine and Python. This takes half a minute or more.")
+        progress.show(
+            "Compiling all kernels for this machine and Python. This takes half a minute or more."
+        )
         failure = _compile(min(chosen.jobs, len(UNITS)), progress)
     if failure:
         print(f"diag-dynamics compile: {failure}", file=sys.stderr)
@@ -70,7 +80,9 @@ def run(chosen):
     with suppress(OSError):  # without it, the next --if-needed looks through the cache
         _stamp_file().write_text(_stamp(), encoding="utf-8")
     if not chosen.quiet:
-        print(f"Compiled, or found compiled, in {time.perf_counter() - start:.0f} s.", file=sys.stderr)
+        print(
+            f"Compiled, or found compiled, in {time.perf_counter() - start:.0f} s.", file=sys.stderr
+        )
     return common.DONE
 
 
@@ -79,7 +91,9 @@ def _compile(jobs, progress):
     context = multiprocessing.get_context("spawn")  # a fork would share the compiler's locks
     pool, done = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent), 0
     try:
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # for the workers: Ctrl-C is this process's matter
+        before = signal.signal(
+            signal.SIGINT, signal.SIG_IGN
+        )  # for the workers: Ctrl-C is this process's matter
         running = {pool.submit(compile_unit, unit): unit for unit in UNITS}
         signal.signal(signal.SIGINT, before)
         for one in as_completed(running):

@@ -32,17 +32,29 @@ NUMBERS = {  # options with a number: type, default and help
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_robot(parser)
-    parser.add_argument("--what", default="friction,rotors", help="as for identify (default: %(default)s)")
+    parser.add_argument(
+        "--what", default="friction,rotors", help="as for identify (default: %(default)s)"
+    )
     for option, (kind, default, text) in NUMBERS.items():
-        parser.add_argument(option, type=kind, default=default, help=f"{text} (default: %(default)g)")
+        parser.add_argument(
+            option, type=kind, default=default, help=f"{text} (default: %(default)g)"
+        )
     parser.add_argument("--joints", help="joints that move, separated by commas (default: all)")
-    common.add_entries(parser, "--range", "JOINT=LOWER:UPPER", "range of a joint's position [rad, m]")
+    common.add_entries(
+        parser, "--range", "JOINT=LOWER:UPPER", "range of a joint's position [rad, m]"
+    )
     text = "limit of a joint without one in its file [{}]; * for all such joints"
     common.add_entries(parser, "--velocity-limit", "JOINT=LIMIT", text.format("rad/s, m/s"))
     common.add_entries(parser, "--position-limit", "JOINT=LOWER:UPPER", text.format("rad, m"))
     common.add_parameters(parser)
-    parser.add_argument("-o", "--output", metavar="OUT.json", help="times, positions, velocities, efforts")
-    parser.add_argument("--trajectory", metavar="OUT.yaml", help="JointTrajectory, for the controller's mode tracking")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT.json", help="times, positions, velocities, efforts"
+    )
+    parser.add_argument(
+        "--trajectory",
+        metavar="OUT.yaml",
+        help="JointTrajectory, for the controller's mode tracking",
+    )
 
 
 def run(chosen):
@@ -57,11 +69,15 @@ def run(chosen):
             chosen.what.split(","),
             joints=None if chosen.joints is None else chosen.joints.split(","),
             ranges=_parse_entries("--range", chosen.range, "JOINT=LOWER:UPPER", _parse_bounds),
-            velocity_limits=_parse_entries("--velocity-limit", chosen.velocity_limit, "JOINT=LIMIT", float),
+            velocity_limits=_parse_entries(
+                "--velocity-limit", chosen.velocity_limit, "JOINT=LIMIT", float
+            ),
             position_limits=_parse_entries(
                 "--position-limit", chosen.position_limit, "JOINT=LOWER:UPPER", _parse_bounds
             ),
-            progress=lambda trial, condition: progress.show(f"{trial} of {chosen.trials}, condition {condition:.3g}"),
+            progress=lambda trial, condition: progress.show(
+                f"{trial} of {chosen.trials}, condition {condition:.3g}"
+            ),
             **{name: getattr(chosen, name) for name in numbers},
         )
     if chosen.output:
@@ -102,11 +118,22 @@ def _summary(model, found):
         f"  {'joint':{width}}       from         to  velocity  of limit    effort  of limit",
     ]
     for k, name in enumerate(found.joints):
-        q, speed, effort = found.position[:, k], abs(found.velocity[:, k]).max(), abs(found.effort[:, k]).max()
-        fractions = [_percent(speed, model.velocity_limit[k]), _percent(effort, model.effort_limit[k])]
+        q, speed, effort = (
+            found.position[:, k],
+            abs(found.velocity[:, k]).max(),
+            abs(found.effort[:, k]).max(),
+        )
+        fractions = [
+            _percent(speed, model.velocity_limit[k]),
+            _percent(effort, model.effort_limit[k]),
+        ]
         values = f"{q.min():10.3g} {q.max():10.3g} {speed:9.3g} {fractions[0]:>9} {effort:9.3g} {fractions[1]:>9}"
         lines.append(f"  {name:{width}} {values}")
-    unlimited = [name for name, limit in zip(found.joints, model.effort_limit, strict=True) if not 0.0 < limit < np.inf]
+    unlimited = [
+        name
+        for name, limit in zip(found.joints, model.effort_limit, strict=True)
+        if not 0.0 < limit < np.inf
+    ]
     if unlimited:
         lines += [
             "",

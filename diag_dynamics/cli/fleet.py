@@ -22,12 +22,29 @@ MAX_LISTED = 5  # causes and failed recordings that the text lists
 def add_arguments(parser):
     """Declare the options of a fleet."""
     group = parser.add_argument_group("many recordings")
-    group.add_argument("--fleet", metavar="PATTERN", nargs="*", help="paths or patterns; ** is any number of folders")
-    group.add_argument("--out", metavar="DIR", help="folder for fleet.html, and a summary and a Parquet file of each")
-    group.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster (default: local processes)")
-    group.add_argument("--workers", type=common.positive_int, help="number of local processes (default: processors)")
+    group.add_argument(
+        "--fleet",
+        metavar="PATTERN",
+        nargs="*",
+        help="paths or patterns; ** is any number of folders",
+    )
+    group.add_argument(
+        "--out",
+        metavar="DIR",
+        help="folder for fleet.html, and a summary and a Parquet file of each",
+    )
+    group.add_argument(
+        "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster (default: local processes)"
+    )
+    group.add_argument(
+        "--workers",
+        type=common.positive_int,
+        help="number of local processes (default: processors)",
+    )
     group.add_argument("--no-parquet", action="store_true", help="write no Parquet files")
-    group.add_argument("--reports", action="store_true", help="write a report of each, linked from fleet.html")
+    group.add_argument(
+        "--reports", action="store_true", help="write a report of each, linked from fleet.html"
+    )
 
 
 def refuse(chosen):
@@ -41,26 +58,38 @@ def refuse(chosen):
 def analyse(chosen, parameters, robot):
     """Analyse the recordings; return the exit status."""
     if alone := [name for name in ALONE if getattr(chosen, name) is not None]:
-        raise InputError(f"--{alone[0]} cannot be combined with --fleet, which writes its results into --out DIR.")
+        raise InputError(
+            f"--{alone[0]} cannot be combined with --fleet, which writes its results into --out DIR."
+        )
     if chosen.out is None:
         raise InputError("--out is missing; --fleet requires --out DIR for its results.")
     options = {name: getattr(chosen, name) for name in ("topic", "scheduler", "workers", "reports")}
-    options |= {"joint_names": common.reading_options(chosen)["joint_names"], "parameters": parameters}
-    options |= {"gain": common.GAIN if chosen.gain is None else chosen.gain, "parquet": not chosen.no_parquet}
+    options |= {
+        "joint_names": common.reading_options(chosen)["joint_names"],
+        "parameters": parameters,
+    }
+    options |= {
+        "gain": common.GAIN if chosen.gain is None else chosen.gain,
+        "parquet": not chosen.no_parquet,
+    }
     with Progress(chosen.quiet, lines=True) as progress:
         report = analyse_fleet(
             [*chosen.recording, *chosen.fleet],
             chosen.out,
             robot,
             chosen.columns,
-            progress=lambda done, count, path: progress.show(f"{done} of {count} recordings: {printable(path)}"),
+            progress=lambda done, count, path: progress.show(
+                f"{done} of {count} recordings: {printable(path)}"
+            ),
             **options,
         )
     if not chosen.quiet:
         print(printable(format_report(report)))
     if not report["recordings"]:
         return FAILED
-    return DOUBTFUL if report["failed"] or any(row["wrong"] for row in report["recordings"]) else DONE
+    return (
+        DOUBTFUL if report["failed"] or any(row["wrong"] for row in report["recordings"]) else DONE
+    )
 
 
 def format_report(report):
@@ -79,7 +108,10 @@ def _robot_lines(robot):
     """Yield lines on all recordings of a robot."""
     energy, total = robot["kinetic_energy"], robot["explained_with_potential"]
     yield f"Robot '{robot['robot']}': {robot['recordings']} recordings, {robot['hours']:.4g} h, {robot['states']} states"
-    below = [f"{part:.0%} of states below {_quantile(energy['histogram'], part):.3g} J" for part in (0.5, 0.99)]
+    below = [
+        f"{part:.0%} of states below {_quantile(energy['histogram'], part):.3g} J"
+        for part in (0.5, 0.99)
+    ]
     yield f"  kinetic energy: maximum {energy['max']:.4g} J, {', '.join(below)}"
     yield f"    in {energy['recording']} at {energy['at']:.6f} s"
     if robot["explained"] is not None:
@@ -89,7 +121,9 @@ def _robot_lines(robot):
     if robot["unjudged"] or robot["collisions"]:
         yield f"  {describe_collisions(robot)}"
     for heading, counts in (("rejected", robot["rejected"]), ("findings", robot["findings"])):
-        causes = [f"{cause} ({n} ×)" for cause, n in sorted(counts.items(), key=lambda one: -one[1])]
+        causes = [
+            f"{cause} ({n} ×)" for cause, n in sorted(counts.items(), key=lambda one: -one[1])
+        ]
         more = f" and {len(causes) - MAX_LISTED} more causes" if len(causes) > MAX_LISTED else ""
         if causes:
             yield f"  {heading}: {', '.join(causes[:MAX_LISTED])}{more}"
@@ -104,12 +138,25 @@ def _quantile(histogram, part):
 
 def format_table(summaries, failed):
     """Return a line for each recording, of these summaries and paths that failed."""
-    rows = [("states", "s", "K max [J]", "explained", "residual [W]", "collisions", "rejected", "recording")]
+    rows = [
+        (
+            "states",
+            "s",
+            "K max [J]",
+            "explained",
+            "residual [W]",
+            "collisions",
+            "rejected",
+            "recording",
+        )
+    ]
     for one in summaries:
         numbers = [one["states"], one["duration"], one["kinetic_energy"]["max"], one["explained"]]
         numbers += [one["residual_power"], count_collisions(one), sum(one["rejected"].values())]
         formats = zip(numbers, ("d", ".6g", ".4g", ".3f", ".3g", "d", "d"), strict=True)
-        rows.append((*("-" if x is None else format(x, form) for x, form in formats), one["recording"]))
+        rows.append(
+            (*("-" if x is None else format(x, form) for x, form in formats), one["recording"])
+        )
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
     lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]) for row in rows]
     return "\n".join([*lines, *(f"failed: {path}" for path in failed)])

@@ -24,23 +24,40 @@ EPILOG = """exit status: 0 identified; 1 doubtful: no parameter reduces the erro
 verified; 2 not identified, for example efforts with a wrong unit, sign or order. Requirements of recordings:
 docs/identification.md."""
 
-COLUMNS = "damping", "friction", "offset", "armature", "load friction", "root friction", "effort scale"
+COLUMNS = (
+    "damping",
+    "friction",
+    "offset",
+    "armature",
+    "load friction",
+    "root friction",
+    "effort scale",
+)
 UNITS = "N m s/rad", "N m", "N m", "kg m²", "1", "N m √(s/rad)", "N m/unit"
-HEADS = ("joint", "effort error", "external torque", COLUMNS), ("SI units", "N m rms", "N m spread", UNITS)
+HEADS = (
+    ("joint", "effort error", "external torque", COLUMNS),
+    ("SI units", "N m rms", "N m spread", UNITS),
+)
 
 OUTPUTS = {"-o": "output", "--json": "json", "--report": "report", "--write-urdf": "write_urdf"}
 
 
 def add_arguments(parser):
     """Declare the arguments."""
-    common.add_recording(parser, "recordings without contact, in the formats of diag-dynamics analyse")
+    common.add_recording(
+        parser, "recordings without contact, in the formats of diag-dynamics analyse"
+    )
     text = "any of friction, rotors, inertias, gears, gains, payload:LINK, separated by commas (default: %(default)s)"
     parser.add_argument("--what", default=",".join(STEPS), metavar="WHAT", help=text)
     text = "recordings of the same robot without the payload"
     parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)
-    parser.add_argument("-o", "--output", metavar="ARM.yaml", help="parameter file for all nodes and load_urdf")
+    parser.add_argument(
+        "-o", "--output", metavar="ARM.yaml", help="parameter file for all nodes and load_urdf"
+    )
     parser.add_argument("--json", metavar="QUALITY.json", help="quality as JSON; - for stdout")
-    text = "curves of efforts before and after, intervals, steps and base parameters in one HTML file"
+    text = (
+        "curves of efforts before and after, intervals, steps and base parameters in one HTML file"
+    )
     parser.add_argument("--report", metavar="PAGE.html", help=text)
     text = "copy of the URDF with inertias, payloads, damping and friction"
     parser.add_argument("--write-urdf", metavar="NEW.urdf", help=text)
@@ -51,9 +68,13 @@ def run(chosen):
     """Identify; return the exit status."""
     parameters, robot = common.chosen_parameters(chosen), common.chosen_robot(chosen)
     if parameters.get("floating_base"):
-        raise UnsupportedError("floating_base is true; expected false: identify supports fixed bases only.")
+        raise UnsupportedError(
+            "floating_base is true; expected false: identify supports fixed bases only."
+        )
     if chosen.write_urdf and is_mjcf(robot):
-        raise InputError(f"--write-urdf requires a URDF, but '{robot}' is an MJCF. Use -o ARM.yaml.")
+        raise InputError(
+            f"--write-urdf requires a URDF, but '{robot}' is an MJCF. Use -o ARM.yaml."
+        )
     if "gains" in chosen.what.split(",") and any(parameters.get("effort_scale", [])):
         raise InputError(
             f"effort_scale is {parameters['effort_scale']}; expected none beside gains, which the output has as effort_scale."
@@ -62,7 +83,9 @@ def run(chosen):
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
         if model.floating_base:
-            raise UnsupportedError(f"robot '{model.name}' has a floating base, which identify does not support.")
+            raise UnsupportedError(
+                f"robot '{model.name}' has a floating base, which identify does not support."
+            )
         reference = common.stream_recordings(chosen, chosen.reference, parameters, model, progress)
         loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
         what = [name.strip() for name in chosen.what.split(",")]
@@ -86,18 +109,29 @@ def _write_parameters(chosen, found, earlier, robot):
         parameters.save(chosen.output)
     if not chosen.write_urdf:
         return []
-    source = open_source(chosen.recording[0], chosen.columns, chosen.topic).description() if robot is None else robot
+    source = (
+        open_source(chosen.recording[0], chosen.columns, chosen.topic).description()
+        if robot is None
+        else robot
+    )
     possible, shared = without_impossible_links(found.model, parameters)
     text = urdf_with(read_source(source).text, possible)
-    Path(chosen.write_urdf).write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', encoding="utf-8")
+    Path(chosen.write_urdf).write_text(
+        f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', encoding="utf-8"
+    )
     return shared
 
 
 def _report_outputs(chosen, shared):
     common.report_written(chosen.output, chosen.write_urdf, chosen.report, chosen.json)
     if shared:
-        links = f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
-        print(plain(f"{links}: no single link has the mass that the payload subtracts."), file=sys.stderr)
+        links = (
+            f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
+        )
+        print(
+            plain(f"{links}: no single link has the mass that the payload subtracts."),
+            file=sys.stderr,
+        )
     if not chosen.output:
         print("The parameters were not saved. Give -o ARM.yaml.", file=sys.stderr)
 
@@ -106,17 +140,31 @@ def format_summary(found):
     """Return lines on the parameters and the quality in cross-validation."""
     quality, model = found.quality, found.model
     lines = [f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}"]
-    lines += ["", f"Held out: {quality['held_out']} ({quality['held_out_duration']:.1f} s), before → after:", ""]
+    lines += [
+        "",
+        f"Held out: {quality['held_out']} ({quality['held_out_duration']:.1f} s), before → after:",
+        "",
+    ]
     width = max(len(name) for name in ("joint", *quality["torque_rms"]))
-    joints = [found.parameters.joints.get(name, JointParameters()) for name in quality["torque_rms"]]
-    shown = [k for k, values in enumerate(zip(*joints, strict=True)) if any(value is not None for value in values)]
-    widths = [max(10, len(head) + 2, len(unit) + 2) for head, unit in zip(COLUMNS, UNITS, strict=True)]
+    joints = [
+        found.parameters.joints.get(name, JointParameters()) for name in quality["torque_rms"]
+    ]
+    shown = [
+        k
+        for k, values in enumerate(zip(*joints, strict=True))
+        if any(value is not None for value in values)
+    ]
+    widths = [
+        max(10, len(head) + 2, len(unit) + 2) for head, unit in zip(COLUMNS, UNITS, strict=True)
+    ]
     for first, error, spread, heads in HEADS:
         numbers = "".join(f"{heads[k]:>{widths[k]}}" for k in shown)
         lines.append(f"  {first:{width}}  {error:>17}  {spread:>17}{numbers}")
     for name, joint in zip(quality["torque_rms"], joints, strict=True):
         columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
-        numbers = "".join(f"{'' if joint[k] is None else f'{joint[k]:.3g}':>{widths[k]}}" for k in shown)
+        numbers = "".join(
+            f"{'' if joint[k] is None else f'{joint[k]:.3g}':>{widths[k]}}" for k in shown
+        )
         lines.append(f"  {name:{width}}  {'  '.join(columns)}{numbers}".rstrip())
     for name, motor in found.parameters.couplings.items():
         if "motor_damping" in quality["deviations"].get(name, {}):
@@ -124,7 +172,9 @@ def format_summary(found):
             lines.append(f"  motor of {name} at its rate: {values}")
     for key, what in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
         if None not in quality[key]:
-            lines.append(f"  variance explained of {what}: {quality[key][0]:.3f} → {quality[key][1]:.3f}")
+            lines.append(
+                f"  variance explained of {what}: {quality[key][0]:.3f} → {quality[key][1]:.3f}"
+            )
     before, after = quality["kinetic_energy"]
     lines.append(f"  mean kinetic energy: {before:.4g} J → {after:.4g} J")
     if quality["payload"]:

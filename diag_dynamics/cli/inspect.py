@@ -31,7 +31,9 @@ def add_arguments(parser):
     parser.add_argument("--loops", metavar="FILE.yaml", help="closed loops of the robot")
     text = "write a URDF with inertias estimated from geometry at this density [kg/m³], for links without one"
     parser.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
-    parser.add_argument("-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias")
+    parser.add_argument(
+        "-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias"
+    )
 
 
 def run(chosen):
@@ -79,7 +81,9 @@ def _estimate(robot, density, output, as_json):
         )
     found = estimated(described.text, density, folder_of(robot).resolve())
     if found.estimates:
-        output.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n', encoding="utf-8")
+        output.write_text(
+            f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n', encoding="utf-8"
+        )
     if as_json:
         _print_json(_estimates_document(found, density, output))
     else:
@@ -102,7 +106,11 @@ def _print_estimates(found, density, output):
     for link, reason in found.failed.items():
         print(plain(f"{link}: not estimated: {reason}"), file=sys.stderr)
     if found.estimates:
-        print(plain(f"Wrote {output}: {len(found.estimates)} links with an inertia estimated at {density:g} kg/m³."))
+        print(
+            plain(
+                f"Wrote {output}: {len(found.estimates)} links with an inertia estimated at {density:g} kg/m³."
+            )
+        )
     elif not found.failed:
         print("Every link with geometry has an <inertial>. No file was written.", file=sys.stderr)
 
@@ -125,7 +133,10 @@ def report_lines(report):
         names = [check for check, found in report.checks.items() if found == state]
         if names:
             yield from _wrapped(f"{state:9}", ", ".join(names))
-    counts = {severity: sum(f.severity == severity for f in report.findings) for severity in reversed(SEVERITIES[1:])}
+    counts = {
+        severity: sum(f.severity == severity for f in report.findings)
+        for severity in reversed(SEVERITIES[1:])
+    }
     yield ", ".join(_count(number, severity) for severity, number in counts.items())
 
 
@@ -141,7 +152,12 @@ def _facts(report):
     rows = [("file", path), ("links", _links(facts))]
     if facts["degrees_of_freedom"] is not None:
         base = "floating" if facts["floating_base"] else "fixed"
-        rows.append(("freedom", f"{facts['degrees_of_freedom']} degrees, {base} base '{facts['root_link']}'"))
+        rows.append(
+            (
+                "freedom",
+                f"{facts['degrees_of_freedom']} degrees, {base} base '{facts['root_link']}'",
+            )
+        )
     rows.insert(2, ("joints", f"{facts['joints']}, {facts['moving_joints']} movable"))
     rows.append(("mass", f"{facts['total_mass']:.5g} kg"))
     if facts["mimic_joints"]:
@@ -166,7 +182,11 @@ def _ranges(facts):
         if number == MAX_NAMES:
             rows.append(("", f"… and {len(facts['tips']) - MAX_NAMES} more"))
             break
-        push = f"effective mass {_range(mass, 'kg')}" if mass["least"] is not None else "its origin does not move"
+        push = (
+            f"effective mass {_range(mass, 'kg')}"
+            if mass["least"] is not None
+            else "its origin does not move"
+        )
         rows.append(("" if number else "ends", f"{tip}: {push}"))
     return [*rows, ("", f"Ranges are over {facts['poses']} random poses.")]
 
@@ -195,7 +215,11 @@ def _finding(finding):
     text = f"{finding.what.rstrip('.') if names else finding.what}{unit}{':' if names else ''}"
     yield from _wrapped(f"{finding.severity:9}", text)
     if names:
-        count = f"{_count(len(names), 'link' if finding.links else 'joint')}: " if len(names) > 1 else ""
+        count = (
+            f"{_count(len(names), 'link' if finding.links else 'joint')}: "
+            if len(names) > 1
+            else ""
+        )
         listed = [f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names]
         yield from _wrapped(" " * 11, f"{count}{_some(listed)}")
     if finding.remedy:
@@ -203,7 +227,9 @@ def _finding(finding):
 
 
 def _some(names):
-    return ", ".join(names[:MAX_NAMES]) + (f" … and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else "")
+    return ", ".join(names[:MAX_NAMES]) + (
+        f" … and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    )
 
 
 def _wrapped(start, text):

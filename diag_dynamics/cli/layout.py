@@ -18,60 +18,107 @@ layouts follow the source code of the viewers; they are unverified in the viewer
 OUTPUTS = {"-o": "output"}
 
 PANELS = {
-    "Kinetic energy K and shares ½ν² [J]": {"K": "kinetic_energy.total", "": "kinetic_energy.energy_share"},
+    "Kinetic energy K and shares ½ν² [J]": {
+        "K": "kinetic_energy.total",
+        "": "kinetic_energy.energy_share",
+    },
     "Power νᵀ(ε − ε_g) [W]": {"dK/dt by efforts and gravity": "kinetic_energy.power"},
     "Total joint rates ν [J^½]": {"": "total_joint_rates.nu"},
     "Working moments ε [J^½/s]": {"": "working_moments.epsilon"},
     "Coriolis term C [J^½/s]": {"": "coriolis.coriolis"},
     "Articulated inertia D [kg m², kg]": {"": "state.articulated_inertia"},
     "External torque m r [N m, N]": {"": "external_torque.external_torque"},
-    "Residual |r| [J^½/s]": {"|r|": "external_torque.norm", "threshold of |r|": "external_torque.threshold"},
+    "Residual |r| [J^½/s]": {
+        "|r|": "external_torque.norm",
+        "threshold of |r|": "external_torque.threshold",
+    },
 }
 """Fields of topics by label, and by title of their plot. A field without a label has an entry for each joint."""
 
 
 def foxglove(model, monitor):
     """Return a Foxglove layout of a model and its monitor: markers, a plot for each panel, diagnostics."""
-    title, grid = "foxglovePanelTitle", {"layerId": "foxglove.Grid", "instanceId": "grid", "visible": True}
-    space = {title: model.name, "followMode": "follow-pose", "followTf": model.root_link, "layers": {"grid": grid}}
-    space["scene"] = {"ignoreColladaUpAxis": True, "meshUpAxis": "z_up"}  # as RViz, and as URDFs mean it
+    title, grid = (
+        "foxglovePanelTitle",
+        {"layerId": "foxglove.Grid", "instanceId": "grid", "visible": True},
+    )
+    space = {
+        title: model.name,
+        "followMode": "follow-pose",
+        "followTf": model.root_link,
+        "layers": {"grid": grid},
+    }
+    space["scene"] = {
+        "ignoreColladaUpAxis": True,
+        "meshUpAxis": "z_up",
+    }  # as RViz, and as URDFs mean it
     space["topics"] = {f"{monitor}/markers": {"visible": True}}
-    panels = {"3D!robot": space, "DiagnosticSummary!all": {title: "Diagnostics", "topicToRender": "/diagnostics"}}
+    panels = {
+        "3D!robot": space,
+        "DiagnosticSummary!all": {title: "Diagnostics", "topicToRender": "/diagnostics"},
+    }
     plots = []
     for number, heading in enumerate(PANELS):
         paths = [
-            {"value": f"{monitor}/{field}" + ("" if index is None else f"[{index}]"), "label": label, "color": color}
+            {
+                "value": f"{monitor}/{field}" + ("" if index is None else f"[{index}]"),
+                "label": label,
+                "color": color,
+            }
             | {"enabled": True, "timestampMethod": "headerStamp"}
             for label, field, index, color in _series(model, heading)
         ]
         plots.append(f"Plot!{number}")
-        panels[plots[-1]] = {title: heading, "paths": paths, "xAxisVal": "timestamp", "followingViewWidth": 20}
-        panels[plots[-1]] |= {"showLegend": True, "legendDisplay": "floating", "showPlotValuesInLegend": True}
+        panels[plots[-1]] = {
+            title: heading,
+            "paths": paths,
+            "xAxisVal": "timestamp",
+            "followingViewWidth": 20,
+        }
+        panels[plots[-1]] |= {
+            "showLegend": True,
+            "legendDisplay": "floating",
+            "showPlotValuesInLegend": True,
+        }
     columns = [_split("column", plots[::2]), _split("column", plots[1::2])]
     layout = _split("row", [_split("column", ["3D!robot", "DiagnosticSummary!all"]), *columns])
-    content = {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1}}
+    content = {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+    }
     return json.dumps({**content, "layout": layout}, indent=2, ensure_ascii=False) + "\n"
 
 
 def plotjuggler(model, monitor):
     """Return a PlotJuggler layout, in which functions rename entries of arrays."""
     root = ET.Element("root")
-    tab = ET.SubElement(ET.SubElement(root, "tabbed_widget", parent="main_window", name="Main Window"), "Tab")
+    tab = ET.SubElement(
+        ET.SubElement(root, "tabbed_widget", parent="main_window", name="Main Window"), "Tab"
+    )
     tab.set("tab_name", model.name)
     tab.set("containers", "1")
     sizes = ";".join([f"{1 / len(PANELS):.6f}"] * len(PANELS))
     container = ET.SubElement(tab, "Container")
-    splitter = ET.SubElement(container, "DockSplitter", orientation="-", count=str(len(PANELS)), sizes=sizes)
+    splitter = ET.SubElement(
+        container, "DockSplitter", orientation="-", count=str(len(PANELS)), sizes=sizes
+    )
     equations, topics = ET.Element("customMathEquations"), set()
     for heading in PANELS:
         area = ET.SubElement(splitter, "DockArea", name=heading)
-        plot = ET.SubElement(area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false")
+        plot = ET.SubElement(
+            area, "plot", mode="TimeSeries", style="Lines", flip_x="false", flip_y="false"
+        )
         for label, field, index, color in _series(model, heading):
             topic, name = field.split(".")
             topics.add(f"{monitor}/{topic}")
             curve = f"{monitor}/{topic}/{name}"
             if index is not None:
-                source, curve = f"{curve}[{index}]", f"{monitor.rpartition('/')[0]}/{name}/{label}".lstrip("/")
+                source, curve = (
+                    f"{curve}[{index}]",
+                    f"{monitor.rpartition('/')[0]}/{name}/{label}".lstrip("/"),
+                )
                 snippet = ET.SubElement(equations, "snippet", name=curve, language="lua")
                 ET.SubElement(snippet, "global")
                 ET.SubElement(snippet, "function").text = "return value"
@@ -104,7 +151,12 @@ def _split(direction, parts):
     if not rest:
         return first
     second = _split(direction, rest)
-    return {"direction": direction, "first": first, "second": second, "splitPercentage": round(100 / len(parts), 2)}
+    return {
+        "direction": direction,
+        "first": first,
+        "second": second,
+        "splitPercentage": round(100 / len(parts), 2),
+    }
 
 
 TOOLS = {"foxglove": foxglove, "plotjuggler": plotjuggler}
@@ -123,7 +175,9 @@ def add_arguments(parser):
 def run(chosen):
     """Write a layout; return the exit status."""
     if not re.fullmatch(r"(/\w+)+", chosen.monitor):
-        raise InputError(f"--monitor is '{chosen.monitor}'; expected an absolute name such as /arm/diag_dynamics.")
+        raise InputError(
+            f"--monitor is '{chosen.monitor}'; expected an absolute name such as /arm/diag_dynamics."
+        )
     text = TOOLS[chosen.tool](common.chosen_model(chosen), chosen.monitor)
     if chosen.output in (None, "-"):
         print(text, end="")

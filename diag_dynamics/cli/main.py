@@ -94,7 +94,11 @@ def usage():
     width = max(map(len, COMMANDS)) + 1
     lines = [f"usage: {PROGRAM} COMMAND [--help] …", "", diag_dynamics.__doc__.splitlines()[0]]
     for title, commands in GROUPS.items():
-        lines += ["", f"{title}:", *(f"  {name:{width}}{about}" for name, about in commands.items())]
+        lines += [
+            "",
+            f"{title}:",
+            *(f"  {name:{width}}{about}" for name, about in commands.items()),
+        ]
     return "\n".join(lines)
 
 

@@ -129,7 +129,9 @@ class Calibration(AlarmThresholds):
             self.describe_rate(),
         ]
         if self.contact:
-            head.append(f"Contact: {format_rate(self.contact.asked)} requested. {self.contact.describe_rate()}")
+            head.append(
+                f"Contact: {format_rate(self.contact.asked)} requested. {self.contact.describe_rate()}"
+            )
             head += [f"Contact: {text}" for text in self.contact.warnings]
         head += [
             *self.warnings,
@@ -144,12 +146,18 @@ class Calibration(AlarmThresholds):
         }
         if self.contact:
             alarm |= {f"contact_{name}": value for name, value in _entries(self.contact).items()}
-        torque = {"gain": float(self.gain), "friction": bool(self.friction), "settles_on": self.settles_on}
+        torque = {
+            "gain": float(self.gain),
+            "friction": bool(self.friction),
+            "settles_on": self.settles_on,
+        }
         if self.covariance is not None and not singular_joint(self.names, self.covariance):
             numbers = [float(f"{x:.10g}") for x in self.covariance.ravel().tolist()]
             torque |= {"covariance_joints": list(self.names), "covariance": numbers}
         lines = [f"# {' '.join(note.split())}\n" for note in head]
-        content = yaml_text({"/**": {"ros__parameters": {"external_torque": torque, "alarm": alarm}}})
+        content = yaml_text(
+            {"/**": {"ros__parameters": {"external_torque": torque, "alarm": alarm}}}
+        )
         try:
             Path(path).expanduser().write_text("".join([*lines, content]), encoding="utf-8")
         except OSError as error:
@@ -162,7 +170,10 @@ def _entries(thresholds: AlarmThresholds) -> dict[str, Any]:
         "joints": [f"{name}={_rounded_up(value)!r}" for name, value in thresholds.joints.items()],
         TORQUE: _rounded_up(thresholds.external_torque),
         NORM: _rounded_up(thresholds.norm),
-        "rest_joints": [f"{name}={_rounded_up(value)!r}" for name, value in thresholds.rest_joints.items()] or [""],
+        "rest_joints": [
+            f"{name}={_rounded_up(value)!r}" for name, value in thresholds.rest_joints.items()
+        ]
+        or [""],
         f"rest_{TORQUE}": _rounded_up(thresholds.rest_external_torque),
     }
 
@@ -197,19 +208,27 @@ def calibrate_residuals(
 ) -> Calibration:
     """Return the Calibration of residuals of an observer, with release, hold-off and `standing` of a template."""
     rate, rows = positive("false_alarms", false_alarms, "[1/s]"), residuals.rows()
-    contacts = CONTACT_RATIO * rate if false_contacts is None else positive("false_contacts", false_contacts, "[1/s]")
+    contacts = (
+        CONTACT_RATIO * rate
+        if false_contacts is None
+        else positive("false_contacts", false_contacts, "[1/s]")
+    )
     if contacts < rate:
         raise InputError(
             f"false_contacts is {contacts:g} 1/s, expected at least {rate:g} 1/s (false_alarms): contact has the lower "
             "thresholds."
         )
     if rows.duration == 0.0:
-        raise InputError("external torque is missing: the recordings have no efforts, or too long gaps.")
+        raise InputError(
+            "external torque is missing: the recordings have no efforts, or too long gaps."
+        )
     found = _calibrate_rows(rows, names, rate, template, observer)
     upper = np.append(found.limits(names), found.rest_limits(names))
     lower = _calibrate_rows(rows, names, contacts, template, observer, upper)
     joint = singular_joint(names, residuals.covariance)
-    singular = [f"external torque of '{joint}' has no noise of its own: the file gets no covariance"] * bool(joint)
+    singular = [
+        f"external torque of '{joint}' has no noise of its own: the file gets no covariance"
+    ] * bool(joint)
     return replace(
         found,
         warnings=(*warnings, *found.warnings, *singular),
@@ -259,7 +278,12 @@ class _HeldOut:
     """Alarms of each part by thresholds from the other parts, times a factor."""
 
     def __init__(
-        self, rows: Rows, numbers: IntArray, names: Sequence[str], rate: float, template: AlarmThresholds
+        self,
+        rows: Rows,
+        numbers: IntArray,
+        names: Sequence[str],
+        rate: float,
+        template: AlarmThresholds,
     ) -> None:
         self._names, self._template, self._rate = names, template, rate
         self._parts, self._limits = [], []
@@ -276,7 +300,9 @@ class _HeldOut:
     def _judge(self, k: int, factor: float) -> tuple[int, float]:
         """Return the number of alarms in a part, and their time [s]."""
         part = self._parts[k]
-        judged = _detect(part, self._names, _thresholds(self._names, self._template, factor * self._limits[k]))
+        judged = _detect(
+            part, self._names, _thresholds(self._names, self._template, factor * self._limits[k])
+        )
         return int(judged.begins.sum()), float(judged.alarm.mean() * part.duration)
 
     def _chosen(self, without: int | None = None) -> int:
@@ -284,8 +310,12 @@ class _HeldOut:
         counted = np.arange(len(self._parts)) != without
         for k in range(len(FACTORS)):
             if k == len(self._found):
-                self._found.append([self._judge(part, FACTORS[k]) for part in range(len(self._parts))])
-            count = sum(one[0] for one, counts in zip(self._found[k], counted, strict=True) if counts)
+                self._found.append(
+                    [self._judge(part, FACTORS[k]) for part in range(len(self._parts))]
+                )
+            count = sum(
+                one[0] for one, counts in zip(self._found[k], counted, strict=True) if counts
+            )
             if count <= max(1.0, self._rate * self._time[counted].sum()):
                 break
         return k
@@ -308,7 +338,9 @@ def _fit(rows: Rows, rate: float, template: AlarmThresholds) -> tuple[Array, Lev
     limits, level = fit_limits(rows, rows.values, rate * (1.0 - share), *options)
     changes = np.full(len(limits) - 1, math.inf)
     if rest.duration >= MIN_REST:
-        changes, _ = fit_limits(rest, rest.changes, rate * share * rows.duration / rest.duration, *options)
+        changes, _ = fit_limits(
+            rest, rest.changes, rate * share * rows.duration / rest.duration, *options
+        )
         changes = np.maximum(changes, MIN_RATIO * limits[:-1])
     return np.append(limits, changes), level
 
@@ -322,14 +354,25 @@ def _thresholds(names: Sequence[str], template: AlarmThresholds, limits: Array) 
         for one in (joints, rest_joints)
     )
     return replace(
-        template, joints=moving, external_torque=torque, norm=norm, rest_joints=rest, rest_external_torque=rest_torque
+        template,
+        joints=moving,
+        external_torque=torque,
+        norm=norm,
+        rest_joints=rest,
+        rest_external_torque=rest_torque,
     )
 
 
 def _detect(rows: Rows, names: Sequence[str], thresholds: AlarmThresholds) -> Judged:
     torque, r = np.split(rows.x, 2, axis=1)
-    valid, detector, given = np.ones(len(r), dtype=bool), AlarmDetector(names, thresholds), (rows.values, rows.changes)
-    return detector.judge(rows.stamps, r, torque, valid, rows.starts, given, velocity=rows.speed[:, None])
+    valid, detector, given = (
+        np.ones(len(r), dtype=bool),
+        AlarmDetector(names, thresholds),
+        (rows.values, rows.changes),
+    )
+    return detector.judge(
+        rows.stamps, r, torque, valid, rows.starts, given, velocity=rows.speed[:, None]
+    )
 
 
 def _warnings(result: Calibration, alarm_time: float) -> list[str]:
@@ -338,8 +381,11 @@ def _warnings(result: Calibration, alarm_time: float) -> list[str]:
     warnings = {
         f"too short for {asked}: {result.duration:.4g} s can demonstrate at best {best}; "
         f"record {UNSEEN / result.asked:.3g} s without an alarm": result.vouched > result.asked,
-        f"alarms overlap: thresholds are from {result.peaks} maxima of one second each": result.method == "blocks",
+        f"alarms overlap: thresholds are from {result.peaks} maxima of one second each": result.method
+        == "blocks",
         f"parts of the recordings differ: {result.held_out} alarms by thresholds from the other parts, {rate}, "
-        f"active {alarm_time:.0%} of the time": (result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME),
+        f"active {alarm_time:.0%} of the time": (
+            result.rate_interval[0] > result.asked or alarm_time > MAX_ALARM_TIME
+        ),
     }
     return [text for text, applies in warnings.items() if applies]

@@ -69,7 +69,9 @@ class AlarmThresholds:
         checked.append(("rest_external_torque", self.rest_external_torque, "[N m]"))
         for kind in ("joints", "rest_joints"):
             limits = mapping(kind, getattr(self, kind)).items()
-            checked += [(f"threshold of joint '{name}' in {kind}", x, "[N m]") for name, x in limits]
+            checked += [
+                (f"threshold of joint '{name}' in {kind}", x, "[N m]") for name, x in limits
+            ]
         for name, value, unit in [*checked, ("standing", self.standing, "[s]")]:
             if value != math.inf:
                 positive(name, value, unit)
@@ -85,7 +87,9 @@ class AlarmThresholds:
             There is a threshold of another joint.
         """
         joints = by_name("alarm.joints", self.joints, (*names, ALL))
-        return np.array([*(joints.get(name, math.inf) for name in names), self.external_torque, self.norm])
+        return np.array(
+            [*(joints.get(name, math.inf) for name in names), self.external_torque, self.norm]
+        )
 
     def rest_limits(self, names: Sequence[str]) -> Array:
         """Return the thresholds at rest of these joints, and of ‖m r‖; inf without one.
@@ -96,7 +100,9 @@ class AlarmThresholds:
             There is a threshold of another joint.
         """
         joints = by_name("alarm.rest_joints", self.rest_joints, (*names, ALL))
-        return np.array([*(joints.get(name, math.inf) for name in names), self.rest_external_torque])
+        return np.array(
+            [*(joints.get(name, math.inf) for name in names), self.rest_external_torque]
+        )
 
 
 class Judged(NamedTuple):
@@ -161,11 +167,24 @@ class AlarmDetector:
     def __init__(self, names: Sequence[str], thresholds: AlarmThresholds) -> None:
         self.thresholds = instance("thresholds", thresholds, AlarmThresholds)
         self._names = tuple(names)
-        self.detectors = (*self._names, TORQUE, NORM, *(name + CHANGE for name in (*self._names, TORQUE)))
-        self.limits, self.rest_limits = thresholds.limits(self._names), thresholds.rest_limits(self._names)
+        self.detectors = (
+            *self._names,
+            TORQUE,
+            NORM,
+            *(name + CHANGE for name in (*self._names, TORQUE)),
+        )
+        self.limits, self.rest_limits = (
+            thresholds.limits(self._names),
+            thresholds.rest_limits(self._names),
+        )
         limits = np.concatenate([self.limits, self.rest_limits])
-        self._limits, self._release = np.array([limits, thresholds.release * limits]), thresholds.release * self.limits
-        self._options = np.array([thresholds.hold_off * SECOND, thresholds.standing * SECOND, 0.0, 0.0])
+        self._limits, self._release = (
+            np.array([limits, thresholds.release * limits]),
+            thresholds.release * self.limits,
+        )
+        self._options = np.array(
+            [thresholds.hold_off * SECOND, thresholds.standing * SECOND, 0.0, 0.0]
+        )
         self._options[2] = np.isfinite(self.rest_limits).any()
         judge_states.compile()  # or the first alarm would wait
         self.reset()
@@ -185,7 +204,11 @@ class AlarmDetector:
         return tuple(np.array(self.detectors)[self._active].tolist())
 
     def update(
-        self, time: float, residual: VectorLike, external_torque: VectorLike, velocity: VectorLike | None = None
+        self,
+        time: float,
+        residual: VectorLike,
+        external_torque: VectorLike,
+        velocity: VectorLike | None = None,
     ) -> Judged:
         """Process one state with a result of the observer.
 
@@ -255,21 +278,45 @@ class AlarmDetector:
         if given:
             values, changes = values.copy(), changes.copy()
         elapsed = np.zeros(len(x), dtype=np.int64)
-        np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])  # np.diff costs 7 µs of each live state
+        np.subtract(
+            stamps[1:], stamps[:-1], out=elapsed[1:]
+        )  # np.diff costs 7 µs of each live state
         if len(x) and self._last is not None:
             elapsed[0] = stamps[0] - self._last
         restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
         alarm, begins, rest = np.zeros((3, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
-        if len(x) and (self._options[2] or not self._is_idle() or not (values < self._release).all()):
-            speed = np.full(len(x), np.inf) if velocity is None else np.abs(velocity).max(axis=1, initial=0.0)
+        if len(x) and (
+            self._options[2] or not self._is_idle() or not (values < self._release).all()
+        ):
+            speed = (
+                np.full(len(x), np.inf)
+                if velocity is None
+                else np.abs(velocity).max(axis=1, initial=0.0)
+            )
             if unknown is not None:
                 speed[np.diff(unknown, axis=0, prepend=self._unknown[None]).any(axis=1)] = np.inf
                 self._unknown = unknown[-1]
             self._options[3] = given is not None
             judge_states(
-                *(np.ascontiguousarray(stamps), elapsed, x, speed, np.ascontiguousarray(valid), restart),
-                *(self._limits, self._options, values, changes, self._active, self._offset, self._kept, self._memory),
+                *(
+                    np.ascontiguousarray(stamps),
+                    elapsed,
+                    x,
+                    speed,
+                    np.ascontiguousarray(valid),
+                    restart,
+                ),
+                *(
+                    self._limits,
+                    self._options,
+                    values,
+                    changes,
+                    self._active,
+                    self._offset,
+                    self._kept,
+                    self._memory,
+                ),
                 *(alarm, begins, rest, joints),
             )
         elif restart.any():
@@ -332,7 +379,9 @@ class Alarm(NamedTuple):
 
     start: int  # stamp of the first state [ns]
     end: int  # of the last one
-    joints: tuple[str, ...]  # that rose; without any, the one with the largest ratio to its threshold
+    joints: tuple[
+        str, ...
+    ]  # that rose; without any, the one with the largest ratio to its threshold
     norm: float  # largest |r| [J^½/s]
     first: str = ""  # detector that rose first; of several, the one with the largest ratio
     exceeded: tuple[Exceeded, ...] = ()  # all detectors that rose, the largest ratio first
@@ -348,11 +397,17 @@ class Alarm(NamedTuple):
         link, confidence, chi_square = touched.link[k], touched.confidence[k], touched.chi_square[k]
         if chi_square <= self.chi_square:
             return self
-        return self._replace(link=str(link), confidence=float(confidence), chi_square=float(chi_square))
+        return self._replace(
+            link=str(link), confidence=float(confidence), chi_square=float(chi_square)
+        )
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
-        joints = [one.describe() for one in self.exceeded if one.detector.removesuffix(CHANGE) in self.joints]
+        joints = [
+            one.describe()
+            for one in self.exceeded
+            if one.detector.removesuffix(CHANGE) in self.joints
+        ]
         return ", ".join(joints) or f"{self.exceeded[0].describe()}, most of it at {self.joints[0]}"
 
 
@@ -360,11 +415,16 @@ class Alarms:
     """Collect the alarms of a detector; `judged` are the detectors that have a threshold."""
 
     def __init__(self, detector: AlarmDetector) -> None:
-        self._detectors, self._limits = detector.detectors, np.append(detector.limits, detector.rest_limits)
+        self._detectors, self._limits = (
+            detector.detectors,
+            np.append(detector.limits, detector.rest_limits),
+        )
         self.judged = tuple(np.array(self._detectors)[np.isfinite(self._limits)].tolist())
         self.found: list[Alarm] = []
 
-    def add_states(self, stamps: IntArray, norm: Array, judged: Judged, touched: TouchedLink | None = None) -> None:
+    def add_states(
+        self, stamps: IntArray, norm: Array, judged: Judged, touched: TouchedLink | None = None
+    ) -> None:
         """Add states: stamps [ns], |r|, the results of the detector, and touched links if these are known."""
         on = np.flatnonzero(judged.alarm)
         for rows in np.split(on, np.flatnonzero(judged.begins[on])):
@@ -383,9 +443,15 @@ class Alarms:
         peaks = self._peaks = np.maximum(self._peaks, values.max(axis=0))
         ratios, rose, n = peaks / self._limits, peaks > self._limits, len(peaks) // 2 - 1
         order = np.argsort(-ratios, kind="stable")
-        exceeded = [Exceeded(self._detectors[k], float(peaks[k]), float(self._limits[k])) for k in order if rose[k]]
+        exceeded = [
+            Exceeded(self._detectors[k], float(peaks[k]), float(self._limits[k]))
+            for k in order
+            if rose[k]
+        ]
         of_joints, either = np.maximum(ratios[:n], ratios[n + 2 : -1]), rose[:n] | rose[n + 2 : -1]
-        nearest = int(np.argmax(of_joints if of_joints.any() else np.maximum(peaks[:n], peaks[n + 2 : -1])))
+        nearest = int(
+            np.argmax(of_joints if of_joints.any() else np.maximum(peaks[:n], peaks[n + 2 : -1]))
+        )
         joints = np.flatnonzero(either).tolist() or [nearest]
         self.found[-1] = self.found[-1]._replace(
             end=int(stamps[-1]),
@@ -414,14 +480,23 @@ class NormCollisions:
         """Add states: stamps [ns], m r, |r|, whether the observer reports a collision, and touched links."""
         edges = np.flatnonzero(np.diff(collision.astype(np.int8), prepend=0, append=0))
         for first, end in edges.reshape(-1, 2).tolist():
-            k = first + int(np.argmax(norm[first:end]))  # the joints are those pushed most at the largest |r|
-            one = Alarm(int(stamps[first]), int(stamps[end - 1]), most_pushed(self._names, torque[k]), float(norm[k]))
+            k = first + int(
+                np.argmax(norm[first:end])
+            )  # the joints are those pushed most at the largest |r|
+            one = Alarm(
+                int(stamps[first]),
+                int(stamps[end - 1]),
+                most_pushed(self._names, torque[k]),
+                float(norm[k]),
+            )
             one = one.at_link(touched, np.arange(first, end))
             if first == 0 and self._goes_on:
                 before = self.found.pop()
                 touch = max(before, one, key=lambda x: x.chi_square)
                 end, one = one.end, before if before.norm >= one.norm else one
-                one = one._replace(start=before.start, end=end, link=touch.link, confidence=touch.confidence)
+                one = one._replace(
+                    start=before.start, end=end, link=touch.link, confidence=touch.confidence
+                )
                 one = one._replace(chi_square=touch.chi_square)
             self.found.append(one)
         self._goes_on = bool(collision[-1])

@@ -21,7 +21,10 @@ MAX_SHARE = 0.7  # largest fraction of the time in one recording, where recordin
 SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
 MAX_NUMBERS = 2_000_000  # from which cells are kept: of seven joints two minutes at 1 kHz
 CELL = 20_000_000  # only the largest values within this time are kept [ns]
-MIN_PEAKS, MAX_PEAKS = 10, 50  # fewest and most peaks from which alarms are counted or a tail is fitted
+MIN_PEAKS, MAX_PEAKS = (
+    10,
+    50,
+)  # fewest and most peaks from which alarms are counted or a tail is fitted
 PEAK_PERIOD = 4.0  # time of the data for each peak, between these bounds [s]
 MIN_FITTED = 4  # fewest peaks of a tail
 MIN_NOISE = 1e-9  # smallest deviation of a joint relative to the largest, and smallest eigenvalue of correlations
@@ -72,7 +75,9 @@ class Rows(NamedTuple):
 
     def cut(self, parts: IntArray | BoolArray) -> Rows:
         """Return the rows with a new segment where the number of a part changes."""
-        return self._replace(segment=np.cumsum(self.starts | (np.diff(parts.astype(int), prepend=0) != 0)))
+        return self._replace(
+            segment=np.cumsum(self.starts | (np.diff(parts.astype(int), prepend=0) != 0))
+        )
 
     def select(self, rows: Any) -> Rows:
         """Return some of the rows."""
@@ -85,7 +90,9 @@ class Residuals:
     def __init__(self, width: int, max_gap: float = 0.1, standing: float = STANDING) -> None:
         self._max_states, self._max_gap = MAX_NUMBERS // (2 * width + 3), max_gap * SECOND
         self._parts: list[Rows] = []
-        self._count = self._segment = self._reduced = 0  # states, number of the segment, parts that are cells
+        self._count = self._segment = self._reduced = (
+            0  # states, number of the segment, parts that are cells
+        )
         self._recording = 0
         self._last: int | None = None
         self._moment, self._detector = np.zeros((width, width)), NoAlarms(width, standing)
@@ -96,17 +103,36 @@ class Residuals:
         self._detector.reset()
 
     def add_states(
-        self, stamps: IntArray, residual: Array, torque: Array, valid: BoolArray, velocity: Array | None = None
+        self,
+        stamps: IntArray,
+        residual: Array,
+        torque: Array,
+        valid: BoolArray,
+        velocity: Array | None = None,
     ) -> None:
         """Add states in order: stamps [ns], r, m r, NaN where unknown, whether there is a result, and rates."""
         unknown, residual, torque = np.isnan(torque), np.nan_to_num(residual), np.nan_to_num(torque)
-        judged = self._detector.judge(stamps, residual, torque, valid, velocity=velocity, unknown=unknown)
-        speed = np.full(len(stamps), np.inf) if velocity is None else np.abs(velocity).max(axis=1, initial=0.0)
-        x, number = np.concatenate([torque, residual], axis=1), np.full(len(stamps), self._recording)
-        rows = Rows(stamps, number, number, judged.rest, x, judged.values, judged.changes, speed).select(valid)
+        judged = self._detector.judge(
+            stamps, residual, torque, valid, velocity=velocity, unknown=unknown
+        )
+        speed = (
+            np.full(len(stamps), np.inf)
+            if velocity is None
+            else np.abs(velocity).max(axis=1, initial=0.0)
+        )
+        x, number = (
+            np.concatenate([torque, residual], axis=1),
+            np.full(len(stamps), self._recording),
+        )
+        rows = Rows(
+            stamps, number, number, judged.rest, x, judged.values, judged.changes, speed
+        ).select(valid)
         if not len(rows.stamps):
             return
-        begins, last = self._last is None, rows.stamps[0] if self._last is None else np.int64(self._last)
+        begins, last = (
+            self._last is None,
+            rows.stamps[0] if self._last is None else np.int64(self._last),
+        )
         steps = np.diff(rows.stamps, prepend=last)
         segment = self._segment + begins + np.cumsum((steps < 0) | (steps > self._max_gap))
         self._last, self._segment = int(rows.stamps[-1]), int(segment[-1])
@@ -126,7 +152,9 @@ class Residuals:
     def rows(self) -> Rows:
         """Return the rows of all segments that have two or more."""
         if not self._parts:
-            raise InputError("external torque is missing: the recordings have no efforts, or too long gaps.")
+            raise InputError(
+                "external torque is missing: the recordings have no efforts, or too long gaps."
+            )
         rows = _reduce(self._parts) if self._reduced else _concatenate(self._parts)
         return rows.select(np.bincount(rows.segment)[rows.segment] > 1)
 
@@ -141,8 +169,15 @@ def _reduce(parts: list[Rows]) -> Rows:
     begins = rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0)
     first = np.flatnonzero(begins | np.diff(rows.rest, prepend=False))
     high, low = np.maximum.reduceat(rows.x, first), np.minimum.reduceat(rows.x, first)
-    values, changes, speed = (np.maximum.reduceat(one, first) for one in (rows.values, rows.changes, rows.speed))
-    columns = {"x": np.where(high >= -low, high, low), "values": values, "changes": changes, "speed": speed}
+    values, changes, speed = (
+        np.maximum.reduceat(one, first) for one in (rows.values, rows.changes, rows.speed)
+    )
+    columns = {
+        "x": np.where(high >= -low, high, low),
+        "values": values,
+        "changes": changes,
+        "speed": speed,
+    }
     return rows.select(first)._replace(**columns)
 
 
@@ -189,7 +224,9 @@ def block_maxima(segments: Segments) -> Array:
     return np.concatenate(found)
 
 
-def find_level(segments: Segments, duration: float, rate: float, release: float, hold_off: float) -> Level | None:
+def find_level(
+    segments: Segments, duration: float, rate: float, release: float, hold_off: float
+) -> Level | None:
     """Return the level that a score exceeds at a rate [1/s]; None for too few peaks.
 
     It is counted in long data, otherwise extrapolated from peaks of alarms or from one-second maxima.
@@ -215,11 +252,17 @@ def find_level(segments: Segments, duration: float, rate: float, release: float,
     return _extrapolate(median, maxima[maxima > median], expected, "blocks")
 
 
-def fit_limits(rows: Rows, values: Array, rate: float, release: float, hold_off: float) -> tuple[Array, Level | None]:
+def fit_limits(
+    rows: Rows, values: Array, rate: float, release: float, hold_off: float
+) -> tuple[Array, Level | None]:
     """Return thresholds that values exceed at a rate [1/s], and the level that is their factor upon each spread."""
     spread = np.quantile(block_maxima(rows.split(values)), SPREAD, axis=0, method="lower")
-    spread[spread <= MIN_NOISE * spread.max()] = math.inf  # a joint without residuals gets no threshold
-    level = find_level(rows.split((values / spread).max(axis=1)), rows.duration, rate, release, hold_off)
+    spread[spread <= MIN_NOISE * spread.max()] = (
+        math.inf
+    )  # a joint without residuals gets no threshold
+    level = find_level(
+        rows.split((values / spread).max(axis=1)), rows.duration, rate, release, hold_off
+    )
     return spread * (level.value if level else math.inf), level
 
 

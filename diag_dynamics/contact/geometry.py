@@ -43,7 +43,9 @@ class LinkGeometry(NamedTuple):
 
     points: tuple[ContactPoint, ...]  #: one for each link, of the link's name
     source: dict[str, str]  #: ``collision``, ``visual`` or ``frames``
-    grown: dict[str, float]  #: maximum relative distance of points outside of the shapes; 0 for their own corners
+    grown: dict[
+        str, float
+    ]  #: maximum relative distance of points outside of the shapes; 0 for their own corners
     left_out: dict[str, str]  #: why shapes of a link do not count
 
 
@@ -83,7 +85,9 @@ def link_geometry(
                     left_out.pop(link, None)
                     break
                 if every:
-                    left_out.setdefault(link, f"meshes, which geometry '{geometry}' does not look at")
+                    left_out.setdefault(
+                        link, f"meshes, which geometry '{geometry}' does not look at"
+                    )
             except UrdfError as error:
                 left_out.setdefault(link, str(error))
         if found is None:
@@ -102,18 +106,24 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> tuple[Arra
     dense = np.concatenate([_directions(DENSE), *(normals for _, _, normals in hulls)])
     support = np.einsum("nk,nk->n", _support_points(hulls, dense), dense)
     corners = np.unique(np.concatenate([centres for centres, _, _ in hulls]), axis=0)
-    outside = 1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
+    outside = (
+        1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
+    )
     if any(radius for _, radius, _ in hulls) or len(corners) > CORNERS * most:
         corners = np.unique(_support_points(hulls, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
         reach, held = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
-        known = held > 1e-9 * reach.max()  # in other directions there is nothing that could lie outside
+        known = (
+            held > 1e-9 * reach.max()
+        )  # in other directions there is nothing that could lie outside
         factor = max(1.0, float((reach[known] / held[known]).max(initial=1.0)))
         corners, outside = centre + factor * (corners - centre), factor - 1.0
     centre, rays = corners.mean(axis=0), _directions(most - len(corners))
     ahead = rays @ dense.T
     with np.errstate(divide="ignore"):
-        way = np.where(ahead > 1e-6, (support - dense @ centre) / np.maximum(ahead, 1e-6), np.inf).min(axis=1)
+        way = np.where(
+            ahead > 1e-6, (support - dense @ centre) / np.maximum(ahead, 1e-6), np.inf
+        ).min(axis=1)
     return np.concatenate([corners, centre + np.maximum(way, 0.0)[:, None] * rays]), outside
 
 
@@ -132,7 +142,11 @@ def _hull(shape: Shape, meshes: Meshes) -> _Hull:
         try:
             hull = mesh.convex_hull
             centres, normals = np.asarray(hull.vertices), np.asarray(hull.face_normals)
-        except (ValueError, RuntimeError, ImportError):  # all in a plane, or no Qhull: they hold it themselves
+        except (
+            ValueError,
+            RuntimeError,
+            ImportError,
+        ):  # all in a plane, or no Qhull: they hold it themselves
             centres = np.asarray(mesh.vertices)
     else:
         half = 0.5 * numbers[1] if shape.kind == "capsule" else 0.0

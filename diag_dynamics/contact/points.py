@@ -42,8 +42,14 @@ class ContactPoint:
 
     name: str  #: in results
     link: str
-    points: PointLike | RowsLike = (0.0, 0.0, 0.0)  #: in the link's axes [m], shape (3,) or (number, 3)
-    direction: PointLike | None = None  #: of contact, shape (3,); by default that of the motion of each point
+    points: PointLike | RowsLike = (
+        0.0,
+        0.0,
+        0.0,
+    )  #: in the link's axes [m], shape (3,) or (number, 3)
+    direction: PointLike | None = (
+        None  #: of contact, shape (3,); by default that of the motion of each point
+    )
     frame: Literal["link", "root"] = "link"  #: axes of the direction
 
 
@@ -59,7 +65,9 @@ class BodyRegion:
     def __post_init__(self) -> None:
         for name, si in (("mass", "[kg]"), ("force", "[N]"), ("energy", "[J]")):
             value = getattr(self, name)
-            object.__setattr__(self, name, value if value == math.inf else positive(name, value, si))
+            object.__setattr__(
+                self, name, value if value == math.inf else positive(name, value, si)
+            )
         if self.stiffness != 0.0 or self.force != math.inf:
             object.__setattr__(self, "stiffness", positive("stiffness", self.stiffness, "[N/m]"))
             if self.stiffness < MIN_STIFFNESS:
@@ -80,15 +88,29 @@ class ContactLimits:
     motion) and `regions` (by default those of the link).
     """
 
-    regions: Mapping[str, BodyRegion] = field(default_factory=dict)  #: by name, or dicts of their fields
-    default: Sequence[str] | None = None  #: regions of links that are not in `links`; by default all
-    links: Mapping[str, Sequence[str]] = field(default_factory=dict)  #: regions by link, empty for one out of reach
-    points: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  #: additional points, by name
+    regions: Mapping[str, BodyRegion] = field(
+        default_factory=dict
+    )  #: by name, or dicts of their fields
+    default: Sequence[str] | None = (
+        None  #: regions of links that are not in `links`; by default all
+    )
+    links: Mapping[str, Sequence[str]] = field(
+        default_factory=dict
+    )  #: regions by link, empty for one out of reach
+    points: Mapping[str, Mapping[str, Any]] = field(
+        default_factory=dict
+    )  #: additional points, by name
 
     def __post_init__(self) -> None:
         put = partial(object.__setattr__, self)
-        put("regions", {str(name): _region(name, of) for name, of in mapping("regions", self.regions).items()})
-        put("default", tuple(self.regions) if self.default is None else self._known("default", self.default))
+        put(
+            "regions",
+            {str(name): _region(name, of) for name, of in mapping("regions", self.regions).items()},
+        )
+        put(
+            "default",
+            tuple(self.regions) if self.default is None else self._known("default", self.default),
+        )
         links = mapping("links", self.links).items()
         put("links", {str(link): self._known(f"links: '{link}'", of) for link, of in links})
         points = mapping("points", self.points).items()
@@ -170,13 +192,19 @@ class ContactPoints:
     ) -> None:
         choice("worst_by", worst_by, _BY)
         self.model, self.worst_by = instance("model", model, RobotModel), worst_by
-        given = tuple(point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points)
+        given = tuple(
+            point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points
+        )
         self._given = model, given, limits, worst_by
         limits = limits or ContactLimits()
-        where = dict.fromkeys(limits.links, "links") | {of["link"]: "points" for of in limits.points.values()}
+        where = dict.fromkeys(limits.links, "links") | {
+            of["link"]: "points" for of in limits.points.values()
+        }
         for link in where:
             if link not in model.link_names:
-                raise InputError(f"contact limits, {where[link]}: '{link}' is not a link of robot '{model.name}'.")
+                raise InputError(
+                    f"contact limits, {where[link]}: '{link}' is not a link of robot '{model.name}'."
+                )
         kept: dict[str, Any] = {}  # link, regions and points by name
         rows, entries, region = [np.zeros((0, 3))], [], 0
         for point in given:
@@ -188,10 +216,19 @@ class ContactPoints:
                 continue
             own.flags.writeable = False
             kept[point.name] = point.link, limits.of(point), own
-            first, first_region, region = sum(map(len, rows)), region, region + len(limits.of(point))
+            first, first_region, region = (
+                sum(map(len, rows)),
+                region,
+                region + len(limits.of(point)),
+            )
             rows.append(own @ placement[:3, :3].T + placement[:3, 3])
-            entries.append((body, first, first + len(own), first_region, region, kind, tuple(direction)))
-        self.names, columns = tuple(kept), zip(*kept.values(), strict=True) if kept else ((), (), ())
+            entries.append(
+                (body, first, first + len(own), first_region, region, kind, tuple(direction))
+            )
+        self.names, columns = (
+            tuple(kept),
+            zip(*kept.values(), strict=True) if kept else ((), (), ()),
+        )
         self.links, self.regions, self.points = columns
         self.count = sum(map(len, self.points))
         self.region_names = tuple(name for names in self.regions for name in names)
@@ -208,7 +245,9 @@ class ContactPoints:
             by=_BY[worst_by],
             entries=table,
             points=np.concatenate(rows),
-            regions=np.array([(1.0 / r.mass, r.stiffness, r.force, r.energy) for r in near]).reshape(-1, 4),
+            regions=np.array(
+                [(1.0 / r.mass, r.stiffness, r.force, r.energy) for r in near]
+            ).reshape(-1, 4),
         )
         self.table = self._table.at
 
@@ -239,7 +278,11 @@ def _direction(point: ContactPoint, placement: Array) -> tuple[int, Array]:
     if point.direction is None:
         return contacts.ALONG_MOTION, np.zeros(3)
     u = unit(f"direction of '{point.name}'", point.direction)
-    return (contacts.IN_ROOT, u) if point.frame == "root" else (contacts.IN_BODY, placement[:3, :3] @ u)
+    return (
+        (contacts.IN_ROOT, u)
+        if point.frame == "root"
+        else (contacts.IN_BODY, placement[:3, :3] @ u)
+    )
 
 
 def _region(name: object, given: object) -> BodyRegion:

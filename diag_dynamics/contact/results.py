@@ -48,12 +48,24 @@ class Contact:
         nu.flags.writeable = results.flags.writeable = False
 
     position: Array = _column(_XYZ[0], "Worst point in the root link's axes [m].")
-    direction: Array = _column(_XYZ[1], "Unit vector u in these axes; zero where it is that of no motion.")
-    speed: Array = _column(contacts.SPEED, "v_u = uᵀv [m/s]; below zero where the point moves against u.")
-    reflected_mass: Array = _column(contacts.MASS, "m_u = 1/|ℓJᵀu|² [kg]; inf without mobility, zero without u.")
-    energy: Array = _column(contacts.TRANSFERABLE, "Transferable energy ½(ŵᵀν)² [J]; zero unless v_u is above it.")
-    force: Array = _column(contacts.FORCE, "v_u √(μk) [N], maximum of the entry's body regions; zero without any.")
-    allowed_speed: Array = _column(contacts.ALLOWED, "Maximum v_u within all limits [m/s]; inf without a limit or u.")
+    direction: Array = _column(
+        _XYZ[1], "Unit vector u in these axes; zero where it is that of no motion."
+    )
+    speed: Array = _column(
+        contacts.SPEED, "v_u = uᵀv [m/s]; below zero where the point moves against u."
+    )
+    reflected_mass: Array = _column(
+        contacts.MASS, "m_u = 1/|ℓJᵀu|² [kg]; inf without mobility, zero without u."
+    )
+    energy: Array = _column(
+        contacts.TRANSFERABLE, "Transferable energy ½(ŵᵀν)² [J]; zero unless v_u is above it."
+    )
+    force: Array = _column(
+        contacts.FORCE, "v_u √(μk) [N], maximum of the entry's body regions; zero without any."
+    )
+    allowed_speed: Array = _column(
+        contacts.ALLOWED, "Maximum v_u within all limits [m/s]; inf without a limit or u."
+    )
 
     @property
     def point(self) -> Any:

@@ -76,7 +76,12 @@ class AdaptiveTracking(JointTracking):
     def reset(self, pseudo_inertia: MatrixLike | None = None) -> None:
         """Start from an estimate P̂, shape (4, 4), by default that of the model without payload."""
         expected = "4 x 4 finite numbers, symmetric and positive definite"
-        P = numbers("pseudo_inertia", self._nominal if pseudo_inertia is None else pseudo_inertia, (4, 4), expected)
+        P = numbers(
+            "pseudo_inertia",
+            self._nominal if pseudo_inertia is None else pseudo_inertia,
+            (4, 4),
+            expected,
+        )
         if not np.allclose(P, P.T) or np.linalg.eigvalsh(P)[0] <= 0.0:
             raise InputError(f"pseudo_inertia is {P.tolist()}; expected {expected}.")
         self._factor = np.linalg.cholesky(P)  # of P̂
@@ -100,7 +105,9 @@ class AdaptiveTracking(JointTracking):
         steps = rates * (self.rate * not_negative("period", period, "[s]"))
         factor = self._factor @ axes * np.exp(-0.5 * np.clip(steps, -MAX_CHANGE, MAX_CHANGE))
         mass, last = (float(x[3] @ x[3]) for x in (factor, self._factor))
-        if np.linalg.cond(factor) < MAX_CONDITION and mass < max(last, self._nominal[3, 3] + self.max_mass):
+        if np.linalg.cond(factor) < MAX_CONDITION and mass < max(
+            last, self._nominal[3, 3] + self.max_mass
+        ):
             self._factor = factor
 
     def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
@@ -118,7 +125,9 @@ class AdaptiveTracking(JointTracking):
         super().require_stable(q, period)
         J, G = self.dynamics.jacobian(q, self.link), self._upward(q)
         powers = [_velocities(column).T @ G for column in J.T]
-        columns = np.array([self._factor.T @ (L + L.T) @ self._factor / 2.0 for L in powers]).reshape(len(J.T), 16)
+        columns = np.array(
+            [self._factor.T @ (L + L.T) @ self._factor / 2.0 for L in powers]
+        ).reshape(len(J.T), 16)
         root = (self.dynamics.factors(q).l @ columns) / np.sqrt(self.gain)[:, None]
         root *= (self._nominal[3, 3] + self.max_mass) / self.pseudo_inertia[3, 3]
         largest = MARGIN * STABLE / period / float(np.linalg.norm(root, 2)) ** 2
@@ -133,9 +142,13 @@ class AdaptiveTracking(JointTracking):
     def _accelerations(self, q: Array, J: Array, qd: Array, qd_r: Array, qdd_r: Array) -> Array:
         """Return G without gravity: Jq̈_r and the part bilinear in q̇ and q̇_r, by polarization of J̇q̇."""
         bias = self.dynamics.link_acceleration
-        plus, minus = (bias(q, x, self._zero, self.link, spatial=True) for x in (qd + qd_r, qd - qd_r))
+        plus, minus = (
+            bias(q, x, self._zero, self.link, spatial=True) for x in (qd + qd_r, qd - qd_r)
+        )
         H, H_r = (_velocities(J @ x) for x in (qd, qd_r))
-        G: Array = _velocities(J @ qdd_r + 0.25 * (plus - minus)) + 0.5 * (H[:, :3] @ H_r + H_r[:, :3] @ H)
+        G: Array = _velocities(J @ qdd_r + 0.25 * (plus - minus)) + 0.5 * (
+            H[:, :3] @ H_r + H_r[:, :3] @ H
+        )
         return G
 
 
@@ -162,7 +175,9 @@ def pseudo_inertia(dynamics: DiagonalDynamics, link: str) -> Array:
     center = body["first_moment"] / mass
     squares = 0.5 * np.trace(inertia) * np.eye(3) - inertia - mass * np.outer(center, center)
     values, axes = np.linalg.eigh(squares)
-    P[:3, :3] = axes * np.maximum(values, mass * MIN_RADIUS**2) @ axes.T + mass * np.outer(center, center)
+    P[:3, :3] = axes * np.maximum(values, mass * MIN_RADIUS**2) @ axes.T + mass * np.outer(
+        center, center
+    )
     P[:3, 3] = P[3, :3] = mass * center
     P[3, 3] = mass
     inverse = np.linalg.inv(placement)

@@ -15,7 +15,9 @@ def by_dof(parameter, entries, names, default=None):
         values = dict(zip(names, default, strict=True)) | values
     for name in names:
         if name not in values:
-            raise InputError(f"parameter '{parameter}' has no entry for joint '{name}', and none for * (all others).")
+            raise InputError(
+                f"parameter '{parameter}' has no entry for joint '{name}', and none for * (all others)."
+            )
     return per_name(f"parameter '{parameter}'", values, names, "a number > 0", lambda x: x > 0.0)
 
 
@@ -31,7 +33,10 @@ def effort_limits(entries, model):
 
 def command_order(entries, names, complete=True):
     """Return the joints of a command's entries and their indices among `names`; by default and if `complete`, all."""
-    joints, parameter = tuple(name for name in entries if name) or tuple(names), "parameter 'command_joints'"
+    joints, parameter = (
+        tuple(name for name in entries if name) or tuple(names),
+        "parameter 'command_joints'",
+    )
     for name in joints:
         if name not in names:
             raise InputError(f"{parameter} names '{name}'; expected one of {', '.join(names)}.")
@@ -39,7 +44,9 @@ def command_order(entries, names, complete=True):
             raise InputError(f"{parameter} names '{name}' twice.")
     for name in names:
         if complete and name not in joints:
-            raise InputError(f"{parameter} lacks joint '{name}': name it, or lock it (locked_joints).")
+            raise InputError(
+                f"{parameter} lacks joint '{name}': name it, or lock it (locked_joints)."
+            )
     return joints, [names.index(name) for name in joints]
 
 
@@ -48,7 +55,11 @@ def require_same_joints(own, theirs, controller):
     if len(own) != len(theirs):
         difference = f"{len(own)} joints here, {len(theirs)} there"
     elif different := [k for k, (a, b) in enumerate(zip(own, theirs, strict=True)) if a != b]:
-        difference = f"entry {different[0]} is '{own[different[0]]}' here and '{theirs[different[0]]}' there"
+        difference = (
+            f"entry {different[0]} is '{own[different[0]]}' here and '{theirs[different[0]]}' there"
+        )
     else:
         return
-    raise InputError(f"joints of {controller} differ: {difference}. Set command_joints to [{', '.join(theirs)}].")
+    raise InputError(
+        f"joints of {controller} differ: {difference}. Set command_joints to [{', '.join(theirs)}]."
+    )

@@ -37,21 +37,36 @@ class Efforts:
 
     def __init__(self, dynamics, values, compensated, points=None):
         model = dynamics.model
-        self._names, self._compensated, self._max_period = model.dof_names, compensated, values["max_state_age"]
-        self._springs = self.energy_limiter = self.joint_energy_limiter = self.tank = self.contact_limiter = None
+        self._names, self._compensated, self._max_period = (
+            model.dof_names,
+            compensated,
+            values["max_state_age"],
+        )
+        self._springs = self.energy_limiter = self.joint_energy_limiter = self.tank = (
+            self.contact_limiter
+        ) = None
         if margin := values["limit_margin"]:
             springs = values["limit_stiffness"], values["limit_damping"]
             self._springs = limits.PositionRepulsion(dynamics, margin, *springs)
         if limit := values["energy_limit"]:
             self.energy_limiter = limits.EnergyLimiter(dynamics, limit, values["energy_rate"])
         if any(values["joint_energy_limit"]):
-            limit = by_dof("joint_energy_limit", values["joint_energy_limit"], self._names, np.full(model.nv, np.inf))
-            self.joint_energy_limiter = limits.JointEnergyLimiter(dynamics, limit, values["energy_rate"])
+            limit = by_dof(
+                "joint_energy_limit",
+                values["joint_energy_limit"],
+                self._names,
+                np.full(model.nv, np.inf),
+            )
+            self.joint_energy_limiter = limits.JointEnergyLimiter(
+                dynamics, limit, values["energy_rate"]
+            )
         if capacity := values["tank_energy"]:
             self.tank = EnergyTank(dynamics, capacity, values["energy_rate"], not compensated)
         if points is not None:
             self.contact_limiter = ContactLimiter(dynamics, points, values["contact.rate"])
-        self._saturation = limits.EffortSaturation(model, effort_limits(values["effort_limit"], model))
+        self._saturation = limits.EffortSaturation(
+            model, effort_limits(values["effort_limit"], model)
+        )
         self.unlimited = limits.names_where(self._names, np.isinf(self._saturation.limit))
         self.sent = np.zeros(model.nv)
         # The rate is that of the command, not of the total torque: a robot with gravity compensation is released by zero.
@@ -63,7 +78,11 @@ class Efforts:
         """Start from the last effort, with a full tank."""
         self._held = []  # efforts since the last valid state, at most two
         self.fill_tank()
-        self._gravity, self._time, self.scale = np.zeros_like(self.sent), None, 1.0  # time of the last command [ns]
+        self._gravity, self._time, self.scale = (
+            np.zeros_like(self.sent),
+            None,
+            1.0,
+        )  # time of the last command [ns]
 
     def filtered(self, state, command, external):
         """Return the :class:`Filtered` command of a law for a state and ε of external forces."""
@@ -126,7 +145,9 @@ class Efforts:
         """Return whether one rate-limited step reaches the range from gravity compensation to `effort`."""
         gravity = self.gravity_compensation
         between = np.clip(self.sent, np.minimum(gravity, effort), np.maximum(gravity, effort))
-        return bool((np.abs(between - self.sent) <= self._ramp.rate * self._elapsed(time) + 1e-9).all())
+        return bool(
+            (np.abs(between - self.sent) <= self._ramp.rate * self._elapsed(time) + 1e-9).all()
+        )
 
     @property
     def gravity_compensation(self):
@@ -143,7 +164,9 @@ class Efforts:
     @property
     def heavy(self):
         """Joints whose gravity torque exceeds HEAVY of their effort limit in the last state."""
-        return limits.names_where(self._names, np.abs(self._gravity) > limits.HEAVY * self._saturation.limit)
+        return limits.names_where(
+            self._names, np.abs(self._gravity) > limits.HEAVY * self._saturation.limit
+        )
 
     @property
     def slow(self):

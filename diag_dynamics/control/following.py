@@ -27,9 +27,13 @@ class Tolerances(NamedTuple):
     def of_parameters(cls, values, names):
         """Return the defaults by the parameters of the controller."""
         none = np.full(len(names), np.inf)
-        path, goal = (by_dof(name, values[name], names, none) for name in ("path_tolerance", "goal_tolerance"))
+        path, goal = (
+            by_dof(name, values[name], names, none) for name in ("path_tolerance", "goal_tolerance")
+        )
         speed = np.full(len(names), values["stopped_velocity"] or np.inf)
-        return cls(np.array([path, none]), np.array([goal, speed]), values["goal_time_tolerance"] or np.inf)
+        return cls(
+            np.array([path, none]), np.array([goal, speed]), values["goal_time_tolerance"] or np.inf
+        )
 
 
 class Outcome(NamedTuple):

@@ -41,7 +41,9 @@ class PoseError(NamedTuple):
     """Error of a frame's pose in the root link's axes, desired less actual; a part that is not regulated is None."""
 
     position: Array | None  # [m], shape (3,)
-    orientation: Array | None  # rotation vector from the actual to the desired orientation [rad], shape (3,)
+    orientation: (
+        Array | None
+    )  # rotation vector from the actual to the desired orientation [rad], shape (3,)
 
 
 class Command(NamedTuple):
@@ -68,7 +70,9 @@ def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
         raise UnsupportedError(f"robot '{model.name}' has a floating base, which no motor drives.")
     for joint in model.joint_names:
         if joint not in model.dof_names:
-            raise UnsupportedError(f"joint '{joint}' has several degrees of freedom, which no motor drives; lock it.")
+            raise UnsupportedError(
+                f"joint '{joint}' has several degrees of freedom, which no motor drives; lock it."
+            )
     return dynamics
 
 
@@ -83,7 +87,9 @@ class Law:
         self.dynamics = actuated(dynamics)
         dynamics.compile("nu_from_qd", "tau_from_epsilon", "gravity_torque", *methods)
 
-    def _command(self, q: VectorLike, nu: Array, epsilon: Array, rate: float, stored: float = 0.0) -> Command:
+    def _command(
+        self, q: VectorLike, nu: Array, epsilon: Array, rate: float, stored: float = 0.0
+    ) -> Command:
         """Return the command τ = mε + g of working moments; V is K and a stored energy."""
         g = self.dynamics.gravity_torque(q)
         tau = self.dynamics.tau_from_epsilon(q, epsilon)
@@ -96,7 +102,13 @@ class Law:
     def _require_rates(self, name: str, rates: Array, period: float) -> None:
         """Raise InputError if ṡ = −Ks is unstable for the largest of the rates K [1/s]."""
         k = int(np.argmax(rates))
-        require_at_most(f"{name} of '{self.dynamics.model.dof_names[k]}'", rates[k], STABLE / period, "1/s", period)
+        require_at_most(
+            f"{name} of '{self.dynamics.model.dof_names[k]}'",
+            rates[k],
+            STABLE / period,
+            "1/s",
+            period,
+        )
 
 
 def require_at_most(what: str, value: float, largest: float, unit: str, period: float) -> None:
@@ -143,7 +155,9 @@ class JointLaw(Law):
     """Law with a desired motion of the joints; subclasses define `_respond`."""
 
     def __init__(self, dynamics: DiagonalDynamics, *methods: str) -> None:
-        super().__init__(dynamics, "inverse_dynamics", "coriolis_product", "epsilon_from_tau", *methods)
+        super().__init__(
+            dynamics, "inverse_dynamics", "coriolis_product", "epsilon_from_tau", *methods
+        )
         model = dynamics.model
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
         self._zero = np.zeros(model.nv)
@@ -178,14 +192,23 @@ class JointLaw(Law):
         return tau, self.dynamics.gravity_torque(q)
 
     def _closed(
-        self, q: Array, qd: Array, reference: tuple[Array, Array], s: Array, braking: Array, error: Array, spring: Array
+        self,
+        q: Array,
+        qd: Array,
+        reference: tuple[Array, Array],
+        s: Array,
+        braking: Array,
+        error: Array,
+        spring: Array,
     ) -> Command:
         """Return the command of m(reference − braking) and springs: V = ½|s|² + ½ springᵀerror, dV/dt = −sᵀbraking."""
         tau, g = reference
         tau = tau + spring - self.dynamics.tau_from_epsilon(q, braking)
         epsilon = self.dynamics.epsilon_from_tau(q, tau - g)
         V = 0.5 * float(s @ s) + 0.5 * float(spring @ error)
-        return Command(tau, epsilon, g, self.dynamics.nu_from_qd(q, qd), V, -float(s @ braking), error)
+        return Command(
+            tau, epsilon, g, self.dynamics.nu_from_qd(q, qd), V, -float(s @ braking), error
+        )
 
 
 class JointTracking(JointLaw):
@@ -216,8 +239,12 @@ class JointTracking(JointLaw):
         names = dynamics.model.dof_names
         self.gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
         self.convergence = per_name("convergence", convergence, names, "a finite number > 0 [1/s]")
-        self.closing = per_name("closing", closing, names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0)
-        self.bound = per_name("bound", bound, names, "a finite number >= 0 [J^½/s]", lambda x: 0.0 <= x < np.inf)
+        self.closing = per_name(
+            "closing", closing, names, "a number > 0 [rad/s, m/s]", lambda x: x > 0.0
+        )
+        self.bound = per_name(
+            "bound", bound, names, "a finite number >= 0 [J^½/s]", lambda x: 0.0 <= x < np.inf
+        )
         self.width = positive("width", width, "[J^½]")
 
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
@@ -227,7 +254,9 @@ class JointTracking(JointLaw):
         qdd_r = qdd_d + np.where(bounded == closing, self.convergence, 0.0) * (qd_d - qd)
         s = self.dynamics.nu_from_qd(q, qd - qd_r)
         braking = self.gain * s + self.bound * np.clip(s / self.width, -1.0, 1.0)
-        return self._closed(q, qd, self._reference(q, qd, qd_r, qdd_r), s, braking, error, self._zero)
+        return self._closed(
+            q, qd, self._reference(q, qd, qd_r, qdd_r), s, braking, error, self._zero
+        )
 
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError unless (K + ρ/φ + Λ)·period < 2, with the largest Λ."""
@@ -262,13 +291,18 @@ class JointRegulation(JointLaw):
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         s = self.dynamics.nu_from_qd(q, qd - qd_d)
         braking = modal_damping(self.dynamics.factors(q).l * self._root, s, self.damping_ratio)
-        return self._closed(q, qd, self._reference(q, qd, qd_d, qdd_d), s, braking, error, self.stiffness * error)
+        return self._closed(
+            q, qd, self._reference(q, qd, qd_d, qdd_d), s, braking, error, self.stiffness * error
+        )
 
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError unless the fastest mode at q has ω·period < min(4ζ, 1/ζ)."""
         _, frequencies, modes = np.linalg.svd(self.dynamics.factors(q).l * self._root)
         k = int(np.argmax(np.abs(modes[0])))  # the joint with most of the mode
-        largest = self.stiffness[k] * (largest_frequency(self.damping_ratio, period) / frequencies[0]) ** 2
+        largest = (
+            self.stiffness[k]
+            * (largest_frequency(self.damping_ratio, period) / frequencies[0]) ** 2
+        )
         what = f"stiffness of '{self.dynamics.model.dof_names[k]}'"
         require_at_most(what, self.stiffness[k], largest, "N m/rad (N/m)", period)
 
@@ -323,23 +357,33 @@ class PoseRegulation(Law):
         if link not in dynamics.model.link_names:
             raise InputError(f"'{link}' is not a link of robot '{dynamics.model.name}'.")
         if (damping is None) == (damping_ratio is None):
-            raise InputError(f"damping is {damping} and damping_ratio is {damping_ratio}; expected one of them.")
+            raise InputError(
+                f"damping is {damping} and damping_ratio is {damping_ratio}; expected one of them."
+            )
         self.link = link
         self.damping: Array | None = None
         self.damping_ratio = 0.0
         if damping is not None:
-            self.damping = per_name("damping", damping, dynamics.model.dof_names, "a finite number > 0 [1/s]")
+            self.damping = per_name(
+                "damping", damping, dynamics.model.dof_names, "a finite number > 0 [1/s]"
+            )
         else:
             self.damping_ratio = positive("damping_ratio", damping_ratio, "[1]")
         self.null_frequency = positive("null_frequency", null_frequency, "[rad/s]")
-        self.position_stiffness = per_name("position_stiffness", position_stiffness, "xyz", "a finite number > 0 [N/m]")
-        self.orientation_stiffness = positive("orientation_stiffness", orientation_stiffness, "[N m/rad]")
+        self.position_stiffness = per_name(
+            "position_stiffness", position_stiffness, "xyz", "a finite number > 0 [N/m]"
+        )
+        self.orientation_stiffness = positive(
+            "orientation_stiffness", orientation_stiffness, "[N m/rad]"
+        )
         self.point = numbers("point", point, (3,), "three finite numbers [m]")
         self._root = np.sqrt([*self.position_stiffness, *3 * [self.orientation_stiffness]])
         self._position: Array | None = None
         self._axes: Array | None = None
 
-    def aim(self, position: VectorLike | None = None, orientation: MatrixLike | None = None) -> None:
+    def aim(
+        self, position: VectorLike | None = None, orientation: MatrixLike | None = None
+    ) -> None:
         """Set the target in the root link's axes, which a command requires; a part that is None is not regulated.
 
         The position [m] is from the root link's origin, shape (3,). The orientation is a rotation matrix, with the frame's
@@ -348,7 +392,11 @@ class PoseRegulation(Law):
         if position is None and orientation is None:
             raise InputError("position and orientation are both None: there is nothing to aim at.")
         axes = None if orientation is None else rotation_of(orientation)
-        self._position = None if position is None else numbers("position", position, (3,), "three finite numbers [m]")
+        self._position = (
+            None
+            if position is None
+            else numbers("position", position, (3,), "three finite numbers [m]")
+        )
         self._axes = axes
 
     def pose(self, q: VectorLike) -> tuple[Array, Array]:
@@ -377,7 +425,9 @@ class PoseRegulation(Law):
         if self.damping is not None:
             damped = self.damping * nu
         else:
-            damped = modal_damping(factor * regulated * self._root, nu, self.damping_ratio, self.null_frequency)
+            damped = modal_damping(
+                factor * regulated * self._root, nu, self.damping_ratio, self.null_frequency
+            )
         command = self._command(q, nu, factor @ wrench - damped, -float(nu @ damped), stored)
         return command._replace(error=PoseError(distance, rotation))
 
@@ -391,7 +441,11 @@ class PoseRegulation(Law):
             root, largest = root / np.sqrt(self.damping)[:, None], math.sqrt(STABLE / period)
         _, frequencies, modes = np.linalg.svd(root)
         k = int(np.argmax(np.abs(modes[0])))
-        what, unit = (f"position_stiffness of '{'xyz'[k]}'", "N/m") if k < 3 else ("orientation_stiffness", "N m/rad")
+        what, unit = (
+            (f"position_stiffness of '{'xyz'[k]}'", "N/m")
+            if k < 3
+            else ("orientation_stiffness", "N m/rad")
+        )
         stiffness = self._root[k] ** 2
         require_at_most(what, stiffness, stiffness * (largest / frequencies[0]) ** 2, unit, period)
 
@@ -402,7 +456,9 @@ def rotation_of(orientation: Any) -> Array:
     if array is not None and array.shape == (4,) and np.isfinite(array).all():
         length = math.sqrt(float(array @ array))
         if abs(length - 1.0) > UNIT:
-            raise InputError(f"orientation is {array.tolist()}, of length {length:.6g}, expected {expected}.")
+            raise InputError(
+                f"orientation is {array.tolist()}, of length {length:.6g}, expected {expected}."
+            )
         return rotations.from_quaternion(*array)
     R = numbers("orientation", orientation, (3, 3), expected)
     if np.abs(R.T @ R - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(R) < 0.0:

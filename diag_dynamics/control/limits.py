@@ -63,7 +63,9 @@ class EnergyLimiter:
         self.limit, self.rate = positive("limit", limit, "[J]"), positive("rate", rate, "[1/s]")
         dynamics.compile("tau_from_epsilon")
 
-    def filter(self, q: VectorLike, command: Command, external: VectorLike | None = None) -> Command:
+    def filter(
+        self, q: VectorLike, command: Command, external: VectorLike | None = None
+    ) -> Command:
         """Return the command at the positions q [rad, m], or one of less power."""
         nu, square = command.nu, float(command.nu @ command.nu)
         power = float(nu @ command.epsilon)
@@ -94,7 +96,12 @@ class JointEnergyLimiter:
         dynamics.compile("tau_from_epsilon", "coriolis_bracket")
 
     def filter(
-        self, q: VectorLike, qd: VectorLike, command: Command, period: float, external: VectorLike | None = None
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        command: Command,
+        period: float,
+        external: VectorLike | None = None,
     ) -> Command:
         """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
 
@@ -127,7 +134,9 @@ class EffortSaturation:
     def __init__(self, model: RobotModel, limit: VectorLike | None = None) -> None:
         self._names = instance("model", model, RobotModel).dof_names
         limit = model.effort_limit if limit is None else limit
-        self.limit = per_name("effort limit", limit, self._names, "a number > 0 [N m, N]", lambda x: x > 0.0)
+        self.limit = per_name(
+            "effort limit", limit, self._names, "a number > 0 [N m, N]", lambda x: x > 0.0
+        )
 
     def filter(self, command: Command) -> Command:
         """Return the command within the limits, with its `scale` s and the joints at their limits in `limited`."""
@@ -144,7 +153,9 @@ class EffortSaturation:
         scaled = g + scale * moving
         limited = names_where(self._names, np.abs(scaled) >= limit * (1.0 - 1e-12))
         tau = np.clip(scaled, -limit, limit)
-        return command._replace(tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited)
+        return command._replace(
+            tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited
+        )
 
 
 class EffortRateLimiter:
@@ -186,18 +197,24 @@ class PositionRepulsion:
     the damping b ≥ 0 [N m s/rad, N s/m] at the limit.
     """
 
-    def __init__(self, dynamics: DiagonalDynamics, margin: Gain, stiffness: Gain, damping: Gain = 0.0) -> None:
+    def __init__(
+        self, dynamics: DiagonalDynamics, margin: Gain, stiffness: Gain, damping: Gain = 0.0
+    ) -> None:
         self.dynamics = actuated(dynamics)
         model, names = dynamics.model, dynamics.model.dof_names
         margin = per_name("margin", margin, names, "a finite number > 0 [rad, m]")
-        self.stiffness = per_name("stiffness", stiffness, names, "a finite number > 0 [N m/rad, N/m]")
+        self.stiffness = per_name(
+            "stiffness", stiffness, names, "a finite number > 0 [N m/rad, N/m]"
+        )
         expected = "a finite number >= 0 [N m s/rad, N s/m]"
         self.damping = per_name("damping", damping, names, expected, lambda x: 0.0 <= x < np.inf)
         self._margin = np.minimum(margin, 0.5 * (model.upper - model.lower))
         self._lower, self._upper = model.lower + self._margin, model.upper - self._margin
         for name, lower, upper in zip(names, model.lower, model.upper, strict=True):
             if not lower < upper:
-                raise InputError(f"joint '{name}' has limits [{lower}, {upper}]: no range to keep it in.")
+                raise InputError(
+                    f"joint '{name}' has limits [{lower}, {upper}]: no range to keep it in."
+                )
         dynamics.compile("epsilon_from_tau")
 
     def depth(self, q: VectorLike) -> Array:
@@ -263,7 +280,9 @@ class ContactLimiter:
         self.rate = positive("rate", rate, "[1/s]")
         if not points.limited.any():
             raise InputError("points have no limit: there is nothing to bound.")
-        dynamics.compile("contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon")
+        dynamics.compile(
+            "contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon"
+        )
         dynamics.compile("link_velocity", "operational_inverse_inertia", "epsilon_from_wrench")
         kinematics.integrate.compile()
 
@@ -289,13 +308,22 @@ class ContactLimiter:
         return self.seen
 
     def filter(
-        self, q: VectorLike, qd: VectorLike, command: Command, period: float, external: VectorLike | None = None
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        command: Command,
+        period: float,
+        external: VectorLike | None = None,
     ) -> Command:
         """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
 
         `period` is h > 0, until the next command [s].
         """
-        dynamics, names, h = self.dynamics, self.dynamics.model.dof_names, positive("period", period, "[s]")
+        dynamics, names, h = (
+            self.dynamics,
+            self.dynamics.model.dof_names,
+            positive("period", period, "[s]"),
+        )
         q, qd = vector("q", q, names), vector("qd", qd, names)
         now = self.look(q, qd).contact.usage ** 2
         tau = command.tau
@@ -326,7 +354,11 @@ class ContactLimiter:
 
     def _impulse(self, q: Array, qd: Array, contact: Contact, k: int) -> Array:
         """Return M⁻¹JᵀΛv, the change of rates by an impulse that stops the worst point of an entry."""
-        dynamics, link, point = self.dynamics, contact.links[k], self.points.points[k][contact.point[k]]
+        dynamics, link, point = (
+            self.dynamics,
+            contact.links[k],
+            self.points.points[k][contact.point[k]],
+        )
         v = dynamics.link_velocity(q, qd, link, point)[:3]
         mobility = dynamics.operational_inverse_inertia(q, link, point)[:3, :3]
         impulse = np.linalg.pinv(mobility, rcond=IMMOBILE, hermitian=True) @ v

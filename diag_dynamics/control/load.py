@@ -23,7 +23,9 @@ PRIOR = 3.0, 0.3  # standard deviations of mass [kg] and first moment [kg m] wit
 MODEL_ERRORS = 5.0  # number of states that count as one beside those within the observer's memory
 MIN_ENERGY = 2.0  # of m r in that of its noise: below it there is nothing to explain
 MIN_SIGNIFICANCE = 2.0  # mass of a load in standard deviations
-MAX_REST = 0.1  # fraction of a payload that counts as none once it is put down: its own mass has an error
+MAX_REST = (
+    0.1  # fraction of a payload that counts as none once it is put down: its own mass has an error
+)
 MAX_DISTANCE = 0.4  # of the centre of a load from the link's origin [m]
 
 
@@ -36,9 +38,15 @@ class Load(NamedTuple):
     valid: bool  # False for the first state and after a reset
     reason: str  # why there is no result; empty otherwise
     mass: float = 0.0  # [kg]
-    center: Array = np.zeros(3)  # centre of mass in the link's axes [m], shape (3,); 0 if the mass is not significant
-    covariance: Array = np.diag([PRIOR[0], *3 * [PRIOR[1]]]) ** 2  # of mass and first moment [kg, kg m], shape (4, 4)
-    explained: float = 0.0  # fraction of the weighted energy of m r beyond its noise that the load explains
+    center: Array = np.zeros(
+        3
+    )  # centre of mass in the link's axes [m], shape (3,); 0 if the mass is not significant
+    covariance: Array = (
+        np.diag([PRIOR[0], *3 * [PRIOR[1]]]) ** 2
+    )  # of mass and first moment [kg, kg m], shape (4, 4)
+    explained: float = (
+        0.0  # fraction of the weighted energy of m r beyond its noise that the load explains
+    )
     is_load: bool = False  # whether m r has been that of a load for the hold time
 
     @property
@@ -108,7 +116,9 @@ class LoadEstimator:
         instance("dynamics", dynamics, DiagonalDynamics)
         self.link, self.gain = link, positive("gain", gain, "[1/s]")
         self.memory, self.hold = positive("memory", memory, "[s]"), positive("hold", hold, "[s]")
-        self.min_explained = number("min_explained", min_explained, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)
+        self.min_explained = number(
+            "min_explained", min_explained, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0
+        )
         nv = dynamics.model.nv
         whitening = _whitening(covariance, nv)
         self._whitening, self._prior = whitening, np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
@@ -140,7 +150,9 @@ class LoadEstimator:
         self._constant, self._energy = np.zeros(self.dynamics.model.nv), 0.0
         self.last = Load(False, "no state since the reset")
 
-    def update(self, time: float, q: VectorLike, qd: VectorLike, external_torque: VectorLike | None) -> Load:
+    def update(
+        self, time: float, q: VectorLike, qd: VectorLike, external_torque: VectorLike | None
+    ) -> Load:
         """Update the estimate by a state and the observer's result for it.
 
         Parameters
@@ -160,7 +172,10 @@ class LoadEstimator:
             interval, torque, self._response = 0.0, np.zeros(model.nv), 0.0
             self.last = Load(False, reason)
         else:
-            interval, torque = time - self._time, vector("external_torque", external_torque, model.dof_names)
+            interval, torque = (
+                time - self._time,
+                vector("external_torque", external_torque, model.dof_names),
+            )
             if interval == 0.0:
                 return self.last
         weight = min(1.0, 0.5 * self.gain * interval) / MODEL_ERRORS
@@ -192,11 +207,15 @@ class LoadEstimator:
         self._response -= math.expm1(-self.gain * interval) * (1.0 - self._response)
         self._count = self._count * decay + weight
         self._energy = self._energy * decay + weight * self._response**2
-        self._constant = self._constant * decay + weight * self._response * (self._whitening @ torque)
+        self._constant = self._constant * decay + weight * self._response * (
+            self._whitening @ torque
+        )
 
     def _is_moved(self) -> bool:
         """Return whether the load leaves less of the energy of m r than the best constant torque."""
-        energy = self._matrices[0, LOAD, LOAD] - float(self._constant @ self._constant) / self._energy
+        energy = (
+            self._matrices[0, LOAD, LOAD] - float(self._constant @ self._constant) / self._energy
+        )
         return bool(self._matrices[1, LOAD, LOAD] < energy)
 
     def _result(self, time: float) -> Load:
@@ -216,7 +235,9 @@ class LoadEstimator:
             and float(load.center @ load.center) < MAX_DISTANCE**2
         )
         self._since = min(self._since, time) if holds else math.inf
-        return load._replace(is_load=time - self._since >= self.hold and (self.last.is_load or self._is_moved()))
+        return load._replace(
+            is_load=time - self._since >= self.hold and (self.last.is_load or self._is_moved())
+        )
 
     @property
     def torque(self) -> Array:
@@ -242,7 +263,11 @@ class LoadEstimator:
         load, known = self.last, self._known()
         remaining, uncertain = known.mass + load.mass, self._uncertain(load)
         if not load.is_significant or remaining < -uncertain:
-            found = f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg" if load.valid else f"unknown: {load.reason}"
+            found = (
+                f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg"
+                if load.valid
+                else f"unknown: {load.reason}"
+            )
             raise InputError(
                 f"load on link '{self.link}' is {found}; expected a mass above two standard deviations. "
                 "Move the arm with the load."
@@ -264,6 +289,8 @@ def _whitening(covariance: MatrixLike, nv: int) -> Array:
     except np.linalg.LinAlgError:
         factor = np.zeros((nv, nv))
     if not factor.any() or np.abs(given - given.T).max(initial=0.0) > 1e-9 * np.abs(given).max():
-        raise InputError(f"covariance is {given.tolist()!r:.200}; expected {expected}. Calibrate with moving joints.")
+        raise InputError(
+            f"covariance is {given.tolist()!r:.200}; expected {expected}. Calibrate with moving joints."
+        )
     inverse: Array = np.ascontiguousarray(np.linalg.inv(factor))
     return inverse

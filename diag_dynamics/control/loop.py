@@ -9,7 +9,12 @@ import numpy as np
 
 from diag_dynamics.checks import number
 from diag_dynamics.control.efforts import Efforts
-from diag_dynamics.control.following import INVALID_GOAL, PATH_TOLERANCE_VIOLATED, Outcome, Tolerances
+from diag_dynamics.control.following import (
+    INVALID_GOAL,
+    PATH_TOLERANCE_VIOLATED,
+    Outcome,
+    Tolerances,
+)
 from diag_dynamics.control.laws import Command
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE
 from diag_dynamics.control.observer import DisturbanceObserver
@@ -37,10 +42,14 @@ class Sent(NamedTuple):
     saturated: tuple  # joints whose effort or effort rate was limited
     stamp: int  # of the command's state, or of the last valid one [ns]
     age: float  # of that state [s]
-    command: Command | None = None  # of the law, after the limiters of energy and contact; None without a valid state
+    command: Command | None = (
+        None  # of the law, after the limiters of energy and contact; None without a valid state
+    )
     energy_limited: bool = False  # whether an energy limiter changed the command
     contact_limited: bool = False  # whether the contact limiter did
-    lyapunov_rate: float | None = None  # dV/dt since the state before [W]; None unless both have the same target
+    lyapunov_rate: float | None = (
+        None  # dV/dt since the state before [W]; None unless both have the same target
+    )
     lost: str = ""  # why the robot's position replaced the target, or another mode its own; empty if it did not
 
 
@@ -56,15 +65,24 @@ class ControlLoop:
     def __init__(self, model, values, compensated, points=None):
         self.dynamics = dynamics = DiagonalDynamics(model)
         self.efforts = Efforts(dynamics, values, compensated, points)
-        self._scale_timeout, self._scale = values["contact.scale_timeout"], None  # scale, and its time [ns]
+        self._scale_timeout, self._scale = (
+            values["contact.scale_timeout"],
+            None,
+        )  # scale, and its time [ns]
         allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
         self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
         self._slow = SLOW * self.modes[DAMPING].max_speed
-        gain, hold_time, max_age = (values[name] for name in ("observer_gain", "hold_time", "max_state_age"))
-        self._observer = DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
+        gain, hold_time, max_age = (
+            values[name] for name in ("observer_gain", "hold_time", "max_state_age")
+        )
+        self._observer = (
+            DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
+        )
         if hold_time < 2.0 * max_age:
             limit = f"twice max_state_age = {max_age:g} s: else a single invalid state lets the robot go"
-            raise InputError(f"parameter 'hold_time' is {hold_time:g} s, expected at least {limit}.")
+            raise InputError(
+                f"parameter 'hold_time' is {hold_time:g} s, expected at least {limit}."
+            )
         self.supervisor = Supervisor(max_age, hold_time, values["resume_after_ramp"])
         self._initial_mode = self._mode_of(values["initial_mode"])
         self.following = None  # of the last trajectory
@@ -78,7 +96,10 @@ class ControlLoop:
         self.efforts.begin()
         self._origin = None  # stamp of the observer's first state [ns]
         self._carried_since = None  # stamp at which efforts reached gravity compensation [ns]
-        self._periods, self._period = 0, 0.0  # number of measured periods of states, and their mean [s]
+        self._periods, self._period = (
+            0,
+            0.0,
+        )  # number of measured periods of states, and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
         self._mode.void()
 
@@ -121,7 +142,10 @@ class ControlLoop:
 
     def _check_gains(self, before):
         """Measure the period; replace modes that it makes unstable by damping or gravity compensation, and return why."""
-        if before is None or not 0 < (gap := self.state.newest - before.newest) * 1e-9 <= self.supervisor.max_age:
+        if (
+            before is None
+            or not 0 < (gap := self.state.newest - before.newest) * 1e-9 <= self.supervisor.max_age
+        ):
             return ""
         self._periods += 1
         self._period += (gap * 1e-9 - self._period) / min(self._periods, MAX_PERIODS)
@@ -141,9 +165,13 @@ class ControlLoop:
             others = " or ".join(name for name, kind in LAWS.items() if target in kind.targets)
             raise InputError(f"{target} is for mode {others}, but {self.mode} is in force.")
         if self.supervisor.phase != ACTIVE:
-            raise InputError(f"{target} comes while the law is not in force: {self.supervisor.reason}.")
+            raise InputError(
+                f"{target} comes while the law is not in force: {self.supervisor.reason}."
+            )
         if self.supervisor.starting:
-            raise InputError(f"{target} came during take-up; expected one when gravity is compensated.")
+            raise InputError(
+                f"{target} came during take-up; expected one when gravity is compensated."
+            )
 
     def take_pose(self, link, position, orientation):
         """Go to a position [m] and an orientation, as unit quaternion x y z w or rotation matrix; see :class:`PoseTarget`.
@@ -182,8 +210,13 @@ class ControlLoop:
     def take_scale(self, scale, now):
         """Set the fraction of the allowed contact speeds, from 0 to 1, at the time `now` [ns]."""
         if self.efforts.contact_limiter is None:
-            raise InputError("contact_scale is set, but there are no contact limits. Set contact.limits_file.")
-        self._scale = number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0), now
+            raise InputError(
+                "contact_scale is set, but there are no contact limits. Set contact.limits_file."
+            )
+        self._scale = (
+            number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0),
+            now,
+        )
 
     def _scale_contact(self, now):
         """Set the scale of the contact limiter; with a timeout, a missing or stale scale counts as 0."""
@@ -299,16 +332,16 @@ class ControlLoop:
         beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
         for k in np.flatnonzero(beyond):
             limits = f"{model.lower[k]:g} … {model.upper[k]:g}"
-            return (
-                f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}; laws start within them"
-            )
+            return f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}; laws start within them"
         return None
 
     def age_problem(self, state, now):
         """Return the error of the age of a state's joints at a time [ns]; None if it is valid."""
         if state.stamp_is_receive_time:
             return "joint states without stamps: how old they are is not known"
-        return self.supervisor.age_problem(state.newest, now) or self.supervisor.age_problem(state.oldest, now)
+        return self.supervisor.age_problem(state.newest, now) or self.supervisor.age_problem(
+            state.oldest, now
+        )
 
     def without_state(self, now, reason):
         """Return the :class:`Sent` without a valid state at the time `now` [ns]; None before the first one.
@@ -341,7 +374,11 @@ class ControlLoop:
         """Return ε of external forces by the observer; None without a result."""
         if self._observer is None:
             return None
-        if self._origin is None:  # a float of seconds since 1970 resolves a quarter of a microsecond
+        if (
+            self._origin is None
+        ):  # a float of seconds since 1970 resolves a quarter of a microsecond
             self._origin = state.newest
         time = (state.newest - self._origin) * 1e-9
-        return self._observer.update(time, state.position, state.velocity, self.efforts.acting).residual
+        return self._observer.update(
+            time, state.position, state.velocity, self.efforts.acting
+        ).residual

@@ -54,7 +54,10 @@ class Mode:
 
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
-        self._max_period, self._max_error = values["max_state_age"], values["following_energy"] or np.inf
+        self._max_period, self._max_error = (
+            values["max_state_age"],
+            values["following_energy"] or np.inf,
+        )
         limits = self._model.velocity_bound
         self.max_speed = np.where(np.isfinite(limits), limits, DEFAULT_SPEED)  # [rad/s, m/s]
         self._target = None
@@ -90,7 +93,9 @@ class Mode:
         """Return dV/dt from the last command to this one at a time [ns]; None unless both have the same target."""
         V, last = command.lyapunov, self._last
         self._lag, self._last = V / self._max_error, None if self._moving else (V, time)
-        return None if last is None or time <= last[1] else (V - last[0]) / ((time - last[1]) * 1e-9)
+        return (
+            None if last is None or time <= last[1] else (V - last[0]) / ((time - last[1]) * 1e-9)
+        )
 
     def forget_rate(self):
         """Measure no rate from the last command to the next one."""
@@ -127,12 +132,19 @@ class PoseMode(Mode):
     name, targets = "pose", ("target",)
 
     def __init__(self, dynamics, values):
-        stiffness, ratio = (values["position_stiffness"], values["orientation_stiffness"]), values["pose_damping_ratio"]
+        stiffness, ratio = (
+            (values["position_stiffness"], values["orientation_stiffness"]),
+            values["pose_damping_ratio"],
+        )
         if ratio and any(values["pose_damping"]):
-            raise InputError("parameters 'pose_damping' and 'pose_damping_ratio' are both set; expected one of them.")
+            raise InputError(
+                "parameters 'pose_damping' and 'pose_damping_ratio' are both set; expected one of them."
+            )
         gain = None if ratio else _gains(dynamics, values, "pose_damping", POSE_DAMPING)
         options = {"damping_ratio": ratio or None, "null_frequency": values["pose_null_frequency"]}
-        super().__init__(PoseRegulation(dynamics, values["controlled_link"], gain, *stiffness, **options), values)
+        super().__init__(
+            PoseRegulation(dynamics, values["controlled_link"], gain, *stiffness, **options), values
+        )
         self._speed = np.array([values["position_speed"], values["orientation_speed"]])
         self._aim = None  # position [m] and axes to which the springs pull
 
@@ -144,10 +156,18 @@ class PoseMode(Mode):
         """Go to a position [m], shape (3,), and an orientation in the axes of a link, from a RobotState on."""
         position = numbers("position", position, (3,), "three finite numbers [m]")
         axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
-        U, _, V = np.linalg.svd(X[:3, :3] @ axes)  # the nearest rotation: the URDF's angles are rounded
+        U, _, V = np.linalg.svd(
+            X[:3, :3] @ axes
+        )  # the nearest rotation: the URDF's angles are rounded
         self.begin(state)
-        goal, rate, before = (X[:3, :3] @ position + X[:3, 3], U @ V), np.full(2, APPROACH_RATE), self._target
-        self._target = PoseTarget(goal, state.newest, self._aim, self._speed, rate, self._max_period, before)
+        goal, rate, before = (
+            (X[:3, :3] @ position + X[:3, 3], U @ V),
+            np.full(2, APPROACH_RATE),
+            self._target,
+        )
+        self._target = PoseTarget(
+            goal, state.newest, self._aim, self._speed, rate, self._max_period, before
+        )
         self.forget_rate()
 
     def command(self, state):
@@ -162,7 +182,9 @@ class PoseMode(Mode):
             self._target = None
             return command
         position, axes = self.law.pose(state.position)
-        return command._replace(error=PoseError(target.goal[0] - position, to_vector(target.goal[1] @ axes.T)))
+        return command._replace(
+            error=PoseError(target.goal[0] - position, to_vector(target.goal[1] @ axes.T))
+        )
 
 
 class JointMode(Mode):
@@ -199,10 +221,14 @@ class JointMode(Mode):
 
     def take_trajectory(self, state, waypoints, stamp, now, tolerances):
         """Return the Following of Waypoints that start at a stamp [ns]; 0: with a RobotState."""
-        trajectory = Trajectory(waypoints, self._model.dof_names, self._model.continuous_joints, stamp)
+        trajectory = Trajectory(
+            waypoints, self._model.dof_names, self._model.continuous_joints, stamp
+        )
         self._require_within_limits("trajectory.points[{}].positions", trajectory.positions)
         if (wait := (stamp - now) * 1e-9) > MAX_WAIT:
-            raise InputError(f"trajectory.header.stamp is {wait:.6g} s in the future, expected {MAX_WAIT:g} s at most.")
+            raise InputError(
+                f"trajectory.header.stamp is {wait:.6g} s in the future, expected {MAX_WAIT:g} s at most."
+            )
         if trajectory.ends_before(now):
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
         self.begin(state)
@@ -217,8 +243,13 @@ class JointMode(Mode):
         """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""
         model, positions = self._model, np.atleast_2d(positions)
         for row, k in np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))[:1]:
-            joint, limits = f"joint '{model.dof_names[k]}'", f"{model.lower[k]:g} … {model.upper[k]:g}"
-            raise InputError(f"{what.format(row)} of {joint} is {positions[row, k]:.6g}, expected within {limits}.")
+            joint, limits = (
+                f"joint '{model.dof_names[k]}'",
+                f"{model.lower[k]:g} … {model.upper[k]:g}",
+            )
+            raise InputError(
+                f"{what.format(row)} of {joint} is {positions[row, k]:.6g}, expected within {limits}."
+            )
 
     def _require_near(self, position, state):
         both = np.array([state.position, self.desired.position])
@@ -226,15 +257,23 @@ class JointMode(Mode):
         k = int(np.argmax(away))
         if away[k] > MAX_STEP:
             joint = f"joint '{self._model.dof_names[k]}'"
-            raise InputError(f"trajectory begins {away[k]:.3g} from where {joint} is, expected at most {MAX_STEP:g}.")
+            raise InputError(
+                f"trajectory begins {away[k]:.3g} from where {joint} is, expected at most {MAX_STEP:g}."
+            )
 
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
         for k in np.flatnonzero(~(fastest <= MAX_OVERSPEED * self.max_speed))[:1]:
             limit, joint = f"{self.max_speed[k]:g}", f"joint '{self._model.dof_names[k]}'"
             has_limit = self._model.velocity_limit[k] > 0.0
-            limit = f"its limit {limit}" if has_limit else f"{limit}, as the URDF has no velocity limit for it"
-            raise InputError(f"trajectory has {joint} move at {fastest[k]:.6g}, expected no more than {limit}.")
+            limit = (
+                f"its limit {limit}"
+                if has_limit
+                else f"{limit}, as the URDF has no velocity limit for it"
+            )
+            raise InputError(
+                f"trajectory has {joint} move at {fastest[k]:.6g}, expected no more than {limit}."
+            )
 
     def follow(self, state):
         """Return the command, and why the position replaced the target: V exceeds following_energy."""
@@ -260,8 +299,12 @@ class TrackingMode(JointMode):
     name = "tracking"
 
     def __init__(self, dynamics, values):
-        gain, convergence = (_gains(dynamics, values, f"tracking_{name}") for name in ("gain", "convergence"))
-        options = {"closing": dynamics.model.velocity_bound} | {x: values[f"tracking_{x}"] for x in ("bound", "width")}
+        gain, convergence = (
+            _gains(dynamics, values, f"tracking_{name}") for name in ("gain", "convergence")
+        )
+        options = {"closing": dynamics.model.velocity_bound} | {
+            x: values[f"tracking_{x}"] for x in ("bound", "width")
+        }
         if link := values["payload_link"]:
             options |= {"rate": values["payload_rate"], "max_mass": values["payload_mass"]}
             law = AdaptiveTracking(dynamics, link, gain, convergence, **options)

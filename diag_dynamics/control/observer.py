@@ -11,7 +11,16 @@ from typing import Any, Literal, NamedTuple, cast
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, VectorLike
-from diag_dynamics.checks import array_of, choice, in_order, instance, number, per_name, positive, vector
+from diag_dynamics.checks import (
+    array_of,
+    choice,
+    in_order,
+    instance,
+    number,
+    per_name,
+    positive,
+    vector,
+)
 from diag_dynamics.control.laws import Gain
 from diag_dynamics.control.limits import names_where
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -28,9 +37,13 @@ class Disturbance(NamedTuple):
     valid: bool  # False for the first sample, after a reset, and without efforts
     reason: str  # why there is no result; empty otherwise
     residual: Array | None = None  # r, which follows ε_ext = ℓτ_ext [J^½/s]; None if not valid
-    external_torque: Array | None = None  # m r, which follows the external torque τ_ext [N m, N]; None if not valid
+    external_torque: Array | None = (
+        None  # m r, which follows the external torque τ_ext [N m, N]; None if not valid
+    )
     norm: float = 0.0  # |r| [J^½/s]; |r|² follows τ_extᵀM⁻¹τ_ext
-    collision: bool = False  # whether the norm has exceeded the threshold, and not fallen below `release` since
+    collision: bool = (
+        False  # whether the norm has exceeded the threshold, and not fallen below `release` since
+    )
 
     @property
     def is_whole(self) -> bool:
@@ -94,7 +107,9 @@ class DisturbanceObserver:
         self.threshold = _threshold("threshold", threshold)
         self.release = 0.5 * self.threshold if release is None else _threshold("release", release)
         if self.release > self.threshold:
-            raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}.")
+            raise InputError(
+                f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}."
+            )
         self.max_gap = positive("max_gap", max_gap, "[s]")
         self._held, self._friction = effort == "held", bool(friction)
         self.reset()
@@ -107,7 +122,13 @@ class DisturbanceObserver:
             raise InputError(f"dynamics have the degrees of freedom {others}, expected {own}.")
         before, self._dynamics = self._dynamics, dynamics
         on_torque = "momentum", "epsilon_from_tau"
-        dynamics.compile(*(on_torque if self._on_torque else ("evaluate", "tau_from_epsilon", "epsilon_from_tau")))
+        dynamics.compile(
+            *(
+                on_torque
+                if self._on_torque
+                else ("evaluate", "tau_from_epsilon", "epsilon_from_tau")
+            )
+        )
         if dynamics.model.bodies is not before.model.bodies:
             self.reset()
 
@@ -118,7 +139,9 @@ class DisturbanceObserver:
         self._collision = False
         self._last = Disturbance(False, "no sample since the reset")
 
-    def update(self, time: float, q: VectorLike, qd: VectorLike, tau: VectorLike | None) -> Disturbance:
+    def update(
+        self, time: float, q: VectorLike, qd: VectorLike, tau: VectorLike | None
+    ) -> Disturbance:
         """Update r by a sample; after an InputError the observer is unchanged.
 
         A time before the last one, or more than `max_gap` after it, resets. A sample at the time of the last one is ignored.
@@ -146,7 +169,11 @@ class DisturbanceObserver:
         if before and interval == 0.0:
             return self._last
         sample = self._sample_at(time, q, qd, effort)
-        sample = sample._replace(applied=np.where(unknown, np.nan, sample.applied)) if unknown.any() else sample
+        sample = (
+            sample._replace(applied=np.where(unknown, np.nan, sample.applied))
+            if unknown.any()
+            else sample
+        )
         reason = "" if before else "first sample"
         if interval < 0.0:
             reason = f"time went back by {-interval:g} s"
@@ -158,10 +185,16 @@ class DisturbanceObserver:
         else:
             applied = before.applied
             if self._held:
-                applied = sample.applied if self._on_torque else self._dynamics.epsilon_from_tau(before.q, effort)
+                applied = (
+                    sample.applied
+                    if self._on_torque
+                    else self._dynamics.epsilon_from_tau(before.q, effort)
+                )
             mean = 0.5 * (applied + sample.applied - before.resisting - sample.resisting)
             external = (sample.momentum - before.momentum) / interval - mean
-            filtered = self._filtered - np.expm1(-self.gain * interval) * (external - self._filtered)
+            filtered = self._filtered - np.expm1(-self.gain * interval) * (
+                external - self._filtered
+            )
             unknown = np.isnan(mean)
             self._filtered = np.where(unknown, 0.0, filtered)
             self._last = self._result(q, unknown)
@@ -178,7 +211,9 @@ class DisturbanceObserver:
             applied = vector("tau", effort, self._names)
             qd = vector("qd", qd, self._names)
             p, rate = dynamics.momentum(q, qd)
-            return _Sample(time, q, p, (dynamics.friction_torque(qd, q) if friction else 0.0) - rate, applied)
+            return _Sample(
+                time, q, p, (dynamics.friction_torque(qd, q) if friction else 0.0) - rate, applied
+            )
         s = dynamics.evaluate(q, qd, effort, friction=friction)
         resisting = s.coriolis + s.gravity
         resisting += 0.0 if s.friction is None else s.friction

@@ -63,12 +63,16 @@ class SetPoint:
     step takes `max_period` [s] at most. All have shape (nv,).
     """
 
-    def __init__(self, goal, time, desired, speed, rate, continuous, max_period=np.inf, room=np.inf):
+    def __init__(
+        self, goal, time, desired, speed, rate, continuous, max_period=np.inf, room=np.inf
+    ):
         self._position = nearest(desired.position, goal, continuous)
         self._goal, self._speed, self._rate = goal, speed, rate
         self.velocity, self._time, self._max_period = desired.velocity, time, max_period
         braking = desired.velocity**2 / (2.0 * np.maximum(room, MIN_ROOM))
-        self._acceleration = np.maximum(np.maximum(speed, np.abs(desired.velocity)) / WITHIN, braking)
+        self._acceleration = np.maximum(
+            np.maximum(speed, np.abs(desired.velocity)) / WITHIN, braking
+        )
 
     def sample(self, time, lag=0.0):
         """Return the desired motion at a time [ns], which does not decrease.
@@ -80,8 +84,13 @@ class SetPoint:
         if elapsed == 0.0:
             return Desired(self._position.copy(), self.velocity.copy(), np.zeros_like(self._goal))
         left, a, k = self._goal - self._position, self._acceleration, self._rate
-        far, near = np.abs(left), a / k**2  # both velocities are equal at `near`, and so are their slopes
-        velocity = np.where(far > near, np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0)), k * far)
+        far, near = (
+            np.abs(left),
+            a / k**2,
+        )  # both velocities are equal at `near`, and so are their slopes
+        velocity = np.where(
+            far > near, np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0)), k * far
+        )
         velocity = np.sign(left) * np.minimum(np.minimum(velocity, self._speed), far / elapsed)
         slower = min(max(1.5 - 2.0 * lag, 0.0), 1.0)
         max_change = a * elapsed * (1.0 + MAX_HARDER * (1.0 - slower))
@@ -104,10 +113,16 @@ class PoseTarget:
         self._vectors = np.array([goal[0] - start[0], rotations.to_vector(goal[1] @ start[1].T)])
         self._lengths = np.linalg.norm(self._vectors, axis=1)
         moving = self._lengths[:, None] > REACHED
-        self._directions = np.divide(self._vectors, self._lengths[:, None], out=np.zeros((2, 3)), where=moving)
+        self._directions = np.divide(
+            self._vectors, self._lengths[:, None], out=np.zeros((2, 3)), where=moving
+        )
         velocity = np.zeros((2, 3)) if before is None else before.velocity
-        desired = at_rest(np.zeros(2))._replace(velocity=np.sum(self._directions * velocity, axis=1).clip(0.0))
-        self._along = SetPoint(self._lengths, time, desired, speed, rate, np.zeros(2, dtype=bool), max_period)
+        desired = at_rest(np.zeros(2))._replace(
+            velocity=np.sum(self._directions * velocity, axis=1).clip(0.0)
+        )
+        self._along = SetPoint(
+            self._lengths, time, desired, speed, rate, np.zeros(2, dtype=bool), max_period
+        )
 
     @property
     def velocity(self):
@@ -156,7 +171,9 @@ class Trajectory:
             _require_numbers(field, getattr(waypoints, field), names)
         for joint in np.flatnonzero(waypoints.velocities[-1])[:1]:
             what = f"velocity of joint '{names[joint]}' at the last point of the trajectory"
-            raise InputError(f"{what} is {waypoints.velocities[-1][joint]:g}, expected 0: the robot rests there.")
+            raise InputError(
+                f"{what} is {waypoints.velocities[-1][joint]:g}, expected 0: the robot rests there."
+            )
 
     def ends_before(self, time):
         """Return whether a trajectory with a stamp ends before a time [ns]."""
@@ -185,9 +202,14 @@ class Trajectory:
         here = nearest(np.array(position, dtype=float), self.positions[0], self._continuous)
         moving = np.clip(velocity, -max_speed, max_speed)
         start = begin, here, moving, np.zeros_like(here), True, False
-        knots = [np.concatenate([[value], field]) for value, field in zip(start, self._points, strict=True)]
+        knots = [
+            np.concatenate([[value], field])
+            for value, field in zip(start, self._points, strict=True)
+        ]
         self._knots = knots[0]
-        ends = (Waypoints(*(field[part] for field in knots)) for part in (slice(-1), slice(1, None)))
+        ends = (
+            Waypoints(*(field[part] for field in knots)) for part in (slice(-1), slice(1, None))
+        )
         self._segments = _polynomials(*ends)
 
     def fastest(self):
@@ -217,17 +239,23 @@ def _velocity(c, s):
 def _require_order(times):
     """Reject times [s] that do not increase, or begin before the start."""
     if times[0] < 0.0:
-        raise InputError(f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0.")
+        raise InputError(
+            f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0."
+        )
     for k in np.flatnonzero(np.diff(times) <= 0.0)[:1]:
         what = f"trajectory.points[{k + 1}].time_from_start"
-        raise InputError(f"{what} is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the point before.")
+        raise InputError(
+            f"{what} is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the point before."
+        )
 
 
 def _require_numbers(field, table, names):
     """Reject numbers that are not finite, or larger than MAX_NUMBER."""
     for k, joint in np.argwhere(~(np.abs(table) <= MAX_NUMBER))[:1]:
         what = f"trajectory.points[{k}].{field} of joint '{names[joint]}'"
-        raise InputError(f"{what} is {table[k, joint]}, expected a finite number of at most {MAX_NUMBER:g}.")
+        raise InputError(
+            f"{what} is {table[k, joint]}, expected a finite number of at most {MAX_NUMBER:g}."
+        )
 
 
 def _polynomials(start, end):
@@ -243,6 +271,8 @@ def _polynomials(start, end):
     k = k & has_a & has_a1
     c[k, 2] = 0.5 * a[k]
     c[k, 3] = ((20.0 * step - (12.0 * v + 8.0 * v1) * T - (3.0 * a - a1) * T**2) / (2.0 * T**3))[k]
-    c[k, 4] = ((-30.0 * step + (16.0 * v + 14.0 * v1) * T + (3.0 * a - 2.0 * a1) * T**2) / (2.0 * T**4))[k]
+    c[k, 4] = (
+        (-30.0 * step + (16.0 * v + 14.0 * v1) * T + (3.0 * a - 2.0 * a1) * T**2) / (2.0 * T**4)
+    )[k]
     c[k, 5] = ((12.0 * step - 6.0 * (v + v1) * T - (a - a1) * T**2) / (2.0 * T**5))[k]
     return c

@@ -82,7 +82,10 @@ class Supervisor:
         self.state, self.reason = State.WAITING, "no valid state yet"
         self._cause = ""  # of the last ramp
         self._outage = 0  # time without valid states, less that of later valid ones [ns]
-        self._last, self._moved = 0, 0.0  # clock at the last event [ns], and machine time when it moved [s]
+        self._last, self._moved = (
+            0,
+            0.0,
+        )  # clock at the last event [ns], and machine time when it moved [s]
 
     def _next(self, event):
         return self._transitions[self.state][event]
@@ -152,10 +155,14 @@ class Supervisor:
     def wait(self):
         """Accept a valid state while the loop is stopped."""
         self.state = State.STOPPED
-        self.reason = f"states are valid again; choose a mode to go on. The controller stopped: {self._cause}"
+        self.reason = (
+            f"states are valid again; choose a mode to go on. The controller stopped: {self._cause}"
+        )
 
     def release(self):
         """Accept the choice of a mode; raise InputError while a stopped loop has no valid state."""
         if self._next(Event.SWITCH) is None:
-            raise InputError(f"the controller has stopped, and there is no valid state yet: {self.reason}.")
+            raise InputError(
+                f"the controller has stopped, and there is no valid state yet: {self.reason}."
+            )
         self.state = self._next(Event.SWITCH)

@@ -46,9 +46,14 @@ class EnergyTank:
     energy: float  #: x [J]
     refused = 0.0  #: power that the filter removed from the last command [W]
 
-    def __init__(self, dynamics: DiagonalDynamics, capacity: float, rate: float, gravity: bool = True) -> None:
+    def __init__(
+        self, dynamics: DiagonalDynamics, capacity: float, rate: float, gravity: bool = True
+    ) -> None:
         self.dynamics, model = actuated(dynamics), dynamics.model
-        self.capacity, self.rate = positive("capacity", capacity, "[J]"), positive("rate", rate, "[1/s]")
+        self.capacity, self.rate = (
+            positive("capacity", capacity, "[J]"),
+            positive("rate", rate, "[1/s]"),
+        )
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
         self._workspace = model.new_workspace()
         self._gravity = model.gravity if gravity else np.zeros(3)
@@ -82,7 +87,12 @@ class EnergyTank:
         return -float(self._gravity @ moment)
 
     def filter(
-        self, q: VectorLike, qd: VectorLike, command: Command, period: float, external: VectorLike | None = None
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        command: Command,
+        period: float,
+        external: VectorLike | None = None,
     ) -> Command:
         """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that x covers.
 
@@ -107,11 +117,15 @@ class EnergyTank:
         excess = power - rate * (self.energy - RESERVE * self.capacity)
         return braked(nu, epsilon, min(excess, max(power, 0.0) + rate * float(nu @ nu)))
 
-    def _drift(self, q: VectorLike, qd: VectorLike, command: Command, h: float, external: VectorLike | None) -> Array:
+    def _drift(
+        self, q: VectorLike, qd: VectorLike, command: Command, h: float, external: VectorLike | None
+    ) -> Array:
         """Return Δq₀ [rad, m], the motion in a cycle under gravity compensation alone."""
         dynamics, tau = self.dynamics, command.gravity_torque
         if external is not None:
-            tau = tau + dynamics.tau_from_epsilon(q, vector("external", external, dynamics.model.dof_names))
+            tau = tau + dynamics.tau_from_epsilon(
+                q, vector("external", external, dynamics.model.dof_names)
+            )
         drift: Array = h * np.asarray(qd) + 0.5 * h * h * dynamics.forward_dynamics(q, qd, tau)
         return drift
 

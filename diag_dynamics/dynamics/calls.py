@@ -69,7 +69,9 @@ class SweepCaller:
         self._workspaces = threads.Workspaces(model)
         self._zeros = np.zeros((1, model.nv))
         friction = model.friction, model.load_friction, model.root_friction
-        self._has_friction, self._depends_on_load, self._has_roots = (bool(one.any()) for one in friction)
+        self._has_friction, self._depends_on_load, self._has_roots = (
+            bool(one.any()) for one in friction
+        )
         self._followers = FollowerMotion(model) if model.has_follower_friction else None
         self._ratios = self._workspace.couplings.ratio if model.loops else np.zeros(0)
         self._motors = np.array([(one.damping, one.friction) for one in model.couplings.values()]).T
@@ -123,7 +125,9 @@ class SweepCaller:
             where = f"states {failing[0]} to {failing[-1]}"
             raise InputError(f"arguments have changed while {where} were evaluated.")
 
-    def _call(self, one: Any, many: Any, inputs: Any, outputs: Any, at: States, single: Any) -> None:
+    def _call(
+        self, one: Any, many: Any, inputs: Any, outputs: Any, at: States, single: Any
+    ) -> None:
         """Call the kernel of one state, or that of many as :meth:`_call_many` does."""
         if at.threads:
             self._call_many(many, inputs, outputs, at, single)
@@ -159,7 +163,9 @@ class SweepCaller:
     def mass_matrix(self, at: States) -> Array:
         """Return M."""
         M = self._empty(at, self.nv, self.nv)
-        self._call(classical.mass_matrix, batch.mass_matrix_each, (at.q,), (M,), at, self.mass_matrix)
+        self._call(
+            classical.mass_matrix, batch.mass_matrix_each, (at.q,), (M,), at, self.mass_matrix
+        )
         return M
 
     def derivative(self, sweep: Callable[..., int], at: States, scratch: int = 0) -> Array:
@@ -232,7 +238,8 @@ class SweepCaller:
         if self._followers:
             rows = zip(at.q.reshape(-1, model.nq), qd.reshape(-1, model.nv), strict=True)
             resisting += np.reshape(
-                [self._friction_of_followers(self._followers.at(*row), row[1]) for row in rows], qd.shape
+                [self._friction_of_followers(self._followers.at(*row), row[1]) for row in rows],
+                qd.shape,
             )
         return resisting
 
@@ -266,7 +273,9 @@ class SweepCaller:
         result = results.BatchEvaluation if at.threads else results.evaluation_of
         return result(self.model, memory, with_tau, external, friction)
 
-    def _evaluate_terms(self, at: States, loads: Loads, memory: Any) -> tuple[results.Term, results.Term]:
+    def _evaluate_terms(
+        self, at: States, loads: Loads, memory: Any
+    ) -> tuple[results.Term, results.Term]:
         """Evaluate into memory; return ε of wrenches and of friction, None without them."""
         external = friction = None
         # Before memory is written: the wrenches may lie in it.
@@ -302,7 +311,9 @@ class SweepCaller:
 
     # --- Links and contact
 
-    def point_frame(self, q: Array, link: str, point: PointLike, frame: Frame) -> tuple[int, Array, Array]:
+    def point_frame(
+        self, q: Array, link: str, point: PointLike, frame: Frame
+    ) -> tuple[int, Array, Array]:
         """Return a link's body, a point in its axes, and their rotation to the axes of `frame`."""
         checks.choice("frame", frame, ("link", "world"))
         offset = checks.numbers("point", point, (3,), "three finite numbers [m]")
@@ -314,7 +325,9 @@ class SweepCaller:
         self.check(kinematics.placement(self.robot, q, body, X), States(q))
         return body, in_body, X[:, :3]
 
-    def motion(self, at: States, link: str, point: PointLike, frame: Frame) -> tuple[Array, Array, Array]:
+    def motion(
+        self, at: States, link: str, point: PointLike, frame: Frame
+    ) -> tuple[Array, Array, Array]:
         """Return the twist of a point and its rate in the body's axes, and their rotation."""
         body, in_body, rotation = self.point_frame(at.q, link, point, frame)
         V, V_rate = motions = np.empty((2, 6))
@@ -323,7 +336,9 @@ class SweepCaller:
         V_rate[:3] += np.cross(V_rate[3:], in_body)
         return V, V_rate, rotation
 
-    def wrench_factor(self, at: States, link: str, wrenches: Array, point: PointLike, frame: Frame) -> Array:
+    def wrench_factor(
+        self, at: States, link: str, wrenches: Array, point: PointLike, frame: Frame
+    ) -> Array:
         """Return ℓJᵀw of wrenches, shape (number, 6), at a point of a link, one column each."""
         records, in_world = wrenches_at(self.model, link, wrenches, point, frame), frame == "world"
         epsilon = np.empty((self.nv, len(records)))
@@ -346,10 +361,19 @@ class SweepCaller:
         """Return the external wrench at a point of :func:`noise.point_of_wrench`."""
         rows = self._empty(at, external.WRENCH_ROWS, 6)
         inputs = point.at, at.q, at.vectors["external_torque"]
-        self._call(external.wrench, external.wrench_each, inputs, (rows,), at, partial(self.wrench, point=point))
+        self._call(
+            external.wrench,
+            external.wrench_each,
+            inputs,
+            (rows,),
+            at,
+            partial(self.wrench, point=point),
+        )
         return results.ExternalWrench.of_rows(rows)
 
-    def touched_link(self, at: States, links: tuple[str, ...], table: Addresses) -> results.TouchedLink:
+    def touched_link(
+        self, at: States, links: tuple[str, ...], table: Addresses
+    ) -> results.TouchedLink:
         """Return the touched link of a table of :func:`noise.candidates`."""
         rows = self._empty(at, 1 + len(links))
         inputs = table.at, at.q, at.vectors["external_torque"]
@@ -366,7 +390,14 @@ class SweepCaller:
             raise InputError(f"points are of robot '{points.model.name}', not of '{model.name}'.")
         inputs = points.table, at.q, at.vectors["qd"]
         outputs = self._empty(at, self.nv), self._empty(at, len(points), contacts.CONTACT_COLUMNS)
-        self._call(contacts.contacts, contacts.contacts_each, inputs, outputs, at, partial(self.contact, points=points))
+        self._call(
+            contacts.contacts,
+            contacts.contacts_each,
+            inputs,
+            outputs,
+            at,
+            partial(self.contact, points=points),
+        )
         return Contact(points, *outputs)
 
 

@@ -40,7 +40,14 @@ from diag_dynamics.results import (
     TouchedLink,
     memory_of,
 )
-from diag_dynamics.sweeps import classical, derivatives, evaluation, factorization, kinematics, mobilities
+from diag_dynamics.sweeps import (
+    classical,
+    derivatives,
+    evaluation,
+    factorization,
+    kinematics,
+    mobilities,
+)
 from diag_dynamics.sweeps import workspace as ws
 
 Points: TypeAlias = ContactPoints | Iterable[ContactPoint]
@@ -305,7 +312,9 @@ class DiagonalDynamics:
         at = self._arguments.states(q, threads, qd=qd, qdd=qdd)
         return self._caller.inverse_dynamics(at, Loads(f_ext, frame, friction))
 
-    def friction_torque(self, qd: StatesLike, q: StatesLike | None = None, *, threads: int | None = None) -> Array:
+    def friction_torque(
+        self, qd: StatesLike, q: StatesLike | None = None, *, threads: int | None = None
+    ) -> Array:
         """Return τ_fric = d q̇ + (f + μ|g(q)|) tanh(q̇/v₀) + s q̇/√max(|q̇|, v₀) + o [N m, N], shape (nv,) or (T, nv).
 
         The model has damping d, Coulomb friction f, load friction μ, root friction s, offset o and v₀,
@@ -369,15 +378,21 @@ class DiagonalDynamics:
         """Return q̇ = ℓᵀν [rad/s, m/s], shape (nv,), in O(N) (Table 1, right)."""
         return self._transform(calls.QD_FROM_NU, q, "nu", nu, threads)
 
-    def epsilon_from_tau(self, q: StatesLike, tau: StatesLike, *, threads: int | None = None) -> Array:
+    def epsilon_from_tau(
+        self, q: StatesLike, tau: StatesLike, *, threads: int | None = None
+    ) -> Array:
         """Return ε = ℓτ [J^½/s], shape (nv,), in O(N) (Table 2)."""
         return self._transform(calls.EPSILON_FROM_TAU, q, "tau", tau, threads)
 
-    def tau_from_epsilon(self, q: StatesLike, epsilon: StatesLike, *, threads: int | None = None) -> Array:
+    def tau_from_epsilon(
+        self, q: StatesLike, epsilon: StatesLike, *, threads: int | None = None
+    ) -> Array:
         """Return τ = mε [N m, N], shape (nv,), in O(N) (Table 2, right)."""
         return self._transform(calls.TAU_FROM_EPSILON, q, "epsilon", epsilon, threads)
 
-    def _transform(self, sweep: calls.VectorSweep, q: Any, name: str, x: Any, threads: int | None) -> Array:
+    def _transform(
+        self, sweep: calls.VectorSweep, q: Any, name: str, x: Any, threads: int | None
+    ) -> Array:
         try:
             if are_vectors(q, x, x):
                 result = np.empty(self._nv)
@@ -454,7 +469,9 @@ class DiagonalDynamics:
         self._caller.check(kinematics.placement(self._robot, at.q, body, result[:3]), at)
         return result @ in_body
 
-    def jacobian(self, q: VectorLike, link: str, point: PointLike = ORIGIN, *, frame: Frame = "link") -> Array:
+    def jacobian(
+        self, q: VectorLike, link: str, point: PointLike = ORIGIN, *, frame: Frame = "link"
+    ) -> Array:
         """Return J of a point of a link, shape (6, nv), in O(N): linear rows, then angular ones.
 
         Linear rows have the units [m, 1], angular ones [1, 1/m].
@@ -515,7 +532,9 @@ class DiagonalDynamics:
             rate[:3] += np.cross(twist[3:], twist[:3])
         return calls.rotate(rotation, rate)
 
-    def wrench_factor(self, q: VectorLike, link: str, point: PointLike = ORIGIN, frame: Frame = "link") -> Array:
+    def wrench_factor(
+        self, q: VectorLike, link: str, point: PointLike = ORIGIN, frame: Frame = "link"
+    ) -> Array:
         """Return ℓJᵀ, shape (nv, 6), in O(N): ε of unit wrenches at a point of a link.
 
         Columns are force (x, y, z) [J^½/(s N)], then moment [J^½/(s N m)], in the axes of `frame`.
@@ -663,7 +682,9 @@ class DiagonalDynamics:
         TouchedLink
         """
         at = self._arguments.states(q, threads, external_torque=external_torque)
-        return self._caller.touched_link(at, *self._table(noise.candidates, covariance, significance, forces))
+        return self._caller.touched_link(
+            at, *self._table(noise.candidates, covariance, significance, forces)
+        )
 
     def _table(self, make: Callable[..., Any], covariance: RowsLike | None, *options: Any) -> Any:
         """Return the table that `make` returns, of an earlier call with equal arguments if there was one."""
@@ -683,7 +704,9 @@ class DiagonalDynamics:
 
     # --- Contact. It is advisory: no result is safety-rated.
 
-    def contact(self, q: StatesLike, qd: StatesLike, points: Points, *, threads: int | None = None) -> Contact:
+    def contact(
+        self, q: StatesLike, qd: StatesLike, points: Points, *, threads: int | None = None
+    ) -> Contact:
         """Return speed, reflected mass, energy, force and allowed speed of contact.
 
         A sweep of O(N), and for each point a walk to the base.

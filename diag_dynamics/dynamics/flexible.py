@@ -77,13 +77,17 @@ class FlexibleDynamics:
         self.dofs: Array = np.array(places(self.names, model.dof_names), dtype=int)
         self.coordinates: Array = np.array(places(self.names, model.coordinate_names), dtype=int)
 
-    def _stretch(self, q: VectorLike, theta: VectorLike, qd: VectorLike, thetad: VectorLike) -> tuple[Array, Array]:
+    def _stretch(
+        self, q: VectorLike, theta: VectorLike, qd: VectorLike, thetad: VectorLike
+    ) -> tuple[Array, Array]:
         """Return θ − q and θ̇ − q̇."""
         q, qd = vector("q", q, self.model.coordinate_names), vector("qd", qd, self.model.dof_names)
         theta, thetad = vector("theta", theta, self.names), vector("thetad", thetad, self.names)
         return theta - q[self.coordinates], thetad - qd[self.dofs]
 
-    def spring_torque(self, q: VectorLike, theta: VectorLike, qd: VectorLike, thetad: VectorLike) -> Array:
+    def spring_torque(
+        self, q: VectorLike, theta: VectorLike, qd: VectorLike, thetad: VectorLike
+    ) -> Array:
         """Return τ_J = k(θ − q) + d(θ̇ − q̇) [N m, N], shape (nf,)."""
         stretch, rate = self._stretch(q, theta, qd, thetad)
         return self.stiffness * stretch + self.damping * rate
@@ -143,7 +147,9 @@ class FlexibleDynamics:
     ) -> tuple[Array, Array]:
         """Return q̈ of M q̈ + c + g = τ_J + Jᵀf_ext, shape (nv,), and θ̈ of B θ̈ = τ_motor − τ_J, shape (nf,)."""
         effort, motor = self._efforts(tau, self.spring_torque(q, theta, qd, thetad))
-        return self.link.forward_dynamics(q, qd, effort, f_ext, frame=frame), motor / self.rotor_inertia
+        return self.link.forward_dynamics(
+            q, qd, effort, f_ext, frame=frame
+        ), motor / self.rotor_inertia
 
     def squared_frequencies(self, q: VectorLike, *, motors_held: bool = True) -> Array:
         """Return squared natural frequencies at q without gravity [1/s²], ascending.

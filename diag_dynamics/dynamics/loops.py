@@ -28,7 +28,9 @@ class LoopBalance:
         """
         model, cut, now = self._model, self._cut.model, self._motion.at(q, qd)
         rates = np.where(np.isfinite(rates), rates, now.rate)
-        position = dict(zip((*model.coordinate_names, *now.names), (*q, *now.position), strict=True))
+        position = dict(
+            zip((*model.coordinate_names, *now.names), (*q, *now.position), strict=True)
+        )
         rate = dict(zip((*model.dof_names, *now.names), (*qd, *rates), strict=True))
         q = np.array([position[name] for name in cut.coordinate_names])
         factor = np.asarray(np.linalg.cholesky(self._cut.mass_matrix(q)).T, dtype=float)

@@ -39,7 +39,9 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
         raise InputError(f"covariance is {covariance!r:.200}; expected {expected}.")
     size = np.sqrt(np.outer(*[np.abs(np.diag(array))] * 2))
     if (np.abs(array - array.T) > SYMMETRIC * size).any():
-        raise InputError("covariance is not symmetric; expected the second moment of external torque.")
+        raise InputError(
+            "covariance is not symmetric; expected the second moment of external torque."
+        )
     try:
         reversed_factor = np.linalg.cholesky(array[::-1, ::-1])
         return np.triu(np.linalg.inv(reversed_factor)[::-1, ::-1])

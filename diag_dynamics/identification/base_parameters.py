@@ -10,8 +10,16 @@ from diag_dynamics.identification.regressors import PARAMETERS
 from diag_dynamics.optional import require
 
 SYMBOLS = "m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
-STATES, REACH, RATES = 60, 1.5, 2.0  # random states, their positions [rad, m] and the deviation of their rates
-RANK, SMALL, ZERO = 1e-9, 1e-6, 1e-12  # of a diagonal over the largest one; coefficients and values that are rounding
+STATES, REACH, RATES = (
+    60,
+    1.5,
+    2.0,
+)  # random states, their positions [rad, m] and the deviation of their rates
+RANK, SMALL, ZERO = (
+    1e-9,
+    1e-6,
+    1e-12,
+)  # of a diagonal over the largest one; coefficients and values that are rounding
 
 
 class BaseParameters:
@@ -43,7 +51,9 @@ class BaseParameters:
         by_link = np.zeros((rank, count))
         by_link[:, which[order]] = by_rank[rows]
         self.kept = which[order[:rank]][rows]
-        self.combinations = [_name(row, kept, symbols) for row, kept in zip(by_link, self.kept, strict=True)]
+        self.combinations = [
+            _name(row, kept, symbols) for row, kept in zip(by_link, self.kept, strict=True)
+        ]
         self.matrix = np.zeros((rank, layout.robot))
         self.matrix[:, :count] = by_link @ np.linalg.pinv(self._placed)
 
@@ -59,16 +69,23 @@ class BaseParameters:
         changes = (fits - fits.mean(axis=0))[:, : layout.robot] @ E.T
         jackknife = (len(fits) - 1) / len(fits) * (changes**2).sum(axis=0)
         fitted = free[: layout.robot][layout.inertial[: layout.robot]].any()
-        deviations = np.sqrt(np.maximum(np.maximum(noise, 0.0), jackknife)) if fitted else [None] * len(E)
+        deviations = (
+            np.sqrt(np.maximum(np.maximum(noise, 0.0), jackknife)) if fitted else [None] * len(E)
+        )
         singular, from_data = self._excitation(sums, fit.x, free)
         values = [np.where(np.abs(E @ x) < ZERO, 0.0, E @ x) for x in (robot, start)]
         rows = zip(self.combinations, *values, deviations, from_data, strict=True)
         return {
             "singular_values": singular.tolist(),
-            "condition": float(singular[0] / singular[singular**2 > RANK].min()) if len(singular) else None,
+            "condition": float(singular[0] / singular[singular**2 > RANK].min())
+            if len(singular)
+            else None,
             "parameters": [
                 {"name": name, "value": float(value), "model": float(model)}
-                | {"deviation": None if own is None else float(own), "from_data": float(data) if data else None}
+                | {
+                    "deviation": None if own is None else float(own),
+                    "from_data": float(data) if data else None,
+                }
                 for name, value, model, own, data in rows
             ],
         }
@@ -80,7 +97,11 @@ class BaseParameters:
         A, _ = layout.regressors.weighted(sums, variance)
         placed = self._placed[:, self.kept]
         own = count + np.flatnonzero(free[count : layout.robot])
-        inner, across, friction = placed.T @ A[:count, :count] @ placed, placed.T @ A[:count, own], A[np.ix_(own, own)]
+        inner, across, friction = (
+            placed.T @ A[:count, :count] @ placed,
+            placed.T @ A[:count, own],
+            A[np.ix_(own, own)],
+        )
         units = 1.0 / np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
         inner = inner - across @ np.linalg.pinv(friction, rcond=1e-12, hermitian=True) @ across.T
         values, axes = np.linalg.eigh(inner * units[:, None] * units)

@@ -12,14 +12,31 @@ from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.units import cause_of_ratio, regress_changes
 
 INCREMENT = 0.05  # time over which positions are compared with integrated velocities [s]
-TOLERANCE, MIN_R2 = 0.02, 0.49  # error of their slope; squared correlation from which a joint counts
-MAX_DELAY, COARSE, FINE = 0.3, 5e-3, 5e-4  # of velocities against positions: largest one and steps of the search [s]
+TOLERANCE, MIN_R2 = (
+    0.02,
+    0.49,
+)  # error of their slope; squared correlation from which a joint counts
+MAX_DELAY, COARSE, FINE = (
+    0.3,
+    5e-3,
+    5e-4,
+)  # of velocities against positions: largest one and steps of the search [s]
 TRAVEL = 0.02  # change of position from which a joint's velocities are judged [rad, m]
-MIN_INTERVAL, SLOW, SLIGHT = 0.02, 1e-2, 1e-3  # of states whose efforts are searched for a delay, and steps of that [s]
-MIN_GAIN = 0.03  # reduction of the residual, geometric mean over joints, from which efforts are late
+MIN_INTERVAL, SLOW, SLIGHT = (
+    0.02,
+    1e-2,
+    1e-3,
+)  # of states whose efforts are searched for a delay, and steps of that [s]
+MIN_GAIN = (
+    0.03  # reduction of the residual, geometric mean over joints, from which efforts are late
+)
 NOT_JUDGED, DOUBTFUL = "efforts not judged", "effort doubtful"  # causes of findings
 MAX_GAIN_ERROR = 0.5  # of a gain, relative, ERRORS times its standard deviation
-MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5  # velocity [rad/s], time above it each way [s], range [rad]
+MOVING, EACH_WAY, RANGE = (
+    0.05,
+    1.0,
+    0.5,
+)  # velocity [rad/s], time above it each way [s], range [rad]
 PRISMATIC = 0.1  # factor of these for a prismatic joint [m]
 
 
@@ -33,7 +50,9 @@ def find_delay(model, name, segments):
     def regress(delays):
         found = []
         for delay in delays:
-            integrals = np.concatenate([_increments(integral, t, at + delay) for t, _, integral, at in tracks])
+            integrals = np.concatenate(
+                [_increments(integral, t, at + delay) for t, _, integral, at in tracks]
+            )
             found.append(regress_changes(changes, integrals))
         slopes, r2 = np.transpose(np.nan_to_num(found), (1, 0, 2))
         return slopes, r2, np.flatnonzero((r2.max(axis=0) >= MIN_R2) & moved)
@@ -77,8 +96,12 @@ def find_effort_delay(model, dataset):
     It minimizes what no multiples of gravity, inertia, acceleration and friction of the joint explain.
     """
     longest = min(MAX_DELAY, 0.1 * max(one.duration for one in dataset.segments))
-    columns, times, tracks = zip(*(_explanations(model, one, longest) for one in dataset.segments), strict=True)
-    moved = np.max([np.ptp(one.states.position, axis=0) for one in dataset.segments], axis=0) > TRAVEL
+    columns, times, tracks = zip(
+        *(_explanations(model, one, longest) for one in dataset.segments), strict=True
+    )
+    moved = (
+        np.max([np.ptp(one.states.position, axis=0) for one in dataset.segments], axis=0) > TRAVEL
+    )
     joints = np.flatnonzero(dataset.known & moved)
     bases = [_orthonormal(np.concatenate([one[k] for one in columns])) for k in joints]
 
@@ -87,11 +110,14 @@ def find_effort_delay(model, dataset):
         left = np.zeros(len(delays))
         for k, basis in zip(joints, bases, strict=True):
             parts = [
-                np.interp(at[:, None] + delays, even, tau[:, k]) for at, (even, tau) in zip(times, tracks, strict=True)
+                np.interp(at[:, None] + delays, even, tau[:, k])
+                for at, (even, tau) in zip(times, tracks, strict=True)
             ]
             late = np.concatenate(parts)
             rest = late - basis @ (basis.T @ late)
-            left += np.log(np.maximum((rest**2).sum(axis=0), 1e-12 * (late**2).sum(axis=0) + 1e-300))
+            left += np.log(
+                np.maximum((rest**2).sum(axis=0), 1e-12 * (late**2).sum(axis=0) + 1e-300)
+            )
         return 0.5 * left / max(len(joints), 1)
 
     steps = int(longest / SLOW)
@@ -151,7 +177,10 @@ def _relate(model, dataset):
     for part in dataset.portions():
         compared.add_run(*part.columns)
     relation = compared.fit()
-    factor, error = np.where(known, relation.factor, np.nan), np.where(known, relation.error, np.inf)
+    factor, error = (
+        np.where(known, relation.factor, np.nan),
+        np.where(known, relation.error, np.inf),
+    )
     return relation._replace(factor=factor, error=error)
 
 
@@ -161,7 +190,9 @@ def find_gains(model, datasets):
     Inertia shows no gain, because it may be a rotor's.
     """
     relations = [_relate(model, one) for one in datasets]
-    factors, errors = (np.array([getattr(one, name) for one in relations]) for name in ("factor", "error"))
+    factors, errors = (
+        np.array([getattr(one, name) for one in relations]) for name in ("factor", "error")
+    )
     usable = np.isfinite(factors) & np.array([one.heavy for one in relations])
     weights = np.where(usable, 1.0 / np.maximum(errors, 1e-300) ** 2, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):

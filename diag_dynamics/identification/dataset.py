@@ -18,7 +18,12 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.data_checks import find_delay, find_effort_delay
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.effort_checks import EffortRange
-from diag_dynamics.recordings.findings import Finding, explain_missing_efforts, no_states_error, word_for_missing
+from diag_dynamics.recordings.findings import (
+    Finding,
+    explain_missing_efforts,
+    no_states_error,
+    word_for_missing,
+)
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import refuse_units
@@ -27,7 +32,11 @@ MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
 MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit; larger fraction: another unit
 MIN_STATES = 10  # shorter segments are left out
-MOVING, MIN_MOVING, MIN_CHANGED = 0.05, 100, 0.01  # velocity, number of states with it, fraction whose effort changes
+MOVING, MIN_MOVING, MIN_CHANGED = (
+    0.05,
+    100,
+    0.01,
+)  # velocity, number of states with it, fraction whose effort changes
 
 
 class Segment(NamedTuple):
@@ -111,7 +120,9 @@ class Dataset:
             self.findings.append(Finding(f"{column} delay", 1, text))
             kept = [k for k, one in enumerate(self.segments) if one.duration > abs(delay)]
             if not kept:
-                raise InputError(f"{self.name} has no segment longer than the {column} delay, {size}.")
+                raise InputError(
+                    f"{self.name} has no segment longer than the {column} delay, {size}."
+                )
             head, tail = max(0.0, -delay), max(0.0, delay)
             self.spans = [(self.spans[k][0] + head, self.spans[k][1] - tail) for k in kept]
             self.segments = [_shifted(self.segments[k], column, delay) for k in kept]
@@ -136,17 +147,29 @@ class Dataset:
     def _read(self, name, recording, model, max_values):
         """Return the states of a recording, thinned to a number of values."""
         limit, step, parts, jumps, count = max_values // (model.nq + 2 * model.nv), 1, [], [], 0
-        refused, counts, with_efforts, estimated, efforts = [], {}, False, 0, EffortRange(model.dof_names)
+        refused, counts, with_efforts, estimated, efforts = (
+            [],
+            {},
+            False,
+            0,
+            EffortRange(model.dof_names),
+        )
         unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
         for piece in _pieces(name, recording):
             if piece.model.dof_names != model.dof_names:
                 robot = piece.model.name
-                raise InputError(f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model.")
+                raise InputError(
+                    f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model."
+                )
             states, counts, refused = piece.states, piece.counts, piece.findings
             name = self.name = name if piece.path is None else f"'{piece.path}'"
             if len(piece) and not count:
                 self.zero = int(piece.stamp[0])
-                self.origin |= {"path": piece.path, "robot": piece.model.name, "start": float(piece.t[0])}
+                self.origin |= {
+                    "path": piece.path,
+                    "robot": piece.model.name,
+                    "start": float(piece.t[0]),
+                }
             with_efforts = with_efforts or piece.tau is not None
             estimated += int(states.velocity_estimated.sum())
             efforts.add_values(states.position, states.effort)
@@ -166,11 +189,19 @@ class Dataset:
         self._counts = counts
         if efforts.unmeasured() and not efforts.measures:
             raise InputError(f"{name}: {efforts.unmeasured(missing)}. Record efforts.")
-        lacking = [name for name, number in zip(model.dof_names, unknown, strict=True) if 2 * number > count]
-        self._no_efforts = f"{explain_missing_efforts(counts, lacking)}. Identification requires them."
+        lacking = [
+            name
+            for name, number in zip(model.dof_names, unknown, strict=True)
+            if 2 * number > count
+        ]
+        self._no_efforts = (
+            f"{explain_missing_efforts(counts, lacking)}. Identification requires them."
+        )
         for word, joints in efforts.groups(missing).items():
             self._set_unknown(model, joints, f"{word} throughout")
-        self._add(step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}")
+        self._add(
+            step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}"
+        )
         text = "velocities were estimated from positions. Record the velocities of the driver if it sends any"
         self._add(estimated, "velocity estimated", text)
         jumped = _any_since(np.concatenate(jumps), np.arange(step - 1, count, step))
@@ -190,17 +221,27 @@ class Dataset:
         left = len(rows) - sum(len(one.t) for one in segments)
         if not segments:
             if self._counts.get("implausible effort"):
-                raise InputError(f"{explain_missing_efforts(self._counts)}. Identification requires them.")
+                raise InputError(
+                    f"{explain_missing_efforts(self._counts)}. Identification requires them."
+                )
             raise InputError(
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
             )
         self._find_constant(model, states[rows])
         text = "states without position, velocity or effort of some joint were omitted"
         self._add(sum(~finite), "incomplete state", text)
-        self._add(sum(again), "repeated time stamp", "states with the time stamp of the previous state were omitted")
+        self._add(
+            sum(again),
+            "repeated time stamp",
+            "states with the time stamp of the previous state were omitted",
+        )
         text = f"states with a velocity above {MAX_VELOCITY} times the URDF's limit were omitted"
         self._add(sum(fast), "too fast", text)
-        self._add(restarts, "restart of time stamps", "stamps jumped back; the data after it are used, too")
+        self._add(
+            restarts,
+            "restart of time stamps",
+            "stamps jumped back; the data after it are used, too",
+        )
         self._add(left, "scattered", f"states in runs of fewer than {MIN_STATES} were omitted")
         return segments
 
@@ -217,7 +258,9 @@ class Dataset:
         """Multiply efforts by gains; those of joints without a gain (NaN) become unknown."""
         joints = [model.dof_names[k] for k in np.flatnonzero(np.isnan(gains) & self.known)]
         self._set_unknown(model, joints, "in a unit whose gain gravity does not show")
-        scaled = [one.states.effort * np.where(np.isnan(gains), 1.0, gains) for one in self.segments]
+        scaled = [
+            one.states.effort * np.where(np.isnan(gains), 1.0, gains) for one in self.segments
+        ]
         pairs = zip(self.segments, scaled, strict=True)
         segments = [Segment(t, replace(states, effort=effort)) for (t, states), effort in pairs]
         self.segments = [self._filled(one, DiagonalDynamics(model)) for one in segments]
@@ -295,4 +338,6 @@ def _shifted(segment, column, delay):
     t, states = segment
     at = t + delay
     values = np.column_stack([np.interp(at, t, one) for one in getattr(states, column).T])
-    return Segment(t, replace(states, **{column: values})).part((at >= t[0]) & (at <= t[-1]))  # ends have no values
+    return Segment(t, replace(states, **{column: values})).part(
+        (at >= t[0]) & (at <= t[-1])
+    )  # ends have no values

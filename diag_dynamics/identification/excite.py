@@ -24,7 +24,10 @@ from diag_dynamics.yaml_files import yaml_text
 HARMONICS = 5
 RANDOM_TRIALS = 24  # before the best trajectory is improved
 MIN_EIGENVALUE = 1e-10  # of a combination of unknowns that motions excite, relative to the largest
-MAX_VELOCITY, MAX_POSITION = 100.0, 1000.0  # larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
+MAX_VELOCITY, MAX_POSITION = (
+    100.0,
+    1000.0,
+)  # larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
 CONTINUOUS_RANGE = 0.5 * np.pi  # of a joint without limits, to both sides [rad]
 MIN_TRAVEL, MIN_SPEED = 1e-3, 1e-3  # below these a joint stands still [rad, m; rad/s, m/s]
 POINTS_PER_PERIOD = 2000  # at which a trajectory is scaled to its limits
@@ -80,9 +83,13 @@ class Excitation(NamedTuple):
             Time to the first point [s].
         """
         points, names = [], ("positions", "velocities", "accelerations")
-        for t, *values in zip(self.time, self.position, self.velocity, self.acceleration, strict=True):
+        for t, *values in zip(
+            self.time, self.position, self.velocity, self.acceleration, strict=True
+        ):
             seconds, nanoseconds = divmod(round((t + approach) * 1e9), 10**9)
-            point = {name: np.round(one, 9).tolist() for name, one in zip(names, values, strict=True)}
+            point = {
+                name: np.round(one, 9).tolist() for name, one in zip(names, values, strict=True)
+            }
             points.append(point | {"time_from_start": {"sec": seconds, "nanosec": nanoseconds}})
         return yaml_text({"joint_names": list(self.joints), "points": points})
 
@@ -152,30 +159,46 @@ def excite(
     instance("model", model, RobotModel)
     names = model.dof_names
     if not names:
-        raise InputError(f"robot '{model.name}' has no degrees of freedom; expected at least one movable joint.")
+        raise InputError(
+            f"robot '{model.name}' has no degrees of freedom; expected at least one movable joint."
+        )
     require_single_joints(model)
     joints = names if joints is None else joints
     for name in joints:
         choice("joints: one of them", name, names)
     moving = np.isin(names, joints)
     wanted, _, payloads = read_what(what, model)
-    for name, value, unit in (("duration", duration, "[s]"), ("period", period, "[s]"), ("rate", rate, "[1/s]")):
+    for name, value, unit in (
+        ("duration", duration, "[s]"),
+        ("period", period, "[s]"),
+        ("rate", rate, "[1/s]"),
+    ):
         positive(name, value, unit)
     for name, value in (("velocity", velocity), ("effort", effort)):
         number(name, value, "a number within 0 … 1", lambda x: 0.0 < x <= 1.0)
     number("margin", margin, "a number within 0 … 0.45", lambda x: 0.0 < x <= 0.45)
     cycles, least = round(duration / period), 2.0 * HARMONICS / period
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
-        raise InputError(f"duration is {duration:g} s; expected a whole number of periods of {period:g} s.")
+        raise InputError(
+            f"duration is {duration:g} s; expected a whole number of periods of {period:g} s."
+        )
     if rate < least:
-        raise InputError(f"rate is {rate:g} 1/s; expected at least {least:g} 1/s. Increase rate or period.")
+        raise InputError(
+            f"rate is {rate:g} 1/s; expected at least {least:g} 1/s. Increase rate or period."
+        )
     ranges = dict(ranges or {})
-    fastest, low, high = _find_limits(model, moving, velocity_limits or {}, {**(position_limits or {}), **ranges})
+    fastest, low, high = _find_limits(
+        model, moving, velocity_limits or {}, {**(position_limits or {}), **ranges}
+    )
     free = np.where(np.isin(names, list(ranges)), 0.0, margin) * (high - low)
     time = np.arange(round(duration * rate) + 1) / rate
-    series = _Series(model, moving, (velocity * fastest, low + free, high - free, effort), period, time)
+    series = _Series(
+        model, moving, (velocity * fastest, low + free, high - free, effort), period, time
+    )
     series.choose_unknowns(wanted, [model.placement_in_body(link)[0] for link in payloads])
-    best, condition = _search(series, np.random.default_rng(seed), whole("trials", trials), progress)
+    best, condition = _search(
+        series, np.random.default_rng(seed), whole("trials", trials), progress
+    )
     q, qd, qdd, tau = series.motion(best)
     travel, speed = np.ptp(q, axis=0), abs(qd).max(axis=0)
     for k in np.flatnonzero(moving & ((travel < MIN_TRAVEL) | (speed < MIN_SPEED))):
@@ -192,7 +215,11 @@ def _find_limits(model, moving, velocities, positions):
     velocity, lower, upper = model.velocity_limit.copy(), model.lower.copy(), model.upper.copy()
     slow = moving & ~((velocity > 0.0) & (velocity <= MAX_VELOCITY))
     widest = np.maximum(np.abs(lower), np.abs(upper))
-    unbounded = moving & ~np.isin(names, model.continuous_joints) & ~((widest <= MAX_POSITION) & (lower < upper))
+    unbounded = (
+        moving
+        & ~np.isin(names, model.continuous_joints)
+        & ~((widest <= MAX_POSITION) & (lower < upper))
+    )
     velocity[slow], lower[unbounded], upper[unbounded] = np.inf, -np.inf, np.inf
     velocities = {name: (0.0, one) for name, one in velocities.items()}
     limits = (velocities, np.zeros(model.nv), velocity, slow), (positions, lower, upper, unbounded)
@@ -201,19 +228,30 @@ def _find_limits(model, moving, velocities, positions):
             choice(f"{kind} limits: a joint", name, (*model.dof_names, ALL))
         for k, name in enumerate(names):
             if name in given or (missing[k] and ALL in given):
-                low[k], high[k] = _read_bounds(kind, name, given.get(name, given.get(ALL)), low[k], high[k])
+                low[k], high[k] = _read_bounds(
+                    kind, name, given.get(name, given.get(ALL)), low[k], high[k]
+                )
                 missing[k] = False
         if missing.any():
             texts.append(f"{kind} limits of {', '.join(names[missing])} are missing; {lack}")
     if texts:
         raise InputError(" ".join(texts))
     turns = ~(np.isfinite(lower) & np.isfinite(upper))
-    return velocity, np.where(turns, -CONTINUOUS_RANGE, lower), np.where(turns, CONTINUOUS_RANGE, upper)
+    return (
+        velocity,
+        np.where(turns, -CONTINUOUS_RANGE, lower),
+        np.where(turns, CONTINUOUS_RANGE, upper),
+    )
 
 
 def _read_bounds(kind, name, given, low, high):
     bounds = array_of(given)
-    if bounds is None or bounds.shape != (2,) or not low <= bounds[0] < bounds[1] <= high or np.isinf(bounds).any():
+    if (
+        bounds is None
+        or bounds.shape != (2,)
+        or not low <= bounds[0] < bounds[1] <= high
+        or np.isinf(bounds).any()
+    ):
         raise InputError(
             f"{kind} limits of '{name}' are {given!r}; expected finite limits that rise, within {low:g} … {high:g}."
         )
@@ -242,7 +280,12 @@ class _Series:
     """Fourier series by genes (coefficients, place and fraction of the range of each joint), and what they excite."""
 
     def __init__(self, model, moving, limits, period, time):
-        self._model, self._dynamics, self._time, self._moving = model, DiagonalDynamics(model), time, moving
+        self._model, self._dynamics, self._time, self._moving = (
+            model,
+            DiagonalDynamics(model),
+            time,
+            moving,
+        )
         self._fastest, self._low, self._high, effort = limits
         self._limit = effort * model.effort_bound
         self._worst = np.full(model.nv, np.inf)  # smallest fraction of the effort that trials need
@@ -252,7 +295,9 @@ class _Series:
         held[0, :HARMONICS], held[1, HARMONICS:] = 1.0, w
         free = np.linalg.svd(held)[2][2:].T
         self._bases = _bases(time, w, free)
-        self._dense = _bases(np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False), w, free)[:2]
+        self._dense = _bases(np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False), w, free)[
+            :2
+        ]
 
     def choose_unknowns(self, names, carriers):
         """Choose the unknowns of these names, scaled by eight random motions, without combinations that no motion excites."""
@@ -273,15 +318,25 @@ class _Series:
     def random_genes(self, rng):
         """Return random genes, (nv, 2 HARMONICS)."""
         count = self._model.nv
-        return np.hstack([rng.normal(size=(count, 2 * HARMONICS - 2)), rng.uniform(-1, 1, (count, 2))])
+        return np.hstack(
+            [rng.normal(size=(count, 2 * HARMONICS - 2)), rng.uniform(-1, 1, (count, 2))]
+        )
 
     def motion(self, genes):
         """Return positions, velocities, accelerations and efforts with friction, (T, nv) each."""
-        shape, place, part = genes[:, :-2].T, 0.5 + 0.5 * np.tanh(genes[:, -2]), 0.75 + 0.25 * np.tanh(genes[:, -1])
-        position, velocity = (base @ shape for base in self._dense)  # limits hold between points, too
+        shape, place, part = (
+            genes[:, :-2].T,
+            0.5 + 0.5 * np.tanh(genes[:, -2]),
+            0.75 + 0.25 * np.tanh(genes[:, -1]),
+        )
+        position, velocity = (
+            base @ shape for base in self._dense
+        )  # limits hold between points, too
         low, travel, span = position.min(axis=0), np.ptp(position, axis=0), self._high - self._low
         fastest = abs(velocity).max(axis=0)
-        scale = np.minimum(span / np.maximum(travel, 1e-12), self._fastest / np.maximum(fastest, 1e-12))
+        scale = np.minimum(
+            span / np.maximum(travel, 1e-12), self._fastest / np.maximum(fastest, 1e-12)
+        )
         scale = np.where(self._moving, scale * part, 0.0)
         first = self._low + place * (span - scale * travel) - scale * low
         position, velocity, acceleration = (scale * (base @ shape) for base in self._bases)

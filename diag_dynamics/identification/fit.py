@@ -17,18 +17,35 @@ import numpy as np
 
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OWN, PARAMETERS, ROOT, ROTOR
+from diag_dynamics.identification.regressors import (
+    DAMPING,
+    FRICTION,
+    LOAD,
+    OWN,
+    PARAMETERS,
+    ROOT,
+    ROTOR,
+)
 from diag_dynamics.optional import require
 
-PAYLOAD_WEIGHT, POSITIVE_WEIGHT = 0.1, 0.01  # γ of a payload (10 would shift its centre by centimetres) and γ'
+PAYLOAD_WEIGHT, POSITIVE_WEIGHT = (
+    0.1,
+    0.01,
+)  # γ of a payload (10 would shift its centre by centimetres) and γ'
 START = 0.1  # friction and rotor inertias at the start of a fit [SI]
-ROUNDS, CONVERGED = 5, 0.02  # rounds of weights by residual variance, and its relative change that ends them
+ROUNDS, CONVERGED = (
+    5,
+    0.02,
+)  # rounds of weights by residual variance, and its relative change that ends them
 FALLING, MAX_ROUNDS = 0.5, 30  # without noise variances fall by this factor, and rounds go on
 MIN_VARIANCE = 1e-10  # smallest variance of the residual, relative to the effort's mean square
 BALL = inertias.of_body(
     1.0, [0.0, 0.0, 0.05], 1e-3 * np.eye(3)
 )  # prior of a payload: 1 kg, 5 cm from the link's origin
-STAGE_DECREMENT, LAST_DECREMENT = 0.1, 1e-7  # squared Newton decrement at the end of a stage, over its γ; of the last
+STAGE_DECREMENT, LAST_DECREMENT = (
+    0.1,
+    1e-7,
+)  # squared Newton decrement at the end of a stage, over its γ; of the last
 QUADRATIC = 0.05  # squared decrement over the smallest weight below which convergence is quadratic
 ROUNDING = 1e-14  # relative error of the function's value
 REGULAR = 1e-12  # added to the scaled Hessian, whose rounding errors are smaller
@@ -68,8 +85,13 @@ class Layout:
         if payload:
             self._carrier = self.block(int(np.searchsorted(self.bodies, payload.body)))
             units = [inertias.moved(unit, payload.placement) for unit in np.eye(PARAMETERS)]
-            self._placed = np.transpose(units)  # times the payload's parameters: what is added to its body's
-        self.known, (self.positive, self.inertial) = np.zeros(self.size), np.zeros((2, self.size), dtype=bool)
+            self._placed = np.transpose(
+                units
+            )  # times the payload's parameters: what is added to its body's
+        self.known, (self.positive, self.inertial) = (
+            np.zeros(self.size),
+            np.zeros((2, self.size), dtype=bool),
+        )
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
             self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
@@ -96,14 +118,20 @@ class Layout:
         """Return how many of its ten parameters the rows determine, by link of the bodies with mass."""
         names, links = self.model.link_names, self.model.bodies["link"][self.bodies]
         blocks = [self.block(k) for k in range(len(links)) if self.inertial[self.block(k).start]]
-        return {names[links[one.start // PARAMETERS]]: float(fit.determined[one].sum()) for one in blocks}
+        return {
+            names[links[one.start // PARAMETERS]]: float(fit.determined[one].sum())
+            for one in blocks
+        }
 
     def squares(self, rows, x):
         """Return the sum of squared residuals of each degree of freedom."""
         own, carrying = x[: self.robot], x[: self.robot].copy()
         if self.payload:
             carrying[self._carrier] += self._placed @ x[self.robot :]
-        return sum(self.regressors.residual_squares(sums, carrying if loaded else own) for sums, loaded in rows)
+        return sum(
+            self.regressors.residual_squares(sums, carrying if loaded else own)
+            for sums, loaded in rows
+        )
 
     def mean_squares(self, rows, x):
         """Return the mean squared residual of each degree of freedom; of efforts, if the unknowns are 0."""
@@ -129,7 +157,9 @@ def fit_rows(layout, rows, free, weight):
     """Return the :class:`Fit` of `free` unknowns to rows; `weight` is γ. Negative payloads are physical with their body."""
     if layout.payload:
         _, body, placement = layout.payload
-        base = inertias.moved(inertias.parameters_of_record(layout.model.bodies[body]), np.linalg.inv(placement))
+        base = inertias.moved(
+            inertias.parameters_of_record(layout.model.bodies[body]), np.linalg.inv(placement)
+        )
         lighter = _fit(layout, rows, free, weight, base) if base[0] > 0.0 else None
         if lighter and lighter.x[layout.robot] < 0.0:
             return lighter
@@ -147,14 +177,18 @@ def _fit(layout, rows, free, weight, base):
     variance = scale = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
     for turn in range(MAX_ROUNDS):
         A, b = layout.weighted(rows, variance)
-        problem = Problem(A[np.ix_(index, index)], (b - A @ known)[index], bodies, positive, POSITIVE_WEIGHT)
+        problem = Problem(
+            A[np.ix_(index, index)], (b - A @ known)[index], bodies, positive, POSITIVE_WEIGHT
+        )
         x[index], hessian = solve(problem, x[index] if turn else start[index])
         before, variance = variance, np.maximum(layout.mean_squares(rows, x), MIN_VARIANCE * scale)
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):
             break
     units = 1.0 / np.sqrt(np.diag(hessian))
-    inverse = np.linalg.pinv(hessian * units[:, None] * units, hermitian=True) * units[:, None] * units
+    inverse = (
+        np.linalg.pinv(hessian * units[:, None] * units, hermitian=True) * units[:, None] * units
+    )
     covariance[np.ix_(index, index)] = inverse
     determined[index] = np.einsum("ij,ji->i", inverse, problem.A)
     return Fit(x, covariance, determined)
@@ -168,9 +202,18 @@ def _start(layout, free, weight, base):
             bodies.append(Body(layout.block(k).start, *_prior(layout.model, body, weight)))
     if layout.payload:
         prior, fixed = (BALL, 0.0 * BALL) if base is None else (base, base)
-        bodies.append(Body(layout.robot, inertias.floored(prior), PAYLOAD_WEIGHT, inertias.pseudo_inertia(fixed)))
+        bodies.append(
+            Body(
+                layout.robot,
+                inertias.floored(prior),
+                PAYLOAD_WEIGHT,
+                inertias.pseudo_inertia(fixed),
+            )
+        )
     for body in bodies:
-        start[body.first : body.first + PARAMETERS] = inertias.parameters_of_pseudo(body.prior - body.fixed)
+        start[body.first : body.first + PARAMETERS] = inertias.parameters_of_pseudo(
+            body.prior - body.fixed
+        )
     return start, bodies
 
 
@@ -216,7 +259,11 @@ def solve(problem, start):
 
 def _minimize(problem, x, scale, goal):
     """Return x where the squared Newton decrement is below a goal, and the Hessian; barriers times a scale."""
-    quadratic = QUADRATIC * scale * min([problem.positive_weight, *(body.weight for body in problem.bodies)])
+    quadratic = (
+        QUADRATIC
+        * scale
+        * min([problem.positive_weight, *(body.weight for body in problem.bodies)])
+    )
     before, (value, gradient, hessian) = np.inf, _evaluate(problem, x, scale)
     for _ in range(MAX_STEPS):
         squared, direction = _newton_step(gradient, hessian)
@@ -260,7 +307,15 @@ def _evaluate(problem, x, scale):
 
 def _newton_step(gradient, hessian):
     """Return the squared Newton decrement and the step, the Hessian scaled by its diagonal because units differ."""
-    linalg, scale = require("scipy.linalg", "identify"), 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    scaled, right = hessian * scale[:, None] * scale + REGULAR * np.eye(len(scale)), -gradient * scale
-    direction = linalg.cho_solve(linalg.cho_factor(scaled), right)  # threads of an LU factorization mostly wait
+    linalg, scale = (
+        require("scipy.linalg", "identify"),
+        1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300)),
+    )
+    scaled, right = (
+        hessian * scale[:, None] * scale + REGULAR * np.eye(len(scale)),
+        -gradient * scale,
+    )
+    direction = linalg.cho_solve(
+        linalg.cho_factor(scaled), right
+    )  # threads of an LU factorization mostly wait
     return float(direction @ right), direction * scale

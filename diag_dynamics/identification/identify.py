@@ -25,9 +25,18 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.recordings.recording import Recording
 
-Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]  # in memory, or a function that returns pieces
-MIN_BLOCKS, MAX_BLOCKS, MIN_BLOCK = 2, 12, 1.0  # of cross-validation, and their length if more: six time constants [s]
-UNASKED_GAIN, MAX_TIPS = 0.3, 3  # gain from which an unasked payload is named; ends of the robot that are tried
+Readable: TypeAlias = (
+    Recording | Callable[[], Iterable[Recording]]
+)  # in memory, or a function that returns pieces
+MIN_BLOCKS, MAX_BLOCKS, MIN_BLOCK = (
+    2,
+    12,
+    1.0,
+)  # of cross-validation, and their length if more: six time constants [s]
+UNASKED_GAIN, MAX_TIPS = (
+    0.3,
+    3,
+)  # gain from which an unasked payload is named; ends of the robot that are tried
 
 
 def identify(
@@ -79,11 +88,17 @@ def identify(
     if len(asked) > 1:
         raise InputError(f"what is {what!r}; expected one payload at most.")
     if asked and reference is None and "inertias" in steps:
-        raise InputError(f"what is {what!r}, but reference is missing. Give a recording without the payload.")
+        raise InputError(
+            f"what is {what!r}, but reference is missing. Give a recording without the payload."
+        )
     if reference is not None and not asked:
-        raise InputError(f"what is {what!r}; expected payload:<link>, because reference is a recording without it.")
+        raise InputError(
+            f"what is {what!r}; expected payload:<link>, because reference is a recording without it."
+        )
     if "gains" in names and model.motor_efforts:
-        raise InputError(f"what is {what!r}, but gains of joints cannot be identified with motor_efforts: true.")
+        raise InputError(
+            f"what is {what!r}, but gains of joints cannot be identified with motor_efforts: true."
+        )
     if model.flexible_joints:
         raise UnsupportedError(
             f"joint '{min(model.flexible_joints)}' is flexible; expected rigid joints, because recordings lack springs. "
@@ -128,14 +143,22 @@ class FitData:
         unloaded = [] if reference is None else list_recordings("reference", reference)
         share = MAX_VALUES // (len(loaded) + len(unloaded))
         self.left_out_gains = None
-        self.loaded = [Dataset(f"recordings[{k}]", one, model, share) for k, one in enumerate(loaded)]
-        self._references = [Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)]
+        self.loaded = [
+            Dataset(f"recordings[{k}]", one, model, share) for k, one in enumerate(loaded)
+        ]
+        self._references = [
+            Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)
+        ]
         self.datasets = [*self.loaded, *self._references]
         self.gains = find_gains(model, self.datasets) if with_gains else None
         for one in self.datasets if with_gains else ():
             one.scale_efforts(model, self.gains[0])
-        self.relations = [check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets]
-        self.moving, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
+        self.relations = [
+            check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets
+        ]
+        self.moving, self.findings = check_motion(
+            model, self.datasets, np.array(sliding_dofs(model))
+        )
         self.measured = np.any([one.known for one in self.datasets], axis=0)
         self.moving &= self.measured
         self.duration = sum(one.duration for one in self.datasets)
@@ -147,7 +170,10 @@ class FitData:
         """Correct gains by the filtered rows, whose friction is exact, and set their deviations by the jackknife."""
         layout = Layout(model, self.regressors)
         left_out = np.array(
-            [[_slope(layout, k, (self.fitted - one)[k]) for one in self.blocks] for k in range(model.nv)]
+            [
+                [_slope(layout, k, (self.fitted - one)[k]) for one in self.blocks]
+                for k in range(model.nv)
+            ]
         )
         slope = np.array([_slope(layout, k, self.fitted[k]) for k in range(model.nv)])
         count, gains = len(self.blocks), self.gains[0] / slope
@@ -162,7 +188,9 @@ class FitData:
     def left_out(self):
         """Return the normal equations without each block in turn, of efforts with the gains of the other blocks."""
         found = [self.fitted - block for block in self.blocks]
-        for one, gains in zip(found, [] if self.left_out_gains is None else self.left_out_gains, strict=False):
+        for one, gains in zip(
+            found, [] if self.left_out_gains is None else self.left_out_gains, strict=False
+        ):
             for k, gain in enumerate(gains):
                 scale = np.append(np.ones(len(one[k]) - 1), gain)
                 one[k] = one[k] * scale[:, None] * scale
@@ -174,7 +202,9 @@ class FitData:
         self.blocks, self.parts = self._cut_blocks(_in_order(self.loaded))
         self.fitted = sum(self.blocks)
         references = _in_order(self._references)
-        sums = [self.regressors.sum_segment(*segment.columns, known) for segment, known in references]
+        sums = [
+            self.regressors.sum_segment(*segment.columns, known) for segment, known in references
+        ]
         self.unloaded = sum(sums) if sums else None
 
     def _cut_blocks(self, segments):
@@ -194,7 +224,9 @@ class FitData:
                 first += len(rows)
                 for block in np.unique(part).tolist():
                     chosen = part == block
-                    blocks[block] = blocks[block] + self.regressors.sum_rows(rows[chosen], weights[chosen])
+                    blocks[block] = blocks[block] + self.regressors.sum_rows(
+                        rows[chosen], weights[chosen]
+                    )
         return blocks, parts
 
 
@@ -205,13 +237,22 @@ def _slope(layout, k, sums):
     rows = np.vstack([torque, np.eye(len(columns))[-len(OWN) :]])
     inner = rows @ sums[:-1, :-1] @ rows.T
     scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    slopes = scale * np.linalg.lstsq(inner * scale[:, None] * scale, scale * (rows @ sums[:-1, -1]), rcond=1e-9)[0]
+    slopes = (
+        scale
+        * np.linalg.lstsq(
+            inner * scale[:, None] * scale, scale * (rows @ sums[:-1, -1]), rcond=1e-9
+        )[0]
+    )
     return slopes[0] if slopes[0] > 0.0 else 1.0
 
 
 def _in_order(datasets):
     """Return segments of all datasets, and joints with efforts, in an order that does not depend on that of datasets."""
-    return [(segment, one.known) for one in sorted(datasets, key=lambda one: one.key) for segment in one.segments]
+    return [
+        (segment, one.known)
+        for one in sorted(datasets, key=lambda one: one.key)
+        for segment in one.segments
+    ]
 
 
 def _warn_of_payload(selection, payloads):
@@ -240,7 +281,14 @@ def _origin(model, data, quality):
         "method": "filtered momentum, " + (", ".join(quality["taken"]) or "nothing taken"),
         "quality": {
             key: quality[key]
-            for key in ("held_out", "torque_rms", "explained", "observer_spread", "deviations", "effort_gain")
+            for key in (
+                "held_out",
+                "torque_rms",
+                "explained",
+                "observer_spread",
+                "deviations",
+                "effort_gain",
+            )
             if quality[key] is not None
         },
     }

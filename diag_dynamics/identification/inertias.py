@@ -41,7 +41,9 @@ def parameters_of_pseudo(J):
     return np.r_[J[3, 3], J[:3, 3], rotational[TRIANGLE]]
 
 
-BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(PARAMETERS)])  # J of each parameter, (10, 4, 4)
+BASIS = np.array(
+    [pseudo_inertia(unit) for unit in np.eye(PARAMETERS)]
+)  # J of each parameter, (10, 4, 4)
 
 
 def moved(parameters, placement):

@@ -19,7 +19,10 @@ from diag_dynamics.recordings.effort_relation import smoothed
 from diag_dynamics.recordings.observer import Observer
 
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
-MIN_SMOOTHED, EDGE = 1.0, 0.2  # shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]
+MIN_SMOOTHED, EDGE = (
+    1.0,
+    0.2,
+)  # shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]
 MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 MAX_STEPS = 900  # of a curve: twice the pixels that they are drawn on
 
@@ -46,13 +49,23 @@ def validate(models, parts):
     """
     model, elapsed, curves = models[0], 0.0, [np.empty((0, 1 + 3 * models[0].nv))]
     each = -(-sum(len(one.t) for block in parts for one, _ in block) // MAX_STEPS)
-    sums, balance, errors, observed, energies = WindowSums(model.nv), Balance(model.dof_names), [], [], []
+    sums, balance, errors, observed, energies = (
+        WindowSums(model.nv),
+        Balance(model.dof_names),
+        [],
+        [],
+        [],
+    )
     for one, block in zip(models, parts, strict=True):
         dynamics = DiagonalDynamics(one)
         observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
-        for part, known in ((part, known) for segment, known in block for part in portions([segment])):
+        for part, known in (
+            (part, known) for segment, known in block for part in portions([segment])
+        ):
             t, q, qd, tau = part.columns
-            tau = tau - dynamics.friction_torque_batch(qd, q)  # of rates as they are: that of filtered ones turns later
+            tau = tau - dynamics.friction_torque_batch(
+                qd, q
+            )  # of rates as they are: that of filtered ones turns later
             s = dynamics.evaluate_batch(q, qd, tau)
             if known.all():
                 balance.add_windows(sums.integrate_states(part.states, s))
@@ -83,7 +96,9 @@ def _downsample(t, columns, each):
     """Return times and columns as rows, minima and maxima over so many states, and a row of NaN."""
     first = np.arange(0, len(t), each)
     extremes = [one.reduceat(columns, first, axis=0) for one in (np.fmin, np.fmax)]
-    rows = np.column_stack([np.repeat(t[first], 2), np.stack(extremes, axis=1).reshape(2 * len(first), -1)])
+    rows = np.column_stack(
+        [np.repeat(t[first], 2), np.stack(extremes, axis=1).reshape(2 * len(first), -1)]
+    )
     return np.vstack([rows, np.full((1, rows.shape[1]), np.nan)])
 
 
@@ -111,15 +126,22 @@ def quality_of(model, selection, data, last):
         "ladder": selection.ladder,
         "effort_factor": _factors(names, data.relations),
         "effort_gain": _gains(names, data.gains) if data.gains else None,
-        "efforts_judged": judged and not nothing and DOUBTFUL not in [one.cause for one in findings],
+        "efforts_judged": judged
+        and not nothing
+        and DOUBTFUL not in [one.cause for one in findings],
         "velocity_delay": [one.delay for one in data.loaded],
         "effort_delay": [one.effort_delay for one in data.loaded],
-        "effective_parameters": layout.effective_parameters(last) if free[layout.inertial].any() else {},
+        "effective_parameters": layout.effective_parameters(last)
+        if free[layout.inertial].any()
+        else {},
         "deviations": deviations_of(layout, free, last, fits),
         "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
         "payload": payload_certainty(layout, last) if layout.payload else None,
         "warnings": selection.warnings,
-        "findings": [*_shared_texts(data.datasets), *map(str, data.findings * selection.asks_for_joints)],
+        "findings": [
+            *_shared_texts(data.datasets),
+            *map(str, data.findings * selection.asks_for_joints),
+        ],
     }
     if data.gains:
         scales = effort_scale(model, data.gains[0]).items()
@@ -129,8 +151,12 @@ def quality_of(model, selection, data, last):
             "the model's links, and other joints remain unknown"
         )
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
-    first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = np.nan
-    (t, measured, own, error), (_, _, fitted, rest) = (_split(one, model.nv) for one in (first, then))
+    first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = (
+        np.nan
+    )
+    (t, measured, own, error), (_, _, fitted, rest) = (
+        _split(one, model.nv) for one in (first, then)
+    )
     return quality, Curves(t[:, 0], measured, own, fitted, error, rest)
 
 
@@ -140,7 +166,10 @@ def _shared_texts(datasets):
     for one in datasets:
         for finding in one.findings:
             names.setdefault(str(finding), []).append(one.name)
-    return [text if len(own) == len(datasets) else f"{', '.join(own)}: {text}" for text, own in names.items()]
+    return [
+        text if len(own) == len(datasets) else f"{', '.join(own)}: {text}"
+        for text, own in names.items()
+    ]
 
 
 def _split(rows, nv):
@@ -160,7 +189,10 @@ def effort_scale(model, gains):
     """Return effort by reported unit, by joint; NaN where gravity shows no gain and the model has none."""
     before = model.effort_scale
     pairs = zip(model.dof_names, gains.tolist(), strict=True)
-    return {name: before.get(name, 1.0) * gain if gain == gain else before.get(name, gain) for name, gain in pairs}
+    return {
+        name: before.get(name, 1.0) * gain if gain == gain else before.get(name, gain)
+        for name, gain in pairs
+    }
 
 
 def _gains(names, gains):
@@ -171,7 +203,10 @@ def _gains(names, gains):
 
 def _factors(names, relations):
     """Return factor and standard error of each joint's effort, of the recording with the smallest; None without any."""
-    best = [min((float(one.error[k]), float(one.factor[k])) for one in relations) for k in range(len(names))]
+    best = [
+        min((float(one.error[k]), float(one.factor[k])) for one in relations)
+        for k in range(len(names))
+    ]
     return {
         name: [factor, error] if np.isfinite(error + factor) else None
         for name, (error, factor) in zip(names, best, strict=True)
@@ -181,7 +216,9 @@ def _factors(names, relations):
 def _warnings(quality, without_reference, nothing):
     warnings, payload = [], quality["payload"]
     if quality["effective_parameters"]:
-        warnings.append("masses and inertias of single links are not observable: only their combinations are")
+        warnings.append(
+            "masses and inertias of single links are not observable: only their combinations are"
+        )
     if payload:
         warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
     if payload and without_reference:
@@ -195,18 +232,24 @@ def _warnings(quality, without_reference, nothing):
     for key, what in (("row_residual", "residual"), ("observer_spread", "external torque")):
         for name, (first, then) in quality[key].items():
             if None not in (first, then) and then > (1.0 + GAIN) * first:
-                warnings.append(f"the held-out {what} of joint '{name}' increased from {first:.3g} to {then:.3g}")
+                warnings.append(
+                    f"the held-out {what} of joint '{name}' increased from {first:.3g} to {then:.3g}"
+                )
     for step, joints in quality["kept"].items():
         if joints:
             changes = [own / without - 1.0 if without else 0.0 for without, own in joints.values()]
-            span = " to ".join(dict.fromkeys(f"{change:+.1%}" for change in (min(changes), max(changes))))
+            span = " to ".join(
+                dict.fromkeys(f"{change:+.1%}" for change in (min(changes), max(changes)))
+            )
             warnings.append(
                 f"{step} of {', '.join(joints)}: the model's values are kept. Fitted values change the cross-validation "
                 f"residual by {span}; expected a reduction by {GAIN:.0%}"
             )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:
-        warnings.append(f"variance explained of dK/dt decreased from {share[0]:.2f} to {share[1]:.2f}")
+        warnings.append(
+            f"variance explained of dK/dt decreased from {share[0]:.2f} to {share[1]:.2f}"
+        )
     if nothing:
         warnings.append(
             f"the identified model does not explain the motion: {share[1]:.3g} of the variance of dK/dt and {total:.3g} of "

@@ -20,9 +20,14 @@ from diag_dynamics.sweeps.regressors import coefficients, propagate_motions
 from diag_dynamics.sweeps.workspace import clear, opened
 
 PARAMETERS = 10  # of a body's inertia
-OWN = DAMPING, FRICTION, OFFSET, ROTOR, LOAD, ROOT = range(6)  # unknowns of a degree of freedom beside inertias
+OWN = DAMPING, FRICTION, OFFSET, ROTOR, LOAD, ROOT = range(
+    6
+)  # unknowns of a degree of freedom beside inertias
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns
-SIZE, PRODUCT = 1000, 60  # states whose rows are in memory at once; rows of a product: in larger ones threads wait
+SIZE, PRODUCT = (
+    1000,
+    60,
+)  # states whose rows are in memory at once; rows of a product: in larger ones threads wait
 
 
 def require_single_joints(model):
@@ -47,7 +52,9 @@ class Regressors:
 
     def __init__(self, model, also=()):
         bodies, nv = model.bodies, model.nv
-        self.bodies = np.union1d(np.flatnonzero(bodies["mass"][1:] > 0.0) + 1, np.array(also, dtype=int))
+        self.bodies = np.union1d(
+            np.flatnonzero(bodies["mass"][1:] > 0.0) + 1, np.array(also, dtype=int)
+        )
         inertial = PARAMETERS * len(self.bodies)
         self.size = inertial + len(OWN) * nv + 2 * len(model.couplings)
         self._motor_rates = model.motor_rates
@@ -63,7 +70,9 @@ class Regressors:
             numbers = np.flatnonzero(moved[k])
             blocks = (PARAMETERS * numbers[:, None] + np.arange(PARAMETERS)).ravel()
             of_motors = self.of_motors(self._motors[k])
-            self.columns.append(np.r_[blocks, of_motors, inertial + len(OWN) * k + np.arange(len(OWN))])
+            self.columns.append(
+                np.r_[blocks, of_motors, inertial + len(OWN) * k + np.arange(len(OWN))]
+            )
             self._first[k, self.bodies[numbers]] = end + PARAMETERS * np.arange(len(numbers))
             self.rows.append(slice(end, end + len(self.columns[k]) + 1))
             end = self.rows[k].stop
@@ -107,7 +116,9 @@ class Regressors:
             v0 = self._friction_velocity
             y[:, own + FRICTION] = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
             if self.load_of:
-                y[:, own + LOAD] = np.abs(self.load_of.gravity_torque_batch(q[part])) * y[:, own + FRICTION]
+                y[:, own + LOAD] = (
+                    np.abs(self.load_of.gravity_torque_batch(q[part])) * y[:, own + FRICTION]
+                )
             y[:, own + ROOT] = root_of_rate(rates, v0)
             self._fill_motors(y, rates)
             filtered = np.empty_like(y)
@@ -186,7 +197,14 @@ def propagate_directions(bodies, gravity, q, qd, work, directions):
 
 
 @nk.entry_kernel(
-    nk.ROBOT, nk.MATRIX, nk.MATRIX, nk.MATRIX, nk.FILLED_STATES, nk.FILLED_MATRIX, nk.FILLED_MATRIX, nogil=True
+    nk.ROBOT,
+    nk.MATRIX,
+    nk.MATRIX,
+    nk.MATRIX,
+    nk.FILLED_STATES,
+    nk.FILLED_MATRIX,
+    nk.FILLED_MATRIX,
+    nogil=True,
 )
 def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
     """Fill rows of Y_p and Y_g − Y_∂ at states, a row of Q and QD each; all joints' rows in one.
@@ -206,8 +224,15 @@ def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
             a = i
             while a > 0:
                 at = int(first[bodies[a].dof, i])
-                S, turning = records.motion_of(directions[i, a]), records.motion_of(directions[i, a, 6:])
-                own, gravity_of, kinetic = coefficients(S, V), coefficients(S, up), coefficients(turning, V)
+                S, turning = (
+                    records.motion_of(directions[i, a]),
+                    records.motion_of(directions[i, a, 6:]),
+                )
+                own, gravity_of, kinetic = (
+                    coefficients(S, V),
+                    coefficients(S, up),
+                    coefficients(turning, V),
+                )
                 for j in range(PARAMETERS):
                     momentum[t, at + j] += own[j]
                     bias[t, at + j] += gravity_of[j] - kinetic[j]

@@ -22,7 +22,11 @@ SIGMAS = 2.0  # of an interval
 def write_report(path, found):
     """Write the report of an :class:`~diag_dynamics.identification.result.Identification` into an HTML file."""
     jinja2 = require("jinja2", f"'{path}'")
-    text = resources.files("diag_dynamics.identification").joinpath("report.html.j2").read_text(encoding="utf-8")
+    text = (
+        resources.files("diag_dynamics.identification")
+        .joinpath("report.html.j2")
+        .read_text(encoding="utf-8")
+    )
     template = jinja2.Template(text, autoescape=True, undefined=jinja2.StrictUndefined)
     quality = found.quality
     page = template.render(
@@ -55,7 +59,12 @@ def _draw_joint(found, name, k):
         span = low - margin, high + margin
         paths = [_path(t, value, float(np.nanmax(t, initial=1e-9)), span) for value in values]
         zero = HEIGHT * span[1] / (span[1] - span[0])
-        drawings[key] = {"paths": paths, "low": low, "high": high, "zero": round(float(np.clip(zero, 0.0, HEIGHT)), 1)}
+        drawings[key] = {
+            "paths": paths,
+            "low": low,
+            "high": high,
+            "zero": round(float(np.clip(zero, 0.0, HEIGHT)), 1),
+        }
     rms = found.quality["torque_rms"][name]
     return drawings | {"name": name, "rms": rms, "duration": float(np.nanmax(t, initial=0.0))}
 

@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OFFSET, PARAMETERS, ROOT, ROTOR
+from diag_dynamics.identification.regressors import (
+    DAMPING,
+    FRICTION,
+    LOAD,
+    OFFSET,
+    PARAMETERS,
+    ROOT,
+    ROTOR,
+)
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 
 COLUMNS = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
@@ -39,7 +47,9 @@ class Identification:
         Efforts on held-out parts, which the report draws.
     """
 
-    def __init__(self, model: RobotModel, parameters: Parameters, quality: dict[str, Any], curves: Any = None) -> None:
+    def __init__(
+        self, model: RobotModel, parameters: Parameters, quality: dict[str, Any], curves: Any = None
+    ) -> None:
         self.model, self.parameters, self.quality, self.curves = model, parameters, quality, curves
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -56,9 +66,7 @@ class Identification:
         shares = self.quality["explained_total"]  # that of dK/dt is noise if the robot is slow
         before, after = ("-" if share is None else f"{share:.2f}" for share in shares)
         taken = ", ".join(self.quality["taken"]) or "nothing"
-        return (
-            f"<Identification of '{self.model.name}': {taken}; variance explained of d(K + U)/dt: {before} → {after}>"
-        )
+        return f"<Identification of '{self.model.name}': {taken}; variance explained of d(K + U)/dt: {before} → {after}>"
 
 
 def parameters_of(layout, x, free, origin=None):
@@ -116,7 +124,9 @@ def deviations_of(layout, free, fit, fits):
     }
     for name, places in zip(layout.model.couplings, layout.motors, strict=True):
         if free[places].all():
-            found[name] |= dict(zip(("motor_damping", "motor_friction"), larger[places].tolist(), strict=True))
+            found[name] |= dict(
+                zip(("motor_damping", "motor_friction"), larger[places].tolist(), strict=True)
+            )
     return {name: own for name, own in found.items() if own}
 
 
@@ -144,7 +154,9 @@ def _split_body(model, body, whole, written=None):
 
 def _carried(payload, placement):
     """Return ten parameters of a link's payload or None, in the frame of the link's placement."""
-    return inertias.moved(inertias.of_body(*payload), placement) if payload else np.zeros(PARAMETERS)
+    return (
+        inertias.moved(inertias.of_body(*payload), placement) if payload else np.zeros(PARAMETERS)
+    )
 
 
 def without_impossible_links(model, parameters):
@@ -158,14 +170,24 @@ def without_impossible_links(model, parameters):
         if link not in records or link not in payloads:
             continue
         body, (_, placement) = records[link]["body"], model.placement_in_body(link)
-        own = inertias.parameters_of_record(records[link]) - _carried(model.payloads.get(link), placement)
+        own = inertias.parameters_of_record(records[link]) - _carried(
+            model.payloads.get(link), placement
+        )
         before = own - _carried(payload, placement)
-        whole = sum(inertias.parameters_of_record(one) for one in records.values() if one["body"] == body)
-        if not inertias.is_physical(own) and inertias.is_physical(before) and inertias.is_physical(whole):
+        whole = sum(
+            inertias.parameters_of_record(one) for one in records.values() if one["body"] == body
+        )
+        if (
+            not inertias.is_physical(own)
+            and inertias.is_physical(before)
+            and inertias.is_physical(whole)
+        ):
             found = _split_body(model, body, whole, payloads)
             links |= found
             shared += found
-            payloads = {name: one for name, one in payloads.items() if records[name]["body"] != body}
+            payloads = {
+                name: one for name, one in payloads.items() if records[name]["body"] != body
+            }
     return replace(parameters, links=links, payloads=payloads), shared
 
 
@@ -175,7 +197,10 @@ def payload_certainty(layout, fit):
     steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))
     slopes = np.array([(_numbers(x + step) - _numbers(x)) / step.sum() for step in steps])
     variances = np.einsum("ji,jk,ki->i", slopes, covariance, slopes)
-    deviations, (mass, centre, inertia) = np.sqrt(np.maximum(variances, 0.0)), inertias.about_centre(x)
+    deviations, (mass, centre, inertia) = (
+        np.sqrt(np.maximum(variances, 0.0)),
+        inertias.about_centre(x),
+    )
     return {
         "link": layout.payload.link,
         "mass": mass,
@@ -184,7 +209,9 @@ def payload_certainty(layout, fit):
         "mass_deviation": float(deviations[0]),
         "com_deviation": deviations[1:4].tolist(),
         "inertia_deviation": deviations[4:13].reshape(3, 3).tolist(),
-        "inertia_known": INERTIA_KNOWN[bool(0.0 < deviations[-1] <= MAX_DEVIATION * abs(np.trace(inertia)))],
+        "inertia_known": INERTIA_KNOWN[
+            bool(0.0 < deviations[-1] <= MAX_DEVIATION * abs(np.trace(inertia)))
+        ],
     }
 
 

@@ -9,15 +9,39 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.fit import MIN_VARIANCE, Layout, fit_rows
-from diag_dynamics.identification.regressors import DAMPING, FRICTION, LOAD, OFFSET, OWN, ROOT, ROTOR
+from diag_dynamics.identification.regressors import (
+    DAMPING,
+    FRICTION,
+    LOAD,
+    OFFSET,
+    OWN,
+    ROOT,
+    ROTOR,
+)
 from diag_dynamics.identification.result import parameters_of
 
-WEIGHT, SHORT_WEIGHT, SHORT = 10.0, 30.0, 6.0  # γ of the prior on inertias; for less motion than this [s]
-BY_JOINT = {"friction": (DAMPING, FRICTION, OFFSET), "rotors": (ROTOR,), "gears": (LOAD, ROOT)}  # taken joint by joint
-STEPS = "friction", "rotors", "inertias", "gears"  # beside payloads, in the order in which they are tried
+WEIGHT, SHORT_WEIGHT, SHORT = (
+    10.0,
+    30.0,
+    6.0,
+)  # γ of the prior on inertias; for less motion than this [s]
+BY_JOINT = {
+    "friction": (DAMPING, FRICTION, OFFSET),
+    "rotors": (ROTOR,),
+    "gears": (LOAD, ROOT),
+}  # taken joint by joint
+STEPS = (
+    "friction",
+    "rotors",
+    "inertias",
+    "gears",
+)  # beside payloads, in the order in which they are tried
 MIN_RESIDUAL = 2e-3  # relative to the effort: what a sampled motion leaves anyway
 MIN_LOAD = 0.1  # torque of gravity in the filtered load column over the effort, of a joint with load friction
-GAIN, ROTOR_GAIN = 0.03, 0.01  # reductions of the residual to take a step, and to leave out the model's rotors
+GAIN, ROTOR_GAIN = (
+    0.03,
+    0.01,
+)  # reductions of the residual to take a step, and to leave out the model's rotors
 
 
 def read_what(what, model):
@@ -26,7 +50,9 @@ def read_what(what, model):
     steps = [step for step in STEPS if step in names or set(names) - {"gains"} == {"inertias"}]
     links = [name[8:] for name in names if str(name).startswith("payload:")]
     if not names or not set(names) <= {*STEPS, "gains", *(f"payload:{link}" for link in links)}:
-        raise InputError(f"what is {what!r}; expected one or more of {', '.join(STEPS)}, gains, payload:<link>.")
+        raise InputError(
+            f"what is {what!r}; expected one or more of {', '.join(STEPS)}, gains, payload:<link>."
+        )
     for link in links:
         if model.placement_in_body(link)[0] == 0:
             raise InputError(
@@ -58,7 +84,9 @@ class Selection:
         self._negligible = max(MIN_VARIANCE * efforts.mean(), 1e-300)
         self._floor = MIN_RESIDUAL * self.residuals(efforts[None])
         at = LOAD - len(OWN) - 1
-        self._loaded = np.array([one[at, at] > MIN_LOAD**2 * one[-1, -1] for one in data.fitted[:-1]])
+        self._loaded = np.array(
+            [one[at, at] > MIN_LOAD**2 * one[-1, -1] for one in data.fitted[:-1]]
+        )
         self._own = dict.fromkeys(BY_JOINT, self._moving)
         self.kept = {step: {} for step in BY_JOINT}
         if self.layout.known[self.layout.own(ROTOR)].any():
@@ -74,14 +102,19 @@ class Selection:
 
     def free(self, steps, **joints):
         """Return which unknowns steps fit, bool; `joints` of a step replace those that were chosen."""
-        own, free = self._own | joints, self.layout.inertial & ("inertias" in steps or self._data.unloaded is not None)
+        own, free = (
+            self._own | joints,
+            self.layout.inertial & ("inertias" in steps or self._data.unloaded is not None),
+        )
         free[self.layout.robot :] = True
         for step, columns in BY_JOINT.items():
             for column in columns if step in steps else ():
                 free[self.layout.own(column)] = own[step] & (self._loaded | (column != LOAD))
         for places, rates in zip(self.layout.motors, self._model.motor_rates, strict=True):
             turned = rates != 0.0
-            free[places] = "friction" in steps and self._moving[turned].all() and own["friction"][turned].any()
+            free[places] = (
+                "friction" in steps and self._moving[turned].all() and own["friction"][turned].any()
+            )
         return free
 
     def fit_all(self):
@@ -90,7 +123,9 @@ class Selection:
 
     def left_out(self):
         """Return the fits of the steps that were taken without each block in turn, (blocks, size), with gains without it."""
-        return np.array([self._fit_to(sums, self.free(self.taken)).x for sums in self._data.left_out()])
+        return np.array(
+            [self._fit_to(sums, self.free(self.taken)).x for sums in self._data.left_out()]
+        )
 
     def with_payload(self, payload):
         """Return mass and score of a payload that is fitted beside the steps that were taken."""
@@ -104,7 +139,9 @@ class Selection:
 
     def named(self, steps):
         """Return names of steps, gains and the payload first."""
-        first = ["gains"] * bool(self._data.gains) + [f"payload:{one.link}" for one in [self._payload] if one]
+        first = ["gains"] * bool(self._data.gains) + [
+            f"payload:{one.link}" for one in [self._payload] if one
+        ]
         return first + list(steps)
 
     def residuals(self, squares):
@@ -114,7 +151,10 @@ class Selection:
     def squares_of(self, fits):
         """Return squared residuals of each block with its row of unknowns, (blocks, nv)."""
         return np.array(
-            [self.layout.squares([(block, True)], x) for block, x in zip(self._data.blocks, fits, strict=True)]
+            [
+                self.layout.squares([(block, True)], x)
+                for block, x in zip(self._data.blocks, fits, strict=True)
+            ]
         )
 
     def _fit_to(self, sums, free):
@@ -130,7 +170,9 @@ class Selection:
 
     def cross_validate(self, free):
         """Return unknowns fitted without each block in turn, and the squared residuals of that block."""
-        fits = np.array([self._fit_to(self._data.fitted - block, free).x for block in self._data.blocks])
+        fits = np.array(
+            [self._fit_to(self._data.fitted - block, free).x for block in self._data.blocks]
+        )
         return fits, self.squares_of(fits)
 
     def _score_of(self, squares):
@@ -171,28 +213,50 @@ class Selection:
             self._update_load()
             self.fits, self.squares = self.cross_validate(self.free(self.taken))
         self.warnings += filter(None, refused.values())
-        self.kept = {step: joints for step, joints in self.kept.items() if step in self.taken and joints}
+        self.kept = {
+            step: joints for step, joints in self.kept.items() if step in self.taken and joints
+        }
 
     def _rung(self, steps, squares, taken):
         """Return an entry of the ladder."""
         residuals = dict(zip(self._model.dof_names, self.residuals(squares).tolist(), strict=True))
-        return {"steps": self.named(steps), "score": self._score_of(squares), "taken": taken, "residuals": residuals}
+        return {
+            "steps": self.named(steps),
+            "score": self._score_of(squares),
+            "taken": taken,
+            "residuals": residuals,
+        }
 
     def _try_step(self, step):
         """Take a step if it reduces the residual enough, at joints where it does; else return why not."""
         if step == "gears":
             self._update_load()
-        again, steps = step in self.taken, [one for one in STEPS if one in self.taken or one == step]
-        candidates = self._moving & ~(self._own[step] & again) if step in BY_JOINT else np.ones_like(self._moving)
+        again, steps = (
+            step in self.taken,
+            [one for one in STEPS if one in self.taken or one == step],
+        )
+        candidates = (
+            self._moving & ~(self._own[step] & again)
+            if step in BY_JOINT
+            else np.ones_like(self._moving)
+        )
         joints = {step: self._moving} if step in BY_JOINT else {}
         found = self.cross_validate(self.free(steps, **joints))
         without, own = self.residuals(self.squares), self.residuals(found[1])
-        gains = np.where(candidates, 1.0 - np.hypot(own, self._floor) / np.hypot(without, self._floor), -np.inf)
+        gains = np.where(
+            candidates, 1.0 - np.hypot(own, self._floor) / np.hypot(without, self._floor), -np.inf
+        )
         if joints:
             kept = np.flatnonzero(candidates & (gains < GAIN))
-            self.kept[step] = {self._model.dof_names[k]: [float(without[k]), float(own[k])] for k in kept}
+            self.kept[step] = {
+                self._model.dof_names[k]: [float(without[k]), float(own[k])] for k in kept
+            }
             joints = {step: self._moving & ~np.isin(np.arange(len(gains)), kept)}
-            found = self.cross_validate(self.free(steps, **joints)) if 0 < len(kept) < candidates.sum() else found
+            found = (
+                self.cross_validate(self.free(steps, **joints))
+                if 0 < len(kept) < candidates.sum()
+                else found
+            )
         score = self._score_of(found[1])
         better = bool(gains.max() >= GAIN and score < self.score)
         if better or not again:
@@ -203,4 +267,8 @@ class Selection:
         change = f"would be {gains.max():.1%} smaller at a joint, but {score / self.score - 1.0:.1%} larger over all"
         if gains.max() < GAIN:
             change = f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint; expected {GAIN:.0%}"
-        return "" if again else f"{step}: the model's values are kept, because the cross-validation residual {change}"
+        return (
+            ""
+            if again
+            else f"{step}: the model's values are kept, because the cross-validation residual {change}"
+        )

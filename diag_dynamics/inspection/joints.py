@@ -9,11 +9,15 @@ import numpy as np
 
 from diag_dynamics.inspection.urdf import Found, Urdf
 
-TURNS = 20.0  # limit of a revolute joint, three turns, that the same number in degrees exceeds [rad]
+TURNS = (
+    20.0  # limit of a revolute joint, three turns, that the same number in degrees exceeds [rad]
+)
 TRAVEL = 10.0  # limit of a slide that a number in mm exceeds [m]
 UNIT = 1e-3  # difference of an axis' length from 1 by rounding to three digits
 FAST = 100.0  # velocity that no driven joint has [rad/s, m/s]; a propeller may
-STRONG = 10000.0  # effort that few joints have [N m, N]; the first joint of large arms has 20 000 N m
+STRONG = (
+    10000.0  # effort that few joints have [N m, N]; the first joint of large arms has 20 000 N m
+)
 
 BEYOND = {"revolute": ("wide", TURNS), "prismatic": ("long", TRAVEL)}
 

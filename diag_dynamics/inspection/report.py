@@ -118,8 +118,12 @@ def inspect_robot(
     is_path = folder is not None and isinstance(source, (str, os.PathLike))
     described = read_source(source, xacro_args)
     if floating_base and not described.options.get("floating_base", True):
-        raise InputError("floating_base is True; expected False: the MJCF has no free body, or several.")
-    options = {"floating_base": floating_base, **described.options} | ({} if loops is None else {"loops": loops})
+        raise InputError(
+            "floating_base is True; expected False: the MJCF has no free body, or several."
+        )
+    options = {"floating_base": floating_base, **described.options} | (
+        {} if loops is None else {"loops": loops}
+    )
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
         urdf = Urdf(described.text, folder)
         model, poses, rows = _load(described.text, options)

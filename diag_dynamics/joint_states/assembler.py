@@ -73,10 +73,14 @@ class StateAssembler:
 
     def __init__(self, joints, options, base=None, map_name=None, labels=None, limit="max_age"):
         self._joints, self._base, self._map_name, self._limit = joints, base, map_name or str, limit
-        self.followers = Followers(joints.names, joints.mimics, 0.0, joints.continuous, joints.motion)
+        self.followers = Followers(
+            joints.names, joints.mimics, 0.0, joints.continuous, joints.motion
+        )
         self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
         loops = (
-            [loop_title(joints.motion.model, k) for k in range(len(joints.motion.model.loops))] if joints.motion else ()
+            [loop_title(joints.motion.model, k) for k in range(len(joints.motion.model.loops))]
+            if joints.motion
+            else ()
         )
         self._labels = (*(labels or (f"joint '{name}'" for name in self.names)), *loops)
         self.counts, self.stuck, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
@@ -113,13 +117,17 @@ class StateAssembler:
             sizes = {"bodies": len(model.bodies), "nq": model.nq, "nv": model.nv}
             robot, ratios = followers.motion.workspace.robot, self._ratios.ctypes.data
             _write(self._shared, robot=robot, follow=positions.address, ratios=ratios, **sizes)
-            self._memory.followers["body"][count:] = [model.first_body(name) for name in followers.names[count:]]
+            self._memory.followers["body"][count:] = [
+                model.first_body(name) for name in followers.names[count:]
+            ]
 
     # --- Options ---
 
     def check_options(self, options):
         """Raise InputError if options name a joint that is not there."""
-        efforts = EffortMeaning(self.joint_names, self.followers.names, options, self._joints.effort_scale)
+        efforts = EffortMeaning(
+            self.joint_names, self.followers.names, options, self._joints.effort_scale
+        )
         return efforts, age_limits(self.names, options)
 
     def configure(self, options):
@@ -135,7 +143,10 @@ class StateAssembler:
             span=ages[count:],
         )
         timeout = nanoseconds(options.stuck_timeout)
-        if (timeout, options.reject_stuck) != (self._shared["stuck_timeout"], self._shared["stuck_rejected"]):
+        if (timeout, options.reject_stuck) != (
+            self._shared["stuck_timeout"],
+            self._shared["stuck_rejected"],
+        ):
             _write(self._shared, stuck_last=-1, stuck_kind=0)
         _write(
             self._shared,
@@ -193,11 +204,15 @@ class StateAssembler:
     def lacking_effort(self):
         """Joints with available but missing efforts, while others have one."""
         unknown = np.isnan(self._own["effort"])
-        return [] if unknown.all() else self._joints_where(unknown & np.isfinite(self._own["factor"]))
+        return (
+            [] if unknown.all() else self._joints_where(unknown & np.isfinite(self._own["factor"]))
+        )
 
     def stale(self, now):
         """Return the joints that have arrived, but not within their age limit before `now` [ns]."""
-        return self._joints_where((self._own["known"] > 0) & (now - self._own["stamp"] > self._own["span"]))
+        return self._joints_where(
+            (self._own["known"] > 0) & (now - self._own["stamp"] > self._own["span"])
+        )
 
     def _joints_where(self, which):
         return [self.names[k] for k in np.flatnonzero(which)]
@@ -250,7 +265,10 @@ class StateAssembler:
         A rejected message leaves no trace but what a later restart of time, setting of a clock or jump depends on.
         """
         if not isinstance(message, bytes):
-            stamp, fields = message.header.stamp, (message.position, message.velocity, message.effort)
+            stamp, fields = (
+                message.header.stamp,
+                (message.position, message.velocity, message.effort),
+            )
             return self.accept_values(tuple(message.name), stamp.sec, stamp.nanosec, fields, now)
         try:
             places = self._decoder.find_places(message)
@@ -261,24 +279,35 @@ class StateAssembler:
         if layout is None:
             part = places.read(np.frombuffer(message, np.uint8)[None], np.zeros(1, int))
             fields = part.position[0], part.velocity[0], part.effort[0]
-            return self.accept_values(part.names, int(part.sec[0]), int(part.nanosec[0]), fields, now)
+            return self.accept_values(
+                part.names, int(part.sec[0]), int(part.nanosec[0]), fields, now
+            )
         layout.buffer[:] = message
         return self._accept(layout, *places.stamp.unpack_from(message, 4), now)
 
     def accept_values(self, names, sec, nanosec, fields, now):
         """Judge a joint state by its names, stamp, and positions, velocities and efforts."""
         layout = self._layout(names, *map(len, fields))
-        layout.batch.numbers[0] = np.concatenate([np.asarray(field, dtype=float) for field in fields])
+        layout.batch.numbers[0] = np.concatenate(
+            [np.asarray(field, dtype=float) for field in fields]
+        )
         return self._accept(layout, sec, nanosec, now)
 
     def _layout_of(self, places):
         """Return the layout of serialized messages with a buffer; None if their numbers are not aligned there."""
-        begins = [first + 4 if count else 0 for first, count in zip(places.first, places.counts, strict=True)]
+        begins = [
+            first + 4 if count else 0
+            for first, count in zip(places.first, places.counts, strict=True)
+        ]
         if places.order != NATIVE or any(begin % 8 for begin in begins):
             return None
         numbers = np.zeros((1, (places.length + 11) // 8))  # the message begins at the fourth byte
-        layout = self._make_layout(places.names, places.counts, [begin // 8 for begin in begins], numbers)
-        layout = layout._replace(buffer=memoryview(numbers.view(np.uint8)[0])[4 : 4 + places.length])
+        layout = self._make_layout(
+            places.names, places.counts, [begin // 8 for begin in begins], numbers
+        )
+        layout = layout._replace(
+            buffer=memoryview(numbers.view(np.uint8)[0])[4 : 4 + places.length]
+        )
         self._layouts.keep(places, layout, places.length)
         return layout
 
@@ -299,7 +328,9 @@ class StateAssembler:
         if not with_effort:
             effort, partial = None, effort if np.isfinite(effort).any() else None
         flags = received > 0, estimated > 0
-        state = RobotState(position.copy(), velocity.copy(), effort, newest, oldest, *flags, partial)
+        state = RobotState(
+            position.copy(), velocity.copy(), effort, newest, oldest, *flags, partial
+        )
         return Accepted(self._with_base(state) if self._base else state)
 
     def accept_odometry(self, message, now):
@@ -337,14 +368,19 @@ class StateAssembler:
         position = np.concatenate([self._base.position, state.position])
         velocity = np.concatenate([self._base.velocity, state.velocity])
         efforts = state.effort, state.partial
-        effort, partial = (None if one is None else np.concatenate([np.zeros(6), one]) for one in efforts)
+        effort, partial = (
+            None if one is None else np.concatenate([np.zeros(6), one]) for one in efforts
+        )
         return state._replace(position=position, velocity=velocity, effort=effort, partial=partial)
 
     # --- Many messages ---
 
     def assemble(self, parts, now):
         """Judge JointStates in `parts`, received at `now` [ns] (k,); a message in no part is malformed."""
-        layouts = [self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS)) for part in parts]
+        layouts = [
+            self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS))
+            for part in parts
+        ]
         widths = [sum(layout.lengths) for layout in layouts]
         entries = [layout.entries for layout in layouts]
         batch = memory.Batch.create(len(now), entries, self._memory, max(widths, default=0))
@@ -353,12 +389,16 @@ class StateAssembler:
         for k, (part, width) in enumerate(zip(parts, widths, strict=True)):
             messages["sec"][part.rows], messages["nanosec"][part.rows] = part.sec, part.nanosec
             messages["layout"][part.rows] = k
-            batch.numbers[part.rows, :width] = np.hstack([part.position, part.velocity, part.effort])
+            batch.numbers[part.rows, :width] = np.hstack(
+                [part.position, part.velocity, part.effort]
+            )
         base = self._base and (self._base.position, self._base.velocity)
         self._judge_batch(batch)
         self._count(batch.outcome, messages["layout"], [part.names for part in parts])
         states = batch.states if base is None else _with_bases(base, batch)
-        return Assembled(batch.outcome, *states, self._texts(batch.outcome, messages["layout"], layouts))
+        return Assembled(
+            batch.outcome, *states, self._texts(batch.outcome, messages["layout"], layouts)
+        )
 
     def _layout(self, names, *lengths):
         """Return the layout of messages with one list of names, and lengths of the fields."""
@@ -366,7 +406,9 @@ class StateAssembler:
         if layout is None:
             begins, numbers = np.cumsum([0, *lengths[:2]]), np.zeros((1, sum(lengths)))
             layout = self._make_layout(names, lengths, begins, numbers)
-            self._layouts.keep((names, lengths), layout, sum(NAME_BYTES + len(name) for name in names))
+            self._layouts.keep(
+                (names, lengths), layout, sum(NAME_BYTES + len(name) for name in names)
+            )
         return layout
 
     def _make_layout(self, names, lengths, begins, numbers):
@@ -376,8 +418,15 @@ class StateAssembler:
         joints = [self._map_name(name) for name in names]
         count, code, text = len(self._own), 0, ""
         index = {name: k for k, name in enumerate(self.names)}
-        there, here = np.array([(k, index[one]) for k, one in enumerate(joints) if one in index], int).reshape(-1, 2).T
-        own, beside = (there[here < count], here[here < count]), (there[here >= count], here[here >= count] - count)
+        there, here = (
+            np.array([(k, index[one]) for k, one in enumerate(joints) if one in index], int)
+            .reshape(-1, 2)
+            .T
+        )
+        own, beside = (
+            (there[here < count], here[here < count]),
+            (there[here >= count], here[here >= count] - count),
+        )
         wrong = [k for k, length in enumerate(lengths) if names and length not in (0, len(names))]
         if len(set(joints)) < len(joints):
             twice = next(name for name, number in Counter(joints).items() if number > 1)
@@ -427,7 +476,10 @@ class StateAssembler:
 
     def _event_text(self, event, outcome):
         if event == codes.MOVED:
-            name, (first, second) = self._labels[outcome["moved"]], outcome[["moved_from", "moved_to"]]
+            name, (first, second) = (
+                self._labels[outcome["moved"]],
+                outcome[["moved_from", "moved_to"]],
+            )
             return codes.STEP.format(name=name, first=first, second=second)
         if event == codes.CONTRADICTS:
             return codes.contradiction_text(outcome, self._labels)
@@ -445,7 +497,9 @@ class StateAssembler:
         found = {}
         for k in np.flatnonzero(outcome["code"] > codes.MALFORMED).tolist():
             code = int(outcome["code"][k])
-            text = layouts[layout[k]].text if code in codes.LAYOUT_ERRORS else self._text(outcome[k])
+            text = (
+                layouts[layout[k]].text if code in codes.LAYOUT_ERRORS else self._text(outcome[k])
+            )
             found[k] = codes.CAUSES[code], text
         return found
 
@@ -458,7 +512,9 @@ class _Layout(NamedTuple):
     lengths: tuple
     entries: tuple  # of memory.Batch.create
     batch: memory.Batch  # of one such message
-    buffer: memoryview = memoryview(b"")  # the bytes of a serialized one, with its numbers at their places in the batch
+    buffer: memoryview = memoryview(
+        b""
+    )  # the bytes of a serialized one, with its numbers at their places in the batch
 
 
 class _Kept(dict):
@@ -485,7 +541,8 @@ def _write(array, **fields):
 def _with_bases(base, batch):
     """Return the states of a batch with that of the base, NaN where it is unknown."""
     position, velocity = (
-        np.full(width, np.nan) if one is None else one for width, one in zip((7, 6), base, strict=True)
+        np.full(width, np.nan) if one is None else one
+        for width, one in zip((7, 6), base, strict=True)
     )
     count = len(batch.messages)
     effort = np.where(np.isfinite(batch.states[2]).any(axis=1)[:, None], np.zeros(6), np.nan)

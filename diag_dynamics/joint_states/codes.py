@@ -36,7 +36,11 @@ FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(
 LAYOUT_ERRORS = (DUPLICATE_NAME, WRONG_LENGTH)
 """Codes whose texts depend on names and lengths alone."""
 
-IMPLAUSIBLE = (POSITION_BOUND, VELOCITY_BOUND, FAST_STEP)  # codes with the cause "implausible value"
+IMPLAUSIBLE = (
+    POSITION_BOUND,
+    VELOCITY_BOUND,
+    FAST_STEP,
+)  # codes with the cause "implausible value"
 
 TIME_JUMPED, MOVED, CONTRADICTS, IMPLAUSIBLE_EFFORT, DISAGREES = 1, 2, 4, 8, 16
 """Events of a message, whatever comes of it."""
@@ -86,7 +90,9 @@ CAUSES = {
 }
 """Causes of rejections, by which they are counted."""
 
-CLOCK = "{name}: stamp {apart:.3f} s {where} this node's clock, expected within {limit} = {second:g} s"
+CLOCK = (
+    "{name}: stamp {apart:.3f} s {where} this node's clock, expected within {limit} = {second:g} s"
+)
 
 TEXTS = {
     MALFORMED_STAMP: "header.stamp is {first:.0f} s and {second:.0f} ns, expected no less than 0 s and less than 1e9 ns",
@@ -111,7 +117,9 @@ TEXTS = {
 
 STEP = "{name}: position went from {first:.9g} to {second:.9g}"
 
-SAME_STAMP = "messages of one stamp have other positions: two sources publish in turns, or a slow clock"
+SAME_STAMP = (
+    "messages of one stamp have other positions: two sources publish in turns, or a slow clock"
+)
 
 OTHER_SOURCE = "another source has other positions, mainly of {name}: two sources publish in turns"
 
@@ -125,12 +133,22 @@ def rejection_text(outcome, labels, limit="max_age"):
     """Return the text of an OUTCOME with one of CAUSES; `limit` names the parameter of the maximum age."""
     code = int(outcome["code"])
     if code == STUCK:
-        return stuck_text(int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), labels)
-    numbers = {key: float(outcome[key]) for key in ("first", "second", "third", "fourth", "fifth", "sixth")}
+        return stuck_text(
+            int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), labels
+        )
+    numbers = {
+        key: float(outcome[key]) for key in ("first", "second", "third", "fourth", "fifth", "sixth")
+    }
     name = labels[outcome["joint"]] if len(labels) else ""
     if code in (CLOCK_BEHIND, CLOCK_AHEAD, FOREIGN_TIME):
         where = "behind" if numbers["first"] > 0.0 else "ahead of"
-        return CLOCK.format(name=name, apart=abs(numbers["first"]), where=where, second=numbers["second"], limit=limit)
+        return CLOCK.format(
+            name=name,
+            apart=abs(numbers["first"]),
+            where=where,
+            second=numbers["second"],
+            limit=limit,
+        )
     text = TEXTS[code].format(name=name, step=STEP.format(name=name, **numbers), **numbers)
     if code == NO_VELOCITY and outcome["contradicting"] >= 0:
         return f"{text}; {contradiction_text(outcome, labels)}"

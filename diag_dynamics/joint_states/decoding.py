@@ -77,7 +77,9 @@ class Places:
             values = np.ascontiguousarray(raw[:, at : at + dtype.itemsize * count]).view(dtype)
             return values.astype(dtype.newbyteorder("="), copy=False)
 
-        sec, nanosec = (read_numbers(at, kind, 1)[:, 0].astype(np.int64) for at, kind in ((4, "i4"), (8, "u4")))
+        sec, nanosec = (
+            read_numbers(at, kind, 1)[:, 0].astype(np.int64) for at, kind in ((4, "i4"), (8, "u4"))
+        )
         fields = [
             read_numbers(at, "f8", count) if count else np.zeros((len(rows), 0))
             for at, count in zip(self.first, self.counts, strict=True)
@@ -99,7 +101,11 @@ class Decoder:
         parts, errors = [], {}
         for length in np.unique(size[chosen]).tolist():
             rows = chosen[size[chosen] == length]
-            raw = np.lib.stride_tricks.sliding_window_view(data, length)[at[rows]] if length else data[:0]
+            raw = (
+                np.lib.stride_tricks.sliding_window_view(data, length)[at[rows]]
+                if length
+                else data[:0]
+            )
             self._decode_rows(raw, rows, parts, errors)
         return sorted(parts, key=lambda part: part.rows[0]), errors
 
@@ -115,7 +121,9 @@ class Decoder:
         try:
             places = find_places(raw)
         except ValueError as error:
-            raise ValueError(f"{len(raw)} bytes that are no sensor_msgs/msg/JointState ({error})") from error
+            raise ValueError(
+                f"{len(raw)} bytes that are no sensor_msgs/msg/JointState ({error})"
+            ) from error
         if len(raw) > MAX_BYTES:
             return places
         if self._count >= MAX_LAYOUTS or self._bytes + len(raw) > MAX_BYTES:

@@ -31,7 +31,9 @@ class Joints(NamedTuple):
     upper: np.ndarray | None = None
     velocity: np.ndarray | None = None  # velocity limits [rad/s, m/s]
     effort: np.ndarray | None = None  # effort limits [N m, N]
-    effort_scale: Mapping = _NONE  # effort by reported unit [N m, N], where the options have none; NaN if unknown
+    effort_scale: Mapping = (
+        _NONE  # effort by reported unit [N m, N], where the options have none; NaN if unknown
+    )
     motion: FollowerMotion | None = None  # of a model with followers whose ratios change
 
 
@@ -103,9 +105,16 @@ def joint_limits(joints, options):
     """
     count = len(joints.names)
     turns = np.array([name in joints.continuous for name in joints.names], dtype=bool)
-    most, slack = np.where(turns, np.inf, options.max_position or np.inf), options.beyond_limits or np.inf
-    lower = np.full(count, -np.inf) if joints.lower is None else np.asarray(joints.lower, dtype=float)
-    upper = np.full(count, np.inf) if joints.upper is None else np.asarray(joints.upper, dtype=float)
+    most, slack = (
+        np.where(turns, np.inf, options.max_position or np.inf),
+        options.beyond_limits or np.inf,
+    )
+    lower = (
+        np.full(count, -np.inf) if joints.lower is None else np.asarray(joints.lower, dtype=float)
+    )
+    upper = (
+        np.full(count, np.inf) if joints.upper is None else np.asarray(joints.upper, dtype=float)
+    )
     velocity, effort = (_known(limit, count) for limit in (joints.velocity, joints.effort))
     return {
         "lower": np.maximum(lower - slack, -most),
@@ -132,7 +141,9 @@ def _multiple(factor, limit, most):
 def age_limits(names, options):
     """Return age limits [ns], infinite for none."""
     ages = by_name("joint_timeouts", options.timeouts, names)
-    return np.array([nanoseconds(ages.get(name, options.timeout)) or np.inf for name in names], dtype=float)
+    return np.array(
+        [nanoseconds(ages.get(name, options.timeout)) or np.inf for name in names], dtype=float
+    )
 
 
 class EffortMeaning:
@@ -158,7 +169,9 @@ class EffortMeaning:
         self.factors = np.array(factors, dtype=float)
         without = np.array([not gravity.get(name, True) for name in joints], dtype=float)
         self.without_gravity = without if without.any() else None
-        self.undeclared = tuple(n for n in joints if available.get(n, True) and (n not in scale or n not in gravity))
+        self.undeclared = tuple(
+            n for n in joints if available.get(n, True) and (n not in scale or n not in gravity)
+        )
 
 
 class LinkPositions:
@@ -169,7 +182,11 @@ class LinkPositions:
     """
 
     def __init__(self, model):
-        own = {n: j for n, j in model.flexible_joints.items() if (j.position, j.effort) == ("motor", "spring")}
+        own = {
+            n: j
+            for n, j in model.flexible_joints.items()
+            if (j.position, j.effort) == ("motor", "spring")
+        }
         self._at, self._dofs = places(own, model.coordinate_names), places(own, model.dof_names)
         self._stiffness = np.array([joint.stiffness for joint in own.values()])
         self._damping = np.array([joint.damping for joint in own.values()])
@@ -191,9 +208,14 @@ class LinkPositions:
         dt = 1e-9 * np.diff(stamp, prepend=self._last[0])[:, None]
         change = np.diff(torque, axis=0, prepend=self._last[1][None])
         follows = (dt > 0.0) & (dt <= MAX_GAP) & ~np.asarray(jumped)[:, None]
-        rate = np.nan_to_num(np.divide(change, dt, out=np.zeros_like(change), where=follows)) / self._stiffness
+        rate = (
+            np.nan_to_num(np.divide(change, dt, out=np.zeros_like(change), where=follows))
+            / self._stiffness
+        )
         self._last = int(stamp[-1]), torque[-1]
         position, velocity = position.copy(), velocity.copy()
-        position[:, self._at] -= np.nan_to_num(torque / self._stiffness - self._damping * rate / self._stiffness)
+        position[:, self._at] -= np.nan_to_num(
+            torque / self._stiffness - self._damping * rate / self._stiffness
+        )
         velocity[:, self._dofs] -= rate
         return position, velocity

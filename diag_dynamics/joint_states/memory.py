@@ -26,27 +26,48 @@ SHARED = _record(
     ("i8", "restarted"),  # whether time restarted since the last state
     ("i8", "in_step"),  # whether stamps agree with the clock; −1 before that is known
     ("i8", "apart"),  # clock less the last accepted stamp that was compared with it
-    ("i8", "refused refused_at refused_apart"),  # by the clock: whether, when, and the distance then
+    (
+        "i8",
+        "refused refused_at refused_apart",
+    ),  # by the clock: whether, when, and the distance then
     ("i8", "lost"),  # states lost by gaps in stamps
-    ("i8", "robot follow ratios"),  # of followers with changing ratios, or 0: addresses for sweeps.followers.positions
+    (
+        "i8",
+        "robot follow ratios",
+    ),  # of followers with changing ratios, or 0: addresses for sweeps.followers.positions
     ("i8", "bodies nq nv"),  # of that robot
-    ("i8", "stuck_last stuck_kind stuck_joint stuck_more"),  # last state that was compared, and its stuck sensors
+    (
+        "i8",
+        "stuck_last stuck_kind stuck_joint stuck_more",
+    ),  # last state that was compared, and its stuck sensors
 )
 """One element."""
 
 JOINT = _record(
     ("f8", "lower upper fastest"),  # rules: bounds of position and velocity
     ("f8", "factor strongest"),  # of efforts; NaN for efforts that cannot be used
-    ("f8", "reach lasting"),  # velocity limit, 0 for none, and longest time over which a step is judged
+    (
+        "f8",
+        "reach lasting",
+    ),  # velocity limit, 0 for none, and longest time over which a step is judged
     ("i8", "turns"),  # whether the position is an angle that wraps
     ("f8", "span"),  # age limit, infinite for none
     ("f8", "position velocity effort"),  # newest values
-    ("i8", "stamp known unstamped estimated"),  # unstamped: a time of reception stands for the stamp
+    (
+        "i8",
+        "stamp known unstamped estimated",
+    ),  # unstamped: a time of reception stands for the stamp
     ("f8", "other_position other_velocity"),  # candidate: a pose that was rejected
-    ("i8", "other_stamp other_count other_returns"),  # messages in a row that agree with it, and how often it returned
+    (
+        "i8",
+        "other_stamp other_count other_returns",
+    ),  # messages in a row that agree with it, and how often it returned
     ("i8", "other_since"),  # stamp and position in force then
     ("f8", "other_since_position"),
-    ("i8", "bare_since bare_count"),  # of a source, by its first joint: last message without velocity
+    (
+        "i8",
+        "bare_since bare_count",
+    ),  # of a source, by its first joint: last message without velocity
     ("i8", "late_first late_last late_count"),  # stamps older than the one before
     ("i8", "gap_last gap_count"),  # last stamp, and number of intervals
     ("i8", "estimate_known estimate_stamp estimate_since"),  # estimator of velocities
@@ -79,7 +100,10 @@ OUTCOME = _record(
     ("i8", "code events stuck_kind"),  # codes.py
     ("i8", "newest oldest with_effort received estimated"),  # of a state
     ("i8", "joint"),  # that a text is on; followers come after joints
-    ("i8", "contradicting"),  # joint of the event CONTRADICTS of a message without velocity, else −1
+    (
+        "i8",
+        "contradicting",
+    ),  # joint of the event CONTRADICTS of a message without velocity, else −1
     ("i8", "moved"),  # joint of the event MOVED, and its positions
     ("f8", "moved_from moved_to"),
     ("f8", "first second third fourth fifth sixth"),  # numbers of a text
@@ -102,7 +126,9 @@ class Memory(NamedTuple):
     shared: np.ndarray
     joints: np.ndarray
     followers: np.ndarray
-    history: np.ndarray  # by the first joint of a message: positions of the last one without velocity (n), then
+    history: (
+        np.ndarray
+    )  # by the first joint of a message: positions of the last one without velocity (n), then
     # intervals between stamps [ns] (WINDOW)
     scratch: np.ndarray  # (ROWS, …)
 
@@ -126,7 +152,9 @@ class Batch(NamedTuple):
     messages: np.ndarray
     numbers: np.ndarray  # of each message
     outcome: np.ndarray
-    states: np.ndarray  # positions, velocities and efforts, (3, k, n); they count where a state is complete
+    states: (
+        np.ndarray
+    )  # positions, velocities and efforts, (3, k, n); they count where a state is complete
 
     @classmethod
     def create(cls, count, layouts, memory, width=0):
@@ -135,7 +163,11 @@ class Batch(NamedTuple):
         rows = np.zeros((max(len(layouts), 1), HEAD + 7 * (n + f)), np.int64)
         for row, (error, joints, followers, pairs) in zip(rows, layouts, strict=False):
             row[:HEAD] = error, len(joints), len(followers), len(pairs)
-            for begin, entries in ((HEAD, joints), (HEAD + n, followers), (HEAD + n + f, pairs.ravel())):
+            for begin, entries in (
+                (HEAD, joints),
+                (HEAD + n, followers),
+                (HEAD + n + f, pairs.ravel()),
+            ):
                 row[begin : begin + len(entries)] = entries
         messages, outcome = np.zeros(count, MESSAGE), np.zeros(count, OUTCOME)
         return cls(rows, messages, np.zeros((count, width)), outcome, np.empty((3, count, n)))
@@ -146,4 +178,10 @@ def _array(dtype, ndim):
 
 
 MEMORY_TYPES = *(_array(dtype, 1) for dtype in (SHARED, JOINT, FOLLOWER)), *[_array(float, 2)] * 2
-BATCH_TYPES = _array(int, 2), _array(MESSAGE, 1), _array(float, 2), _array(OUTCOME, 1), _array(float, 3)
+BATCH_TYPES = (
+    _array(int, 2),
+    _array(MESSAGE, 1),
+    _array(float, 2),
+    _array(OUTCOME, 1),
+    _array(float, 3),
+)

@@ -47,23 +47,30 @@ class OdometryBase:
         link = message.child_frame_id.lstrip("/")
         if not link:
             raise RejectedError(
-                "malformed", f"odom: child_frame_id is empty, expected '{self._model.root_link}' or a link on it"
+                "malformed",
+                f"odom: child_frame_id is empty, expected '{self._model.root_link}' or a link on it",
             )
         pose, twist = message.pose.pose, message.twist.twist
         p, o, v, w = pose.position, pose.orientation, twist.linear, twist.angular
         place, turn, motion = (p.x, p.y, p.z), (o.x, o.y, o.z, o.w), (v.x, v.y, v.z, w.x, w.y, w.z)
         try:
-            position, velocity = base_state(self._model, link, place, turn, motion, self.twist_in_header)
+            position, velocity = base_state(
+                self._model, link, place, turn, motion, self.twist_in_header
+            )
         except InputError as error:
             raise RejectedError("malformed", f"odom: {error}") from error
-        for what, values, most in zip(("position", "twist"), (position[:3], velocity), self._bounds, strict=True):
+        for what, values, most in zip(
+            ("position", "twist"), (position[:3], velocity), self._bounds, strict=True
+        ):
             if np.abs(values).max() > most:
                 raise RejectedError(
                     "implausible value",
                     f"odom: {what} is {values.tolist()}, expected within ±{most:g} (plausibility.*)",
                 )
         stamp = message.header.stamp
-        found = self.stamps.accept_values(("odom",), stamp.sec, stamp.nanosec, [np.zeros(1)] * 3, now)
+        found = self.stamps.accept_values(
+            ("odom",), stamp.sec, stamp.nanosec, [np.zeros(1)] * 3, now
+        )
         if isinstance(found, Rejected):
             raise RejectedError(*found)
         state = found.state
@@ -82,7 +89,9 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
         numbers(f"{name} of '{link}'", value, (length,), f"{length} finite numbers")
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1.0) > 1e-2:
-        raise InputError(f"orientation of '{link}' is the quaternion {list(quaternion)} of length {length:.3g}, not 1.")
+        raise InputError(
+            f"orientation of '{link}' is the quaternion {list(quaternion)} of length {length:.3g}, not 1."
+        )
     attached = model.placement_in_root(link)
     R = rotations.from_quaternion(*map(float, quaternion))
     linear, angular = np.asarray(twist[:3], dtype=float), np.asarray(twist[3:], dtype=float)

@@ -58,7 +58,9 @@ _wrap_angle, _matrix_at = kernel(wrap_angle), array_at(types.float64, 2)
 
 
 @entry_kernel(*MEMORY_TYPES, *BATCH_TYPES, nogil=True)
-def judge_messages(shared, joints, followers, history, scratch, layouts, messages, numbers, outcome, states):
+def judge_messages(
+    shared, joints, followers, history, scratch, layouts, messages, numbers, outcome, states
+):
     """Judge messages one after the other; the arguments are the fields of Memory and Batch."""
     memory = Memory(shared, joints, followers, history, scratch)
     batch = Batch(layouts, messages, numbers, outcome, states)
@@ -76,7 +78,9 @@ def judge_messages(shared, joints, followers, history, scratch, layouts, message
             one.code = _judge(memory, batch, k, layouts[layout])
         if one.code == codes.STATE and shared[0].needs_base:
             one.code = _complete_by_base(shared[0], one)
-        if one.code == codes.STATE and not watch_stuck_sensors(memory, states[0, k], states[1, k], one.newest, one):
+        if one.code == codes.STATE and not watch_stuck_sensors(
+            memory, states[0, k], states[1, k], one.newest, one
+        ):
             one.code = codes.STUCK
         if one.code > 0:
             pause_gaps(memory)
@@ -85,7 +89,9 @@ def judge_messages(shared, joints, followers, history, scratch, layouts, message
 @kernel
 def _clear(one):
     """Forget the message before, whose outcome may be in the same place."""
-    one.code = one.events = one.newest = one.oldest = one.with_effort = one.received = one.estimated = 0
+    one.code = one.events = one.newest = one.oldest = one.with_effort = one.received = (
+        one.estimated
+    ) = 0
     one.stuck_kind = one.stuck_joint = one.stuck_more = one.joint = 0
     one.contradicting = one.moved = -1
 
@@ -135,7 +141,9 @@ def _judge(memory, batch, k, layout):
         if code:
             return code
     if memory.shared[0].estimate:
-        code = _estimate(memory, here, position, velocity, stamp, unstamped, action == DISPLACED, one)
+        code = _estimate(
+            memory, here, position, velocity, stamp, unstamped, action == DISPLACED, one
+        )
         if code:
             return code
     # The message is accepted.
@@ -189,7 +197,9 @@ def _judge_values(memory, here, position, velocity, one):
             one.joint, one.first, one.second = j, velocity[j], fastest
             return codes.VELOCITY_BOUND
     for j in here:
-        if not np.isfinite(velocity[j]) and not (memory.shared[0].estimate and np.isnan(velocity[j])):
+        if not np.isfinite(velocity[j]) and not (
+            memory.shared[0].estimate and np.isnan(velocity[j])
+        ):
             one.joint, one.first = j, velocity[j]
             return codes.NO_VELOCITY
     return codes.STATE
@@ -203,7 +213,11 @@ def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
         named = here[0]
         for j in here:
             # A stamp and a time of reception may be of two clocks, so they are not compared.
-            if memory.joints[j].known and memory.joints[j].unstamped == unstamped and memory.joints[j].stamp > last:
+            if (
+                memory.joints[j].known
+                and memory.joints[j].unstamped == unstamped
+                and memory.joints[j].stamp > last
+            ):
                 last, named = memory.joints[j].stamp, j
         one.joint = named
         if np.isfinite(memory.joints[named].span):
@@ -230,7 +244,11 @@ def _judge_clock(memory, stamp, now, one):
     shared, apart = memory.shared[0], now - stamp
     if abs(apart) <= shared.max_age or (shared.in_step != 1 and not shared.refuse_foreign):
         return codes.STATE
-    if not shared.refused or abs(apart - shared.refused_apart) > shared.max_age or now < shared.refused_at:
+    if (
+        not shared.refused
+        or abs(apart - shared.refused_apart) > shared.max_age
+        or now < shared.refused_at
+    ):
         shared.refused, shared.refused_at, shared.refused_apart = 1, now, apart
     if not shared.refuse_foreign and now - shared.refused_at >= PATIENCE:
         return codes.STATE
@@ -292,7 +310,10 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, moved, one):
     for j in here:
         joint = memory.joints[j]
         elapsed = stamp - joint.estimate_stamp
-        if not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0) or elapsed == 0:
+        if (
+            not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0)
+            or elapsed == 0
+        ):
             continue
         quotient = abs(_estimate_step(joint, position[j]) / (elapsed / 1e9))
         if np.isnan(velocity[j]) and shared.max_velocity > 0.0 and quotient > shared.max_velocity:
@@ -304,7 +325,11 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, moved, one):
         if not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0):
             joint.estimate_since, joint.estimate_sum, joint.estimate_weight = stamp, 0.0, 0.0
             joint.estimate_period = LONGEST / PERIODS
-            joint.estimate_position, joint.estimate_stamp, joint.estimate_known = position[j], stamp, 1
+            joint.estimate_position, joint.estimate_stamp, joint.estimate_known = (
+                position[j],
+                stamp,
+                1,
+            )
         elif elapsed > 0:
             dt = elapsed / 1e9
             stays = math.exp(-dt / shared.filter_time) if shared.filter_time > 0.0 else 0.0
@@ -315,7 +340,10 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, moved, one):
             joint.estimate_position, joint.estimate_stamp = position[j], stamp
         joint.estimated = int(np.isnan(velocity[j]))
         if joint.estimated:
-            ready = joint.estimate_weight > 0.0 and (stamp - joint.estimate_since) / 1e9 >= shared.filter_time
+            ready = (
+                joint.estimate_weight > 0.0
+                and (stamp - joint.estimate_since) / 1e9 >= shared.filter_time
+            )
             velocity[j] = joint.estimate_sum / joint.estimate_weight if ready else np.nan
     return codes.STATE
 
@@ -427,7 +455,9 @@ def _assemble(memory, batch, k):
     for f in range(len(memory.followers)):
         follower = memory.followers[f]
         if follower.body == 0:
-            batch.states[2, k, follower.source] += follower.multiplier * _fresh_effort(follower, newest)
+            batch.states[2, k, follower.source] += follower.multiplier * _fresh_effort(
+                follower, newest
+            )
     if memory.shared[0].robot:
         return _close_loops(memory, batch.states[0, k], batch.states[2, k], one)
     return codes.STATE

@@ -21,7 +21,16 @@ rest.
 import numpy as np
 
 from diag_dynamics.joint_states import codes
-from diag_dynamics.joint_states.memory import COUNT, FAR, KNOWN, LARGEST, RETURNS, STEP, VELOCITY, WINDOW
+from diag_dynamics.joint_states.memory import (
+    COUNT,
+    FAR,
+    KNOWN,
+    LARGEST,
+    RETURNS,
+    STEP,
+    VELOCITY,
+    WINDOW,
+)
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 
 STATES = 3
@@ -88,7 +97,11 @@ def accept_step(memory, here, position, stamp, action, one):
             joint = memory.joints[j]
             far = far or memory.scratch[FAR, j] > 0.0
             known = memory.scratch[KNOWN, j] > 0.0
-            joint.other_position, joint.other_velocity, joint.other_stamp = joint.position, joint.velocity, joint.stamp
+            joint.other_position, joint.other_velocity, joint.other_stamp = (
+                joint.position,
+                joint.velocity,
+                joint.stamp,
+            )
             joint.other_since, joint.other_since_position = joint.stamp, joint.position
             joint.other_count = int(known)
             joint.other_returns = int(memory.scratch[RETURNS, j]) if known else 0
@@ -141,9 +154,16 @@ def _measure_steps(memory, here, position, velocity, stamp, unstamped):
         joint = joints[j]
         known = _is_comparable(joint, unstamped)
         step = _step(joint, position[j], joint.position) if known else 0.0
-        most = _largest_step(joint, memory.shared[0].slack, velocity[j], joint.velocity, stamp - joint.stamp)
+        most = _largest_step(
+            joint, memory.shared[0].slack, velocity[j], joint.velocity, stamp - joint.stamp
+        )
         too_far = known and step > most and (stamp - joint.stamp) * 1e-9 <= joint.lasting
-        table[FAR, j], table[KNOWN, j], table[STEP, j], table[LARGEST, j] = too_far, known, step, most
+        table[FAR, j], table[KNOWN, j], table[STEP, j], table[LARGEST, j] = (
+            too_far,
+            known,
+            step,
+            most,
+        )
         table[VELOCITY, j] = velocity[j]
         far, moves = far or too_far, moves or step != 0.0
         contradicts = contradicts or (known and stamp == joint.stamp and step > MARGIN)
@@ -202,7 +222,9 @@ def _stops_elsewhere(memory, here, velocity, stamp):
         before = 0.0 if np.isnan(joint.velocity) else joint.velocity
         moved = moved or before != 0.0
         way = 2.0 * abs(before) * max(stamp - joint.stamp, 0) * 1e-9
-        elsewhere = elsewhere or memory.scratch[STEP, j] > way + STOP_FRACTION * memory.shared[0].slack
+        elsewhere = (
+            elsewhere or memory.scratch[STEP, j] > way + STOP_FRACTION * memory.shared[0].slack
+        )
     return moved and elsewhere
 
 
@@ -213,7 +235,11 @@ def _compare_candidate(memory, here, position, velocity, stamp, mask):
     for j in here:
         joint = memory.joints[j]
         most = _largest_step(
-            joint, memory.shared[0].slack, velocity[j], joint.other_velocity, stamp - joint.other_stamp
+            joint,
+            memory.shared[0].slack,
+            velocity[j],
+            joint.other_velocity,
+            stamp - joint.other_stamp,
         )
         elsewhere = _step(joint, position[j], joint.other_position) > most
         if table[mask, j] > 0.0 and (joint.other_count == 0 or elsewhere):
@@ -276,7 +302,11 @@ def _store_candidate(memory, here, position, stamp):
     table = memory.scratch
     for j in here:
         joint = memory.joints[j]
-        joint.other_position, joint.other_velocity, joint.other_stamp = position[j], table[VELOCITY, j], stamp
+        joint.other_position, joint.other_velocity, joint.other_stamp = (
+            position[j],
+            table[VELOCITY, j],
+            stamp,
+        )
         joint.other_since = joint.stamp if table[KNOWN, j] > 0.0 else -1
         joint.other_since_position = joint.position
         joint.other_count, joint.other_returns = int(table[COUNT, j]), int(table[RETURNS, j])
@@ -407,6 +437,10 @@ def _compare_states(memory, position, velocity, stamp):
         shared.stuck_kind = codes.STUCK_STILL if still else codes.STUCK_SLIDES
         shared.stuck_more = (still if still else slides) - 1
         for j in range(len(memory.joints) - 1, -1, -1):
-            stuck = stamp - memory.joints[j].still_since >= timeout if still else memory.joints[j].slides == 1
+            stuck = (
+                stamp - memory.joints[j].still_since >= timeout
+                if still
+                else memory.joints[j].slides == 1
+            )
             if stuck:
                 shared.stuck_joint = j

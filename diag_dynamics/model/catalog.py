@@ -44,7 +44,11 @@ def robot_path(name: str) -> Path:
     """Return the path of the URDF or xacro file of a robot by its name, see :func:`load_robot`."""
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
-    has_urdf = name.isidentifier() and name.endswith("_description") and not name.endswith("_mj_description")
+    has_urdf = (
+        name.isidentifier()
+        and name.endswith("_description")
+        and not name.endswith("_mj_description")
+    )
     if has_urdf and util.find_spec(DESCRIPTIONS) and util.find_spec(f"{DESCRIPTIONS}.{name}"):
         return _cloned(name)
     return find_urdf(name)
@@ -57,10 +61,16 @@ def _cloned(name: str) -> Path:
     try:
         module = import_module(f"{DESCRIPTIONS}.{name}")
     except Exception as error:  # of git, of the net, or of the package
-        raise InputError(f"robot '{name}': {DESCRIPTIONS} could not get it: {type(error).__name__}: {error}") from error
-    path = getattr(module, "URDF_PATH", None) or getattr(module, "XACRO_PATH", None)  # load_urdf expands the latter
+        raise InputError(
+            f"robot '{name}': {DESCRIPTIONS} could not get it: {type(error).__name__}: {error}"
+        ) from error
+    path = getattr(module, "URDF_PATH", None) or getattr(
+        module, "XACRO_PATH", None
+    )  # load_urdf expands the latter
     if path is None:
-        raise InputError(f"robot '{name}': {DESCRIPTIONS} has neither a URDF nor a xacro file of it.")
+        raise InputError(
+            f"robot '{name}': {DESCRIPTIONS} has neither a URDF nor a xacro file of it."
+        )
     return Path(path)
 
 
@@ -84,7 +94,9 @@ def find_urdf(robot: str) -> Path:
     if name in urdfs:
         return urdfs[name]
     partial = [] if is_path else [key for key in urdfs if name.lower() in key.lower()]
-    exact, in_file = ([key for key in urdfs if Path(key).name == one] for one in (name, f"{name}_robot"))
+    exact, in_file = (
+        [key for key in urdfs if Path(key).name == one] for one in (name, f"{name}_robot")
+    )
     for keys in (exact or in_file, partial):  # ur5 is in ur5_robot.urdf
         if len(keys) == 1:
             return urdfs[keys[0]]
@@ -92,7 +104,11 @@ def find_urdf(robot: str) -> Path:
         raise InputError(f"robot '{robot}': no such file.")
     if partial:
         raise InputError(f"robot '{robot}' could be any of: {', '.join(partial)}.")
-    known = f"one of the {len(urdfs)} example robots" if len(urdfs) > 1 else f"the example robot {''.join(urdfs)}"
+    known = (
+        f"one of the {len(urdfs)} example robots"
+        if len(urdfs) > 1
+        else f"the example robot {''.join(urdfs)}"
+    )
     raise InputError(
         f"robot '{robot}' is neither a file nor {known}. All of them: diag-dynamics robots. More: pip install "
         "example-robot-data."
@@ -104,13 +120,17 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
     name, own = split_arguments(robot)
     path = os.path.expanduser(name)
     if os.path.isdir(path):
-        raise InputError(f"robot is '{name}', a folder; expected a URDF, xacro or MJCF file, or a robot by its name.")
+        raise InputError(
+            f"robot is '{name}', a folder; expected a URDF, xacro or MJCF file, or a robot by its name."
+        )
     if not os.path.isfile(path):
         path = str(robot_path(name))
     values = own | arguments_of(arguments)
     if values and not path.lower().endswith(".xacro"):
         first = next(iter(values))
-        raise InputError(f"'{first}:={values[first]}' is a xacro argument, but robot '{name}' is no .xacro file.")
+        raise InputError(
+            f"'{first}:={values[first]}' is a xacro argument, but robot '{name}' is no .xacro file."
+        )
     return " ".join([path, *(shlex.quote(f"{name}:={value}") for name, value in values.items())])
 
 
@@ -119,5 +139,7 @@ def read_source(source: Any, xacro_args: Any = None) -> Described:
     if not is_mjcf(source):
         return Described(urdf_text(expanded(source, xacro_args)))
     if xacro_args:
-        raise InputError(f"xacro_args has {', '.join(map(str, xacro_args))}, but the source is an MJCF.")
+        raise InputError(
+            f"xacro_args has {', '.join(map(str, xacro_args))}, but the source is an MJCF."
+        )
     return read_mjcf(source)

@@ -74,7 +74,9 @@ class FlexibleLink(NamedTuple):
     def energy(self, eta: VectorLike) -> float:
         """Return the strain energy at modes η [J], ½ Σ ω²η² + U₄₆."""
         eta = vector("eta", eta, self.modes)
-        return 0.5 * float(((self.frequencies * eta) ** 2).sum()) + bending_energy(*(self.bends @ eta).T)
+        return 0.5 * float(((self.frequencies * eta) ** 2).sum()) + bending_energy(
+            *(self.bends @ eta).T
+        )
 
     def effort(self, eta: VectorLike, etad: VectorLike) -> Array:
         """Return the efforts of stiffness and damping on the modes, shape (n,): −ω²η − 2ζω η̇ − ∂U₄₆/∂η."""
@@ -82,7 +84,9 @@ class FlexibleLink(NamedTuple):
         linear = self.frequencies * (self.frequencies * eta + 2.0 * self.damping_ratio * etad)
         curvature, slope = (self.bends @ eta).T
         moment = curvature * (slope**2 + slope**4) @ self.bends[:, 0]
-        return np.asarray(-linear - moment - curvature**2 * (slope + 2.0 * slope**3) @ self.bends[:, 1])
+        return np.asarray(
+            -linear - moment - curvature**2 * (slope + 2.0 * slope**3) @ self.bends[:, 1]
+        )
 
     def displacement(self, eta: VectorLike, joint: str | None = None) -> Array:
         """Return the displacement (4, 4) of the frame of a joint at the tip, in the link's axes about its own origin."""
@@ -119,7 +123,9 @@ class Form(NamedTuple):
         bent = self.quadratic @ eta
         constant = self.constant + self.linear @ eta + 0.5 * bent @ eta
         sources = tuple(self.sources[k] for k in free)
-        return Form(sources, float(constant), (self.linear + bent)[free], self.quadratic[np.ix_(free, free)])
+        return Form(
+            sources, float(constant), (self.linear + bent)[free], self.quadratic[np.ix_(free, free)]
+        )
 
 
 def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tuple[Array, Array]:
@@ -149,7 +155,10 @@ class _Field(NamedTuple):
         p, factor = self.powers, np.ones(len(self.powers))
         for k in range(derivative):
             factor = factor * (p - k)
-        return np.asarray(factor * xi ** np.maximum(p - derivative, 0) @ self.V) / self.length**derivative
+        return (
+            np.asarray(factor * xi ** np.maximum(p - derivative, 0) @ self.V)
+            / self.length**derivative
+        )
 
     def shortening(self, xi: float) -> Array:
         """Return ∫ φ_a' φ_b' dx from 0 to ξ."""
@@ -157,29 +166,49 @@ class _Field(NamedTuple):
         return np.asarray(self.V.T @ (np.outer(p, p) * xi**both / both) @ self.V) / self.length
 
 
-def _normal_modes(count: int, order: int, length: float, stiffness: float, inertia: float) -> _Field:
+def _normal_modes(
+    count: int, order: int, length: float, stiffness: float, inertia: float
+) -> _Field:
     """Return modes of x^order …: of bending (order 2, EI and mass) or torsion (1, GJ and polar inertia)."""
     p = np.arange(order, order + count)
     both, derivative = np.add.outer(p, p), p if order == 1 else p * (p - 1)
     L = np.linalg.inv(np.linalg.cholesky(inertia / (both + 1.0)))
-    K = stiffness / length ** (2 * order - 1) * np.outer(derivative, derivative) / (both - 2.0 * order + 1.0)
+    K = (
+        stiffness
+        / length ** (2 * order - 1)
+        * np.outer(derivative, derivative)
+        / (both - 2.0 * order + 1.0)
+    )
     squares, V = np.linalg.eigh(L @ K @ L.T)
     return _Field(p, L.T @ V, np.sqrt(squares), length)
 
 
-def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: float, polar: float) -> FlexibleLink:
+def _beam(
+    link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: float, polar: float
+) -> FlexibleLink:
     """Return a uniform beam from the link's origin to the origin of its tip."""
     where = f"flexible link '{link}'"
-    counts = numbers(f"{where}: modes", given.get("modes", (2, 2, 0)), (3,), "three numbers of modes")
-    if (counts != counts.astype(int)).any() or (counts < 0).any() or (counts > MAX_MODES).any() or not counts.any():
-        raise InputError(f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to {MAX_MODES}.")
+    counts = numbers(
+        f"{where}: modes", given.get("modes", (2, 2, 0)), (3,), "three numbers of modes"
+    )
+    if (
+        (counts != counts.astype(int)).any()
+        or (counts < 0).any()
+        or (counts > MAX_MODES).any()
+        or not counts.any()
+    ):
+        raise InputError(
+            f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to {MAX_MODES}."
+        )
     n_y, n_z, n_x = (int(n) for n in counts)
     EI = numbers(f"{where}: EI", given["EI"], (2,), "two numbers > 0 [N m²]")
     if not (EI > 0.0).all():
         raise InputError(f"{where}: EI is {EI.tolist()}, expected two numbers > 0 [N m²].")
     GJ = positive(f"{where}: GJ", given.get("GJ"), "[N m²]") if n_x else 1.0
     if n_x and not polar > 0.0:
-        raise InputError(f"{where}: its inertia about the beam is {polar:g} kg m², expected more than 0 for torsion.")
+        raise InputError(
+            f"{where}: its inertia about the beam is {polar:g} kg m², expected more than 0 for torsion."
+        )
     length = float(np.linalg.norm(vector_))
     planes = [_normal_modes(n, 2, length, EI[k], mass) for k, n in enumerate((n_y, n_z))]
     twist = _normal_modes(n_x, 1, length, GJ, polar)
@@ -202,7 +231,11 @@ def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: f
         return row
 
     points = max(n_y, n_z, n_x)
-    names = tuple(f"{link}/{letter}{k + 1}" for letter, m in zip("yzx", (n_y, n_z, n_x), strict=True) for k in range(m))
+    names = tuple(
+        f"{link}/{letter}{k + 1}"
+        for letter, m in zip("yzx", (n_y, n_z, n_x), strict=True)
+        for k in range(m)
+    )
     return FlexibleLink(
         names,
         _axes(vector_),
@@ -210,7 +243,9 @@ def _beam(link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: f
         _ratios(where, given, names),
         tuple(station(xi, False, weight) for xi, weight in _gauss(points + 2)),
         {tip: station(1.0, True, 0.0)},
-        np.array([bend(k, *one) for k in (0, 1) for one in _gauss(3 * (n_y, n_z)[k])]).reshape(-1, 2, n),
+        np.array([bend(k, *one) for k in (0, 1) for one in _gauss(3 * (n_y, n_z)[k])]).reshape(
+            -1, 2, n
+        ),
     )
 
 
@@ -224,7 +259,9 @@ def _gauss(count: int) -> list[tuple[float, float]]:
 
 def _ratios(where: str, given: Mapping[str, Any], modes: tuple[str, ...]) -> Array:
     ratio = given.get("damping_ratio", 0.0)
-    return per_name(f"{where}: damping_ratio", ratio, modes, "a finite number >= 0", lambda x: 0.0 <= x < np.inf)
+    return per_name(
+        f"{where}: damping_ratio", ratio, modes, "a finite number >= 0", lambda x: 0.0 <= x < np.inf
+    )
 
 
 def _axes(direction: Array) -> Array:
@@ -246,7 +283,9 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
     """Return the modes of nodes, in the link's axes: shapes of unit modal mass of the link clamped at its origin."""
     where = f"flexible link '{link}'"
     n = np.size(given["frequencies"])
-    frequencies = numbers(f"{where}: frequencies", given["frequencies"], (n,), "numbers > 0 [rad/s]")
+    frequencies = numbers(
+        f"{where}: frequencies", given["frequencies"], (n,), "numbers > 0 [rad/s]"
+    )
     if not n or not (frequencies > 0.0).all() or not isinstance(given["nodes"], list | tuple):
         raise InputError(
             f"{where} has frequencies {given['frequencies']!r}, expected numbers > 0 [rad/s], and a list of nodes."
@@ -259,13 +298,18 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
         parts = {}
         for key, shape in (("shape", (n, 3)), ("slope", (n, 3)), ("shortening", (n, n))):
             expected = " x ".join(map(str, shape)) + " numbers"
-            parts[key] = numbers(f"{where}: {key} of {name}", entry.get(key, np.zeros(shape)), shape, expected)
+            parts[key] = numbers(
+                f"{where}: {key} of {name}", entry.get(key, np.zeros(shape)), shape, expected
+            )
         mass = not_negative(f"{where}: mass of {name}", entry.get("mass", 0.0), "[kg]")
         H = 0.5 * (parts["shortening"] + parts["shortening"].T)
         return Station(axes.T @ at, axes.T @ parts["shape"].T, axes.T @ parts["slope"].T, H, mass)
 
     nodes = tuple(station(f"node {k}", entry, NODE) for k, entry in enumerate(given["nodes"]))
-    tips = {joint: station(f"tip '{joint}'", entry, TIP, origins[joint]) for joint, entry in given["tips"].items()}
+    tips = {
+        joint: station(f"tip '{joint}'", entry, TIP, origins[joint])
+        for joint, entry in given["tips"].items()
+    }
     names, bends = tuple(f"{link}/m{k + 1}" for k in range(n)), np.zeros((0, 2, n))
     return FlexibleLink(names, axes, frequencies, _ratios(where, given, names), nodes, tips, bends)
 
@@ -278,7 +322,8 @@ def modal_effort(model: Any, q: Array, qd: Array) -> Array:
     effort, held = np.zeros(model.nv), model.locked_joints
     for link in model.flexible_links.values():
         own = link.effort(
-            _values(link, model.coordinate_names, q, held), _values(link, model.dof_names, qd, dict.fromkeys(held, 0.0))
+            _values(link, model.coordinate_names, q, held),
+            _values(link, model.dof_names, qd, dict.fromkeys(held, 0.0)),
         )
         for name, value in zip(link.modes, own, strict=True):
             if name not in held:
@@ -286,16 +331,22 @@ def modal_effort(model: Any, q: Array, qd: Array) -> Array:
     return effort
 
 
-def _values(link: FlexibleLink, names: tuple[str, ...], values: Array, held: Mapping[str, float]) -> Array:
+def _values(
+    link: FlexibleLink, names: tuple[str, ...], values: Array, held: Mapping[str, float]
+) -> Array:
     """Return the entries of a link's modes in a vector of the model, and values of modes that are held."""
-    return np.array([held[mode] if mode in held else values[names.index(mode)] for mode in link.modes])
+    return np.array(
+        [held[mode] if mode in held else values[names.index(mode)] for mode in link.modes]
+    )
 
 
 def warn_of_slopes(model: Any, q: Array) -> None:
     """Warn of links that bend beyond what assumed modes can describe."""
     for name, link in model.flexible_links.items():
         if link.slope(_values(link, model.coordinate_names, q, model.locked_joints)) > LARGE_SLOPE:
-            warn(f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad. Divide it into two links.")
+            warn(
+                f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad. Divide it into two links."
+            )
 
 
 # --- The robot --------------------------------------------------------------------------------------------------
@@ -319,7 +370,9 @@ class Flexible(NamedTuple):
     def without(self, held: dict[str, float]) -> tuple[Flexible, dict[str, float]]:
         """Return the links without modes that are held, and all joints that are held then."""
         if wrong := sorted(self.forms.keys() & held.keys()):
-            raise InputError(f"locked_joints: '{wrong[0]}' follows modes of a flexible link. Lock these.")
+            raise InputError(
+                f"locked_joints: '{wrong[0]}' follows modes of a flexible link. Lock these."
+            )
         forms = {name: form.without(held) for name, form in self.forms.items()}
         rigid = {name: form.constant for name, form in forms.items() if not form.sources}
         forms = {name: form for name, form in forms.items() if form.sources}
@@ -356,9 +409,13 @@ def with_flexible_links(robot: Any, given: Mapping[str, Any]) -> tuple[Any, Flex
             _add(robot, mode, "prismatic", name, np.eye(4), np.eye(3)[0], limit)
         for k, section in enumerate(flexible.sections):
             end = _add_chain(robot, found.forms, name, f"{name}/{k + 1}", flexible, section)
-            end.inertial = SimpleNamespace(mass=section.mass, origin=None, inertia=np.diag(section.inertia))
+            end.inertial = SimpleNamespace(
+                mass=section.mass, origin=None, inertia=np.diag(section.inertia)
+            )
         for number, (joint, tip) in enumerate(flexible.tips.items()):
-            end = _add_chain(robot, found.forms, name, f"{name}/tip{number + 1 if number else ''}", flexible, tip)
+            end = _add_chain(
+                robot, found.forms, name, f"{name}/tip{number + 1 if number else ''}", flexible, tip
+            )
             index = next(k for k, one in enumerate(robot.joints) if one.name == joint)
             moved = robot.joints[index] = copy.copy(robot.joints[index])
             turn = np.eye(4)
@@ -387,14 +444,18 @@ def _flexible_link(robot: Any, link: Any, given: Mapping[str, Any]) -> FlexibleL
     tip, vector_ = next(iter(origins.items()))
     if not np.linalg.norm(vector_) > 0.0:
         raise InputError(f"{where}: joint '{tip}' is at its origin, expected a tip at a distance.")
-    whole = RigidBody(link.inertial.mass, np.zeros(3), np.asarray(link.inertial.inertia)).moved(_origin(link.inertial))
+    whole = RigidBody(link.inertial.mass, np.zeros(3), np.asarray(link.inertial.inertia)).moved(
+        _origin(link.inertial)
+    )
     if "nodes" in given:
         flexible = _elements(link.name, origins, given)
     else:
         mass = positive(f"{where}: mass", given.get("mass", whole.mass), "[kg]")
         x = vector_ / np.linalg.norm(vector_)
         about = whole.inertia + parallel_axes(whole.mass, whole.centre)
-        flexible = _beam(link.name, tip, vector_, given, mass, float(x @ about @ x) * mass / whole.mass)
+        flexible = _beam(
+            link.name, tip, vector_, given, mass, float(x @ about @ x) * mass / whole.mass
+        )
     link.inertial = _rest(where, whole, flexible, float(np.linalg.norm(vector_)))
     return flexible
 
@@ -426,13 +487,19 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
     return None
 
 
-def _add(robot: Any, name: str, kind: str, parent: str, origin: Array, axis: Array, limit: Any = None) -> Any:
+def _add(
+    robot: Any, name: str, kind: str, parent: str, origin: Array, axis: Array, limit: Any = None
+) -> Any:
     """Add a joint and its child link of the same name, which is returned."""
     for one in (*robot.links, *robot.joints):
         if one.name == name:
-            raise InputError(f"flexible link: robot '{robot.name}' has '{name}' already. Rename it.")
+            raise InputError(
+                f"flexible link: robot '{robot.name}' has '{name}' already. Rename it."
+            )
     link = SimpleNamespace(name=name, inertial=None, visuals=[], collisions=[])
-    joint = SimpleNamespace(name=name, type=kind, parent=parent, child=name, origin=origin, axis=axis)
+    joint = SimpleNamespace(
+        name=name, type=kind, parent=parent, child=name, origin=origin, axis=axis
+    )
     joint.limit, joint.dynamics, joint.mimic = limit, None, None
     robot.links.append(link)
     robot.joints.append(joint)
@@ -440,7 +507,12 @@ def _add(robot: Any, name: str, kind: str, parent: str, origin: Array, axis: Arr
 
 
 def _add_chain(
-    robot: Any, forms: dict[str, Form], parent: str, name: str, flexible: FlexibleLink, station: Station
+    robot: Any,
+    forms: dict[str, Form],
+    parent: str,
+    name: str,
+    flexible: FlexibleLink,
+    station: Station,
 ) -> Any:
     """Add the joints that take a frame from the link to where the modes have it; return the link at its end."""
     origin = np.eye(4)

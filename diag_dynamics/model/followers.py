@@ -82,7 +82,9 @@ def loop_error(model: Any, status: int) -> LoopError:
         return LoopError(f"positions or rates of robot '{model.name}' are not finite.")
     is_singular = -1000 * kind == couplings.SINGULAR_LOOP
     why = "is singular for its independent joints" if is_singular else "cannot be closed"
-    return LoopError(f"{loop_title(model, number)} of robot '{model.name}' {why} at these positions.")
+    return LoopError(
+        f"{loop_title(model, number)} of robot '{model.name}' {why} at these positions."
+    )
 
 
 def loop_title(model: Any, number: int) -> str:
@@ -114,7 +116,10 @@ def limit_by_followers(model: Any, joints: Any, lower: Array, upper: Array) -> l
     Return texts on followers whose limits do not count: those of several joints, of continuous ones, and those that are
     beyond their limits at the start.
     """
-    ends = {name: [joints[name].limit(side, np.nan) for side in ("lower", "upper")] for name in model.followers}
+    ends = {
+        name: [joints[name].limit(side, np.nan) for side in ("lower", "upper")]
+        for name in model.followers
+    }
     limited, omitted = [name for name in ends if np.isfinite(ends[name]).any()], set[str]()
     for leaders in set(model.followers.values()):
         own = {name: ends[name] for name, others in model.followers.items() if others == leaders}

@@ -32,7 +32,9 @@ KINDS = {  # shapes that are known, and how many numbers each attribute has
 
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
-LARGEST_DENSITY = 30000.0  # largest density accepted [kg/m³]; osmium, the densest element, has 22 590
+LARGEST_DENSITY = (
+    30000.0  # largest density accepted [kg/m³]; osmium, the densest element, has 22 590
+)
 
 
 class Shape(NamedTuple):
@@ -63,7 +65,9 @@ class Solid(NamedTuple):
 def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
     """Return the shapes of a link's element; `role` is "visual" or "collision"."""
     where = f"link '{link.get('name')}': {role}"
-    return tuple(shape for element in link.findall(role) if (shape := shape_of(element, where)) is not None)
+    return tuple(
+        shape for element in link.findall(role) if (shape := shape_of(element, where)) is not None
+    )
 
 
 def shape_of(element: Any, where: str) -> Shape | None:
@@ -72,13 +76,19 @@ def shape_of(element: Any, where: str) -> Shape | None:
     if shape is None:
         return None
     if shape.tag not in KINDS:
-        raise UrdfError(f"{where}: <{shape.tag}> is no shape of a URDF; known are {', '.join(KINDS)}.")
+        raise UrdfError(
+            f"{where}: <{shape.tag}> is no shape of a URDF; known are {', '.join(KINDS)}."
+        )
     numbers: list[float] = []
     for attribute, count in KINDS[shape.tag].items():
         is_scale = attribute == "scale"
         text = shape.get(attribute, "1 1 1" if is_scale else "")
         parts = floats(text, count)
-        if parts is None or (0.0 in parts if is_scale else min(parts) < 0.0) or max(map(abs, parts)) > LARGEST:
+        if (
+            parts is None
+            or (0.0 in parts if is_scale else min(parts) < 0.0)
+            or max(map(abs, parts)) > LARGEST
+        ):
             expected = f"{count} number(s) > 0, none beyond {LARGEST:g}"
             raise UrdfError(f"{where}: <{shape.tag} {attribute}='{text}'>; expected {expected}.")
         numbers += parts
@@ -113,7 +123,9 @@ def _primitive(kind: str, *numbers: float) -> Solid:
         cylinder, ball = math.pi * r**2 * length, 4.0 / 3.0 * math.pi * r**3
         volume = cylinder + ball
         across = cylinder * r**2 / 4.0 + ball * r**2 / 5.0
-        along = cylinder * length**2 / 12.0 + ball * (r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0)
+        along = cylinder * length**2 / 12.0 + ball * (
+            r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0
+        )
         squares = np.array([across, across, along])
     return Solid(volume, np.zeros(3), np.diag(squares.sum() - squares), _CORNERS * half, (kind,))
 
@@ -126,12 +138,17 @@ def _mesh(shape: Shape, meshes: Meshes) -> Solid:
         if not (mesh.is_watertight and mesh.is_winding_consistent):
             try:
                 mesh, of = mesh.convex_hull, f"convex hull of {of}"
-            except (ValueError, RuntimeError) as error:  # of points in a plane; Qhull's error is a RuntimeError
+            except (
+                ValueError,
+                RuntimeError,
+            ) as error:  # of points in a plane; Qhull's error is a RuntimeError
                 raise UrdfError(f"{of} encloses no volume.") from error
         elif mesh.volume < 0.0:  # all faces look inward
             mesh.invert()
         found = mesh.mass_properties
-    return Solid(float(found.volume), np.array(found.center_mass), np.array(found.inertia), corners, (of,))
+    return Solid(
+        float(found.volume), np.array(found.center_mass), np.array(found.inertia), corners, (of,)
+    )
 
 
 def united(solids: Iterable[Solid]) -> Solid:
@@ -139,7 +156,9 @@ def united(solids: Iterable[Solid]) -> Solid:
     parts = list(solids)
     body = RigidBody.union(*map(_body, parts))
     corners = np.concatenate([part.corners for part in parts])
-    return Solid(body.mass, body.centre, body.inertia, corners, sum((part.of for part in parts), ()))
+    return Solid(
+        body.mass, body.centre, body.inertia, corners, sum((part.of for part in parts), ())
+    )
 
 
 def moved(solid: Solid, placement: Array) -> Solid:
@@ -181,7 +200,10 @@ class Estimated(NamedTuple):
         if not self.estimates and not self.failed:
             return ""
         names = ", ".join(f"'{estimate.link}'" for estimate in self.estimates) or "none"
-        reasons = "; ".join(f"'{link}' ({reason.rstrip('.')})" for link, reason in self.failed.items()) or "none"
+        reasons = (
+            "; ".join(f"'{link}' ({reason.rstrip('.')})" for link, reason in self.failed.items())
+            or "none"
+        )
         at = f"at {self.density:g} kg/m³"
         return f"links with an inertia estimated from geometry {at}: {names}; links without one: {reasons}."
 
@@ -194,22 +216,31 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
     """
     rho = positive("estimate_inertias", density, "[kg/m³]")
     if rho > LARGEST_DENSITY:
-        raise InputError(f"estimate_inertias is {density!r}, expected up to {LARGEST_DENSITY:g} kg/m³; steel has 7850.")
+        raise InputError(
+            f"estimate_inertias is {density!r}, expected up to {LARGEST_DENSITY:g} kg/m³; steel has 7850."
+        )
     robot, meshes = parse_urdf(text, comments=True), Meshes(folder)
     estimates, failed = [], {}
     for link in robot.findall("link"):
         name = link.get("name", "")
-        if link.find("inertial") is not None or not (link.findall("collision") or link.findall("visual")):
+        if link.find("inertial") is not None or not (
+            link.findall("collision") or link.findall("visual")
+        ):
             continue
         try:
             role, solid = _measured_link(link, meshes)
         except UrdfError as error:
             failed[name] = str(error)
             continue
-        source, body = f"{role} {' + '.join(solid.of)}", (rho * solid.volume, solid.centre, rho * solid.inertia)
+        source, body = (
+            f"{role} {' + '.join(solid.of)}",
+            (rho * solid.volume, solid.centre, rho * solid.inertia),
+        )
         insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", *body)
         estimates.append(Estimate(name, *body, source))
-    return Estimated(etree.tostring(robot.getroottree(), encoding="unicode"), tuple(estimates), rho, failed)
+    return Estimated(
+        etree.tostring(robot.getroottree(), encoding="unicode"), tuple(estimates), rho, failed
+    )
 
 
 def _measured_link(link: Any, meshes: Meshes) -> tuple[str, Solid]:

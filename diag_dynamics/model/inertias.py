@@ -38,12 +38,16 @@ def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
         try:
             payload = Payload(*given)
         except TypeError as error:
-            raise InputError(f"payloads: '{name}' has {given!r}, expected (mass, com, inertia).") from error
+            raise InputError(
+                f"payloads: '{name}' has {given!r}, expected (mass, com, inertia)."
+            ) from error
         checked[name] = checked_body(payload, "payloads: ", f" on link '{name}'")
     return {name: payload for name, payload in checked.items() if payload.mass > 0.0}
 
 
-def checked_body(body: Payload, before: str, after: str = "", may_be_negative: bool = False) -> Payload:
+def checked_body(
+    body: Payload, before: str, after: str = "", may_be_negative: bool = False
+) -> Payload:
     """Return a body, whose mass may be negative if it is taken off; errors name a part between two texts."""
     mass_name, com_name, inertia_name = (f"{before}{part}{after}" for part in Payload._fields)
     expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"

@@ -8,7 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
-from diag_dynamics.sweeps.spatial import ANGULAR_X, ANGULAR_Y, ANGULAR_Z, LINEAR_X, LINEAR_Y, LINEAR_Z
+from diag_dynamics.sweeps.spatial import (
+    ANGULAR_X,
+    ANGULAR_Y,
+    ANGULAR_Z,
+    LINEAR_X,
+    LINEAR_Y,
+    LINEAR_Z,
+)
 
 
 class JointType(NamedTuple):
@@ -32,7 +39,9 @@ JOINT_TYPES = {
     "planar": JointType(PLANAR, (*_LINEAR[:2], _ANGULAR[2]), ("x", "y", "theta")),
 }
 
-SINGLE = tuple(name for name, kind in JOINT_TYPES.items() if len(kind.freedoms) == 1)  # of one degree of freedom
+SINGLE = tuple(
+    name for name, kind in JOINT_TYPES.items() if len(kind.freedoms) == 1
+)  # of one degree of freedom
 
 
 def single_joints(model):
@@ -59,5 +68,11 @@ def sliding_dofs(model):
 
 def is_angle(model):
     """Return whether each position coordinate is an angle, as an array."""
-    turning = {name for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True) if not slides}
-    return np.array([name.endswith("/theta") or name in turning for name in model.coordinate_names], dtype=bool)
+    turning = {
+        name
+        for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)
+        if not slides
+    }
+    return np.array(
+        [name.endswith("/theta") or name in turning for name in model.coordinate_names], dtype=bool
+    )

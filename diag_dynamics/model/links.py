@@ -16,7 +16,9 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.robot import RobotModel
 from diag_dynamics.sweeps.records import WRENCH
 
-FINGER_LENGTH = 0.25  # maximum length of a finger, as a fraction of the length of the chain that carries it
+FINGER_LENGTH = (
+    0.25  # maximum length of a finger, as a fraction of the length of the chain that carries it
+)
 MIN_MASS = 0.1  # minimum mass of the end-effector link, as a fraction of the mass of all links that are fixed to it
 SAME_PLACE = 1e-6  # distance below which two links have the same origin [m]
 
@@ -43,8 +45,13 @@ def end_effector_link(model: RobotModel) -> str:
         parent = int(bodies["parent"][k])
         children[parent].append(k)
         joints[k] = joints[parent] + is_actuated[k]
-        length[k] = length[parent] + (float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0)
-    all_joints, all_length = joints.copy(), length.copy()  # from the base through a body to the ends of its chains
+        length[k] = length[parent] + (
+            float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0
+        )
+    all_joints, all_length = (
+        joints.copy(),
+        length.copy(),
+    )  # from the base through a body to the ends of its chains
     arm_joints, ends = joints.copy(), list(range(count))  # likewise, without fingers
     for k in reversed(range(count)):
         if not children[k]:
@@ -77,7 +84,9 @@ def _deepest_link(model: RobotModel, body: int) -> str:
 # --- Wrenches
 
 
-def wrenches_on_links(model: RobotModel, f_ext: Any, frame: str, *states: int) -> npt.NDArray[np.void]:
+def wrenches_on_links(
+    model: RobotModel, f_ext: Any, frame: str, *states: int
+) -> npt.NDArray[np.void]:
     """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world".
 
     With a number of states, records follow state by state, and there may be as many rows of numbers.
@@ -98,7 +107,9 @@ def wrenches_on_links(model: RobotModel, f_ext: Any, frame: str, *states: int) -
     return records.reshape(-1)
 
 
-def wrenches_at(model: RobotModel, link: str, wrenches: Array, point: VectorLike, frame: str) -> npt.NDArray[np.void]:
+def wrenches_at(
+    model: RobotModel, link: str, wrenches: Array, point: VectorLike, frame: str
+) -> npt.NDArray[np.void]:
     """Return records of wrenches, shape (number, 6), at a point of one link [m], from its origin and in its axes."""
     choice("frame", frame, ("link", "world"))
     point = numbers("point", point, (3,), "three finite numbers [m]")

@@ -58,7 +58,11 @@ def load_urdf(
     xacro_args: Mapping[str, Any] | None = None,
     estimate_inertias: float | None = None,
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
-    loops: str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None = None,
+    loops: str
+    | os.PathLike[str]
+    | Mapping[str, Any]
+    | Sequence[Loop | Mapping[str, Any]]
+    | None = None,
 ) -> RobotModel:
     """Build a model from a URDF; meshes are read by `estimate_inertias` only.
 
@@ -135,13 +139,22 @@ def load_urdf(
     if found and found.warning:
         warn(f"robot '{robot.name}': {found.warning}", InertiaWarning)
     for link in robot.links:
-        reason = None if link.inertial is None else not_physical(link.inertial.inertia, link.inertial.mass)
+        reason = (
+            None
+            if link.inertial is None
+            else not_physical(link.inertial.inertia, link.inertial.mass)
+        )
         if reason and link.name not in given.lighter_links:
             text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
             warn(text, InertiaWarning)
-    rotors = {name: inertia for name, inertia in rotors.items() if name not in given.flexible_joints}
+    rotors = {
+        name: inertia for name, inertia in rotors.items() if name not in given.flexible_joints
+    }
     robot, flexible = with_flexible_links(robot, read_flexible_links(loops))
-    v_0 = next((v for v in (friction_velocity, given.friction_velocity) if v is not None), FRICTION_VELOCITY)
+    v_0 = next(
+        (v for v in (friction_velocity, given.friction_velocity) if v is not None),
+        FRICTION_VELOCITY,
+    )
     options = Options(
         floating_base=bool(floating_base),
         gravity=g,

@@ -19,12 +19,21 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.loops import Curve, Loop, LoopEnd
 from diag_dynamics.model.origins import floats, numbers_of, placement_of, short
 
-TYPES = {"spherical": "point", "ball": "point", "revolute": "revolute", "continuous": "revolute", "fixed": "weld"}
+TYPES = {
+    "spherical": "point",
+    "ball": "point",
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "fixed": "weld",
+}
 
 # Tags of the link, the frame and the axis at both ends, by element
 ENDS = {
     "loop_joint": (("link1", "link1", "axis"), ("link2", "link2", "axis")),
-    "constraint": (("parent", "parent_origin", "parent_axis"), ("child", "child_origin", "child_axis")),
+    "constraint": (
+        ("parent", "parent_origin", "parent_axis"),
+        ("child", "child_origin", "child_axis"),
+    ),
 }
 
 
@@ -53,10 +62,16 @@ def curves_of(robot: Any) -> dict[str, Curve]:
 
 
 def _loop(element: Any, name: str) -> Loop:
-    shown = f"<{element.tag} name={short(element.get('name'))}>" if element.get("name") else f"<{element.tag}>"
+    shown = (
+        f"<{element.tag} name={short(element.get('name'))}>"
+        if element.get("name")
+        else f"<{element.tag}>"
+    )
     kind = element.get("type")
     if kind not in TYPES:
-        raise UrdfError(f"{shown} is not supported: its type is {kind!r}, expected one of {', '.join(TYPES)}.")
+        raise UrdfError(
+            f"{shown} is not supported: its type is {kind!r}, expected one of {', '.join(TYPES)}."
+        )
     ends, axes = [], []
     for tag, origin, axis in ENDS[element.tag]:
         link, frame, along = element.find(tag), element.find(origin), element.find(axis)
@@ -68,6 +83,9 @@ def _loop(element: Any, name: str) -> Loop:
             raise UrdfError(f"{shown}: <{axis}> has no direction.")
         turn = place[:3, :3] @ rotations.frame_about(axes[-1]) @ rotations.frame_about(axes[0]).T
         ends.append(LoopEnd(link.get("link"), tuple(place[:3, 3].tolist()), rotations.to_rpy(turn)))
-    start = {one.get("joint"): numbers_of(one, "position", 1, shown)[0] for one in element.findall("start")}
+    start = {
+        one.get("joint"): numbers_of(one, "position", 1, shown)[0]
+        for one in element.findall("start")
+    }
     independent = tuple(one.get("joint") for one in element.findall("independent"))
     return Loop(element.get("name", name), *ends, TYPES[kind], tuple(axes[0]), independent, start)

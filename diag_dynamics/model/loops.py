@@ -104,7 +104,9 @@ class Curve(NamedTuple):
         """Return the position at a position of the source."""
         argument = self.argument[0] * x + self.argument[1]
         row = self.pieces[max(0, int(np.searchsorted(self.pieces[:, 0], argument, "right")) - 1)]
-        value: float = self.result[0] * np.polynomial.Polynomial(row[1:])(argument - row[0]) + self.result[1]
+        value: float = (
+            self.result[0] * np.polynomial.Polynomial(row[1:])(argument - row[0]) + self.result[1]
+        )
         return float(value)
 
 
@@ -157,26 +159,46 @@ def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop
     if not isinstance(independent, list | tuple):
         raise InputError(f"{where}: independent is {independent!r}, expected a list of joints.")
     ends = (_end(f"{where}: {key}", given[key]) for key in ("a", "b"))
-    return Loop(str(given.get("name", number_)), *ends, kind, tuple(axis.tolist()), tuple(map(str, independent)), start)
+    return Loop(
+        str(given.get("name", number_)),
+        *ends,
+        kind,
+        tuple(axis.tolist()),
+        tuple(map(str, independent)),
+        start,
+    )
 
 
 def _end(where: str, given: Any) -> LoopEnd:
     if isinstance(given, str):
         return LoopEnd(given)
     given = mapping(where, given, LoopEnd._fields, ["link"])
-    vectors = (numbers(f"{where}: {key}", given.get(key, (0, 0, 0)), (3,), "three numbers") for key in ("xyz", "rpy"))
+    vectors = (
+        numbers(f"{where}: {key}", given.get(key, (0, 0, 0)), (3,), "three numbers")
+        for key in ("xyz", "rpy")
+    )
     return LoopEnd(str(given["link"]), *(tuple(one.tolist()) for one in vectors))
 
 
 def _curve(where: str, given: Any) -> Curve:
     given = mapping(where, given, ("source", "polynomial", "table"), ["source"])
-    source, expected = str(given["source"]), "two rows or more of the source's position, ascending, and the joint's"
+    source, expected = (
+        str(given["source"]),
+        "two rows or more of the source's position, ascending, and the joint's",
+    )
     if ("polynomial" in given) == ("table" in given):
-        raise InputError(f"{where} has {listed(list(map(repr, given)))}, expected source, and polynomial or table.")
+        raise InputError(
+            f"{where} has {listed(list(map(repr, given)))}, expected source, and polynomial or table."
+        )
     if "polynomial" in given:
         values = array_of(given["polynomial"])
-        count, expected = 1 if values is None else max(1, values.size), "coefficients, the constant first"
-        return Curve(source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]]))
+        count, expected = (
+            1 if values is None else max(1, values.size),
+            "coefficients, the constant first",
+        )
+        return Curve(
+            source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]])
+        )
     table = array_of(given["table"])
     is_table = table is not None and table.ndim == 2 and table.shape[1] == 2 and len(table) > 1
     if not is_table or not np.isfinite(table).all() or not (np.diff(table[:, 0]) > 0.0).all():
@@ -247,7 +269,9 @@ def resolve_curves(
     for name, curve in curves.items():
         for joint in (name, curve.source):
             if joint not in joints:
-                raise InputError(f"mimics of '{name}': '{joint}' is not a joint of robot '{robot.name}'.")
+                raise InputError(
+                    f"mimics of '{name}': '{joint}' is not a joint of robot '{robot.name}'."
+                )
             if joints[joint].type not in SINGLE:
                 text = f"mimics of '{name}': joint '{joint}' is {joints[joint].type}, expected one degree of freedom."
                 raise InputError(text)
@@ -259,7 +283,9 @@ def resolve_curves(
             )
         leader, factor, offset = mimics.get(curve.source, Mimic(curve.source, 1.0, 0.0))
         if leader in curves:
-            raise InputError(f"mimics of '{name}': its source '{curve.source}' follows '{leader}', which is in mimics.")
+            raise InputError(
+                f"mimics of '{name}': its source '{curve.source}' follows '{leader}', which is in mimics."
+            )
         if leader in held:
             held[name] = curve(held[curve.source])
             continue
@@ -290,14 +316,21 @@ def close(
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
     cut = _Cut(tree)
-    linear = {name: Curve(one.leader, np.array([[0.0, one.offset, one.multiplier]])) for name, one in mimics.items()}
+    linear = {
+        name: Curve(one.leader, np.array([[0.0, one.offset, one.multiplier]]))
+        for name, one in mimics.items()
+    }
     families = [(cut.members(loop), [loop]) for loop in loops]
-    families += [(cut.between(f, one.source) | {f, one.source}, []) for f, one in (curves | linear).items()]
+    families += [
+        (cut.between(f, one.source) | {f, one.source}, []) for f, one in (curves | linear).items()
+    ]
     for members, own in _merged(families):
         if own and not members:
             cut.reject_open(own)
         elif own:
-            group = Group(members, own, {f: one for f, one in (linear | curves).items() if f in members}, [])
+            group = Group(
+                members, own, {f: one for f, one in (linear | curves).items() if f in members}, []
+            )
             for name in group.equations:
                 for kind in (result.curves, result.mimics, result.followers):
                     kind.pop(name, None)
@@ -322,9 +355,13 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
     names = [name for name in cut.names if name in group.joints]
     title = f"{'loop' if len(group.loops) == 1 else 'loops'} {listed([repr(loop.name) for loop in group.loops])}"
     if several := group.joints - set(names):
-        raise LoopError(f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one.")
+        raise LoopError(
+            f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one."
+        )
     if modal := group.joints & result.flexible.joints:
-        raise LoopError(f"{title}: joint '{min(modal)}' in it is of a flexible link, expected rigid links.")
+        raise LoopError(
+            f"{title}: joint '{min(modal)}' in it is of a flexible link, expected rigid links."
+        )
     given = {name for loop in group.loops for name in loop.independent} - cut.tree.locked.keys()
     if foreign := given - group.joints:
         text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
@@ -337,7 +374,9 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
             break
     else:
         cut.reject_open(group.loops, start)
-        raise LoopError(f"{title} cannot be closed from the start values, {gap:.3g} remains. Give other ones.")
+        raise LoopError(
+            f"{title} cannot be closed from the start values, {gap:.3g} remains. Give other ones."
+        )
     values, basis = np.linalg.svd(J)[1:]
     rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum())
     free = len(names) - rank
@@ -364,10 +403,16 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
 def _ratio(J: Array, names: list[str], followers: list[str]) -> float:
     """Return the least singular value of the followers' columns by the largest of all."""
     columns = J[:, [names.index(name) for name in followers]]
-    return float(np.linalg.svd(columns, compute_uv=False)[-1] / np.linalg.norm(J, 2)) if followers else 1.0
+    return (
+        float(np.linalg.svd(columns, compute_uv=False)[-1] / np.linalg.norm(J, 2))
+        if followers
+        else 1.0
+    )
 
 
-def _independent(poses: list[Array], names: list[str], free: int, given: set[str], driven: Set[str]) -> list[str]:
+def _independent(
+    poses: list[Array], names: list[str], free: int, given: set[str], driven: Set[str]
+) -> list[str]:
     """Return the independent joints: given ones, else the most driven ones, far from singular in all poses."""
     options: Iterable[tuple[str, ...]] = [tuple(name for name in names if name in given)]
     if not given:
@@ -380,7 +425,11 @@ def _independent(poses: list[Array], names: list[str], free: int, given: set[str
     def quality(independent: tuple[str, ...]) -> tuple[bool, int, float]:
         followers = [name for name in names if name not in independent]
         ratios = [_ratio(J, names, followers) for J in poses]
-        return ratios[0] > couplings.NEARLY_SINGULAR, len(driven.intersection(independent)), min(ratios)
+        return (
+            ratios[0] > couplings.NEARLY_SINGULAR,
+            len(driven.intersection(independent)),
+            min(ratios),
+        )
 
     return list(max(options, key=quality))
 
@@ -432,8 +481,14 @@ class _Cut:
                 text = f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that moves."
                 raise LoopError(text)
         for name, x in loop.start.items():
-            if name in self._q and self.tree.moving[name].kind != "prismatic" and abs(x) > 2.0 * np.pi:
-                raise LoopError(f"loop '{loop.name}': start of '{name}' is {x:g}, expected radians within ±2π.")
+            if (
+                name in self._q
+                and self.tree.moving[name].kind != "prismatic"
+                and abs(x) > 2.0 * np.pi
+            ):
+                raise LoopError(
+                    f"loop '{loop.name}': start of '{name}' is {x:g}, expected radians within ±2π."
+                )
         return self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
 
     def reject_open(self, loops: Sequence[Loop], q: Array | None = None) -> None:
@@ -445,7 +500,9 @@ class _Cut:
             if max(gap, turn) > GAP:
                 text = f"loop '{loop.name}' cannot be closed from the start values: "
                 text += (
-                    f"the ends stay {gap:.3g} m apart" if gap > GAP else f"the axes of the ends differ by {turn:.3g}"
+                    f"the ends stay {gap:.3g} m apart"
+                    if gap > GAP
+                    else f"the axes of the ends differ by {turn:.3g}"
                 )
                 raise LoopError(f"{text}. Give other ones, or correct the ends.")
 
@@ -490,7 +547,10 @@ class _Cut:
         phi, J = [], []
         for loop in group.loops:
             for a, b in loop.points:
-                (at_a, J_a), (at_b, J_b) = self._point(q, loop.a.link, a), self._point(q, loop.b.link, b)
+                (at_a, J_a), (at_b, J_b) = (
+                    self._point(q, loop.a.link, a),
+                    self._point(q, loop.b.link, b),
+                )
                 phi.append(at_a - at_b)
                 J.append(J_a - J_b)
         for name, curve in group.equations.items():
@@ -519,7 +579,9 @@ class _Cut:
             q[self._columns(names)] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
         return J, gap
 
-    def closures(self, q: Array, names: list[str], group: Group, threshold: float) -> tuple[list[Any], float]:
+    def closures(
+        self, q: Array, names: list[str], group: Group, threshold: float
+    ) -> tuple[list[Any], float]:
         """Return the closures of a group, only directions in which the points of a pair can part, and the largest gap there.
 
         Positions beside the loop show them: no joint of a planar loop moves a point out of its plane.
@@ -545,7 +607,9 @@ class _Cut:
             U, values, V = np.linalg.svd(rows - rows @ known.T @ known, full_matrices=False)
             apart = values > threshold * np.linalg.norm(M)
             known = np.vstack([known, V[apart]])
-            of = [name if (name := self._of_body[body]) in group.joints else None for body, _ in ends]
+            of = [
+                name if (name := self._of_body[body]) in group.joints else None for body, _ in ends
+            ]
             found += [(*of, ends[0][1], ends[1][1], d) for d in U.T[apart]]
             largest = max(largest, *np.abs(U.T[apart] @ gap), 0.0)
         return found, largest
@@ -562,21 +626,40 @@ def coupling_tables(tree: Any, coupled: Coupled | None) -> couplings.CouplingTab
     loops, joints, closures, curves, pieces, start = [], [], [], [], [], []
 
     def add_curve(curve: Curve, loop: int, *ends: int) -> None:
-        curves.append((loop, *ends, len(pieces), len(pieces) + len(curve.pieces), curve.argument, curve.result))
+        curves.append(
+            (
+                loop,
+                *ends,
+                len(pieces),
+                len(pieces) + len(curve.pieces),
+                curve.argument,
+                curve.result,
+            )
+        )
         pieces.extend(curve.pieces)
 
     for number_, group in enumerate(coupled.groups):
         names = sorted(group.joints, key=first_body.__getitem__)
         place = {name: len(joints) + k for k, name in enumerate(names)} | {None: -1}
-        of_body = {body: name if name in group.joints else None for name, body in tree.last_body.items()}
+        of_body = {
+            body: name if name in group.joints else None for name, body in tree.last_body.items()
+        }
         followers = [name for name in names if name in coupled.followers]
         order = [*followers, *coupled.followers[followers[0]]]
         span = len(closures), len(closures) + len(group.closures)
         loops.append(
-            (len(joints), len(joints) + len(names), len(followers), *span, span[1] - span[0] + len(group.equations))
+            (
+                len(joints),
+                len(joints) + len(names),
+                len(followers),
+                *span,
+                span[1] - span[0] + len(group.equations),
+            )
         )
         for name, ordered in zip(names, order, strict=True):
-            joints.append((first_body[name], place[of_body[tree.parent(first_body[name])]], place[ordered]))
+            joints.append(
+                (first_body[name], place[of_body[tree.parent(first_body[name])]], place[ordered])
+            )
             start.append(coupled.start[name])
         closures += [(place[a], place[b], *points) for a, b, *points in group.closures]
         for name, curve in group.equations.items():
@@ -584,7 +667,9 @@ def coupling_tables(tree: Any, coupled: Coupled | None) -> couplings.CouplingTab
     for name, curve in coupled.curves.items():
         add_curve(curve, -1, first_body[name], first_body[curve.source])
     width = max((len(row) for row in pieces), default=2)
-    table = np.array([[*row, *[0.0] * (width - len(row))] for row in pieces]).reshape(len(pieces), width)
+    table = np.array([[*row, *[0.0] * (width - len(row))] for row in pieces]).reshape(
+        len(pieces), width
+    )
     records = zip(
         (loops, joints, closures, curves),
         (couplings.LOOP, couplings.JOINT, couplings.CLOSURE, couplings.CURVE),

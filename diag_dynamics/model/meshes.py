@@ -18,7 +18,9 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.sources import GIT_LFS
 
 _PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")  # some exporters write a third slash
-_REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")  # scheme of a URL; one letter, as in C:, is a drive
+_REMOTE = re.compile(
+    r"[A-Za-z][A-Za-z0-9+.-]+:"
+)  # scheme of a URL; one letter, as in C:, is a drive
 
 
 def find_mesh(name: str, folder: Path | None) -> Path:
@@ -35,7 +37,11 @@ def find_mesh(name: str, folder: Path | None) -> Path:
     else:
         path = Path(os.path.expanduser(re.sub(r"^file:(//)?", "", name.strip())))
         places = [path] if path.is_absolute() else [folder / path] if folder else []
-        where = "no such file" if places else "a relative path, and the URDF has no folder that it could begin from"
+        where = (
+            "no such file"
+            if places
+            else "a relative path, and the URDF has no folder that it could begin from"
+        )
     for place in places:
         if place.is_file():
             return place
@@ -73,13 +79,17 @@ def _read(name: str, path: Path) -> Any:
     try:
         trimesh = import_module("trimesh")
     except ImportError as error:
-        raise InputError(f"mesh '{name}' needs trimesh to be read: pip install 'trimesh[easy]'.") from error
+        raise InputError(
+            f"mesh '{name}' needs trimesh to be read: pip install 'trimesh[easy]'."
+        ) from error
     with suppress(OSError), path.open("rb") as file:
         if file.read(len(GIT_LFS)) == GIT_LFS:
             raise UrdfError(f"mesh '{name}' is a pointer of Git LFS. Run git lfs pull.")
     try:
         scene = trimesh.load_scene(path)
-        metres = re.fullmatch(r"([\d.eE+-]+) \* meters", str(scene.units))  # of a COLLADA file that has another unit
+        metres = re.fullmatch(
+            r"([\d.eE+-]+) \* meters", str(scene.units)
+        )  # of a COLLADA file that has another unit
         mesh = scene.to_mesh()
         if metres:
             mesh.apply_scale(float(metres[1]))

@@ -31,7 +31,9 @@ class Mimic(NamedTuple):
     offset: float
 
 
-def resolve_mimics(robot: Any, mode: str, locked: Mapping[str, float]) -> tuple[dict[str, Mimic], dict[str, float]]:
+def resolve_mimics(
+    robot: Any, mode: str, locked: Mapping[str, float]
+) -> tuple[dict[str, Mimic], dict[str, float]]:
     """Return :class:`Mimic` by mimic joint, and the positions of all locked joints.
 
     Locked are `locked` and mimic joints that stand still, all of them if `mode` is "lock".
@@ -58,7 +60,9 @@ def _follows(joint: Any, locked: Mapping[str, float]) -> bool:
     return joint.mimic is not None and joint.name not in locked and joint.type != "fixed"
 
 
-def _end_of_chain(joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], known: dict[str, Mimic]) -> Mimic:
+def _end_of_chain(
+    joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], known: dict[str, Mimic]
+) -> Mimic:
     """Return the coupling of a joint to the end of its chain of mimics; `known` has those that were found before."""
     chain = {joint.name: joint}
     while joint.name not in known and _follows(joint, locked):
@@ -121,7 +125,9 @@ def coupled_groups(
     return groups
 
 
-def _joints_between(family: list[str], depth: Mapping[str | None, int], carriers: Mapping[str, str | None]) -> set[str]:
+def _joints_between(
+    family: list[str], depth: Mapping[str | None, int], carriers: Mapping[str, str | None]
+) -> set[str]:
     """Return the joints of a family, and all joints between them and the lowest joint that carries all of them."""
     found: set[str | None] = {family[0]}
     carrier = carriers[family[0]]  # of all joints that were found
@@ -158,11 +164,17 @@ class Followers:
         continuous: Container[str] = (),
         motion: Any = None,
     ) -> None:
-        self.names, self.tolerance, self.motion = tuple(motion.names if motion else mimics), tolerance, motion
+        self.names, self.tolerance, self.motion = (
+            tuple(motion.names if motion else mimics),
+            tolerance,
+            motion,
+        )
         joints = tuple(joints)
         self._sources = {name: (mimic.leader,) for name, mimic in mimics.items()}
         self._sources |= dict(motion.model.followers) if motion else {}
-        self.leaders = np.array(places([mimic.leader for mimic in mimics.values()], joints), dtype=int)
+        self.leaders = np.array(
+            places([mimic.leader for mimic in mimics.values()], joints), dtype=int
+        )
         self.turns = np.array([name in continuous for name in self.names], dtype=bool)
         self.multipliers = np.array([mimic.multiplier for mimic in mimics.values()], float)
         self.offsets = np.array([mimic.offset for mimic in mimics.values()], float)
@@ -194,7 +206,11 @@ class Followers:
         expected, _ = self.at(position)
         distance = np.abs(np.where(np.isfinite(own), own, np.nan) - expected)
         distance = np.where(self.turns, np.abs(wrap_angle(distance)), distance)
-        return [self.disagreement(k, own[k], expected[k]) for k, far in enumerate(distance > self.tolerance) if far]
+        return [
+            self.disagreement(k, own[k], expected[k])
+            for k, far in enumerate(distance > self.tolerance)
+            if far
+        ]
 
     def disagreement(self, k: int, own: float, expected: float) -> str:
         """Text on follower k, whose position is not the expected one."""

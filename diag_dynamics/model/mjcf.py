@@ -21,10 +21,17 @@ from diag_dynamics.model.parameters import numbers_text, read_parameters, set_in
 from diag_dynamics.model.remarks import warn
 from diag_dynamics.model.robot import RobotModel
 
-OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias")  # of load_urdf, which an MJCF has itself
+OPTIONS = (
+    "gravity",
+    "floating_base",
+    "armature",
+    "estimate_inertias",
+)  # of load_urdf, which an MJCF has itself
 
 # MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on the version
-FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(("equality", "frictionloss", "limit"), "CONSTRAINT")
+FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(
+    ("equality", "frictionloss", "limit"), "CONSTRAINT"
+)
 
 
 class Described(NamedTuple):
@@ -64,7 +71,9 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """
     for name in OPTIONS:
         if name in options:
-            raise InputError(f"{name} is what the MJCF says; change the file, or use with_gravity of the model.")
+            raise InputError(
+                f"{name} is what the MJCF says; change the file, or use with_gravity of the model."
+            )
     return loaded(read_mjcf(source), **options)
 
 
@@ -87,11 +96,20 @@ def loaded(described: Described, **options: Any) -> RobotModel:
 def is_mjcf(source: object) -> bool:
     """Whether this is the path of a file whose root element is <mujoco>."""
     try:
-        if not isinstance(source, (str, os.PathLike)) or not os.path.isfile(path := os.path.expanduser(source)):
+        if not isinstance(source, (str, os.PathLike)) or not os.path.isfile(
+            path := os.path.expanduser(source)
+        ):
             return False
-        begin = etree.iterparse(path, ("start",), resolve_entities=False, no_network=True, load_dtd=False)
+        begin = etree.iterparse(
+            path, ("start",), resolve_entities=False, no_network=True, load_dtd=False
+        )
         return next(begin)[1].tag == "mujoco"
-    except (OSError, ValueError, StopIteration, etree.XMLSyntaxError):  # a name with a NUL, no permission
+    except (
+        OSError,
+        ValueError,
+        StopIteration,
+        etree.XMLSyntaxError,
+    ):  # a name with a NUL, no permission
         return False
 
 
@@ -120,27 +138,41 @@ class _Compiled:
         self.single = [j for j in self.joints if self.joint_kinds[j] in ("hinge", "slide")]
         # nu counts controls since these may be several of one actuator.
         self.actuators = range(getattr(m, "nactuator", m.nu))
-        at_joint = [kind in ("joint", "jointinparent") for kind in self.kinds("mjtTrn", "actuator_trntype")]
+        at_joint = [
+            kind in ("joint", "jointinparent") for kind in self.kinds("mjtTrn", "actuator_trntype")
+        ]
         ends = {a: int(m.actuator_trnid[a, 0]) for a in self.actuators if at_joint[a]}
-        self.actuated = {a: j for a, j in ends.items() if j in self.single}  # the hinge or slide of an actuator
+        self.actuated = {
+            a: j for a, j in ends.items() if j in self.single
+        }  # the hinge or slide of an actuator
         self.equality_kinds = self.kinds("mjtEq", "eq_type")
-        self.equalities = [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
-        self.limited = np.zeros(m.njnt, bool) if self.is_disabled("limit") else m.jnt_limited.astype(bool)
+        self.equalities = (
+            [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
+        )
+        self.limited = (
+            np.zeros(m.njnt, bool) if self.is_disabled("limit") else m.jnt_limited.astype(bool)
+        )
         self.friction = np.zeros(m.nv) if self.is_disabled("frictionloss") else m.dof_frictionloss
-        self.damping = np.zeros(m.nv) if self.is_disabled("damper") else self._with_actuators("damping")
+        self.damping = (
+            np.zeros(m.nv) if self.is_disabled("damper") else self._with_actuators("damping")
+        )
         self.armature = self._with_actuators("armature")
 
     def _with_actuators(self, name):
         """Return damping or armature by degree of freedom, with that of actuators, which MuJoCo adds at run time."""
         m, values = self.m, getattr(self.m, f"dof_{name}").copy()
         for a in self.nonzero(self.actuated, f"actuator_{name}"):
-            values[m.jnt_dofadr[self.actuated[a]]] += getattr(m, f"actuator_{name}")[a] * self.gear(a) ** 2
+            values[m.jnt_dofadr[self.actuated[a]]] += (
+                getattr(m, f"actuator_{name}")[a] * self.gear(a) ** 2
+            )
         return values
 
     def kinds(self, enum, attribute):
         """Return the kind of each object, named as by an enumeration of MuJoCo: "hinge" of mjtJoint's mjJNT_HINGE."""
         kind = getattr(self.mujoco, enum)
-        return [kind(int(value)).name.partition("_")[2].lower() for value in getattr(self.m, attribute)]
+        return [
+            kind(int(value)).name.partition("_")[2].lower() for value in getattr(self.m, attribute)
+        ]
 
     def is_disabled(self, thing):
         flags = (thing.upper(), FLAGS.get(thing, ""))
@@ -149,13 +181,18 @@ class _Compiled:
 
     def name(self, kind, k):
         """Return the name of an object, made of its number if the file gives none."""
-        return self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), k) or f"{kind}{k}"
+        return (
+            self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), k)
+            or f"{kind}{k}"
+        )
 
     def nonzero(self, which, *attributes):
         """Return those of some objects that have one of these attributes other than zero."""
         values = {name: getattr(self.m, name) for name in attributes if hasattr(self.m, name)}
         # The degrees of freedom of a joint have the same numbers.
-        by_object = [x[self.m.jnt_dofadr] if name.startswith("dof_") else x for name, x in values.items()]
+        by_object = [
+            x[self.m.jnt_dofadr] if name.startswith("dof_") else x for name, x in values.items()
+        ]
         return [k for k in which if any(np.any(x[k]) for x in by_object)]
 
     def moves(self, b):
@@ -164,7 +201,9 @@ class _Compiled:
     def is_marker(self, b):
         """Return whether a body is a mocap body, or on one, that carries no joint."""
         root = self.m.body_rootid[b]
-        return self.m.body_mocapid[root] >= 0 and not np.any(self.m.body_dofnum[self.m.body_rootid == root])
+        return self.m.body_mocapid[root] >= 0 and not np.any(
+            self.m.body_dofnum[self.m.body_rootid == root]
+        )
 
     def reference(self, j):
         """Return the position of a hinge or slide at which its body is where the file has it [rad, m]."""
@@ -184,7 +223,9 @@ class _Compiled:
         """Return body, position and rotation in it of both frames of a connect or weld."""
         m, of = self.m, (int(self.m.eq_obj1id[e]), int(self.m.eq_obj2id[e]))
         if hasattr(m, "eq_objtype") and m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
-            return [(int(m.site_bodyid[s]), m.site_pos[s], self.rotation(m.site_quat[s])) for s in of]
+            return [
+                (int(m.site_bodyid[s]), m.site_pos[s], self.rotation(m.site_quat[s])) for s in of
+            ]
         first, second, turn = m.eq_data[e, :3], m.eq_data[e, 3:6], np.eye(3)
         if self.equality_kinds[e] == "weld":
             first, second, turn = second, first, self.rotation(m.eq_data[e, 6:10])
@@ -221,11 +262,17 @@ def _reject_unsupported(c):
     for kind, which, reason in (
         ("joint", [j for j in c.joints if c.joint_kinds[j] == "ball"], "is a ball joint"),
         ("joint", c.nonzero(c.free, "dof_armature"), "is free and has armature"),
-        ("actuator", c.nonzero(elsewhere, "actuator_armature"), "has armature, but is not at a hinge or slide"),
+        (
+            "actuator",
+            c.nonzero(elsewhere, "actuator_armature"),
+            "has armature, but is not at a hinge or slide",
+        ),
         ("tendon", c.nonzero(c.tendons, "tendon_armature"), "has armature"),
     ):
         if which:
-            raise UnsupportedError(f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported.")
+            raise UnsupportedError(
+                f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported."
+            )
     coupled = set()
     for e in c.equalities:
         kind, joint = c.equality_kinds[e], int(c.m.eq_obj1id[e])
@@ -281,11 +328,16 @@ def _effort_limits(c):
     sums = {}
     for a, j in c.actuated.items():
         group = int(c.m.actuator_group[a])
-        if not (c.is_disabled("actuation") or (0 <= group <= 30 and c.m.opt.disableactuator >> group & 1)):
+        if not (
+            c.is_disabled("actuation")
+            or (0 <= group <= 30 and c.m.opt.disableactuator >> group & 1)
+        ):
             gear = abs(c.gear(a))
             sums[j] = sums.get(j, 0.0) + (gear * _largest_force(c, a) if gear else 0.0)
     limits = np.array([sums.get(j, np.inf) for j in c.joints])
-    own = np.where(c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf)
+    own = np.where(
+        c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf
+    )
     return np.minimum(limits, own)
 
 
@@ -293,16 +345,23 @@ def _largest_force(c, a):
     m = c.m
     force = float(np.abs(m.actuator_forcerange[a]).max()) if m.actuator_forcelimited[a] else np.inf
     control = m.actuator_ctrladr[a] if hasattr(m, "actuator_ctrladr") else a
-    kinds = [c.kinds(f"mjt{part}", f"actuator_{part.lower()}type")[a] for part in ("Gain", "Bias", "Dyn")]
+    kinds = [
+        c.kinds(f"mjt{part}", f"actuator_{part.lower()}type")[a] for part in ("Gain", "Bias", "Dyn")
+    ]
     is_motor = kinds == ["fixed", "none", "none"] and m.actuator_plugin[a] < 0
     if is_motor and m.actuator_ctrllimited[control] and not c.is_disabled("clampctrl"):
-        force = min(force, float(np.abs(m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]).max()))
+        force = min(
+            force, float(np.abs(m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]).max())
+        )
     return force
 
 
 def _add(parent, tag, **attributes):
     """Add an element; numbers keep their bits."""
-    texts = {name: x if isinstance(x, str) else numbers_text(np.atleast_1d(x)) for name, x in attributes.items()}
+    texts = {
+        name: x if isinstance(x, str) else numbers_text(np.atleast_1d(x))
+        for name, x in attributes.items()
+    }
     return etree.SubElement(parent, tag, texts)
 
 
@@ -312,8 +371,12 @@ class _Writer:
     def __init__(self, c, floating):
         self._c, self._m, self._floating = c, c.m, floating
         self._effort = _effort_limits(c)
-        self._equality = {int(c.m.eq_obj1id[e]): e for e in c.equalities if c.equality_kinds[e] == "joint"}
-        self.robot = etree.Element("robot", name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf")
+        self._equality = {
+            int(c.m.eq_obj1id[e]): e for e in c.equalities if c.equality_kinds[e] == "joint"
+        }
+        self.robot = etree.Element(
+            "robot", name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf"
+        )
         if not floating:
             _add(self.robot, "link", name="world")
         for b in c.bodies:
@@ -346,7 +409,9 @@ class _Writer:
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
         if any(j in c.free for j in joints):
             if not self._floating:
-                self._add_joint(c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3))
+                self._add_joint(
+                    c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3)
+                )
             return
         # Each joint turns or shifts all that follows about its anchor; links between joints of one body have no inertia.
         place, turn, anchor = m.body_pos[b], c.rotation(m.body_quat[b]), np.zeros(3)
@@ -384,7 +449,9 @@ class _Writer:
             e = self._equality[j]
             source, multiplier = int(m.eq_obj2id[e]), float(m.eq_data[e, 1])
             offset = float(m.eq_data[e, 0]) + c.reference(j) - multiplier * c.reference(source)
-            mimic = _add(joint, "mimic", joint=c.name("joint", source), multiplier=multiplier, offset=offset)
+            mimic = _add(
+                joint, "mimic", joint=c.name("joint", source), multiplier=multiplier, offset=offset
+            )
             if np.any(m.eq_data[e, 2:5]):
                 distance = np.polynomial.Polynomial([-c.reference(source), 1.0])
                 curve = np.polynomial.Polynomial(m.eq_data[e, :5])(distance) + c.reference(j)

@@ -22,8 +22,12 @@ from diag_dynamics.model.parameters import Coupling, FlexibleJoint
 from diag_dynamics.model.tree import Tree
 
 MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
-FRICTION_VELOCITY = 5e-3  # default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second
-LARGEST_GRAVITY = 1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
+FRICTION_VELOCITY = (
+    5e-3  # default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second
+)
+LARGEST_GRAVITY = (
+    1000.0  # largest component of gravity accepted [m/s²]: a value in mm/s² is beyond it
+)
 
 
 class Options(NamedTuple):
@@ -60,7 +64,9 @@ def motor_rates(couplings: Mapping[str, Coupling], names: tuple[str, ...]) -> Ar
     for row, (motor, coupling) in zip(found, couplings.items(), strict=True):
         for joint, ratio in coupling.joints.items():
             if joint not in names:
-                raise InputError(f"parameters: coupling '{motor}' names '{joint}', expected one of {', '.join(names)}.")
+                raise InputError(
+                    f"parameters: coupling '{motor}' names '{joint}', expected one of {', '.join(names)}."
+                )
             row[names.index(joint)] = ratio
     return found
 
@@ -86,7 +92,9 @@ def checked_armature(value: object, robot: Any) -> dict[str, float]:
         one = number("armature", value, "a finite number >= 0, or such by joint name")
         value = {joint.name: one for joint in robot.joints if joint.type in SINGLE}
     expected = "a finite number >= 0 [kg m², kg]"
-    return _by_joint("armature", {} if value is None else value, robot, expected, lambda x: 0.0 <= x <= LARGEST)
+    return _by_joint(
+        "armature", {} if value is None else value, robot, expected, lambda x: 0.0 <= x <= LARGEST
+    )
 
 
 def checked_locked(value: object, robot: Any) -> dict[str, float]:
@@ -95,14 +103,18 @@ def checked_locked(value: object, robot: Any) -> dict[str, float]:
     return _by_joint("locked_joints", value, robot, expected, lambda x: abs(x) <= LARGEST)
 
 
-def _by_joint(name: str, value: object, robot: Any, expected: str, valid: Callable[[float], bool]) -> dict[str, float]:
+def _by_joint(
+    name: str, value: object, robot: Any, expected: str, valid: Callable[[float], bool]
+) -> dict[str, float]:
     """Return a number by name of joints of one degree of freedom."""
     types, found = {joint.name: joint.type for joint in robot.joints}, {}
     for joint, x in mapping(name, value).items():
         if joint not in types:
             raise InputError(f"{name}: {joint!r} is not a joint of robot '{robot.name}'.")
         if types[joint] not in SINGLE:
-            raise InputError(f"{name}: joint '{joint}' is {types[joint]}, expected one degree of freedom.")
+            raise InputError(
+                f"{name}: joint '{joint}' is {types[joint]}, expected one degree of freedom."
+            )
         found[joint] = number(f"{name} of joint '{joint}'", x, expected, valid)
     return found
 

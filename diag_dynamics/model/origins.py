@@ -20,14 +20,20 @@ LARGEST = 1e30  # largest number accepted, of whatever unit: products of a few m
 def floats(text: str | None, count: int, may_be_infinite: bool = False) -> list[float] | None:
     """Return the numbers of a text, None if these are not `count` finite ones."""
     try:
-        numbers = [float(part) for part in (text or "").split() if part.isascii() and "_" not in part]
+        numbers = [
+            float(part) for part in (text or "").split() if part.isascii() and "_" not in part
+        ]
     except ValueError:
         return None
-    valid = all(not math.isnan(number) and (may_be_infinite or math.isfinite(number)) for number in numbers)
+    valid = all(
+        not math.isnan(number) and (may_be_infinite or math.isfinite(number)) for number in numbers
+    )
     return numbers if len(numbers) == count and valid else None
 
 
-def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False) -> list[float]:
+def numbers_of(
+    element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False
+) -> list[float]:
     """Return the numbers of an attribute of an element, within ±:data:`LARGEST`; `where` is for errors."""
     if (text := element.get(attribute)) is None:
         raise UrdfError(f"{where}: <{element.tag}> has no {attribute}.")
@@ -36,7 +42,9 @@ def numbers_of(element: Any, attribute: str, count: int, where: str, may_be_infi
         raise UrdfError(f"{shown} is unexpanded xacro. Run xacro on it first.")
     numbers = floats(text, count, may_be_infinite)
     if numbers is None:
-        raise UrdfError(f"{shown} is not {f'{count} finite numbers' if count > 1 else 'a finite number'}.")
+        raise UrdfError(
+            f"{shown} is not {f'{count} finite numbers' if count > 1 else 'a finite number'}."
+        )
     if not may_be_infinite and any(abs(number) > LARGEST for number in numbers):
         raise UrdfError(f"{shown} is beyond {LARGEST:g}.")
     return numbers
@@ -61,7 +69,9 @@ def placement_of(element: Any, where: str) -> Array:
         if element.get(name) is not None
     }
     if "rpy" in given and "quat_xyzw" in given:
-        raise UrdfError(f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. Remove the other.")
+        raise UrdfError(
+            f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. Remove the other."
+        )
     placement, turn = np.eye(4), np.eye(4)
     placement[:3, 3] = given.get("xyz", (0.0, 0.0, 0.0))
     if "rpy" in given:
@@ -71,5 +81,7 @@ def placement_of(element: Any, where: str) -> Array:
         if largest == 0.0:
             shown = f"{where}: <{element.tag} quat_xyzw={short(element.get('quat_xyzw'))}>"
             raise UrdfError(f"{shown} is no rotation; expected a quaternion x y z w of length 1.")
-        turn[:3, :3] = rotations.from_quaternion(*(number / largest for number in given["quat_xyzw"]))
+        turn[:3, :3] = rotations.from_quaternion(
+            *(number / largest for number in given["quat_xyzw"])
+        )
     return placement @ turn

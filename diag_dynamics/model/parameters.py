@@ -154,7 +154,9 @@ class Parameters:
 
     def by_joint(self, name: str) -> dict[str, float]:
         """Return one number of :class:`JointParameters` by joint, of those that have it."""
-        return {joint: entry.known[name] for joint, entry in self.joints.items() if name in entry.known}
+        return {
+            joint: entry.known[name] for joint, entry in self.joints.items() if name in entry.known
+        }
 
     def with_effort_scale(self, scale: Mapping[str, float]) -> Parameters:
         """Return these parameters with another effort by reported unit, by joint; NaN if it is unknown."""
@@ -186,14 +188,26 @@ class Parameters:
         if velocity is not None:
             velocity = not_negative("friction_velocity", velocity, "[rad/s, m/s]")
         return cls(
-            {str(name): _joint(entry, f"{source}: joint '{name}'") for name, entry in joints.items()},
-            {str(name): _body(entry, f"{source}: link '{name}'", False) for name, entry in links.items()},
-            {str(name): _body(entry, f"{source}: payload '{name}'", True) for name, entry in payloads.items()},
+            {
+                str(name): _joint(entry, f"{source}: joint '{name}'")
+                for name, entry in joints.items()
+            },
+            {
+                str(name): _body(entry, f"{source}: link '{name}'", False)
+                for name, entry in links.items()
+            },
+            {
+                str(name): _body(entry, f"{source}: payload '{name}'", True)
+                for name, entry in payloads.items()
+            },
             {str(name): _coupling(entry, str(name), source) for name, entry in couplings.items()},
             of_motors,
             velocity,
             origin,
-            {str(name): _flexible(entry, f"{source}: flexible joint '{name}'") for name, entry in flexible.items()},
+            {
+                str(name): _flexible(entry, f"{source}: flexible joint '{name}'")
+                for name, entry in flexible.items()
+            },
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -203,7 +217,10 @@ class Parameters:
             "joints": {name: entry.known for name, entry in self.joints.items()},
             "links": {name: _plain(body) for name, body in self.links.items()},
             "payloads": {name: _plain(body) for name, body in self.payloads.items()},
-            "couplings": {name: one._asdict() | {"joints": dict(one.joints)} for name, one in self.couplings.items()},
+            "couplings": {
+                name: one._asdict() | {"joints": dict(one.joints)}
+                for name, one in self.couplings.items()
+            },
             "motor_efforts": self.motor_efforts or None,
             "friction_velocity": None if velocity is None else float(velocity),
             "flexible_joints": {name: one._asdict() for name, one in self.flexible_joints.items()},
@@ -220,25 +237,45 @@ class Parameters:
         joints = dict(self.joints)
         for name, entry in later.joints.items():
             joints[name] = joints.get(name, JointParameters())._replace(**entry.known)
-        payloads = {link: payload for link, payload in self.payloads.items() if link not in later.links}
+        payloads = {
+            link: payload for link, payload in self.payloads.items() if link not in later.links
+        }
         for link, payload in later.payloads.items():
-            payloads[link] = _union(_rigid(payloads[link]), payload, link) if link in payloads else payload
-        velocity = self.friction_velocity if later.friction_velocity is None else later.friction_velocity
-        couplings, of_motors = {**self.couplings, **later.couplings}, self.motor_efforts or later.motor_efforts
-        links, flexible = {**self.links, **later.links}, {**self.flexible_joints, **later.flexible_joints}
-        return Parameters(joints, links, payloads, couplings, of_motors, velocity, later.origin, flexible)
+            payloads[link] = (
+                _union(_rigid(payloads[link]), payload, link) if link in payloads else payload
+            )
+        velocity = (
+            self.friction_velocity if later.friction_velocity is None else later.friction_velocity
+        )
+        couplings, of_motors = (
+            {**self.couplings, **later.couplings},
+            self.motor_efforts or later.motor_efforts,
+        )
+        links, flexible = (
+            {**self.links, **later.links},
+            {**self.flexible_joints, **later.flexible_joints},
+        )
+        return Parameters(
+            joints, links, payloads, couplings, of_motors, velocity, later.origin, flexible
+        )
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them into a YAML file; numbers come back with the same bits."""
         try:
             Path(path).write_text(_HEAD + yaml_text(self.to_dict()), encoding="utf-8")
         except OSError as error:
-            raise InputError(f"Cannot write the file of parameters '{path}': {error.strerror or error}.") from error
+            raise InputError(
+                f"Cannot write the file of parameters '{path}': {error.strerror or error}."
+            ) from error
 
 
 def read_parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:
     """Return parameters given as the path of a file, as themselves or as a dict."""
-    return Parameters.load(given) if isinstance(given, (str, os.PathLike)) else Parameters.from_dict(given)
+    return (
+        Parameters.load(given)
+        if isinstance(given, (str, os.PathLike))
+        else Parameters.from_dict(given)
+    )
 
 
 def _joint(entry: object, source: str) -> JointParameters:
@@ -250,7 +287,11 @@ def _joint(entry: object, source: str) -> JointParameters:
         if key == "effort_scale":
             expected = f"a number other than 0 {_UNITS[key]}, .nan if it is unknown"
         is_unknown = key == "effort_scale" and isinstance(value, float) and np.isnan(value)
-        x = np.nan if is_unknown else float(numbers(f"{source}: {key}", value, (), expected, LARGEST))
+        x = (
+            np.nan
+            if is_unknown
+            else float(numbers(f"{source}: {key}", value, (), expected, LARGEST))
+        )
         if (x < 0.0 and key not in SIGNED) or (x == 0.0 and key == "effort_scale"):
             raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
         checked[key] = x
@@ -275,9 +316,14 @@ def _coupling(entry: object, name: str, source: str) -> Coupling:
         str(one): number(f"{source}: {one}", x, "a finite number")
         for one, x in mapping(source, entry.get("joints") or {}).items()
     }
-    values = [not_negative(f"{source}: {key}", entry.get(key, 0.0), _UNITS[key]) for key in Coupling._fields[1:]]
+    values = [
+        not_negative(f"{source}: {key}", entry.get(key, 0.0), _UNITS[key])
+        for key in Coupling._fields[1:]
+    ]
     if len(joints) < 2 or joints[name] != 1.0:
-        raise InputError(f"{source} has joints {joints}, expected others by ratio, and 1 for '{name}'.")
+        raise InputError(
+            f"{source} has joints {joints}, expected others by ratio, and 1 for '{name}'."
+        )
     return Coupling(joints, *values)
 
 
@@ -287,17 +333,23 @@ def _body(entry: object, source: str, may_be_negative: bool) -> Payload:
     return checked_body(Payload(**given), f"{source}: ", may_be_negative=may_be_negative)
 
 
-def flexible_joints(tree: Tree, given: Mapping[str, FlexibleJoint], armature: Mapping[str, float]) -> dict[str, Any]:
+def flexible_joints(
+    tree: Tree, given: Mapping[str, FlexibleJoint], armature: Mapping[str, float]
+) -> dict[str, Any]:
     """Return the flexible joints that are degrees of freedom, in their order; InputError names joints that cannot be."""
     types = {joint.name: joint.type for joint in tree.robot.joints}
     for name in given:
         reason = f"is no joint of robot '{tree.robot.name}', expected one of {listed(list(types))}"
         if name in types:
-            reason = "" if types[name] in SINGLE else f"is {types[name]}, expected one degree of freedom"
+            reason = (
+                "" if types[name] in SINGLE else f"is {types[name]}, expected one degree of freedom"
+            )
         if not reason and name not in (*tree.dof_names, *tree.locked):
             reason = "follows other joints, expected a degree of freedom"
         if armature.get(name):
-            reason = f"has armature {armature[name]:g}, expected none. Set its rotor_inertia and gear"
+            reason = (
+                f"has armature {armature[name]:g}, expected none. Set its rotor_inertia and gear"
+            )
         if reason:
             raise InputError(f"flexible_joints: '{name}' {reason}.")
     return {name: given[name] for name in tree.dof_names if name in given}
@@ -308,7 +360,9 @@ def apply_parameters(robot: Any, parameters: Parameters) -> Any:
     _reject_unknown("joint", parameters.joints, robot.joints, robot.name)
     _reject_unknown("link", (*parameters.links, *parameters.payloads), robot.links, robot.name)
     robot = copy.copy(robot)
-    robot.joints = [_with_resistance(joint, parameters.joints.get(joint.name)) for joint in robot.joints]
+    robot.joints = [
+        _with_resistance(joint, parameters.joints.get(joint.name)) for joint in robot.joints
+    ]
     robot.links = [_with_bodies(link, parameters) for link in robot.links]
     return robot
 
@@ -325,10 +379,14 @@ def _with_resistance(joint: Any, given: JointParameters | None) -> Any:
     if given is None:
         return joint
     if joint.type not in SINGLE:
-        raise InputError(f"parameters: joint '{joint.name}' is {joint.type}, expected one degree of freedom.")
+        raise InputError(
+            f"parameters: joint '{joint.name}' is {joint.type}, expected one degree of freedom."
+        )
     joint, own = copy.copy(joint), joint.dynamics
     names = ("damping", "friction")
-    joint.dynamics = SimpleNamespace(**{name: given.known.get(name, getattr(own, name, None)) for name in names})
+    joint.dynamics = SimpleNamespace(
+        **{name: given.known.get(name, getattr(own, name, None)) for name in names}
+    )
     return joint
 
 
@@ -339,13 +397,17 @@ def _with_bodies(link: Any, parameters: Parameters) -> Any:
     payload = parameters.payloads.get(link.name)
     if payload is None or payload.mass == 0.0:
         return link
-    return _with_inertia(link, payload if link.inertial is None else _union(_body_of(link), payload, link.name))
+    return _with_inertia(
+        link, payload if link.inertial is None else _union(_body_of(link), payload, link.name)
+    )
 
 
 def _with_inertia(link: Any, given: Payload) -> Any:
     link, place = copy.copy(link), np.eye(4)
     place[:3, 3] = np.asarray(given.com, float)
-    link.inertial = SimpleNamespace(mass=given.mass, inertia=np.array(given.inertia, float), origin=place)
+    link.inertial = SimpleNamespace(
+        mass=given.mass, inertia=np.array(given.inertia, float), origin=place
+    )
     return link
 
 
@@ -354,7 +416,9 @@ def _plain(body: Payload) -> dict[str, Any]:
 
 
 def _rigid(payload: Payload) -> RigidBody:
-    return RigidBody(payload.mass, np.asarray(payload.com, float), np.asarray(payload.inertia, float))
+    return RigidBody(
+        payload.mass, np.asarray(payload.com, float), np.asarray(payload.inertia, float)
+    )
 
 
 def _body_of(link: Any) -> RigidBody:
@@ -391,8 +455,12 @@ def reject_too_light(tree: Tree, parameters: Parameters) -> None:
                 "more is taken off than moves with that link."
             )
             locked = parameters.origin.get("locked_joints")
-            if isinstance(locked, Mapping) and locked:  # links behind these joints moved with theirs
-                listed_joints = ", ".join(f"{joint}={position}" for joint, position in locked.items())
+            if (
+                isinstance(locked, Mapping) and locked
+            ):  # links behind these joints moved with theirs
+                listed_joints = ", ".join(
+                    f"{joint}={position}" for joint, position in locked.items()
+                )
                 text += f" It was identified with locked_joints {listed_joints}."
             raise InputError(text)
 
@@ -404,14 +472,18 @@ def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[s
         if link.inertial is None or not link.inertial.mass:
             continue
         own = _body_of(link)
-        moments = 0.5 * np.trace(own.inertia) * np.eye(3) - own.inertia  # second moments: inertia is trace less matrix
+        moments = (
+            0.5 * np.trace(own.inertia) * np.eye(3) - own.inertia
+        )  # second moments: inertia is trace less matrix
         heavier = 1.0 + part * rng.uniform(-1.0, 1.0)
         radius = np.sqrt(max(np.trace(moments), 0.0) / own.mass)
         centre = own.centre + part * radius * rng.uniform(-1.0, 1.0, 3) / np.sqrt(3.0)
         random = rng.uniform(-1.0, 1.0, (3, 3))
         stretch = np.eye(3) + 0.25 * part * (random + random.T)
         moments = heavier * stretch @ moments @ stretch
-        links[link.name] = Payload(heavier * own.mass, centre, np.trace(moments) * np.eye(3) - moments)
+        links[link.name] = Payload(
+            heavier * own.mass, centre, np.trace(moments) * np.eye(3) - moments
+        )
     return links
 
 
@@ -429,7 +501,11 @@ def set_inertia(inertial: Any, mass: float, centre: Array, inertia: Array) -> No
     """Add to an `<inertial>` the mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m²]."""
     etree.SubElement(inertial, "origin", xyz=numbers_text(centre), rpy="0 0 0")
     etree.SubElement(inertial, "mass", value=repr(float(mass)))
-    etree.SubElement(inertial, "inertia", {entry: repr(float(inertia[place])) for entry, place in ENTRIES.items()})
+    etree.SubElement(
+        inertial,
+        "inertia",
+        {entry: repr(float(inertia[place])) for entry, place in ENTRIES.items()},
+    )
 
 
 def insert_inertia(link: Any, said: str, mass: float, centre: Array, inertia: Array) -> None:
@@ -441,7 +517,9 @@ def insert_inertia(link: Any, said: str, mass: float, centre: Array, inertia: Ar
 
 
 def _comment(said: str) -> Any:
-    return etree.Comment(f" {said} ".replace("--", "- -"))  # a comment has no two dashes in a row, a file's name may
+    return etree.Comment(
+        f" {said} ".replace("--", "- -")
+    )  # a comment has no two dashes in a row, a file's name may
 
 
 def _insert_first(parent: Any, element: Any) -> None:
@@ -457,7 +535,9 @@ def urdf_with(text: str, parameters: Parameters) -> str:
     element = parse_urdf(text, comments=True)
     robot, _ = read_urdf(element)
     inertials = {link.name: link.inertial for link in apply_parameters(robot, parameters).links}
-    origin = [str(parameters.origin[key]) for key in ("method", "date") if parameters.origin.get(key)]
+    origin = [
+        str(parameters.origin[key]) for key in ("method", "date") if parameters.origin.get(key)
+    ]
     source = ", ".join(["written by diag_dynamics", *origin])
     for link in element.findall("link"):
         name = link.get("name")
@@ -468,7 +548,9 @@ def urdf_with(text: str, parameters: Parameters) -> str:
             insert_inertia(link, source, own.mass, own.origin[:3, 3], np.asarray(own.inertia))
     for joint in element.findall("joint"):
         given = parameters.joints.get(joint.get("name"), JointParameters()).known
-        if numbers := {name: repr(x) for name, x in given.items() if name in ("damping", "friction")}:
+        if numbers := {
+            name: repr(x) for name, x in given.items() if name in ("damping", "friction")
+        }:
             _set_dynamics(joint, numbers, source)
     return etree.tostring(element.getroottree(), encoding="unicode")
 
@@ -480,5 +562,7 @@ def _set_dynamics(joint: Any, numbers: dict[str, str], source: str) -> None:
         _insert_first(joint, dynamics)
     dynamics.attrib.update(numbers)
     comment, before = _comment(source), dynamics.getprevious()
-    comment.tail = joint.text if before is None else before.tail  # on a line of its own, as the element is
+    comment.tail = (
+        joint.text if before is None else before.tail
+    )  # on a line of its own, as the element is
     joint.insert(joint.index(dynamics), comment)

@@ -47,8 +47,18 @@ CHILDREN: dict[str, tuple[str, ...]] = {  # elements in each element that dynami
     "origin": (),
 }
 
-MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")  # elements of formats or places beside
-MAX_ANGLE = 2.0 * math.pi + 1e-3  # largest angle of an origin or a mimic offset [rad]: a full turn, rounded
+MISPLACED = (
+    "mass",
+    "pose",
+    "position",
+    "orientation",
+    "xyz",
+    "rpy",
+    "axes",
+)  # elements of formats or places beside
+MAX_ANGLE = (
+    2.0 * math.pi + 1e-3
+)  # largest angle of an origin or a mimic offset [rad]: a full turn, rounded
 MAX_MISTAKES = 10  # mistakes that a warning lists
 
 
@@ -70,14 +80,20 @@ def remarks_of(robot: Any) -> list[Remark]:
     for joint in robot.iterfind("gazebo/joint"):
         if joint.find("child") is not None:
             what = "<joint> of <gazebo> is ignored: the model is the open tree without it"
-            remarks.append(Remark("joint", joint.get("name") or "", what, "Forward dynamics lacks its forces."))
+            remarks.append(
+                Remark("joint", joint.get("name") or "", what, "Forward dynamics lacks its forces.")
+            )
     return remarks
 
 
 def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
     """Yield the mistakes of an element of a link or joint, and of those within."""
     yield from _unknown_attributes(element, kind, name)
-    if element.tag == "axis" and element.get("xyz") is None and element.getparent().get("type") != "fixed":
+    if (
+        element.tag == "axis"
+        and element.get("xyz") is None
+        and element.getparent().get("type") != "fixed"
+    ):
         yield Remark(kind, name, "<axis> has no xyz, so the axis is 1 0 0", 'Give <axis xyz="…">.')
     attribute, angle = _angle(element)
     if abs(angle) > MAX_ANGLE:
@@ -94,7 +110,11 @@ def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
 
 def _unknown_attributes(element: Any, kind: str, name: str) -> Iterator[Remark]:
     for attribute in element.keys() if element.tag in ATTRIBUTES else ():
-        if attribute not in ATTRIBUTES[element.tag] and ":" not in attribute and "}" not in attribute:
+        if (
+            attribute not in ATTRIBUTES[element.tag]
+            and ":" not in attribute
+            and "}" not in attribute
+        ):
             what = f"<{element.tag}> has the unknown attribute {short(attribute)}, ignored"
             yield Remark(kind, name, what, "Is it misspelt?")
 
@@ -119,8 +139,12 @@ def warning_of(robot: str, remarks: Iterable[Remark]) -> str:
         angle = "" if first.angle is None else f" ({first.angle:g} rad)"
         texts.append(f"{named}{angle}: {what}. {remedy}")
     if len(texts) > MAX_MISTAKES:
-        texts[MAX_MISTAKES:] = [f"And {len(texts) - MAX_MISTAKES} more mistakes: diag-dynamics inspect lists them."]
-    return f"robot {short(robot)}: the URDF has probable mistakes. {' '.join(texts)}" if texts else ""
+        texts[MAX_MISTAKES:] = [
+            f"And {len(texts) - MAX_MISTAKES} more mistakes: diag-dynamics inspect lists them."
+        ]
+    return (
+        f"robot {short(robot)}: the URDF has probable mistakes. {' '.join(texts)}" if texts else ""
+    )
 
 
 _handler: ContextVar[Callable[[str], object] | None] = ContextVar("handler", default=None)

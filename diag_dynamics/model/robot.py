@@ -54,7 +54,13 @@ from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.couplings import CouplingTables
 from diag_dynamics.sweeps.workspace import Workspace
 
-BESIDE = "armature", "effort_offset", "load_friction", "root_friction", "effort_scale"  # of joints, in no URDF
+BESIDE = (
+    "armature",
+    "effort_offset",
+    "load_friction",
+    "root_friction",
+    "effort_scale",
+)  # of joints, in no URDF
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
 
 
@@ -135,7 +141,11 @@ class RobotModel:
 
     def __init__(self, tree: Tree, options: Options) -> None:
         flexible = flexible_joints(tree, options.flexible_joints, options.armature)
-        rotors = {name: joint.reflected_inertia for name, joint in flexible.items() if joint.effort == "motor"}
+        rotors = {
+            name: joint.reflected_inertia
+            for name, joint in flexible.items()
+            if joint.effort == "motor"
+        }
         bodies, links = tree.records(options.armature | rotors, options.payloads)
         of_urdf = tree.robot.joints
         self.name: str = tree.robot.name
@@ -143,8 +153,12 @@ class RobotModel:
         self.coordinate_names: tuple[str, ...] = tree.coordinate_names
         self.joint_names: tuple[str, ...] = tuple(joint.name for joint in tree.joints)
         self.fixed_joints: tuple[str, ...] = tuple(j.name for j in of_urdf if j.type == "fixed")
-        self.mimic_joints: tuple[str, ...] = tuple(j.name for j in of_urdf if j.mimic is not None and j.type != "fixed")
-        self.continuous_joints: tuple[str, ...] = tuple(j.name for j in of_urdf if j.type == "continuous")
+        self.mimic_joints: tuple[str, ...] = tuple(
+            j.name for j in of_urdf if j.mimic is not None and j.type != "fixed"
+        )
+        self.continuous_joints: tuple[str, ...] = tuple(
+            j.name for j in of_urdf if j.type == "continuous"
+        )
         self.link_names: tuple[str, ...] = tuple(link.name for link, _, _ in tree.links)
         self.root_link: str = tree.root
         self.floating_base: bool = tree.floating_base
@@ -163,11 +177,15 @@ class RobotModel:
         self.flexible_joints: Mapping[str, FlexibleJoint] = MappingProxyType(flexible)
         self.motor_efforts: bool = options.motor_efforts
         if self.motor_efforts and not self.couplings:
-            raise InputError("parameters: motor_efforts is true, but couplings are missing. Give both.")
+            raise InputError(
+                "parameters: motor_efforts is true, but couplings are missing. Give both."
+            )
         self.motor_rates: Array = motor_rates(options.couplings, tree.dof_names)
         self.friction_velocity: float = options.friction_velocity
         self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
-        self.followers: Mapping[str, tuple[str, ...]] = MappingProxyType(tree.coupled.followers if tree.coupled else {})
+        self.followers: Mapping[str, tuple[str, ...]] = MappingProxyType(
+            tree.coupled.followers if tree.coupled else {}
+        )
         self.loops: tuple[tuple[Loop, ...], ...] = tuple(
             tuple(group.loops) for group in (tree.coupled.groups if tree.coupled else ())
         )
@@ -176,7 +194,9 @@ class RobotModel:
             for group in (tree.coupled.groups if tree.coupled else ())
         )
         self.coupling_tables: CouplingTables | None = coupling_tables(tree, tree.coupled)
-        self.flexible_links: Mapping[str, FlexibleLink] = MappingProxyType(options.flexible_links.links)
+        self.flexible_links: Mapping[str, FlexibleLink] = MappingProxyType(
+            options.flexible_links.links
+        )
         self.follower_damping: Array = tree.of_followers("damping")
         self.follower_friction: Array = tree.of_followers("friction")
         reject_friction(self.followers, options)
@@ -227,7 +247,13 @@ class RobotModel:
     @property
     def has_friction(self) -> bool:
         """Whether any joint has friction of any kind, or an offset of its effort."""
-        kinds = self.damping, self.friction, self.effort_offset, self.load_friction, self.root_friction
+        kinds = (
+            self.damping,
+            self.friction,
+            self.effort_offset,
+            self.load_friction,
+            self.root_friction,
+        )
         return (
             self.has_follower_friction
             or any(kind.any() for kind in kinds)
@@ -293,7 +319,9 @@ class RobotModel:
         try:
             rng = np.random.default_rng(rng)  # a generator is itself
         except (TypeError, ValueError) as error:
-            raise InputError(f"rng is {rng!r}, expected a numpy.random.Generator or a seed.") from error
+            raise InputError(
+                f"rng is {rng!r}, expected a numpy.random.Generator or a seed."
+            ) from error
         free = np.where(is_angle(self), math.pi, REACH)
         has_lower, has_upper = np.isfinite(self.lower), np.isfinite(self.upper)
         # With one limit alone, the range begins or ends there.
@@ -365,15 +393,23 @@ class RobotModel:
         return self._with(gravity=checked_gravity(gravity))
 
     def with_payload(
-        self, link: str, mass: float, com: VectorLike = (0.0, 0.0, 0.0), inertia: MatrixLike | None = None
+        self,
+        link: str,
+        mass: float,
+        com: VectorLike = (0.0, 0.0, 0.0),
+        inertia: MatrixLike | None = None,
     ) -> RobotModel:
         """Return this model with a payload on a link, in place of one that is there already.
 
         `mass`, `com` and `inertia` are those of :class:`Payload`; mass 0 takes the payload off. Joints that
         ``massless="lock"`` holds stay held.
         """
-        added = checked_payloads({link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot)
-        payloads = {name: payload for name, payload in self.payloads.items() if name != link} | added
+        added = checked_payloads(
+            {link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot
+        )
+        payloads = {
+            name: payload for name, payload in self.payloads.items() if name != link
+        } | added
         model = RobotModel(self._tree, self._options._replace(payloads=payloads))
         reject_massless(model, self._tree, massless_freedoms(model))
         return model
@@ -382,7 +418,9 @@ class RobotModel:
         """Return this model without the payload of a link."""
         return self.with_payload(link, 0.0)
 
-    def with_parameters(self, parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> RobotModel:
+    def with_parameters(
+        self, parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any]
+    ) -> RobotModel:
         """Return this model with parameters beside its URDF: friction, offsets, rotor inertias, inertias of links, payloads.
 
         They are the path of a file, see :class:`Parameters`, or a dict with the file's keys. Payloads are added to those that
@@ -413,8 +451,14 @@ class RobotModel:
     def with_effort_of(self, part: Literal["motor", "spring"]) -> RobotModel:
         """Return this model with this effort of flexible joints: of the "spring", it is the model of the links."""
         own = self._options
-        flexible = {name: joint._replace(effort=part) for name, joint in own.flexible_joints.items()}
-        return model_of(self._tree.robot, self._tree.root, own._replace(flexible_joints=flexible, massless="error"))
+        flexible = {
+            name: joint._replace(effort=part) for name, joint in own.flexible_joints.items()
+        }
+        return model_of(
+            self._tree.robot,
+            self._tree.root,
+            own._replace(flexible_joints=flexible, massless="error"),
+        )
 
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
         """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
@@ -434,14 +478,18 @@ class RobotModel:
         """
         robot = self._tree.robot
         return model_of(
-            robot, self._tree.root, self._options._replace(locked=checked_locked(locked_joints, robot), held={})
+            robot,
+            self._tree.root,
+            self._options._replace(locked=checked_locked(locked_joints, robot), held={}),
         )
 
     def placement_in_root(self, link: str) -> Array:
         """Return the placement (4x4) in the root link of a link that is rigidly attached to it."""
         body, placement = self.placement_in_body(link)
         if body != self._tree.links[0][1]:
-            raise InputError(f"link '{link}' is not rigidly attached to the root link '{self.root_link}'.")
+            raise InputError(
+                f"link '{link}' is not rigidly attached to the root link '{self.root_link}'."
+            )
         return placement
 
     def placement_in_body(self, link: str) -> tuple[int, Array]:
@@ -454,7 +502,9 @@ class RobotModel:
     def cut_tree(self) -> RobotModel:
         """Return this robot with its loops open and every joint independent; some may move no inertia."""
         tree = Tree(self._tree.robot, self._tree.root, self.floating_base, self._tree.locked, {})
-        options = self._options._replace(loops=(), curves={}, mimic="free", flexible_links=Flexible())
+        options = self._options._replace(
+            loops=(), curves={}, mimic="free", flexible_links=Flexible()
+        )
         return RobotModel(tree, options)
 
     def first_body(self, joint: str) -> int:
@@ -468,7 +518,9 @@ class RobotModel:
         return _restored, (self._tree.robot, self._tree.root, self._options)
 
 
-def model_of(robot: Any, root: str, options: Options, applied: Parameters | None = None) -> RobotModel:
+def model_of(
+    robot: Any, root: str, options: Options, applied: Parameters | None = None
+) -> RobotModel:
     """Build the model of a robot with all options; the mass that applied parameters take off must be there."""
     while True:
         tree = tree_of(robot, root, options)
@@ -485,4 +537,6 @@ def model_of(robot: Any, root: str, options: Options, applied: Parameters | None
 
 def _restored(robot: Any, root: str, options: Options) -> RobotModel:
     """Build a model from its pickled parts, whose arrays are writeable again."""
-    return model_of(robot, root, options._replace(payloads=checked_payloads(options.payloads, robot)))
+    return model_of(
+        robot, root, options._replace(payloads=checked_payloads(options.payloads, robot))
+    )

@@ -18,10 +18,18 @@ from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.model.origins import short
 from diag_dynamics.model.remarks import warn
 
-MAX_BYTES = 32 * 1024 * 1024  # largest URDF accepted; the largest public robot descriptions have some 200 kB
+MAX_BYTES = (
+    32 * 1024 * 1024
+)  # largest URDF accepted; the largest public robot descriptions have some 200 kB
 
 # Encodings that editors write where they declare a part of them
-WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "shift_jis": "cp932", "euc_kr": "cp949", "big5": "cp950"}
+WIDER = {
+    "gb2312": "gb18030",
+    "gbk": "gb18030",
+    "shift_jis": "cp932",
+    "euc_kr": "cp949",
+    "big5": "cp950",
+}
 
 # Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it
 UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
@@ -50,16 +58,26 @@ def urdf_text(source: Any) -> str:
     text = data if isinstance(data, str) else _decoded(bytes(data))
     if len(data) > MAX_BYTES:
         raise UrdfError(f"The URDF has more than the {MAX_BYTES} bytes accepted.")
-    text = re.sub(r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*", lambda found: "\n" * found[0].count("\n"), text.rstrip("\0"))
+    text = re.sub(
+        r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*",
+        lambda found: "\n" * found[0].count("\n"),
+        text.rstrip("\0"),
+    )
     if not text.strip():
         raise UrdfError("The URDF is empty.")
     start = text.lstrip()[:1000]
     if _HTML.match(start):
-        raise UrdfError("The file is no URDF: it is HTML, a page of the web. Download the URDF itself.")
+        raise UrdfError(
+            "The file is no URDF: it is HTML, a page of the web. Download the URDF itself."
+        )
     if not start.startswith("<"):
-        raise UrdfError(f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>.")
+        raise UrdfError(
+            f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>."
+        )
     if "<!DOCTYPE" in text[: text.find("<robot")]:
-        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
+        raise UrdfError(
+            "The URDF has a DOCTYPE, which is not accepted: entities are never expanded."
+        )
     return _corrected(text)
 
 
@@ -71,7 +89,9 @@ def _read(source: Any) -> str | bytes | bytearray:
         try:
             return source.read(MAX_BYTES + 1)
         except UnicodeError as error:
-            raise UrdfError(f"The open file is not {source.encoding} text: {error}. Open it in binary mode.") from error
+            raise UrdfError(
+                f"The open file is not {source.encoding} text: {error}. Open it in binary mode."
+            ) from error
     if not isinstance(source, (str, os.PathLike)):
         raise UrdfError(f"A URDF is a path or XML text, not a {type(source).__name__}.")
     path = Path(os.path.expanduser(source))
@@ -81,7 +101,9 @@ def _read(source: Any) -> str | bytes | bytearray:
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        raise UrdfError(f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.") from error
+        raise UrdfError(
+            f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}."
+        ) from error
 
 
 def _is_path(text: str) -> bool:
@@ -179,7 +201,9 @@ def expanded(source: Any, arguments: Any) -> Any:
     if isinstance(source, str):
         source, own = split_arguments(source)
         arguments = own | arguments
-    if not (isinstance(source, (str, os.PathLike)) and os.fspath(source).lower().endswith(".xacro")):
+    if not (
+        isinstance(source, (str, os.PathLike)) and os.fspath(source).lower().endswith(".xacro")
+    ):
         if arguments:
             names = ", ".join(map(str, arguments))
             raise InputError(f"xacro_args has {names}, but the source is no path of a .xacro file.")
@@ -192,10 +216,15 @@ def expanded(source: Any, arguments: Any) -> Any:
     try:
         xacro = import_module("xacro")
     except ImportError as error:
-        text = f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
+        text = (
+            f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
+        )
         raise UrdfError(text) from error
     # As xacro's command line has them
-    texts = {str(name): str(x).lower() if isinstance(x, bool) else str(x) for name, x in arguments.items()}
+    texts = {
+        str(name): str(x).lower() if isinstance(x, bool) else str(x)
+        for name, x in arguments.items()
+    }
     mappings = _Arguments(texts)
     try:
         text = xacro.process_file(path, mappings=mappings).toxml()
@@ -207,5 +236,7 @@ def expanded(source: Any, arguments: Any) -> Any:
     if unused := [name for name in texts if name not in mappings.used]:
         used = ", ".join(sorted(mappings.used)) or "none"
         listed = ", ".join(map(repr, unused))
-        warn(f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.", stacklevel=4)
+        warn(
+            f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.", stacklevel=4
+        )
     return text

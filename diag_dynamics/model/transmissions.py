@@ -26,9 +26,16 @@ JOINTS = ("joint", "flexJoint", "rollJoint")
 def driven_joints(robot: Any) -> frozenset[str]:
     """Return the joints of transmissions, and those of ros2_control with a command interface."""
     joints = [
-        joint for one in robot.iter("transmission") for joint in one.iterchildren() if local_name(joint) in JOINTS
+        joint
+        for one in robot.iter("transmission")
+        for joint in one.iterchildren()
+        if local_name(joint) in JOINTS
     ]
-    joints += [joint for joint in robot.findall("ros2_control/joint") if joint.find("command_interface") is not None]
+    joints += [
+        joint
+        for joint in robot.findall("ros2_control/joint")
+        if joint.find("command_interface") is not None
+    ]
     return frozenset(joint.get("name") or "" for joint in joints)
 
 
@@ -37,10 +44,13 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
     rotors: dict[str, dict[str, float]] = {}  # N²J by actuator, by joint
     remarks = []
-    for number, element in enumerate([*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]):
+    for number, element in enumerate(
+        [*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]
+    ):
         where = f"transmission {short(element.get('name'))}"
         actuators, joints = (
-            [child for child in element.iterchildren() if local_name(child) in tags] for tags in (ACTUATORS, JOINTS)
+            [child for child in element.iterchildren() if local_name(child) in tags]
+            for tags in (ACTUATORS, JOINTS)
         )
         shared = [element, *joints]  # numbers of these belong to all actuators
         if not any(_entries([*shared, *actuators], INERTIA)):
@@ -66,7 +76,9 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     armature = {joint: sum(own.values()) for joint, own in rotors.items()}
     for joint, value in armature.items():
         if not value <= LARGEST:
-            raise UrdfError(f"joint '{joint}': reflected rotor inertia {value:g} is beyond {LARGEST:g}.")
+            raise UrdfError(
+                f"joint '{joint}': reflected rotor inertia {value:g} is beyond {LARGEST:g}."
+            )
     return armature, remarks
 
 
@@ -76,7 +88,9 @@ def _number(elements: Iterable[Any], names: tuple[str, ...], where: str) -> floa
     for tag, text in _entries(elements, names):
         value = (floats(text, 1) or [math.nan])[0]
         if not (value >= 0.0 if is_inertia else abs(value) > 0.0):
-            expected = "a finite number >= 0 [kg m²]" if is_inertia else "a finite number other than 0"
+            expected = (
+                "a finite number >= 0 [kg m²]" if is_inertia else "a finite number other than 0"
+            )
             raise UrdfError(f"{where}: <{tag}> is {short(text)}; expected {expected}.")
         given[abs(value)] = tag
     if len(given) > 1 and not is_inertia:

@@ -39,7 +39,11 @@ class MovingJoint:
 
     def limit(self, attribute, default):
         """Return a position limit in the URDF."""
-        return self.number("limit", attribute, default) if self.kind in ("revolute", "prismatic") else default
+        return (
+            self.number("limit", attribute, default)
+            if self.kind in ("revolute", "prismatic")
+            else default
+        )
 
 
 class Tree:
@@ -67,30 +71,51 @@ class Tree:
             if coupled
             else mimics
         )
-        closed = [*(group.joints for group in coupled.groups), *coupled.flexible.groups] if coupled else ()
+        closed = (
+            [*(group.joints for group in coupled.groups), *coupled.flexible.groups]
+            if coupled
+            else ()
+        )
         groups = coupled_groups(ratios, carriers, closed)
         for block in self._blocks(groups):
             self._add_block(block)
             if block[0] in groups:
                 self.groups.append(tuple(block))
-                sizes = (len(self._followers.get(name, self.moving[name].type.freedoms)) for name in block)
+                sizes = (
+                    len(self._followers.get(name, self.moving[name].type.freedoms))
+                    for name in block
+                )
                 self.group_sizes.append(sum(sizes))
         links = {link.name: link for link in robot.links}
-        self.links = [(links[link], self.last_body[carrier], place) for link, (carrier, place) in places.items()]
+        self.links = [
+            (links[link], self.last_body[carrier], place)
+            for link, (carrier, place) in places.items()
+        ]
         self.dof_names = tuple(name for joint in self.joints for name in joint.dof_names)
-        self.coordinate_names = tuple(name for joint in self.joints for name in joint.coordinate_names)
+        self.coordinate_names = tuple(
+            name for joint in self.joints for name in joint.coordinate_names
+        )
         suffixes = [suffix for j in self.joints for suffix in j.type.coordinates]
-        self.orientations = tuple(QUATERNION.index(suffix) if suffix in QUATERNION else -1 for suffix in suffixes)
-        for what, names in (("degrees of freedom", self.dof_names), ("positions", self.coordinate_names)):
+        self.orientations = tuple(
+            QUATERNION.index(suffix) if suffix in QUATERNION else -1 for suffix in suffixes
+        )
+        for what, names in (
+            ("degrees of freedom", self.dof_names),
+            ("positions", self.coordinate_names),
+        ):
             [(name, count)] = Counter(names).most_common(1) or [("", 0)]
             if count > 1:
-                raise UrdfError(f"Two {what} would have the name '{name}': rename one of the joints.")
+                raise UrdfError(
+                    f"Two {what} would have the name '{name}': rename one of the joints."
+                )
 
     def _merge_links(self):
         """Find the moving joints; return the joint that moves each link, and the link's placement in its frame."""
         outboard = {}
         for joint in sorted(self.robot.joints, key=lambda joint: joint.name.encode(), reverse=True):
-            outboard.setdefault(joint.parent, []).append(joint)  # reversed, as a stack takes the last one first
+            outboard.setdefault(joint.parent, []).append(
+                joint
+            )  # reversed, as a stack takes the last one first
         base = None
         if self.floating_base:
             base, taken = "root_joint", {joint.name for joint in self.robot.joints}
@@ -110,7 +135,9 @@ class Tree:
                 turn = np.eye(4)  # z of a body is the joint's axis
                 if joint.type != "floating":
                     turn[:3, :3] = rotations.frame_about(joint.axis)
-                self.moving[joint.name] = MovingJoint(joint.name, joint.type, carrier, origin @ turn, joint)
+                self.moving[joint.name] = MovingJoint(
+                    joint.name, joint.type, carrier, origin @ turn, joint
+                )
                 carrier, origin = joint.name, turn.T
             places[joint.child] = carrier, origin
         return places
@@ -128,7 +155,12 @@ class Tree:
             block = sorted(groups.get(name, (name,)), key=rank.__getitem__)
             done.update(block)
             yield block
-            ahead += [one for member in block[::-1] for one in carried.get(member, ())[::-1] if one not in done]
+            ahead += [
+                one
+                for member in block[::-1]
+                for one in carried.get(member, ())[::-1]
+                if one not in done
+            ]
 
     @property
     def count(self):
@@ -157,16 +189,34 @@ class Tree:
         for name in block:
             if name in self.mimics:
                 leader, multiplier, offset = self.mimics[name]
-                record, led = self._records[self.last_body[name]], self._records[self.last_body[leader]]
-                record["q"], record["dof"], record["leader"] = led["q"], led["dof"], self.last_body[leader]
+                record, led = (
+                    self._records[self.last_body[name]],
+                    self._records[self.last_body[leader]],
+                )
+                record["q"], record["dof"], record["leader"] = (
+                    led["q"],
+                    led["dof"],
+                    self.last_body[leader],
+                )
                 record["multiplier"], record["offset"] = multiplier, offset
             for rank, leader in enumerate(self._followers.get(name, ())):
-                record, led = self._records[self.first_body(name) + rank], self._records[self.last_body[leader]]
-                record["q"], record["dof"], record["leader"] = led["q"], led["dof"], self.last_body[leader]
+                record, led = (
+                    self._records[self.first_body(name) + rank],
+                    self._records[self.last_body[leader]],
+                )
+                record["q"], record["dof"], record["leader"] = (
+                    led["q"],
+                    led["dof"],
+                    self.last_body[leader],
+                )
 
     def _add_follower(self, joint):
         """Add a body of a joint for each independent joint that it follows."""
-        parent, placement, leaders = self.last_body[joint.carrier], joint.placement, self._followers[joint.name]
+        parent, placement, leaders = (
+            self.last_body[joint.carrier],
+            joint.placement,
+            self._followers[joint.name],
+        )
         for rank in range(len(leaders)):
             body = np.zeros((), BODY)
             body["parent"], body["direction"] = parent, joint.type.freedoms[0][1]
@@ -184,7 +234,11 @@ class Tree:
         for rank, (_, direction) in enumerate(joint.type.freedoms):
             body, own = np.zeros((), BODY), len(self._records)
             body["parent"], body["direction"] = parent, direction
-            body["kind"], body["dofs"], body["rank"] = joint.type.kind, len(joint.type.freedoms), rank
+            body["kind"], body["dofs"], body["rank"] = (
+                joint.type.kind,
+                len(joint.type.freedoms),
+                rank,
+            )
             body["q"], body["dof"] = self._coordinates, self._dofs + rank
             body["leader"], body["multiplier"] = own, 1.0
             body["link"] = self._order[joint.joint.child if joint.joint else self.root]
@@ -200,7 +254,12 @@ class Tree:
     def per_dof(self, element, attribute, default):
         """Return a number of the URDF for each degree of freedom; those of one joint share it."""
         return np.array(
-            [joint.number(element, attribute, default) for joint in self.joints for _ in joint.type.freedoms], float
+            [
+                joint.number(element, attribute, default)
+                for joint in self.joints
+                for _ in joint.type.freedoms
+            ],
+            float,
         )
 
     def limits(self, attribute, default):
@@ -212,14 +271,18 @@ class Tree:
 
     def of_followers(self, attribute):
         """Return damping or friction of joints that follow others by changing ratios."""
-        return np.array([self.moving[name].number("dynamics", attribute, 0.0) for name in self._followers])
+        return np.array(
+            [self.moving[name].number("dynamics", attribute, 0.0) for name in self._followers]
+        )
 
     def resistance(self, attribute, exponent):
         """Return damping or friction of each degree of freedom, with that of mimic joints times |multiplier|^exponent."""
         values = self.per_dof("dynamics", attribute, 0.0)
         for name, mimic in self.mimics.items():
             own = self.moving[name].number("dynamics", attribute, 0.0)
-            values[self._records[self.last_body[name]]["dof"]] += own * abs(mimic.multiplier) ** exponent
+            values[self._records[self.last_body[name]]["dof"]] += (
+                own * abs(mimic.multiplier) ** exponent
+            )
         return values
 
     def reflected(self, efforts, exponent=None):
@@ -228,7 +291,11 @@ class Tree:
         for name, effort in efforts.items():
             if name in self.last_body:
                 record = self._records[self.last_body[name]]
-                factor = record["multiplier"] if exponent is None else abs(record["multiplier"]) ** exponent
+                factor = (
+                    record["multiplier"]
+                    if exponent is None
+                    else abs(record["multiplier"]) ** exponent
+                )
                 values[record["dof"]] += effort * factor
         return values
 
@@ -249,7 +316,9 @@ class Tree:
         for index, (link, body, placement) in enumerate(self.links):
             parts = []
             if link.inertial is not None:
-                own = placement if link.inertial.origin is None else placement @ link.inertial.origin
+                own = (
+                    placement if link.inertial.origin is None else placement @ link.inertial.origin
+                )
                 parts.append(_about_origin(own, link.inertial.mass, link.inertial.inertia))
             if link.name in payloads:
                 mass, centre, about_centre = payloads[link.name]
@@ -295,7 +364,9 @@ def massless_freedoms(model):
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
     closed = model.start
-    for spread in (0.0, 1.0, 1.0, 1.0) if model.coupling_tables is None else (0.0, 0.05, 0.05, 0.05):
+    for spread in (
+        (0.0, 1.0, 1.0, 1.0) if model.coupling_tables is None else (0.0, 0.05, 0.05, 0.05)
+    ):
         q = closed.copy()
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
@@ -310,7 +381,9 @@ def positions_to_hold(model, found):
     """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
     at = {name: k for k, name in enumerate(model.coordinate_names)}
     names = [name for name in _names_of(model, found[0]) if name in at]  # of one degree of freedom
-    return {name: float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]])) for name in names}
+    return {
+        name: float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]])) for name in names
+    }
 
 
 def _names_of(model, dofs):
@@ -324,17 +397,25 @@ def reject_massless(model, tree, found):
         return
     joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
     own = [(link.inertial, body) for link, body, _ in tree.links]
-    heavy = {body for inertial, body in own if inertial is not None and (inertial.mass or np.any(inertial.inertia))}
+    heavy = {
+        body
+        for inertial, body in own
+        if inertial is not None and (inertial.mass or np.any(inertial.inertia))
+    }
     lines = []
     for k in massless[:MAX_LISTED]:
         link = joints[k].joint.child if joints[k].joint else model.root_link
         is_heavy = tree.last_body[joints[k].name] in heavy
         why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
-        lines.append(f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}")
+        lines.append(
+            f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}"
+        )
     if len(massless) > MAX_LISTED:
         lines.append(f"… and {len(massless) - MAX_LISTED} more")
     advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
-    if single := next((name for name in _names_of(model, massless) if name in model.coordinate_names), None):
+    if single := next(
+        (name for name in _names_of(model, massless) if name in model.coordinate_names), None
+    ):
         advice += (
             f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
             f"locked_joints={{'{single}': 0.0}} or massless='lock'."

@@ -26,14 +26,19 @@ ROOTS = {  # root elements of files that are no URDF: their kind, and what to do
     "sdf": "an SDF of Gazebo. Load the URDF that it was made from",
 }
 
-UNEXPANDED = "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
+UNEXPANDED = (
+    "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
+)
 
 # Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case
 LOOPS = ("loop", "constraint", "coupling", "gear_joint", "gearjoint")
 CONTAINERS = ("robot", "link", "joint", "gazebo")  # elements whose children may close loops
 
 # Elements that dynamics needs, each with the attributes that hold numbers. Limits may be infinite.
-INERTIAL = {"mass": {"value": 1}, "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1)}
+INERTIAL = {
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+}
 JOINT = {
     "axis": {"xyz": 3},
     "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
@@ -49,7 +54,9 @@ def read_urdf(robot, max_joints=MAX_JOINTS):
         most = f"no more than {max_joints} joints are accepted: see max_joints"
         raise UrdfError(f"The URDF has {joints} joints and {links} links, and {most}.")
     _reject_loops(robot)
-    reduced = etree.Element("robot", name=_expanded(robot.get("name"), "The robot's name") or "robot")
+    reduced = etree.Element(
+        "robot", name=_expanded(robot.get("name"), "The robot's name") or "robot"
+    )
     inertials = _add_links(robot, reduced)
     origins, root = _add_joints(robot, reduced)
     read = _read(reduced)
@@ -79,10 +86,14 @@ def _reject_loops(robot):
         parent, tag = element.getparent(), local_name(element)
         if parent is None or parent.tag not in CONTAINERS or (parent is robot and tag in ENDS):
             continue
-        if (tag == "joint" and element.tag != "joint") or any(part in tag.lower() for part in LOOPS):
+        if (tag == "joint" and element.tag != "joint") or any(
+            part in tag.lower() for part in LOOPS
+        ):
             shown = short(f"{element.prefix}:{tag}" if element.prefix else element.tag)[1:-1]
             name = f" name={short(element.get('name'))}" if element.get("name") else ""
-            raise UrdfError(f"<{shown}{name}> is not supported; expected a tree of <joint>. Remove the element.")
+            raise UrdfError(
+                f"<{shown}{name}> is not supported; expected a tree of <joint>. Remove the element."
+            )
 
 
 def parse_urdf(text, comments=False):
@@ -101,14 +112,20 @@ def parse_urdf(text, comments=False):
         raise UrdfError(f"The URDF is not well-formed XML: {error}") from error
     for entry in parser.error_log:
         if entry.domain != etree.ErrorDomains.NAMESPACE and entry.level >= etree.ErrorLevels.ERROR:
-            raise UrdfError(f"The URDF is not well-formed XML: {entry.message.strip()} (line {entry.line})")
+            raise UrdfError(
+                f"The URDF is not well-formed XML: {entry.message.strip()} (line {entry.line})"
+            )
     if robot is None:
         raise UrdfError("The URDF is not well-formed XML: it has no element.")
     if robot.getroottree().docinfo.internalDTD is not None:  # whatever stood before it in the text
-        raise UrdfError("The URDF has a DOCTYPE, which is not accepted: entities are never expanded.")
+        raise UrdfError(
+            "The URDF has a DOCTYPE, which is not accepted: entities are never expanded."
+        )
     _reject_xacro(robot)
     for element in robot.iter(etree.Element):
-        if element.prefix is None and "}" in element.tag:  # a default namespace, as some schemas ask for
+        if (
+            element.prefix is None and "}" in element.tag
+        ):  # a default namespace, as some schemas ask for
             element.tag = element.tag.rpartition("}")[2]
     if robot.tag != "robot":
         kind = f": the file is {ROOTS[robot.tag]}" if robot.tag in ROOTS else ""
@@ -128,20 +145,28 @@ def _reject_xacro(robot):
 
 
 def _is_xacro(element):
-    return "xacro" in element.tag.rpartition("}")[0] or element.prefix == "xacro" or element.tag.startswith("xacro:")
+    return (
+        "xacro" in element.tag.rpartition("}")[0]
+        or element.prefix == "xacro"
+        or element.tag.startswith("xacro:")
+    )
 
 
 def _reject_no_links(robot):
     for element in robot.iterchildren(etree.Element):
         if _is_xacro(element):
-            raise UrdfError(f"The URDF has no <link>, but <xacro:{local_name(element)}>: {UNEXPANDED}")
+            raise UrdfError(
+                f"The URDF has no <link>, but <xacro:{local_name(element)}>: {UNEXPANDED}"
+            )
     raise UrdfError("The URDF has no <link>. Is the file an SRDF of MoveIt?")
 
 
 def _expanded(value, where):
     """Return a name or type, which xacro must have expanded."""
     if value and ("${" in value or "$(" in value):
-        raise UrdfError(f"{where} is {short(value)}, which is unexpanded xacro. Run xacro on it first.")
+        raise UrdfError(
+            f"{where} is {short(value)}, which is unexpanded xacro. Run xacro on it first."
+        )
     return value
 
 
@@ -182,7 +207,9 @@ def _add_joints(robot, reduced):
         where = f"joint '{name}'"
         kind = _expanded(joint.get("type"), f"{where}: type")
         if kind not in JOINT_TYPES:
-            raise UrdfError(f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}.")
+            raise UrdfError(
+                f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}."
+            )
         copy = etree.SubElement(reduced, "joint", name=name, type=kind)
         for end in ("parent", "child"):
             elements = joint.findall(end)
@@ -205,14 +232,20 @@ def _add_joints(robot, reduced):
             source = joint.find("mimic").get("joint", "")
             mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
         if kind == "planar" and copy.find("axis") is None:
-            etree.SubElement(copy, "axis", xyz="0 0 1")  # as everybody takes it, whatever the default of other joints
+            etree.SubElement(
+                copy, "axis", xyz="0 0 1"
+            )  # as everybody takes it, whatever the default of other joints
         _check_numbers(copy, kind, where)
-    return placements, _root_link(links, {link: copy.find("parent").get("link") for link, copy in parents.items()})
+    return placements, _root_link(
+        links, {link: copy.find("parent").get("link") for link, copy in parents.items()}
+    )
 
 
 def _check_numbers(joint, kind, where):
     """Reject numbers that no joint can have."""
-    axis, limit, dynamics, _ = ({} if joint.find(tag) is None else joint.find(tag).attrib for tag in JOINT)
+    axis, limit, dynamics, _ = (
+        {} if joint.find(tag) is None else joint.find(tag).attrib for tag in JOINT
+    )
     for attribute, value in dynamics.items():
         if float(value) < 0.0:
             raise UrdfError(f"{where}: {attribute} {value} is negative.")
@@ -255,7 +288,9 @@ def _root_link(links, parents):
     roots, children = [link for link in links if link not in parents], {}
     if len(roots) > 1:
         shown = listed([f"'{root}'" for root in roots], 6)
-        raise UrdfError(f"The URDF has {len(roots)} root links ({shown}), expected one: join them with fixed joints.")
+        raise UrdfError(
+            f"The URDF has {len(roots)} root links ({shown}), expected one: join them with fixed joints."
+        )
     for child, parent in parents.items():
         children.setdefault(parent, []).append(child)
     reached = dict.fromkeys(roots)

@@ -103,23 +103,51 @@ def wait_for(future, text):
 
 def compile_rest():
     """Start to compile what the demo does not use, with the lowest priority; return the process."""
-    command = ["nice", "-n", "19", sys.executable, "-m", "diag_dynamics", "compile", "--if-needed", "--quiet"]
+    command = [
+        "nice",
+        "-n",
+        "19",
+        sys.executable,
+        "-m",
+        "diag_dynamics",
+        "compile",
+        "--if-needed",
+        "--quiet",
+    ]
     # Elsewhere Python would import a checkout that is the current folder.
     where = {"cwd": os.path.dirname(sys.executable)}
-    return subprocess.Popen([*command, "--jobs", "1"], **where, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(
+        [*command, "--jobs", "1"], **where, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
 
 
 def parse(arguments):
     """Return the options of the command."""
     parser = argparse.ArgumentParser(prog="demo", description=__doc__)
-    parser.add_argument("--robot", default="panda", help="a URDF or xacro file, or a name of diag-dynamics robots")
-    parser.add_argument("xacro_args", nargs="*", metavar="NAME:=VALUE", help="arguments of a xacro file")
-    parser.add_argument("--massless", choices=("error", "lock"), default="error", help="joints that move no inertia")
-    parser.add_argument("--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints")
-    parser.add_argument("--loops", metavar="FILE.yaml", default="", help="closed loops of the robot")
-    parser.add_argument("--rate", type=float, default=250.0, help="joint states per second (default: 250)")
-    parser.add_argument("--compile-rest", action="store_true", help="compile all other kernels meanwhile")
-    parser.add_argument("--duration", type=float, default=math.inf, help="time to run [s] (default: until Ctrl-C)")
+    parser.add_argument(
+        "--robot", default="panda", help="a URDF or xacro file, or a name of diag-dynamics robots"
+    )
+    parser.add_argument(
+        "xacro_args", nargs="*", metavar="NAME:=VALUE", help="arguments of a xacro file"
+    )
+    parser.add_argument(
+        "--massless", choices=("error", "lock"), default="error", help="joints that move no inertia"
+    )
+    parser.add_argument(
+        "--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints"
+    )
+    parser.add_argument(
+        "--loops", metavar="FILE.yaml", default="", help="closed loops of the robot"
+    )
+    parser.add_argument(
+        "--rate", type=float, default=250.0, help="joint states per second (default: 250)"
+    )
+    parser.add_argument(
+        "--compile-rest", action="store_true", help="compile all other kernels meanwhile"
+    )
+    parser.add_argument(
+        "--duration", type=float, default=math.inf, help="time to run [s] (default: until Ctrl-C)"
+    )
     chosen = parser.parse_args(arguments)
     if not 1.0 <= chosen.rate <= 10000.0:
         parser.error(f"argument --rate: {chosen.rate} is not between 1 and 10000")
@@ -150,12 +178,20 @@ def main(args=None):
 
     def make_nodes():
         wrenches = {"wrench_axes": "world", "wrench_timeout": PUSH_TIME}
-        simulator = {"robot_description": source, "motion": "wave", "rate": chosen.rate, **wrenches, **options}
+        simulator = {
+            "robot_description": source,
+            "motion": "wave",
+            "rate": chosen.rate,
+            **wrenches,
+            **options,
+        }
         nodes.append(SimulatorNode(parameter_overrides=overrides(simulator)))
         monitor = {
             "external_torque.gain": OBSERVER_GAIN,
             "external_torque.covariance_joints": list(model.dof_names),
-            "external_torque.covariance": ((DEVIATION * weight) ** 2 * np.eye(model.nv)).ravel().tolist(),
+            "external_torque.covariance": ((DEVIATION * weight) ** 2 * np.eye(model.nv))
+            .ravel()
+            .tolist(),
             "external_wrench.frames": [end_effector_link(model)],
             "alarm.external_torque": ALARM * weight,
             "alarm.contact_external_torque": CONTACT * weight,

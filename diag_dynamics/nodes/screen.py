@@ -42,7 +42,12 @@ class Robot:
         self.title, self.topic, self.names, self.rejected, self.alarm = title, topic, [], 0, ""
         self.latency = self.power = math.nan
         self.torque = self.residual = UNKNOWN
-        self._received, self._external, self._thresholds, self._urdf = deque(maxlen=5000), [], [], {}
+        self._received, self._external, self._thresholds, self._urdf = (
+            deque(maxlen=5000),
+            [],
+            [],
+            {},
+        )
 
     @property
     def energy(self):
@@ -90,7 +95,9 @@ class Robot:
             self._set_limits()
             joints = zip(message.dof_names, message.joint_collision, strict=False)
             above = ", ".join(name for name, collision in joints if collision)
-            self.alarm = f"collision: {above}" if above else "collision" if message.collision else ""
+            self.alarm = (
+                f"collision: {above}" if above else "collision" if message.collision else ""
+            )
 
     def accept_description(self, message, *_):
         """Read the limits of effort and velocity of a URDF."""
@@ -233,7 +240,11 @@ class View:
         power = [("   net power ", "dim"), (power, "")] if wide else []
         lines = [[("K ", "dim"), (energy, "bold"), ("  peak ", "dim"), (peak, ""), *power]]
         if robot.torque[0] == robot.torque[0]:
-            norms = _norm(robot.torque, "N m", wide), ("  r ", "dim"), _norm(robot.residual, "√J/s", wide)
+            norms = (
+                _norm(robot.torque, "N m", wide),
+                ("  r ", "dim"),
+                _norm(robot.residual, "√J/s", wide),
+            )
             lines.append([("m r ", "dim"), *norms])
         if robot.rejected:
             lines.append([(f"{robot.rejected} invalid messages", "yellow")])
@@ -252,7 +263,10 @@ class View:
     def _chart(self, robot, width, height):
         """Return the kinetic energy, or the largest value or fraction of a limit of all joints."""
         quantity, limits = QUANTITIES[self.quantity], robot.limits[self.quantity]
-        limited, values = bool(np.isfinite(limits).any()), self._recent(robot.values[:, self.quantity])
+        limited, values = (
+            bool(np.isfinite(limits).any()),
+            self._recent(robot.values[:, self.quantity]),
+        )
         label = f"of {quantity.limit}" if limited else f"{quantity.symbol} {quantity.unit}"
         if self.quantity == ENERGY:
             values, label = self._recent(robot.energies), "K J"
@@ -261,26 +275,50 @@ class View:
         largest = np.nanmax(values, initial=0.0)
         bound = (1.0 if limited else robot.external_scale()) if self.quantity == EXTERNAL else 0.0
         scale, style = max(largest, bound), _style(largest, 1.0 if limited else math.inf)
-        labels = [f"{100 * scale:.0f} %" if limited else number(scale), label, *[""] * (height - 3), "0"]
+        labels = [
+            f"{100 * scale:.0f} %" if limited else number(scale),
+            label,
+            *[""] * (height - 3),
+            "0",
+        ]
         rows = self._bars(values[:, None], scale, width, height)
-        return [[(f"{text:>{LABELS}} ", "dim"), (row, style)] for text, row in zip(labels, rows, strict=True)]
+        return [
+            [(f"{text:>{LABELS}} ", "dim"), (row, style)]
+            for text, row in zip(labels, rows, strict=True)
+        ]
 
     def _bars(self, values, scales, width, height=1):
         """Return magnitudes over time as texts, from zero to a scale: `height` texts for each column of values."""
         begins = np.linspace(0, len(values), max(width, 1), endpoint=False).astype(int)
-        levels = np.ceil(8 * height * np.fmax.reduceat(values, begins) / np.where(scales, scales, 1.0))
+        levels = np.ceil(
+            8 * height * np.fmax.reduceat(values, begins) / np.where(scales, scales, 1.0)
+        )
         levels = np.nan_to_num(np.clip(levels, 1, 8 * height)).astype(int)
         eighths = np.clip(levels.T[:, None] - 8 * np.arange(height)[::-1, None], 0, 8)
         return ["".join(row) for rows in self._characters[eighths].tolist() for row in rows]
 
     def _table(self, robot, rows, width):
-        q, quantity, order, wide = self.quantity, QUANTITIES[self.quantity], self._order(robot), width >= WIDE
+        q, quantity, order, wide = (
+            self.quantity,
+            QUANTITIES[self.quantity],
+            self._order(robot),
+            width >= WIDE,
+        )
         self.scroll = min(self.scroll, max(0, len(order) - rows))
         shown = order[self.scroll : self.scroll + rows]
-        last, limits, values = robot.last[q, shown], robot.limits[q, shown], self._recent(robot.values[:, q, shown])
+        last, limits, values = (
+            robot.last[q, shown],
+            robot.limits[q, shown],
+            self._recent(robot.values[:, q, shown]),
+        )
         fractions = np.abs(last) / limits
         styles = [_style(*pair) for pair in zip(fractions, limits, strict=True)]
-        columns = {f"joint, {SORTS[self.sort]}" if wide else "joint": ([robot.names[k] for k in shown], None)}
+        columns = {
+            f"joint, {SORTS[self.sort]}" if wide else "joint": (
+                [robot.names[k] for k in shown],
+                None,
+            )
+        }
         columns[f"{quantity.symbol} {quantity.unit}"] = map(number, last), styles
         if wide:
             columns["peak"] = map(number, robot.peak[q, shown]), None
@@ -291,7 +329,9 @@ class View:
         scales = np.where(np.isfinite(limits), limits, np.nanmax(values, initial=scale))
         hidden = f", {len(shown)} of {len(order)}" if len(shown) < len(order) else ""
         heading = f"{quantity.name}, " if wide else ""
-        return self._rows(columns, f"{heading}{WINDOWS[self.window]} s{hidden}", values, scales, styles, width)
+        return self._rows(
+            columns, f"{heading}{WINDOWS[self.window]} s{hidden}", values, scales, styles, width
+        )
 
     def _order(self, robot):
         size, limits = np.abs(robot.last[self.quantity]), robot.limits[self.quantity]
@@ -301,39 +341,55 @@ class View:
 
     def _overview(self, robots, now, width):
         robots = [robot for robot in robots if robot.names]
-        styles = ["bold red" if robot.alarm or robot.silence(now) > MAX_SILENCE else "cyan" for robot in robots]
+        styles = [
+            "bold red" if robot.alarm or robot.silence(now) > MAX_SILENCE else "cyan"
+            for robot in robots
+        ]
         columns = {
             "robot": ([robot.title for robot in robots], None),
             "K J": ([number(robot.energy) for robot in robots], None),
             "peak": ([number(robot.energy_peak) for robot in robots], None),
             "Hz": ([str(robot.rate(now)) for robot in robots], None),
         }
-        values = np.array([self._recent(robot.energies) for robot in robots]).reshape(len(robots), -1).T
+        values = (
+            np.array([self._recent(robot.energies) for robot in robots]).reshape(len(robots), -1).T
+        )
         scales = np.nanmax(values, axis=0, initial=0.0)
-        return self._rows(columns, f"kinetic energy, {WINDOWS[self.window]} s", values, scales, styles, width)
+        return self._rows(
+            columns, f"kinetic energy, {WINDOWS[self.window]} s", values, scales, styles, width
+        )
 
     def _rows(self, columns, heading, values, scales, styles, width):
         """Return a table: a name, numbers, and a chart for each row; columns are texts and styles by heading."""
         wide, plains = width >= WIDE, [""] * len(styles)
         lines = [[] for _ in range(len(styles) + 1)]
         for k, (title, (texts, colours)) in enumerate(columns.items()):
-            texts = [title, *(texts if k else [_shorten(plain(text), 30 if wide else 12) for text in texts])]
+            texts = [
+                title,
+                *(texts if k else [_shorten(plain(text), 30 if wide else 12) for text in texts]),
+            ]
             size = max(0 if k == 0 else NUMBERS, *map(cell_len, texts))
-            for line, text, style in zip(lines, texts, ["dim underline", *(colours or plains)], strict=True):
+            for line, text, style in zip(
+                lines, texts, ["dim underline", *(colours or plains)], strict=True
+            ):
                 space = " " * (size - cell_len(text))
                 line.append((f"{space}{text}" if k else f"{text}{space}", style))
                 line.append(("  " if wide else " ", "dim underline" if line is lines[0] else ""))
         lines[0].append((f"{heading:{width}}", "dim underline"))
         left = width - sum(cell_len(text) for text, _ in lines[0][:-1])
         if styles and left > 0:
-            for line, row, style in zip(lines[1:], self._bars(values, scales, left), styles, strict=True):
+            for line, row, style in zip(
+                lines[1:], self._bars(values, scales, left), styles, strict=True
+            ):
                 line.append((row, style))
         return lines
 
 
 def _fit(line, width):
     """Return segments of texts and styles, as wide as the terminal."""
-    return Segment.adjust_line_length([Segment(text, Style.parse(style)) for text, style in line], width)
+    return Segment.adjust_line_length(
+        [Segment(text, Style.parse(style)) for text, style in line], width
+    )
 
 
 def _keys(robots, width):

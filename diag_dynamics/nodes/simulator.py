@@ -24,7 +24,16 @@ from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, text_of
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Diagnostics, Status, counted, shortened, steady
+from diag_dynamics.nodes.support.diagnostics import (
+    ERROR,
+    OK,
+    WARN,
+    Diagnostics,
+    Status,
+    counted,
+    shortened,
+    steady,
+)
 from diag_dynamics.nodes.support.graph import CLOCK, clock_notes
 from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.messages import MessageMaker, doubles, to_time
@@ -68,7 +77,11 @@ def odometry_message(root_link, measured, stamp):
     (x, y, z, *orientation), twist = measured.base
     message = Odometry(child_frame_id=root_link)
     message.header.stamp, message.header.frame_id = stamp, WORLD
-    position, o, moving = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
+    position, o, moving = (
+        message.pose.pose.position,
+        message.pose.pose.orientation,
+        message.twist.twist,
+    )
     position.x, position.y, position.z = float(x), float(y), float(z)
     o.x, o.y, o.z, o.w = map(float, orientation)
     moving.linear.x, moving.linear.y, moving.linear.z = map(float, twist[:3])
@@ -84,7 +97,10 @@ def simulation_status(plant, paused, failure):
         "simulated time [s]": f"{plant.time:.3f}",
         "kinetic energy [J]": f"{simulation.kinetic_energy:.6g}",
         "energy residual [J]": f"{simulation.audit.residual:.3g}",
-        **{f"energy audit: {name} [J]": f"{value:.6g}" for name, value in simulation.audit._asdict().items()},
+        **{
+            f"energy audit: {name} [J]": f"{value:.6g}"
+            for name, value in simulation.audit._asdict().items()
+        },
         "joints at their effort limit": counted(simulation.saturated),
         "joints at a position limit": counted(simulation.at_limit),
         "joints beyond their velocity limit": counted(simulation.overspeed),
@@ -93,7 +109,11 @@ def simulation_status(plant, paused, failure):
     }
     if failure:
         return Status("simulation", ERROR, f"stopped: {failure}", values)
-    return Status("simulation", WARN, "paused", values) if paused else Status("simulation", OK, "running", values)
+    return (
+        Status("simulation", WARN, "paused", values)
+        if paused
+        else Status("simulation", OK, "running", values)
+    )
 
 
 def pace_status(pace, lockstep, waits, time_values, problems):
@@ -139,7 +159,9 @@ class CommandsReport:
                 rejected.append(steady(part.last_rejection))
         problems = [f"rejected: {'; '.join(rejected)}"] if rejected else []
         problems += [f"no command for {drives.timeout:g} s"] if drives.phase == TIMED_OUT else []
-        return Status("commands", WARN if problems else OK, "; ".join(problems) or drives.phase, values)
+        return Status(
+            "commands", WARN if problems else OK, "; ".join(problems) or drives.phase, values
+        )
 
 
 class SimulatorNode(TableNode, Node):
@@ -149,18 +171,26 @@ class SimulatorNode(TableNode, Node):
         super().__init__(NODES["simulator"], PARAMETERS, **options)
         values = self.values
         if not values["robot_description"]:
-            raise InputError("parameter 'robot_description' is empty; expected a URDF or the path of one.")
+            raise InputError(
+                "parameter 'robot_description' is empty; expected a URDF or the path of one."
+            )
         self._keeps_time = values["publish_clock"] or values["lockstep"]
         self._plant, self._lockstep = None, Lockstep()
         self._paused, self._timeless, self._failure = False, False, ""
         self._revision, self._latest = 1, 0  # of the model; stamp [ns]
         self._commands_report = CommandsReport()
         if self._keeps_time and self.get_clock().ros_time_is_active:
-            self.set_parameters([Parameter("use_sim_time", value=False)])  # a launch sets it for all of its nodes
-            self.get_logger().info("This node publishes simulated time, so it sets its use_sim_time to false.")
+            self.set_parameters(
+                [Parameter("use_sim_time", value=False)]
+            )  # a launch sets it for all of its nodes
+            self.get_logger().info(
+                "This node publishes simulated time, so it sets its use_sim_time to false."
+            )
         judge(self, PARAMETERS, self._take_parameters)
         self.add_on_set_parameters_callback(self._refuse_sim_time)
-        self._diagnostics = Diagnostics(self, self._report, lambda: self._plant and self._plant.simulation.model)
+        self._diagnostics = Diagnostics(
+            self, self._report, lambda: self._plant and self._plant.simulation.model
+        )
         self._loader = RobotLoader(self, self._make_plant, self._take_plant)
         self._loader.load(values["robot_description"], values)
 
@@ -186,12 +216,16 @@ class SimulatorNode(TableNode, Node):
             self.finished.set_exception(made)
             return
         text, self._plant = made
-        if any(self.values[name] != loaded[name] for name in DYNAMIC):  # they have changed meanwhile
+        if any(
+            self.values[name] != loaded[name] for name in DYNAMIC
+        ):  # they have changed meanwhile
             self._apply(self.values)
         values, model = self.values, self._plant.simulation.model
         self._lockstep.begin(self.time.steady())
         self._start = self.time.now()
-        self._pace = Pace(values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size)
+        self._pace = Pace(
+            values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size
+        )
         self._use(model)
         self._connect(text)
         self._offer_services()
@@ -220,10 +254,15 @@ class SimulatorNode(TableNode, Node):
 
         publish(String, "robot_description", latched()).publish(String(data=text))
         self._joint_states = publish(JointState, "joint_states")
-        self._odometry = publish(Odometry, "odom") if self._plant.simulation.model.floating_base else None
+        self._odometry = (
+            publish(Odometry, "odom") if self._plant.simulation.model.floating_base else None
+        )
         self._truth = publish(DiagonalizedState, "~/ground_truth")
         self._clock_out = publish(Clock, CLOCK) if self._keeps_time else None
-        inputs = [(WrenchStamped, WRENCHES, self._take_wrench), (Float64MultiArray, COMMANDS, self._take_command)]
+        inputs = [
+            (WrenchStamped, WRENCHES, self._take_wrench),
+            (Float64MultiArray, COMMANDS, self._take_command),
+        ]
         for kind, topic, take in inputs[: 1 if self.values["motion"] == "wave" else 2]:
             connected(self.create_subscription, kind, topic, take, QoSProfile(depth=10))
 
@@ -234,7 +273,9 @@ class SimulatorNode(TableNode, Node):
             (Trigger, "reset", self._reset, ()),
             (SetState, "set_state", self._set_state, ()),
         ):
-            self.create_service(kind, f"~/{name}", answered(self, kind, answer, keep=keep), qos_profile=SERVICE_QOS)
+            self.create_service(
+                kind, f"~/{name}", answered(self, kind, answer, keep=keep), qos_profile=SERVICE_QOS
+            )
 
     # --- Time
 
@@ -324,7 +365,9 @@ class SimulatorNode(TableNode, Node):
     def _take_wrench(self, message):
         f, n = message.wrench.force, message.wrench.torque
         try:
-            self._plant.pushes.push(message.header.frame_id, (f.x, f.y, f.z, n.x, n.y, n.z), self._plant.time)
+            self._plant.pushes.push(
+                message.header.frame_id, (f.x, f.y, f.z, n.x, n.y, n.z), self._plant.time
+            )
         except RejectedError as error:
             self._log_rejected(WRENCHES, error)
 
@@ -350,7 +393,9 @@ class SimulatorNode(TableNode, Node):
         for measured in plant.known():
             stamp = to_time(measured.stamp)
             if measured.base is not None:
-                self._odometry.publish(odometry_message(plant.simulation.model.root_link, measured, stamp))
+                self._odometry.publish(
+                    odometry_message(plant.simulation.model.root_link, measured, stamp)
+                )
             self._lockstep.publish()
             self._last = joint_state_message(plant.names, measured, stamp)
             self._joint_states.publish(self._last)
@@ -384,7 +429,10 @@ class SimulatorNode(TableNode, Node):
             raise InputError(f"steps is {request.steps}, expected 1 to {MAX_STEPS}.")
         self._restart_stamps()
         whole, rest = divmod(request.steps, self._steps_of_a_period)
-        all(self._advance(steps) for steps in [self._steps_of_a_period] * whole + [rest] * bool(rest))
+        all(
+            self._advance(steps)
+            for steps in [self._steps_of_a_period] * whole + [rest] * bool(rest)
+        )
         response.stamp = to_time(self._stamp)
         self._require_running()
 
@@ -415,7 +463,9 @@ class SimulatorNode(TableNode, Node):
     # --- Parameters
 
     def _refuse_sim_time(self, parameters):
-        refused = self._keeps_time and any(one.name == "use_sim_time" and one.value for one in parameters)
+        refused = self._keeps_time and any(
+            one.name == "use_sim_time" and one.value for one in parameters
+        )
         reason = "parameter 'use_sim_time' is true, but this node publishes simulated time itself."
         return SetParametersResult(successful=not refused, reason=reason if refused else "")
 

@@ -47,7 +47,9 @@ class Keyboard:
 
     def __init__(self, fd=0):
         self._fd, self._mode = fd, termios.tcgetattr(fd) if os.isatty(fd) else None
-        self._stop = signal.signal(signal.SIGTSTP, signal.SIG_IGN)  # the shell would draw on this screen
+        self._stop = signal.signal(
+            signal.SIGTSTP, signal.SIG_IGN
+        )  # the shell would draw on this screen
         if self._mode:
             tty.setcbreak(fd, termios.TCSANOW)
 
@@ -72,7 +74,16 @@ class Keyboard:
 class Top(Node):
     """Shows `topics`, or all robots on the graph, until the user quits: `finished` is done then."""
 
-    def __init__(self, topics=(), rate=FRAME_RATE, duration=math.inf, lines=False, note="", time=NodeTime, **kwargs):
+    def __init__(
+        self,
+        topics=(),
+        rate=FRAME_RATE,
+        duration=math.inf,
+        lines=False,
+        note="",
+        time=NodeTime,
+        **kwargs,
+    ):
         super().__init__("top", enable_rosout=False, start_parameter_services=False, **kwargs)
         self.finished, self.time = Future(), time(self)
         self._topics, self._robots, self._received = topics, {}, []
@@ -81,7 +92,9 @@ class Top(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._find_robots()
         self.create_timer(1.0, self._find_robots, clock=steady)
-        self.create_timer(1.0 if lines else 1.0 / rate, self._print if lines else self._draw, clock=steady)
+        self.create_timer(
+            1.0 if lines else 1.0 / rate, self._print if lines else self._draw, clock=steady
+        )
         if not lines:
             self._console = make_console()
             self._view = View(note, LETTERS if self._console.options.ascii_only else BLOCKS)
@@ -113,7 +126,9 @@ class Top(Node):
             (ExternalTorque, f"{monitor}/external_torque", Robot.accept_external_torque, newest),
             (String, f"{namespace}/robot_description", Robot.accept_description, latched),
         ):
-            self.create_subscription(kind, name, partial(self._receive, robot, kind, accept), qos, raw=True)
+            self.create_subscription(
+                kind, name, partial(self._receive, robot, kind, accept), qos, raw=True
+            )
         return robot
 
     def _receive(self, robot, kind, accept, data):
@@ -152,7 +167,9 @@ class Top(Node):
                 print(plain(line_of(robot, now)), flush=True)
         except BrokenPipeError:
             closed = True
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes it at its end
+            os.dup2(
+                os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+            )  # Python flushes it at its end
         self._finish_if(closed or now > self._end)
 
     def _finish_if(self, condition):
@@ -204,9 +221,13 @@ def main(args=None):
     parser = argparse.ArgumentParser(prog="top", description=__doc__)
     states = "states that are shown (default: those of all robots); may be repeated"
     parser.add_argument("--state", metavar="TOPIC", action="append", default=[], help=states)
-    parser.add_argument("--rate", type=float, default=FRAME_RATE, help="frames per second (default: %(default)g)")
+    parser.add_argument(
+        "--rate", type=float, default=FRAME_RATE, help="frames per second (default: %(default)g)"
+    )
     parser.add_argument("--duration", type=float, default=math.inf, help="time to run [s]")
-    parser.add_argument("--lines", action="store_true", help="a line per second, as without a terminal")
+    parser.add_argument(
+        "--lines", action="store_true", help="a line per second, as without a terminal"
+    )
     chosen = parser.parse_args(remove_ros_args(args or sys.argv)[1:])
     if not 0.0 < chosen.rate <= 60.0:
         parser.error(f"argument --rate: {chosen.rate} is not a number > 0 and <= 60")
@@ -214,7 +235,9 @@ def main(args=None):
         parser.error(f"argument --duration: {chosen.duration} is not a number > 0")
     for topic in chosen.state:
         if not re.fullmatch(r"(/[A-Za-z_]\w*)+", topic):
-            parser.error(f"argument --state: '{topic}' is not a full topic name such as /diag_dynamics/state")
+            parser.error(
+                f"argument --state: '{topic}' is not a full topic name such as /diag_dynamics/state"
+            )
     lines = chosen.lines or not has_screen()
     return run(lambda: Top(chosen.state, chosen.rate, chosen.duration, lines), args)
 

@@ -24,7 +24,14 @@ from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
-from diag_dynamics.nodes.support.diagnostics import OK, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.support.diagnostics import (
+    OK,
+    WARN,
+    Diagnostics,
+    Status,
+    counted,
+    shortened,
+)
 from diag_dynamics.nodes.support.graph import topics_of
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.topics import NODES
@@ -52,7 +59,9 @@ KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 
 MAX_TABS, MAX_ROBOTS = 64, 32
 
-OBSERVED = [name for name in MONITOR if name.startswith(("external_torque.", "external_wrench.", "alarm."))]
+OBSERVED = [
+    name for name in MONITOR if name.startswith(("external_torque.", "external_wrench.", "alarm."))
+]
 """Parameters of a monitor's observer."""
 
 REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED, *OBSERVED)
@@ -64,7 +73,16 @@ MAX_DIFFERENCE = 0.1
 REMOVAL_TIMEOUT, RETRY_PERIOD = 600.0, 5.0
 """Time without a publisher after which a robot is removed, and until an unanswered request is repeated [s]."""
 
-VECTORS = "position", "velocity", "effort", "nu", "epsilon", "coriolis", "gravity", "articulated_inertia"
+VECTORS = (
+    "position",
+    "velocity",
+    "effort",
+    "nu",
+    "epsilon",
+    "coriolis",
+    "gravity",
+    "articulated_inertia",
+)
 """Fields of a state's message, in the order of :class:`~diag_dynamics.page.frames.States`."""
 
 CONTACT_VECTORS = {
@@ -120,14 +138,29 @@ class RobotSubscription:
 
     def __init__(self, node, monitor, folders):
         self.monitor, self.namespace = monitor, monitor.rpartition("/")[0] or "/"
-        self._node, self._folders, self._newest, self._count, self._read_count = node, folders, {}, 0, 0
+        self._node, self._folders, self._newest, self._count, self._read_count = (
+            node,
+            folders,
+            {},
+            0,
+            0,
+        )
         is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
-        self.stream = RobotStream(self.namespace if is_usual else monitor, self._read, notifies=True)
+        self.stream = RobotStream(
+            self.namespace if is_usual else monitor, self._read, notifies=True
+        )
         self._subscriptions = {}
-        kinds = {"state": DiagonalizedState, "torque": ExternalTorque, "contact": Contact, "load": Load}
+        kinds = {
+            "state": DiagonalizedState,
+            "torque": ExternalTorque,
+            "contact": Contact,
+            "load": Load,
+        }
         self._readers = {name: MessageReader(kind) for name, kind in kinds.items()}
         self._subscribe(DiagonalizedState, "state", self._receive_state)
-        self._subscribe(ExternalTorque, "external_torque", lambda raw: self._newest.update(torque=raw))
+        self._subscribe(
+            ExternalTorque, "external_torque", lambda raw: self._newest.update(torque=raw)
+        )
         self._subscribe(Load, "load", lambda raw: self._newest.update(load=raw))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._topic = f"{self.namespace.rstrip('/')}/robot_description"
@@ -140,7 +173,12 @@ class RobotSubscription:
             None  # of the topic; of the monitor; both of the model in force
         )
         self._publishers, self._requested_at, self._is_outdated = set(), None, True
-        self._published_at, self._revision, self._differs_in_time, self._points = time.monotonic(), None, False, ()
+        self._published_at, self._revision, self._differs_in_time, self._points = (
+            time.monotonic(),
+            None,
+            False,
+            (),
+        )
         self._diagnostics, self._rejection, self._unreadable = {}, "", ""
         self.stream.set_waiting(f"waiting for the parameters of {monitor}")
 
@@ -173,19 +211,30 @@ class RobotSubscription:
     def set_diagnostics(self, statuses):
         """Show statuses of this robot's nodes."""
         for status in statuses:
-            if status.name == f"{self.monitor.lstrip('/')}: contact" and "contact" not in self._subscriptions:
+            if (
+                status.name == f"{self.monitor.lstrip('/')}: contact"
+                and "contact" not in self._subscriptions
+            ):
                 # Without limits the monitor would compute contact for the page alone.
                 self._subscribe(Contact, "contact", lambda raw: self._newest.update(contact=raw))
             values = {value.key: value.value for value in status.values}
-            about = {"level": status.level[0], "name": status.name, "message": status.message, "values": values}
+            about = {
+                "level": status.level[0],
+                "name": status.name,
+                "message": status.message,
+                "values": values,
+            }
             self._diagnostics[status.name] = time.monotonic(), about
         self._show_diagnostics()
 
     def _show_diagnostics(self):
         oldest = time.monotonic() - DIAGNOSTICS_TIMEOUT
-        self._diagnostics = {name: one for name, one in self._diagnostics.items() if one[0] > oldest}
+        self._diagnostics = {
+            name: one for name, one in self._diagnostics.items() if one[0] > oldest
+        }
         statuses = sorted(
-            (about for _, about in self._diagnostics.values()), key=lambda one: (-one["level"], one["name"])
+            (about for _, about in self._diagnostics.values()),
+            key=lambda one: (-one["level"], one["name"]),
         )
         self.stream.set_diagnostics(statuses)
 
@@ -198,7 +247,9 @@ class RobotSubscription:
 
     def _subscribe(self, kind, topic, callback):
         name = f"{self.monitor}/{topic}"
-        self._subscriptions[topic] = self._node.create_subscription(kind, name, callback, NEWEST, raw=True)
+        self._subscriptions[topic] = self._node.create_subscription(
+            kind, name, callback, NEWEST, raw=True
+        )
 
     # --- The model ---
 
@@ -209,8 +260,12 @@ class RobotSubscription:
     def _receive_parameters(self, future):
         self._requested_at, self._is_outdated = None, False
         values = [parameter_value_to_python(value) for value in future.result().values]
-        known = {name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None}
-        self._differs_in_time = bool(known.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
+        known = {
+            name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None
+        }
+        self._differs_in_time = (
+            bool(known.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
+        )
         defaults = {name: MONITOR[name].default for name in (*SHARED, *OBSERVED)}
         self._values = defaults | {"robot_description": ""} | known
         self._load()
@@ -230,7 +285,9 @@ class RobotSubscription:
 
     def _load_robot(self, description, values):
         """Return the dynamics, scene, meshes and ForceOptions of a robot; in a thread."""
-        source = description if values["robot_description"] else description.encode(errors="replace")
+        source = (
+            description if values["robot_description"] else description.encode(errors="replace")
+        )
         with handle_warnings(lambda text: None):  # the monitor logs them
             text = read_source(source).text
             try:
@@ -238,15 +295,24 @@ class RobotSubscription:
             except InputError:
                 if not values["parameters_file"]:
                     raise
-                model = model_of(text, values | {"parameters_file": ""})  # a file of another machine
-        meshes = MeshLibrary([*self._folders, *mesh_folders(source if isinstance(source, str) else None)])
-        dynamics, forces = DiagonalDynamics(model), ForceOptions.of(observation_of(values), values, model)
+                model = model_of(
+                    text, values | {"parameters_file": ""}
+                )  # a file of another machine
+        meshes = MeshLibrary(
+            [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
+        )
+        dynamics, forces = (
+            DiagonalDynamics(model),
+            ForceOptions.of(observation_of(values), values, model),
+        )
         compile_frames(dynamics, forces)
         return dynamics, scene_of(model, text, meshes), meshes, forces
 
     def _take_robot(self, loaded, *_):
         if isinstance(loaded, Exception):
-            self._rejection = shortened(f"the page cannot show the robot of {self.monitor}: {loaded}")
+            self._rejection = shortened(
+                f"the page cannot show the robot of {self.monitor}: {loaded}"
+            )
             self.stream.set_waiting(self._rejection)
             self._node.get_logger().error(self._rejection)
             self._loaded, self._is_outdated = None, True  # try again
@@ -324,11 +390,17 @@ class RobotSubscription:
         fields = reader.read(self._newest["torque"])
         if len(reader.message.dof_names) != model.nv:
             return {}, ()
-        joints = fields["torque_threshold"].tolist() if "torque_threshold" in fields else [np.inf] * model.nv
+        joints = (
+            fields["torque_threshold"].tolist()
+            if "torque_threshold" in fields
+            else [np.inf] * model.nv
+        )
         limits = (*joints, fields["torque_norm_threshold"].item(), fields["threshold"].item())
         if not fields["valid"] or abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return {}, limits
-        rows = {name: fields[name][None] for name in ("residual", "external_torque") if name in fields}
+        rows = {
+            name: fields[name][None] for name in ("residual", "external_torque") if name in fields
+        }
         return rows | {name: fields[name] for name in ("norm", "collision", "contact")}, limits
 
     def _read_contact(self, t, model):
@@ -343,9 +415,14 @@ class RobotSubscription:
         if abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return self._points, {}
         worst = int(fields["worst"][0])
-        position = fields["positions"][3 * worst : 3 * worst + 3] if worst >= 0 else np.full(3, np.nan)
+        position = (
+            fields["positions"][3 * worst : 3 * worst + 3] if worst >= 0 else np.full(3, np.nan)
+        )
         rows = {field: fields[name][None] for field, name in CONTACT_VECTORS.items()}
-        return self._points, rows | {"contact_worst": fields["worst"], "contact_position": position[None]}
+        return self._points, rows | {
+            "contact_worst": fields["worst"],
+            "contact_position": position[None],
+        }
 
     def _read_load(self, t, model):
         """Return the fields of a load at a time; none without a recognized load."""
@@ -358,7 +435,11 @@ class RobotSubscription:
         if abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return {}
         deviation = fields["mass_deviation"]
-        return {"load_link": model.link_names.index(link), "load_mass": fields["mass"], "load_deviation": deviation}
+        return {
+            "load_link": model.link_names.index(link),
+            "load_mass": fields["mass"],
+            "load_deviation": deviation,
+        }
 
 
 def stamp_of(fields):
@@ -382,7 +463,9 @@ class ViewNode(TableNode, Node):
         super().__init__(NODES["view"], PARAMETERS, **options)
         values = self.values
         if not 1 <= values["tabs"] <= MAX_TABS:
-            raise InputError(f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MAX_TABS}.")
+            raise InputError(
+                f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MAX_TABS}."
+            )
         self._robots, self._folders = {}, folders_of(values["mesh_folders"])
         address = values["host"], values["port"]
         self._server = PageServer(self._streams, *address, values["rate"], values["tabs"], on_push)
@@ -432,7 +515,9 @@ class ViewNode(TableNode, Node):
 
     def _add_robot(self, monitor):
         if len(self._robots) >= MAX_ROBOTS:
-            self.get_logger().warning(f"The page shows at most {MAX_ROBOTS} robots and omits {monitor}.", once=True)
+            self.get_logger().warning(
+                f"The page shows at most {MAX_ROBOTS} robots and omits {monitor}.", once=True
+            )
             return
         self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
 
@@ -440,7 +525,9 @@ class ViewNode(TableNode, Node):
         for robot in self._robots.values():
             own = {f"{robot.namespace.rstrip('/')}/{name}".lstrip("/") for name in ROBOT_NODES}
             own.add(robot.monitor.lstrip("/"))
-            statuses = [status for status in message.status if status.name.partition(": ")[0] in own]
+            statuses = [
+                status for status in message.status if status.name.partition(": ")[0] in own
+            ]
             if statuses:
                 robot.set_diagnostics(statuses)
 
@@ -453,4 +540,11 @@ class ViewNode(TableNode, Node):
         }
         if faults:
             return [Status("page", WARN, "; ".join(faults), shown)]
-        return [Status("page", OK, f"served at {self.address}" if self._robots else "no monitor found", shown)]
+        return [
+            Status(
+                "page",
+                OK,
+                f"served at {self.address}" if self._robots else "no monitor found",
+                shown,
+            )
+        ]

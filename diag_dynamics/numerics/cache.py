@@ -106,7 +106,10 @@ def cache_folder():
     else:
         user = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
         owner = os.getuid() if hasattr(os, "getuid") else "user"
-        candidates = [Path(user) / "diag_dynamics", Path(tempfile.gettempdir()) / f"diag_dynamics-{owner}"]
+        candidates = [
+            Path(user) / "diag_dynamics",
+            Path(tempfile.gettempdir()) / f"diag_dynamics-{owner}",
+        ]
     for candidate in candidates:
         if _is_ours(candidate):
             return candidate

@@ -39,11 +39,13 @@ class Callback:
             folder, before = code_folder(self.__module__), numba.config.CACHE_DIR
             try:
                 numba.config.CACHE_DIR = str(folder or before)
-                self._compiled = numba.cfunc(_SIGNATURE, cache=folder is not None, error_model="numpy")(
-                    self.__wrapped__
-                )
+                self._compiled = numba.cfunc(
+                    _SIGNATURE, cache=folder is not None, error_model="numpy"
+                )(self.__wrapped__)
             except Exception as error:  # a full disk; a damaged file may unpickle into any
-                logger.warning("The cache %s cannot be used for %s: %r", folder, self.__name__, error)
+                logger.warning(
+                    "The cache %s cannot be used for %s: %r", folder, self.__name__, error
+                )
                 self._compiled = numba.cfunc(_SIGNATURE, error_model="numpy")(self.__wrapped__)
             finally:
                 numba.config.CACHE_DIR = before

@@ -26,10 +26,14 @@ logger = logging.getLogger(__name__)
 ROBOT = numba.int64
 """Type of the argument that stands for a robot: see sweeps.Workspace."""
 
-VECTOR, MATRIX, STATES = (types.Array(numba.float64, ndim, "C", readonly=True) for ndim in (1, 2, 3))
+VECTOR, MATRIX, STATES = (
+    types.Array(numba.float64, ndim, "C", readonly=True) for ndim in (1, 2, 3)
+)
 """Types of arrays that an entry reads: read-only arrays, as results are, and others."""
 
-FILLED_VECTOR, FILLED_MATRIX, FILLED_STATES = (types.Array(numba.float64, ndim, "C") for ndim in (1, 2, 3))
+FILLED_VECTOR, FILLED_MATRIX, FILLED_STATES = (
+    types.Array(numba.float64, ndim, "C") for ndim in (1, 2, 3)
+)
 """Types of arrays that an entry writes."""
 
 NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
@@ -133,12 +137,17 @@ class Entry:
         folder, before = code_folder(self.__module__), numba.config.CACHE_DIR
         try:
             numba.config.CACHE_DIR = str(folder or before)
-            compiled = _decorator("ENTRY", nogil=self._nogil, cache=folder is not None)(self.__wrapped__)
+            compiled = _decorator("ENTRY", nogil=self._nogil, cache=folder is not None)(
+                self.__wrapped__
+            )
             try:
                 compiled.compile(self._signature)
             except OSError as error:  # a full disk, or a folder that cannot be read
                 logger.warning(
-                    "The cache %s cannot be used; each process compiles %s again: %s", folder, self.__name__, error
+                    "The cache %s cannot be used; each process compiles %s again: %s",
+                    folder,
+                    self.__name__,
+                    error,
                 )
                 if not compiled.signatures:
                     compiled = _decorator("ENTRY", nogil=self._nogil, cache=False)(self.__wrapped__)
@@ -147,7 +156,9 @@ class Entry:
                 files = list(folder.rglob(f"*.{self.__name__}-*.nb?")) if folder else []
                 if not files:
                     raise
-                logger.warning("Compiled code in %s is unreadable and compiled again: %r", folder, error)
+                logger.warning(
+                    "Compiled code in %s is unreadable and compiled again: %r", folder, error
+                )
                 for file in files:
                     file.unlink(missing_ok=True)
                 compiled.compile(self._signature)

@@ -33,12 +33,16 @@ class Library(JITCodeLibrary):
         """Optimize an entry; inline kernels into a kernel and simplify it, once for all its callers."""
         if self.is_entry:
             super()._optimize_final_module()
-        elif hasattr(self._codegen, "_pass_builder"):  # LLVM 14 has it not, and simplifies in the entry
+        elif hasattr(
+            self._codegen, "_pass_builder"
+        ):  # LLVM 14 has it not, and simplifies in the entry
             inliner = binding.create_new_module_pass_manager()
             inliner.add_always_inliner_pass()
             inliner.run(self._final_module, self._codegen._pass_builder(opt=1))
             for function in self._final_module.functions:
-                if function.linkage == binding.Linkage.external and not function.is_declaration:  # not of other kernels
+                if (
+                    function.linkage == binding.Linkage.external and not function.is_declaration
+                ):  # not of other kernels
                     passes, builder = self._codegen._function_pass_manager(opt=1)
                     passes.run(function, builder)
 
@@ -61,7 +65,9 @@ class KernelCompiler(Compiler):
             state.library = Library(state.targetctx.codegen(), state.func_id.func_qualname)
             state.library.enable_object_caching()
             state.library.is_entry = not state.flags.no_cpython_wrapper
-            state.flags.no_compile = state.flags.no_cpython_wrapper  # else numba asks for the address of a kernel
+            state.flags.no_compile = (
+                state.flags.no_cpython_wrapper
+            )  # else numba asks for the address of a kernel
         return super().define_pipelines()
 
     def compile_extra(self, function):
@@ -70,7 +76,9 @@ class KernelCompiler(Compiler):
         if result.entry_point is None:
             about, libraries = result.fndesc, (result.library,)
             name = about.qualname.split(".")[-1]
-            declared = _dynfunc.make_function(about.lookup_module(), name, "", 0, result.environment, libraries)
+            declared = _dynfunc.make_function(
+                about.lookup_module(), name, "", 0, result.environment, libraries
+            )
             self.state.targetctx.insert_user_function(declared, about, libraries)
             return result._replace(entry_point=declared)
         return result

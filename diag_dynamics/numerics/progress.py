@@ -52,7 +52,9 @@ class Progress:
         """Send a message; return the time [s] of the next one."""
         with self._lock:
             first, self._sent = self._sent is None, now
-        self.callback(f"compiling {name} {RULE}" if first else f"compiling {name}, for {now - begun:.0f} s")
+        self.callback(
+            f"compiling {name} {RULE}" if first else f"compiling {name}, for {now - begun:.0f} s"
+        )
         return now + PERIOD
 
 
@@ -68,7 +70,9 @@ def set_progress_callback(callback=None):
 def report_compilation(name):
     """Send messages while a kernel compiles, if that takes long; log its time at the end."""
     begun, done = time.perf_counter(), threading.Event()
-    threading.Thread(target=_report, args=(name, begun, done), name="compiling", daemon=True).start()
+    threading.Thread(
+        target=_report, args=(name, begun, done), name="compiling", daemon=True
+    ).start()
     try:
         yield
     finally:

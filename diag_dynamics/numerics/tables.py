@@ -70,7 +70,9 @@ class Table:
         self.fields = fields
         self.dtype = np.dtype(
             [
-                (field, np.int64, (1 + kind.ndim,)) if isinstance(kind, Array) else (field, np.dtype(kind))
+                (field, np.int64, (1 + kind.ndim,))
+                if isinstance(kind, Array)
+                else (field, np.dtype(kind))
                 for field, kind in fields.items()
             ]
         )
@@ -82,7 +84,10 @@ def _reader(name, fields, dtype):
 
     Its source is generated, because numba compiles a composition of one kernel for each field twenty times slower.
     """
-    names, values = {"row": namedtuple(name, fields), "record_at": array_at(numba.from_dtype(dtype), 1)}, []
+    names, values = (
+        {"row": namedtuple(name, fields), "record_at": array_at(numba.from_dtype(dtype), 1)},
+        [],
+    )
     for field, kind in fields.items():
         if isinstance(kind, Array):
             names[f"{field}_at"] = array_at(numba.from_dtype(kind.dtype), kind.ndim)
@@ -100,7 +105,9 @@ class Addresses:
 
     def __init__(self, table, /, **entries):
         if entries.keys() != table.fields.keys():
-            raise TypeError(f"the fields are {', '.join(entries)}; expected {', '.join(table.fields)}")
+            raise TypeError(
+                f"the fields are {', '.join(entries)}; expected {', '.join(table.fields)}"
+            )
         self._arrays, self._memory = entries, np.zeros(1, table.dtype)
         self.at = self._memory.ctypes.data
         for name, field in table.fields.items():
@@ -110,4 +117,6 @@ class Addresses:
             elif (entry.dtype, entry.ndim, entry.flags.c_contiguous) == (*field, True):
                 self._memory[name] = entry.ctypes.data, *entry.shape
             else:
-                raise TypeError(f"{name} is {entry.dtype} {entry.shape}; expected {field} in C order")
+                raise TypeError(
+                    f"{name} is {entry.dtype} {entry.shape}; expected {field} in C order"
+                )

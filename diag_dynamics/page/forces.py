@@ -29,8 +29,14 @@ class ForceOptions(NamedTuple):
     def of(cls, observation, values, model):
         """Return options by a monitor's Observation (None: no observer) and its parameters `external_wrench.*`."""
         covariance = observation.covariance_of(model.dof_names) if observation else None
-        links = tuple(name for name in dict.fromkeys(values["external_wrench.frames"]) if name in model.link_names)
-        deviations = [values[f"external_wrench.max_{kind}_deviation"] for kind in ("force", "torque")]
+        links = tuple(
+            name
+            for name in dict.fromkeys(values["external_wrench.frames"])
+            if name in model.link_names
+        )
+        deviations = [
+            values[f"external_wrench.max_{kind}_deviation"] for kind in ("force", "torque")
+        ]
         return cls(covariance, links, tuple(deviations))
 
 
@@ -52,9 +58,13 @@ class Forces:
             return states
         torque, known = self._torque(states)
         links, confidence = np.full((2, len(known)), np.nan)
-        rows = np.flatnonzero(known & np.isfinite(states.norm) & np.logical_or(states.contact, states.collision))
+        rows = np.flatnonzero(
+            known & np.isfinite(states.norm) & np.logical_or(states.contact, states.collision)
+        )
         if len(rows):
-            found = self._dynamics.touched_link_batch(states.q[rows], torque[rows], self._covariance)
+            found = self._dynamics.touched_link_batch(
+                states.q[rows], torque[rows], self._covariance
+            )
             links[rows] = [self._names.index(name) if name else -1 for name in found.link]
             confidence[rows] = found.confidence
         return states._replace(touched_link=links, touched_confidence=confidence)
@@ -70,7 +80,10 @@ class Forces:
             return {}
         (torque, known), count = self._torque(states), len(states.t)
         touched = np.where(known, states.touched_link, np.nan)
-        found = {"touch_force": np.full((count, 3), np.nan), "touch_root": np.full((count, 6), np.nan)}
+        found = {
+            "touch_force": np.full((count, 3), np.nan),
+            "touch_root": np.full((count, 6), np.nan),
+        }
         found["touch_unobserved"] = np.full(count, np.nan)
         for k in np.unique(touched[touched >= 0.0]).astype(int).tolist():
             rows = np.flatnonzero(touched == k)
@@ -79,7 +92,9 @@ class Forces:
         if self._links:
             wrenches = np.full((2, count, len(self._links), 6), np.nan)
             for n, link in enumerate(self._links):
-                w = self._dynamics.wrench_batch(states.q[known], torque[known], link, **self._options)
+                w = self._dynamics.wrench_batch(
+                    states.q[known], torque[known], link, **self._options
+                )
                 wrenches[0, known, n], wrenches[1, known, n] = w.wrench, component_deviations(w)
             found["wrench"], found["wrench_deviation"] = wrenches.reshape(2, count, -1)
         return found
@@ -102,9 +117,15 @@ class Forces:
         }
 
 
-def force_at_center(dynamics, q, torque, link, frame, covariance, max_deviation=NO_FORCES.max_deviation):
+def force_at_center(
+    dynamics, q, torque, link, frame, covariance, max_deviation=NO_FORCES.max_deviation
+):
     """Return the ExternalWrench of a force without a moment, at the centre of mass of the body of a link."""
-    options = {"point": center_of_body(dynamics.model, link), "force_only": True, "max_deviation": max_deviation}
+    options = {
+        "point": center_of_body(dynamics.model, link),
+        "force_only": True,
+        "max_deviation": max_deviation,
+    }
     return dynamics.wrench(q, torque, link, covariance, frame=frame, **options)
 
 
@@ -114,4 +135,6 @@ def component_deviations(w):
     It is NaN where an unobserved direction has a part in the component.
     """
     mixed = (np.abs(w.directions) > MIXED) & ~w.observed[..., None]
-    return np.where(mixed.any(axis=-2), np.nan, np.sqrt(np.diagonal(w.covariance, axis1=-2, axis2=-1)))
+    return np.where(
+        mixed.any(axis=-2), np.nan, np.sqrt(np.diagonal(w.covariance, axis1=-2, axis2=-1))
+    )

@@ -120,7 +120,9 @@ class FrameMaker:
         frames = np.empty(len(states.t), dtype=self.layout.dtype)
         frames["t"], x, places = states.t, frames["numbers"], self.layout.places
         x.fill(np.nan)
-        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a page shows infinity as unknown
+        with np.errstate(
+            over="ignore", divide="ignore", invalid="ignore"
+        ):  # a page shows infinity as unknown
             computed = self._computed(states) | self._forces.fields(states)
             computed["q"] = with_followers(self._model, states.q, self._motion)
             for name, value in (states._asdict() | computed).items():
@@ -136,9 +138,13 @@ class FrameMaker:
         The velocity is Fᵀν [m/s].
         """
         if link not in self._wrenches:
-            self._wrenches[link] = wrenches_at(self._model, link, np.eye(3, 6), np.zeros(3), "world")
+            self._wrenches[link] = wrenches_at(
+                self._model, link, np.eye(3, 6), np.zeros(3), "world"
+            )
         factor, fields = np.empty((self._model.nv, 3)), np.full(9, np.nan, dtype="<f4")
-        if not factorization.factor_of_wrenches(self._workspace.robot, q, self._wrenches[link], True, factor):
+        if not factorization.factor_of_wrenches(
+            self._workspace.robot, q, self._wrenches[link], True, factor
+        ):
             values, axes = np.linalg.eigh(factor.T @ factor)
             fields[:6] = ((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)[UPPER]
             fields[6:] = nu @ factor
@@ -163,7 +169,9 @@ class FrameMaker:
             "torque_norm": np.linalg.norm(terms[3], axis=-1),
             # Zero but for rounding, NaN at rest. In doubles: floats would hide it.
             "coriolis_work": coriolis_work(nu, states.coriolis, states.qd),
-            "flags": _flags(states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12),
+            "flags": _flags(
+                states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12
+            ),
         }
 
     def _rows(self, name, *arrays):

@@ -163,8 +163,16 @@ class Layout:
             "dofs": model.nv,
             "links": len(model.link_names),
         }
-        counts |= {"points": len(self.points), "contact": min(1, len(self.points)), "frames": len(self.frames)}
-        rows = [(name, counts[of] * each, of, unit) for of, each, unit, names in FIELDS for name in names.split()]
+        counts |= {
+            "points": len(self.points),
+            "contact": min(1, len(self.points)),
+            "frames": len(self.frames),
+        }
+        rows = [
+            (name, counts[of] * each, of, unit)
+            for of, each, unit, names in FIELDS
+            for name in names.split()
+        ]
         self.fields = tuple(Field(*row) for row in rows)
         ends = [0, *np.cumsum([field.size for field in self.fields]).tolist()]
         self.places = {field.name: slice(*ends[k : k + 2]) for k, field in enumerate(self.fields)}
@@ -209,7 +217,11 @@ def thresholds_of(limits):
 def half_mass(model):
     """Return M/2 + m_L [kg]: half the mass of all moving links and their payloads, as ISO/TS 15066 simplifies it."""
     # Body 0 is the root link's, which a fixed base does not move.
-    moving = {name for name in model.link_names if model.floating_base or model.placement_in_body(name)[0] > 0}
+    moving = {
+        name
+        for name in model.link_names
+        if model.floating_base or model.placement_in_body(name)[0] > 0
+    }
     links = zip(model.links["index"], model.links["mass"], strict=True)
     total = sum(float(mass) for index, mass in links if model.link_names[index] in moving)
     carried = sum(float(payload.mass) for name, payload in model.payloads.items() if name in moving)

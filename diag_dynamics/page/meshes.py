@@ -68,7 +68,9 @@ class MeshLibrary:
             else:
                 break
         if path.stat().st_size > MAX_FILE_SIZE:
-            raise UrdfError(f"mesh '{file}' has {path.stat().st_size} bytes; expected at most {MAX_FILE_SIZE}.")
+            raise UrdfError(
+                f"mesh '{file}' has {path.stat().st_size} bytes; expected at most {MAX_FILE_SIZE}."
+            )
         return Meshes(folder).mesh(file)
 
     def _store(self, mesh, scale):
@@ -76,7 +78,9 @@ class MeshLibrary:
         if np.prod(scale) < 0.0:  # a mirror turns faces inside out
             triangles = triangles[:, ::-1]
         sizes = np.array([len(vertices), len(triangles)], dtype="<u4")
-        data = sizes.tobytes() + vertices.astype("<f4").tobytes() + triangles.astype("<u4").tobytes()
+        data = (
+            sizes.tobytes() + vertices.astype("<f4").tobytes() + triangles.astype("<u4").tobytes()
+        )
         sha = hashlib.sha256(data).hexdigest()
         self.meshes[sha] = data
         return sha
@@ -131,7 +135,9 @@ def _scale(known, levels, of_noise):
 
 def pack_times(t):
     """Pack times [s] that do not decrease, to the microsecond."""
-    return _compress(_difference_planes(np.maximum.accumulate(np.rint(np.asarray(t) * 1e6)).astype("<u8")))
+    return _compress(
+        _difference_planes(np.maximum.accumulate(np.rint(np.asarray(t) * 1e6)).astype("<u8"))
+    )
 
 
 def _difference_planes(whole):
@@ -156,7 +162,10 @@ def pack_mesh(data, cells=None):
         points, faces = _thin_out(points, faces, (points - low) * (cells / span))
     order, index = np.unique(faces, return_inverse=True)  # vertices without a face are left out
     whole = np.rint((points[order] - low) / span * 65535.0).astype("<u2")
-    sizes, scale = np.array([len(order), len(faces)], dtype="<u4"), np.array([*low, span], dtype="<f4")
+    sizes, scale = (
+        np.array([len(order), len(faces)], dtype="<u4"),
+        np.array([*low, span], dtype="<f4"),
+    )
     planes = _difference_planes(whole.T.ravel()) + _difference_planes(index.ravel().astype("<u4"))
     return _compress(sizes.tobytes() + scale.tobytes() + planes)
 
@@ -179,6 +188,9 @@ def _thin_out(points, faces, places):
     """Replace vertices of one cell by their mean, and drop faces that have two of them."""
     _, cell = np.unique(np.floor(places).astype(np.int64), axis=0, return_inverse=True)
     cell = cell.ravel()
-    means = np.stack([np.bincount(cell, axis) for axis in points.T], axis=1) / np.bincount(cell)[:, None]
+    means = (
+        np.stack([np.bincount(cell, axis) for axis in points.T], axis=1)
+        / np.bincount(cell)[:, None]
+    )
     a, b, c = cell[faces].T
     return means, np.unique(cell[faces][(a != b) & (b != c) & (c != a)], axis=0)

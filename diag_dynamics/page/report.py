@@ -61,7 +61,10 @@ def overview(layout, t, numbers):
 
 def full_rate(layout, t, numbers):
     """Return the Track of all states of some seconds, as :func:`overview`."""
-    names = {1: [field.name for field in layout.fields if field.name not in SLOW], EVERY: list(SLOW)}
+    names = {
+        1: [field.name for field in layout.fields if field.name not in SLOW],
+        EVERY: list(SLOW),
+    }
     return _pack_track(layout, t, numbers, names, FULL_RATE_LEVELS, OF_NOISE)
 
 
@@ -83,9 +86,14 @@ def _pack_track(layout, t, numbers, names, *precision):
 def page_of(static=STATIC):
     """Return script, style and licences of the page; raise an InputError if it has not been built."""
     try:
-        return [(static / name).read_text(encoding="utf-8") for name in ("page.js", "page.css", "licences.txt")]
+        return [
+            (static / name).read_text(encoding="utf-8")
+            for name in ("page.js", "page.css", "licences.txt")
+        ]
     except OSError as error:
-        raise InputError(f"The page is not there: {error}. In a checkout, `make page` builds it.") from error
+        raise InputError(
+            f"The page is not there: {error}. In a checkout, `make page` builds it."
+        ) from error
 
 
 def as_text(size):
@@ -102,13 +110,18 @@ def write_report(path, content, tracks, meshes, static=STATIC):
         blocks += track.blocks
     places = {sha: len(blocks) + k for k, sha in enumerate(meshes)}
     texts = [base64.b64encode(block).decode("ascii") for block in (*blocks, *meshes.values())]
-    text = json.dumps({**content, "tracks": about, "meshes": places}, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(
+        {**content, "tracks": about, "meshes": places}, allow_nan=False, separators=(",", ":")
+    )
     for character in "<>&":  # no name ends an element
         text = text.replace(character, f"\\u{ord(character):04x}")
     parts = [
         HEAD.replace("STYLE", style),
         f'<script type="application/json" id="report">{text}</script>\n',
-        *(f'<script type="text/plain" id="block-{k}">{block}</script>\n' for k, block in enumerate(texts)),
+        *(
+            f'<script type="text/plain" id="block-{k}">{block}</script>\n'
+            for k, block in enumerate(texts)
+        ),
         f"<script>{script}</script>\n<!--\n{licences.replace('--', '- -')}\n-->\n</body>\n</html>\n",
     ]
     with open(path, "w", encoding="utf-8", newline="\n") as file:

@@ -67,7 +67,9 @@ def links_of(model, source, missing=None):
         mass, ellipsoid = float(records[name]["mass"]) if name in records else 0.0, None
         if mass > 0.0 and mass >= MIN_MASS * model.total_mass:
             placement = model.placement_in_body(name)[1]
-            ellipsoid = _ellipsoid(records[name], placement, bones[name], origins.get(name, np.zeros(3)))
+            ellipsoid = _ellipsoid(
+                records[name], placement, bones[name], origins.get(name, np.zeros(3))
+            )
         shapes = _shapes(elements[name], "visual", missing)
         if not shapes and ellipsoid is not None:
             shapes = _shapes(elements[name], "collision", missing)
@@ -141,7 +143,9 @@ def scene_of(model, source, meshes=None):
         visuals = [visual for shape in shapes if (visual := _visual(shape, meshes)) is not None]
         bones = [bone.tolist() for bone in bones] if ellipsoid is not None or shapeless else []
         ellipsoid = None if ellipsoid is None else ellipsoid.ravel().tolist()
-        links.append({"name": name, "mass": mass, "visuals": visuals, "ellipsoid": ellipsoid, "bones": bones})
+        links.append(
+            {"name": name, "mass": mass, "visuals": visuals, "ellipsoid": ellipsoid, "bones": bones}
+        )
     missing |= meshes.missing if meshes is not None else {}
     rest = with_followers(model, np.clip(model.start, model.lower, model.upper)[None])[0]
     return {"links": links, "rest": rest.tolist(), "missing": missing}
@@ -149,7 +153,11 @@ def scene_of(model, source, meshes=None):
 
 def _visual(shape, meshes):
     """Return a visual, for JSON; None of a mesh that is missing."""
-    visual = {"kind": shape.kind, "size": list(shape.numbers), "origin": shape.placement.ravel().tolist()}
+    visual = {
+        "kind": shape.kind,
+        "size": list(shape.numbers),
+        "origin": shape.placement.ravel().tolist(),
+    }
     if shape.kind != "mesh":
         return visual
     sha = meshes.add(shape.file, shape.numbers) if meshes is not None else None

@@ -87,9 +87,15 @@ class PageServer:
         self._news, self._started, self._on_push = set(), threading.Event(), on_push
         self._socket = listen(host, port)
         address, port = self._socket.getsockname()[:2]
-        name = "localhost" if ipaddress.ip_address(address.partition("%")[0]).is_unspecified else address
+        name = (
+            "localhost"
+            if ipaddress.ip_address(address.partition("%")[0]).is_unspecified
+            else address
+        )
         self.address = f"http://{f'[{name}]' if ':' in name else name}:{port}/"
-        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="page", daemon=True)
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve()), name="page", daemon=True
+        )
 
     @property
     def streams(self):
@@ -110,11 +116,21 @@ class PageServer:
 
     async def _serve(self):
         app = web.Application(middlewares=[self._guard])
-        routes = {"/robots": self._get_robots, "/layout": self._get_layout, "/mesh/{sha}": self._get_mesh}
+        routes = {
+            "/robots": self._get_robots,
+            "/layout": self._get_layout,
+            "/mesh/{sha}": self._get_mesh,
+        }
         routes |= {"/stream": self._get_stream, "/": self._get_page}
-        app.add_routes([web.get(path, handler, allow_head=False) for path, handler in routes.items()])
-        app.router.add_static("/", STATIC, follow_symlinks=True)  # which colcon --symlink-install makes
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.1, keepalive_timeout=KEEPALIVE_TIMEOUT)
+        app.add_routes(
+            [web.get(path, handler, allow_head=False) for path, handler in routes.items()]
+        )
+        app.router.add_static(
+            "/", STATIC, follow_symlinks=True
+        )  # which colcon --symlink-install makes
+        runner = web.AppRunner(
+            app, access_log=None, shutdown_timeout=0.1, keepalive_timeout=KEEPALIVE_TIMEOUT
+        )
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
@@ -131,7 +147,9 @@ class PageServer:
         """Reject requests by a foreign name or of a foreign page; add headers to responses."""
         try:
             if not is_own(request, self._host):
-                raise RejectedRequestError(403, f"Host is '{plain(request.host)}'; expected this server's address.")
+                raise RejectedRequestError(
+                    403, f"Host is '{plain(request.host)}'; expected this server's address."
+                )
             response = await handler(request)
         except RejectedRequestError as rejection:
             response = web.json_response({"error": rejection.args[1]}, status=rejection.args[0])
@@ -146,7 +164,9 @@ class PageServer:
         robots = {robot.name: robot for robot in self._robots()}
         name = request.query.get("robot", next(iter(robots)) if len(robots) == 1 else "")
         if name not in robots:
-            raise RejectedRequestError(404, f"robot is '{plain(name)}'; expected {', '.join(robots) or 'none yet'}.")
+            raise RejectedRequestError(
+                404, f"robot is '{plain(name)}'; expected {', '.join(robots) or 'none yet'}."
+            )
         return robots[name]
 
     async def _get_page(self, _):
@@ -163,7 +183,9 @@ class PageServer:
     async def _get_mesh(self, request):
         for robot in self._robots():
             if (data := robot.mesh(request.match_info["sha"])) is not None:
-                return web.Response(body=data, headers={"Cache-Control": "max-age=31536000, immutable"})
+                return web.Response(
+                    body=data, headers={"Cache-Control": "max-age=31536000, immutable"}
+                )
         raise web.HTTPNotFound
 
     async def _get_stream(self, request):
@@ -174,9 +196,13 @@ class PageServer:
         try:
             robot, hz = self._robot(request), float(request.query.get("hz", self._rate))
             if self.streams >= self._max_streams:
-                raise RejectedRequestError(503, f"All {self._max_streams} streams are in use. Close a tab.")
+                raise RejectedRequestError(
+                    503, f"All {self._max_streams} streams are in use. Close a tab."
+                )
         except (RejectedRequestError, ValueError) as error:
-            status, reason = error.args if isinstance(error, RejectedRequestError) else (400, f"hz: {error}")
+            status, reason = (
+                error.args if isinstance(error, RejectedRequestError) else (400, f"hz: {error}")
+            )
             await ws.close(code=4000 + status, message=reason.encode()[:120])
             return ws
         news, loop = asyncio.Event(), asyncio.get_running_loop()
@@ -248,10 +274,15 @@ class PageServer:
             if new.diagnostics[0] != diagnostics:
                 diagnostics, texts["diagnostics"] = new.diagnostics
             if texts or now >= beat:
-                beat, about = now + HEARTBEAT, {"link": new.link, "hz": 1.0 / period, "streams": self.streams}
+                beat, about = (
+                    now + HEARTBEAT,
+                    {"link": new.link, "hz": 1.0 / period, "streams": self.streams},
+                )
                 about["pushes"] = self._on_push is not None
                 texts["heartbeat"] = json.dumps(robot.about() | about)
-                await ws.send_str("{" + ", ".join(f'"{name}": {text}' for name, text in texts.items()) + "}")
+                await ws.send_str(
+                    "{" + ", ".join(f'"{name}": {text}' for name, text in texts.items()) + "}"
+                )
             if new.frame and new.number != number:
                 await ws.send_bytes(new.frame)
                 number, due = new.number, max(due, now) + period

@@ -95,8 +95,17 @@ class RobotStream:
     def set_robot(self, dynamics, scene=None, meshes=None, forces=NO_FORCES):
         """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on."""
         with self._lock:
-            self._dynamics, self._scene, self._meshes, self._forces = dynamics, scene, meshes, forces
-            self._waiting, self._last, self._end_effector = "", None, end_effector_link(dynamics.model)
+            self._dynamics, self._scene, self._meshes, self._forces = (
+                dynamics,
+                scene,
+                meshes,
+                forces,
+            )
+            self._waiting, self._last, self._end_effector = (
+                "",
+                None,
+                end_effector_link(dynamics.model),
+            )
             self._lay_out((), ())
 
     def set_waiting(self, reason):
@@ -120,7 +129,11 @@ class RobotStream:
             self._refresh()
             if not self._notifies:
                 self.notify()
-            link = link if self._dynamics and link in self._dynamics.model.link_names else self._end_effector
+            link = (
+                link
+                if self._dynamics and link in self._dynamics.model.link_names
+                else self._end_effector
+            )
             return Newest(self._layout, self._diagnostics, link, self._number, self._frame(link))
 
     def layout(self):
@@ -139,7 +152,10 @@ class RobotStream:
             age = time.monotonic() - self._last.received if self._last else None
             alive = age is not None and age < STALE
             missing = self._worst or ("waiting for the first state" if age is None else "")
-            robot, waiting = self._dynamics and self._dynamics.model.name, self._waiting or ("" if alive else missing)
+            robot, waiting = (
+                self._dynamics and self._dynamics.model.name,
+                self._waiting or ("" if alive else missing),
+            )
             return {
                 **{"name": self.name, "robot": robot, "alive": alive},
                 **{"age": age, "rate": self._rate, "waiting": waiting},
@@ -171,6 +187,10 @@ class RobotStream:
             return self._frames.get(link, b"")
         states, common = self._last.states, 8 + 4 * self._maker.layout.common
         if "" not in self._frames:
-            self._frames[""] = self._maker.frames(states._replace(rate=self._rate)).tobytes()[:common]
-        self._frames[link] = self._frames[""] + self._maker.chosen(states.q[0], states.nu[0], link).tobytes()
+            self._frames[""] = self._maker.frames(states._replace(rate=self._rate)).tobytes()[
+                :common
+            ]
+        self._frames[link] = (
+            self._frames[""] + self._maker.chosen(states.q[0], states.nu[0], link).tobytes()
+        )
         return self._frames[link]

@@ -13,7 +13,8 @@ from diag_dynamics.parameters.spec import Spec
 
 PARAMETERS = {
     "contact.limits_file": Spec(
-        "", "YAML file with limits of body regions (config/contact_limits.example.yaml); empty: no limits."
+        "",
+        "YAML file with limits of body regions (config/contact_limits.example.yaml); empty: no limits.",
     ),
     "contact.geometry": Spec(
         "primitives",
@@ -21,9 +22,13 @@ PARAMETERS = {
         choices=("primitives", "meshes", "frames"),
     ),
     "contact.links": Spec([""], "Links with contact points; by default all moving links."),
-    "contact.points": Spec([""], "Additional contact points, each as name=link x y z in the link's axes [m]."),
+    "contact.points": Spec(
+        [""], "Additional contact points, each as name=link x y z in the link's axes [m]."
+    ),
     "contact.worst_by": Spec(
-        "limit", "Criterion for the reported point of each link.", choices=("limit", "energy", "force")
+        "limit",
+        "Criterion for the reported point of each link.",
+        choices=("limit", "energy", "force"),
     ),
 }
 """Specs by name."""
@@ -62,7 +67,9 @@ def _parse_point(name, text):
     except ValueError:
         place = ()
     if len(place) != 3:
-        raise InputError(f"parameter 'contact.points' has {name}={text}, expected name=link x y z [m].")
+        raise InputError(
+            f"parameter 'contact.points' has {name}={text}, expected name=link x y z [m]."
+        )
     return ContactPoint(name, link, place)
 
 
@@ -82,9 +89,13 @@ def contact_points(model, description, options):
         The robot lacks a link, none of the links moves, or meshes cannot be read without trimesh.
     """
     if unknown := [link for link in options.links if link not in model.link_names]:
-        raise InputError(f"parameter 'contact.links' has '{unknown[0]}', expected a link of robot '{model.name}'.")
+        raise InputError(
+            f"parameter 'contact.links' has '{unknown[0]}', expected a link of robot '{model.name}'."
+        )
     if options.links and all(model.placement_in_body(link)[0] == 0 for link in options.links):
-        raise InputError(f"parameter 'contact.links' is {list(options.links)}, expected a moving link.")
+        raise InputError(
+            f"parameter 'contact.links' is {list(options.links)}, expected a moving link."
+        )
     found = link_geometry(model, description, options.geometry)
     points = [point for point in found.points if not options.links or point.link in options.links]
     points += [*options.points, *(options.limits.contact_points() if options.limits else ())]

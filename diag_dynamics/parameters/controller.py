@@ -21,10 +21,14 @@ _WHILE_UNCONFIGURED = {
     "robot_description": Spec("", f"{ROBOT}. Empty: the topic robot_description."),
     **{name: spec for name, spec in SHARED.items() if name != "floating_base"},
     "command_joints": Spec(
-        [""], "Joints in the order of a command's entries; by default all. Lock joints without effort interface."
+        [""],
+        "Joints in the order of a command's entries; by default all. Lock joints without effort interface.",
     ),
     "check_time": Spec(
-        1.0, "Timeout for reading the effort controller's `joints` parameter [s]; 0 skips the check.", 0.0, 60.0
+        1.0,
+        "Timeout for reading the effort controller's `joints` parameter [s]; 0 skips the check.",
+        0.0,
+        60.0,
     ),
     "initial_mode": Spec(TRACKING, "Mode on activation.", choices=MODES),
     # laws
@@ -33,83 +37,142 @@ _WHILE_UNCONFIGURED = {
     "position_stiffness": Spec(200.0, "Stiffness C2 of the position [N/m].", 1e-6),
     "orientation_stiffness": Spec(20.0, "Stiffness C2 of the orientation [N m/rad].", 1e-6),
     "position_speed": Spec(0.25, "Speed of the motion to the position of a pose [m/s].", 1e-6),
-    "orientation_speed": Spec(0.5, "Speed of the motion to the orientation of a pose [rad/s].", 1e-6),
-    "pose_damping": Spec(
-        [""], "Gains c1 of pose regulation, each as joint=gain; * for all others, by default 12 [1/s]."
+    "orientation_speed": Spec(
+        0.5, "Speed of the motion to the orientation of a pose [rad/s].", 1e-6
     ),
-    "pose_damping_ratio": Spec(0.0, "Damping ratio of pose regulation in place of pose_damping; 0: none.", 0.0, 100.0),
+    "pose_damping": Spec(
+        [""],
+        "Gains c1 of pose regulation, each as joint=gain; * for all others, by default 12 [1/s].",
+    ),
+    "pose_damping_ratio": Spec(
+        0.0, "Damping ratio of pose regulation in place of pose_damping; 0: none.", 0.0, 100.0
+    ),
     "pose_null_frequency": Spec(
-        3.0, "pose_damping_ratio damps slower modes and the null space as if they had this frequency [rad/s].", 1e-6
+        3.0,
+        "pose_damping_ratio damps slower modes and the null space as if they had this frequency [rad/s].",
+        1e-6,
     ),
     "regulation_stiffness": Spec(
-        ["*=50.0"], "Stiffnesses of regulation, each as joint=stiffness; * for all others [N m/rad, N/m]."
+        ["*=50.0"],
+        "Stiffnesses of regulation, each as joint=stiffness; * for all others [N m/rad, N/m].",
     ),
-    "regulation_damping_ratio": Spec(1.0, "Damping ratio of all modes of regulation; 1: critical.", 1e-3, 100.0),
-    "tracking_gain": Spec(["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."),
+    "regulation_damping_ratio": Spec(
+        1.0, "Damping ratio of all modes of regulation; 1: critical.", 1e-3, 100.0
+    ),
+    "tracking_gain": Spec(
+        ["*=20.0"], "Gains K of tracking, each as joint=gain; * for all others [1/s]."
+    ),
     "tracking_convergence": Spec(
         ["*=10.0"], "Decay rates Lambda of tracking, each as joint=rate; * for all others [1/s]."
     ),
-    "tracking_bound": Spec(0.0, "Bound rho on disturbances that tracking rejects [J^0.5/s]; 0: none.", 0.0),
+    "tracking_bound": Spec(
+        0.0, "Bound rho on disturbances that tracking rejects [J^0.5/s]; 0: none.", 0.0
+    ),
     "tracking_width": Spec(0.3, "Boundary layer phi of tracking_bound [J^0.5].", 1e-6),
     "payload_link": Spec("", "Link with an unknown payload that tracking adapts to; empty: none."),
     "payload_mass": Spec(5.0, "Maximum mass of the unknown payload [kg].", 1e-3),
     "payload_rate": Spec(0.5, "Rate gamma of the adaptation to a payload [1/J].", 1e-6),
     "set_point_speed": Spec(
-        0.25, "Speed of the motion to a set-point, as a fraction of the URDF velocity limits.", 1e-3, 1.0
+        0.25,
+        "Speed of the motion to a set-point, as a fraction of the URDF velocity limits.",
+        1e-3,
+        1.0,
     ),
     "following_energy": Spec(
-        2.0, "Tracking error energy that aborts a target [J]; a quarter pauses set-points and poses. 0 disables.", 0.0
+        2.0,
+        "Tracking error energy that aborts a target [J]; a quarter pauses set-points and poses. 0 disables.",
+        0.0,
     ),
     "path_tolerance": Spec(
-        [""], "Maximum errors on a trajectory, each as joint=error; * for all others [rad, m]; by default none."
+        [""],
+        "Maximum errors on a trajectory, each as joint=error; * for all others [rad, m]; by default none.",
     ),
     "goal_tolerance": Spec(
-        ["*=0.05"], "Maximum errors at the end of a trajectory, each as joint=error; * for all others [rad, m]."
+        ["*=0.05"],
+        "Maximum errors at the end of a trajectory, each as joint=error; * for all others [rad, m].",
     ),
-    "stopped_velocity": Spec(0.05, "Maximum speed at the end of a trajectory [rad/s, m/s]; 0: none.", 0.0),
+    "stopped_velocity": Spec(
+        0.05, "Maximum speed at the end of a trajectory [rad/s, m/s]; 0: none.", 0.0
+    ),
     "goal_time_tolerance": Spec(
-        1.0, "Maximum time from the end of a trajectory until joints are within tolerances [s]; 0: no limit.", 0.0
+        1.0,
+        "Maximum time from the end of a trajectory until joints are within tolerances [s]; 0: no limit.",
+        0.0,
     ),
     # filters
-    "limit_margin": Spec(0.1, "Distance of repulsive springs from the position limits [rad, m]; 0: none.", 0.0),
-    "limit_stiffness": Spec(100.0, "Stiffness of the springs at the position limits [N m/rad, N/m].", 1e-6),
+    "limit_margin": Spec(
+        0.1, "Distance of repulsive springs from the position limits [rad, m]; 0: none.", 0.0
+    ),
+    "limit_stiffness": Spec(
+        100.0, "Stiffness of the springs at the position limits [N m/rad, N/m].", 1e-6
+    ),
     "limit_damping": Spec(10.0, "Damping at the position limits [N m s/rad, N s/m].", 0.0),
     "energy_limit": Spec(0.0, "Maximum kinetic energy [J]; 0: no limit.", 0.0),
     "joint_energy_limit": Spec(
-        [""], "Maximum energy shares of joints, each as joint=energy; * for all others [J]; by default none."
+        [""],
+        "Maximum energy shares of joints, each as joint=energy; * for all others [J]; by default none.",
     ),
-    "energy_rate": Spec(50.0, "Rate alpha towards energy limits [1/s]; below 1 / period of states.", 1e-6),
+    "energy_rate": Spec(
+        50.0, "Rate alpha towards energy limits [1/s]; below 1 / period of states.", 1e-6
+    ),
     "tank_energy": Spec(
         0.0,
         "Energy that laws may add to the arm in total [J]; braking refills it, a mode service, too. 0: no limit.",
         0.0,
     ),
     **CONTACT,
-    "contact.energy_limit": Spec(0.0, "Maximum transferable energy of all contact points [J]; 0: no limit.", 0.0),
-    "contact.rate": Spec(30.0, "Rate alpha towards contact limits [1/s]; below 1 / period of states.", 1e-6),
+    "contact.energy_limit": Spec(
+        0.0, "Maximum transferable energy of all contact points [J]; 0: no limit.", 0.0
+    ),
+    "contact.rate": Spec(
+        30.0, "Rate alpha towards contact limits [1/s]; below 1 / period of states.", 1e-6
+    ),
     "contact.scale_timeout": Spec(
-        0.0, "Maximum age of contact_scale [s]; after it the allowed speeds are 0. 0: no timeout.", 0.0, 100.0
+        0.0,
+        "Maximum age of contact_scale [s]; after it the allowed speeds are 0. 0: no timeout.",
+        0.0,
+        100.0,
     ),
-    "observer_gain": Spec(0.0, "Gain of the energy limiter's disturbance observer [1/s]; 0: no observer.", 0.0),
+    "observer_gain": Spec(
+        0.0, "Gain of the energy limiter's disturbance observer [1/s]; 0: no observer.", 0.0
+    ),
     "effort_limit": Spec(
-        [""], "Maximum efforts, at most those of the URDF, each as joint=effort; * for all others [N m, N]."
+        [""],
+        "Maximum efforts, at most those of the URDF, each as joint=effort; * for all others [N m, N].",
     ),
-    "effort_rate": Spec(["*=1000.0"], "Maximum effort rates, each as joint=rate; * for all others [N m/s, N/s]."),
+    "effort_rate": Spec(
+        ["*=1000.0"], "Maximum effort rates, each as joint=rate; * for all others [N m/s, N/s]."
+    ),
     # safety
-    "joint_timeout": Spec(0.02, "Maximum age of a joint's values relative to the newest joint [s].", 1e-4, 1.0),
-    "max_state_age": Spec(
-        0.02, "Maximum difference between stamp and node clock [s]; beyond it the controller holds gravity.", 1e-4, 1.0
+    "joint_timeout": Spec(
+        0.02, "Maximum age of a joint's values relative to the newest joint [s].", 1e-4, 1.0
     ),
-    "hold_time": Spec(0.5, "Time of gravity hold without a valid state [s], at least twice max_state_age.", 0.0, 10.0),
+    "max_state_age": Spec(
+        0.02,
+        "Maximum difference between stamp and node clock [s]; beyond it the controller holds gravity.",
+        1e-4,
+        1.0,
+    ),
+    "hold_time": Spec(
+        0.5,
+        "Time of gravity hold without a valid state [s], at least twice max_state_age.",
+        0.0,
+        10.0,
+    ),
     "resume_after_ramp": Spec(
-        False, "Whether the law resumes at the first valid state after the ramp, without a mode service call."
+        False,
+        "Whether the law resumes at the first valid state after the ramp, without a mode service call.",
     ),
     "max_rate.status": Spec(0.0, "Maximum rate of ~/status [Hz]; 0: every command.", 0.0),
-    "max_rate.feedback": Spec(20.0, "Maximum rate of the feedback of trajectories [Hz]; 0: every command.", 0.0),
+    "max_rate.feedback": Spec(
+        20.0, "Maximum rate of the feedback of trajectories [Hz]; 0: every command.", 0.0
+    ),
 }
 
 AUTOSTART = Spec(
-    False, "Whether the node configures and activates itself at its first robot_description.", read_only=True
+    False,
+    "Whether the node configures and activates itself at its first robot_description.",
+    read_only=True,
 )
 
 PARAMETERS = {"autostart": AUTOSTART} | while_unconfigured(_WHILE_UNCONFIGURED)

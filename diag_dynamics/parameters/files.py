@@ -24,7 +24,12 @@ EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")  # of a number
 OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """Parameters of every node, or how their names start; they have no effect on what is computed of a state."""
 
-OF_OTHERS = {*controller.PARAMETERS, controller.COMPENSATES, *simulator.PARAMETERS, *view.PARAMETERS} - {*PARAMETERS}
+OF_OTHERS = {
+    *controller.PARAMETERS,
+    controller.COMPENSATES,
+    *simulator.PARAMETERS,
+    *view.PARAMETERS,
+} - {*PARAMETERS}
 """Parameters of other nodes of this package, which may share a section (``/**``) with the monitor."""
 
 
@@ -69,19 +74,27 @@ def _read_file(path):
     """Return the values in a file that a monitor would receive."""
     content = read_yaml(path, f"'{path}'")
     if not isinstance(content, Mapping):
-        raise InputError(f"'{path}' is not a parameter file, expected /**: {{ros__parameters: {{…}}}}.")
+        raise InputError(
+            f"'{path}' is not a parameter file, expected /**: {{ros__parameters: {{…}}}}."
+        )
     if content and set(content) <= {field.name for field in fields(Parameters)}:
         return {"parameters_file": str(path)}
     if content and set(content) <= set(COUPLINGS):
         return {"loops_file": str(path)}
     found = {}
     for node, section in content.items():
-        if not isinstance(section, Mapping) or not isinstance(section.get("ros__parameters"), Mapping):
+        if not isinstance(section, Mapping) or not isinstance(
+            section.get("ros__parameters"), Mapping
+        ):
             raise InputError(f"'{path}': section '{node}' has no ros__parameters.")
         own = str(node).split("/")[-1]
         if fnmatch(MONITOR, own):
             ignored = OF_OTHERS if own != MONITOR else ()
-            found |= {name: value for name, value in _flatten(section["ros__parameters"]) if name not in ignored}
+            found |= {
+                name: value
+                for name, value in _flatten(section["ros__parameters"])
+                if name not in ignored
+            }
     return found
 
 
@@ -105,8 +118,12 @@ def _check(name, value, source):
     if name.startswith(OF_RCLPY):
         return {}
     if name not in PARAMETERS:
-        near = get_close_matches(name, PARAMETERS, n=1) or [one for one in PARAMETERS if name.startswith(f"{one}.")]
-        raise InputError(f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}")
+        near = get_close_matches(name, PARAMETERS, n=1) or [
+            one for one in PARAMETERS if name.startswith(f"{one}.")
+        ]
+        raise InputError(
+            f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}"
+        )
     default = PARAMETERS[name].default
     is_list = isinstance(default, list)
     kind = type(default[0] if is_list else default)
@@ -114,7 +131,9 @@ def _check(name, value, source):
     entries = [_as_float(entry) if kind is float else entry for entry in entries]
     for entry in entries:
         if type(entry) is not kind:
-            raise InputError(f"{source}: parameter '{name}' has {entry!r}, expected {kind.__name__}.")
+            raise InputError(
+                f"{source}: parameter '{name}' has {entry!r}, expected {kind.__name__}."
+            )
     if not is_list:
         return {name: entries[0]}
     return {name: entries or ([""] if kind is str else [])}

@@ -9,7 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.collision.detector import HOLD_OFF, NORM, RELEASE, STANDING, TORQUE, AlarmThresholds
+from diag_dynamics.collision.detector import (
+    HOLD_OFF,
+    NORM,
+    RELEASE,
+    STANDING,
+    TORQUE,
+    AlarmThresholds,
+)
 from diag_dynamics.collision.residuals import singular_joint
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.entries import ALL, assignments, by_name
@@ -25,16 +32,24 @@ from diag_dynamics.parameters.spec import Spec, fixed, wrong
 _OF_EVERY_STATE = "total_joint_rates", "working_moments", "coriolis", "kinetic_energy", "state"
 _OF_EVERY_STATE += "external_torque", "external_wrench", "external_wrench_estimates"
 
-RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | {"mass_matrix_factors": 50.0, "joint_space_dynamics": 50.0}
+RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | {
+    "mass_matrix_factors": 50.0,
+    "joint_space_dynamics": 50.0,
+}
 RATES |= {"contact": 50.0, "markers": 20.0, "load": 20.0}
 """Default maximum rate of each topic [Hz]; 0: every state."""
 
 _FIXED = {
     "odom_twist_frame": Spec(
-        "child", "Axes of the odometry twist: child_frame_id (REP 147) or frame_id.", choices=("child", "header")
+        "child",
+        "Axes of the odometry twist: child_frame_id (REP 147) or frame_id.",
+        choices=("child", "header"),
     ),
     "friction_velocity": Spec(
-        FRICTION_VELOCITY, "Velocity scale v0 of Coulomb friction f tanh(velocity / v0) [rad/s, m/s].", 0.0, 1.0
+        FRICTION_VELOCITY,
+        "Velocity scale v0 of Coulomb friction f tanh(velocity / v0) [rad/s, m/s].",
+        0.0,
+        1.0,
     ),
 }
 
@@ -43,16 +58,27 @@ _GRAVITY = {
         "",
         "Frame of tf whose z axis points up: its orientation turns gravity in the axes of the root link. Empty: none.",
     ),
-    "gravity_imu": Spec("", "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; empty: none."),
-    "gravity_timeout": Spec(1.0, "Age of the direction of gravity above which states are rejected [s].", 0.01, 1000.0),
+    "gravity_imu": Spec(
+        "", "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; empty: none."
+    ),
+    "gravity_timeout": Spec(
+        1.0, "Age of the direction of gravity above which states are rejected [s].", 0.01, 1000.0
+    ),
     "gravity_filter_time": Spec(
-        0.5, "Time constant of the low-pass of an IMU's specific force, used without orientation [s].", 0.0, 100.0
+        0.5,
+        "Time constant of the low-pass of an IMU's specific force, used without orientation [s].",
+        0.0,
+        100.0,
     ),
 }
 
 _INPUTS = {
-    "odom_timeout": Spec(0.5, "Maximum difference between odometry and joint state stamps [s]; 0 disables.", 0.0),
-    "joint_timeout": Spec(0.5, "Maximum age of a joint's values relative to the newest joint [s]; 0 disables.", 0.0),
+    "odom_timeout": Spec(
+        0.5, "Maximum difference between odometry and joint state stamps [s]; 0 disables.", 0.0
+    ),
+    "joint_timeout": Spec(
+        0.5, "Maximum age of a joint's values relative to the newest joint [s]; 0 disables.", 0.0
+    ),
     "joint_timeouts": Spec([""], "joint_timeout of single joints, each as joint=seconds."),
     "max_age": Spec(
         1.0,
@@ -65,15 +91,24 @@ _INPUTS = {
         choices=("warn", "reject"),
     ),
     "missing_velocity": Spec(
-        "reject", "Messages without velocity: reject, or estimate it from positions.", choices=("reject", "estimate")
+        "reject",
+        "Messages without velocity: reject, or estimate it from positions.",
+        choices=("reject", "estimate"),
     ),
-    "velocity_filter_time": Spec(0.01, "Time constant and delay of the velocity estimate [s].", 0.0, 10.0),
+    "velocity_filter_time": Spec(
+        0.01, "Time constant and delay of the velocity estimate [s].", 0.0, 10.0
+    ),
     "effort_available": Spec(
-        [""], "Whether the reported effort of a joint is valid, as joint=true or joint=false; * for all others."
+        [""],
+        "Whether the reported effort of a joint is valid, as joint=true or joint=false; * for all others.",
     ),
-    "effort_scale": Spec([""], "Effort [N m, N] per reported unit (motor current), as joint=factor; * for all others."),
+    "effort_scale": Spec(
+        [""],
+        "Effort [N m, N] per reported unit (motor current), as joint=factor; * for all others.",
+    ),
     "effort_includes_gravity": Spec(
-        [""], "Whether reported efforts include gravity compensation, as joint=true or joint=false; * for all others."
+        [""],
+        "Whether reported efforts include gravity compensation, as joint=true or joint=false; * for all others.",
     ),
     "plausibility.position": Spec(
         1e8,
@@ -82,20 +117,36 @@ _INPUTS = {
         1e12,
     ),
     "plausibility.velocity": Spec(
-        1e4, "Maximum |velocity| [rad/s, m/s]; larger ones reject the message. 0 disables.", 0.0, 1e12
+        1e4,
+        "Maximum |velocity| [rad/s, m/s]; larger ones reject the message. 0 disables.",
+        0.0,
+        1e12,
     ),
-    "plausibility.effort": Spec(1e6, "Maximum |effort| [N m, N]; larger ones count as unknown. 0 disables.", 0.0, 1e12),
+    "plausibility.effort": Spec(
+        1e6, "Maximum |effort| [N m, N]; larger ones count as unknown. 0 disables.", 0.0, 1e12
+    ),
     "plausibility.beyond_limits": Spec(
-        6.3, "Maximum distance outside the URDF limits [rad, m]; larger ones reject the message. 0 disables.", 0.0
+        6.3,
+        "Maximum distance outside the URDF limits [rad, m]; larger ones reject the message. 0 disables.",
+        0.0,
     ),
     "plausibility.beyond_velocity": Spec(
-        3.0, "Maximum velocity as a multiple of the URDF limit; larger ones reject the message. 0 disables.", 0.0, 1e6
+        3.0,
+        "Maximum velocity as a multiple of the URDF limit; larger ones reject the message. 0 disables.",
+        0.0,
+        1e6,
     ),
     "plausibility.beyond_effort": Spec(
-        4.0, "Maximum effort as a multiple of the URDF limit; larger ones count as unknown. 0 disables.", 0.0, 1e6
+        4.0,
+        "Maximum effort as a multiple of the URDF limit; larger ones count as unknown. 0 disables.",
+        0.0,
+        1e6,
     ),
     "plausibility.jump": Spec(
-        0.1, "Maximum jump of a position [rad, m]; messages are rejected until three agree. 0 disables.", 0.0, 1e6
+        0.1,
+        "Maximum jump of a position [rad, m]; messages are rejected until three agree. 0 disables.",
+        0.0,
+        1e6,
     ),
     "stuck_timeout": Spec(
         0.5,
@@ -104,70 +155,112 @@ _INPUTS = {
         100.0,
     ),
     "stuck_values": Spec(
-        "warn", "States with a stuck sensor: publish with a warning, or reject.", choices=("warn", "reject")
+        "warn",
+        "States with a stuck sensor: publish with a warning, or reject.",
+        choices=("warn", "reject"),
     ),
     "mimic_tolerance": Spec(
-        0.01, "Deviation of a mimic joint from its source joint at which diagnostics warn [rad, m]; 0 disables.", 0.0
+        0.01,
+        "Deviation of a mimic joint from its source joint at which diagnostics warn [rad, m]; 0 disables.",
+        0.0,
     ),
 }
 
 _COLLISION = {
-    "external_torque.gain": Spec(0.0, "Gain of the disturbance observer [1/s]; 0: no observer.", 0.0, 1e6),
+    "external_torque.gain": Spec(
+        0.0, "Gain of the disturbance observer [1/s]; 0: no observer.", 0.0, 1e6
+    ),
     "external_torque.threshold": Spec(
-        0.0, "Residual norm above which a collision is reported [J^0.5/s]; 0 disables (inf in the message).", 0.0
+        0.0,
+        "Residual norm above which a collision is reported [J^0.5/s]; 0 disables (inf in the message).",
+        0.0,
     ),
     "external_torque.release_threshold": Spec(
         0.0, "Residual norm below which a collision ends [J^0.5/s]; 0: half of the threshold.", 0.0
     ),
-    "external_torque.friction": Spec(True, "Whether the observer model includes damping and friction."),
+    "external_torque.friction": Spec(
+        True, "Whether the observer model includes damping and friction."
+    ),
     "external_torque.settles_on": Spec(
         SETTLES_ON[0],
         "What each component of the observer follows: a constant torque also in motion, or its working moment.",
         choices=SETTLES_ON,
     ),
-    "external_torque.covariance_joints": Spec([""], "Joints of external_torque.covariance, in order."),
+    "external_torque.covariance_joints": Spec(
+        [""], "Joints of external_torque.covariance, in order."
+    ),
     "external_torque.covariance": Spec(
-        [0.0], "Noise of m r: rows of its second moment without contact [N^2 m^2, N^2 of prismatic joints]; 0: unknown."
+        [0.0],
+        "Noise of m r: rows of its second moment without contact [N^2 m^2, N^2 of prismatic joints]; 0: unknown.",
     ),
     "external_torque.max_gap": Spec(
-        0.1, "Maximum time between states [s]; the observer restarts after a longer one.", 1e-6, 100.0
+        0.1,
+        "Maximum time between states [s]; the observer restarts after a longer one.",
+        1e-6,
+        100.0,
     ),
     "alarm.joints": Spec(
-        [""], "External torque |m r| that raises an alarm, as joint=threshold [N m, N]; * for all others. 0 disables."
+        [""],
+        "External torque |m r| that raises an alarm, as joint=threshold [N m, N]; * for all others. 0 disables.",
     ),
     "alarm.external_torque": Spec(0.0, "Norm of m r that raises an alarm [N m]; 0 disables.", 0.0),
     "alarm.norm": Spec(
-        0.0, "Norm |r| that raises an alarm, in place of external_torque.threshold [J^0.5/s]; 0 disables.", 0.0
+        0.0,
+        "Norm |r| that raises an alarm, in place of external_torque.threshold [J^0.5/s]; 0 disables.",
+        0.0,
     ),
     "alarm.rest_joints": Spec(
-        [""], "Change of m r in 0.2 s that raises an alarm of an arm at rest, as joint=threshold; 0 disables."
+        [""],
+        "Change of m r in 0.2 s that raises an alarm of an arm at rest, as joint=threshold; 0 disables.",
     ),
-    "alarm.rest_external_torque": Spec(0.0, "Change of all m r that raises an alarm at rest [N m]; 0 disables.", 0.0),
+    "alarm.rest_external_torque": Spec(
+        0.0, "Change of all m r that raises an alarm at rest [N m]; 0 disables.", 0.0
+    ),
     "alarm.contact_joints": Spec(
-        [""], "External torque |m r| of a contact, as joint=threshold [N m, N]; * for all others. 0 disables."
+        [""],
+        "External torque |m r| of a contact, as joint=threshold [N m, N]; * for all others. 0 disables.",
     ),
     "alarm.contact_external_torque": Spec(0.0, "Norm of m r of a contact [N m]; 0 disables.", 0.0),
     "alarm.contact_norm": Spec(0.0, "Norm |r| of a contact [J^0.5/s]; 0 disables.", 0.0),
-    "alarm.contact_rest_joints": Spec([""], "Change of m r of a contact at rest, as joint=threshold; 0 disables."),
-    "alarm.contact_rest_external_torque": Spec(0.0, "Change of all m r of a contact at rest [N m]; 0 disables.", 0.0),
-    "alarm.release": Spec(RELEASE, "Hysteresis: an alarm ends below this fraction of its threshold.", 0.01, 1.0),
+    "alarm.contact_rest_joints": Spec(
+        [""], "Change of m r of a contact at rest, as joint=threshold; 0 disables."
+    ),
+    "alarm.contact_rest_external_torque": Spec(
+        0.0, "Change of all m r of a contact at rest [N m]; 0 disables.", 0.0
+    ),
+    "alarm.release": Spec(
+        RELEASE, "Hysteresis: an alarm ends below this fraction of its threshold.", 0.01, 1.0
+    ),
     "alarm.hold_off": Spec(
-        HOLD_OFF, "Hold-off [s]: a rise within this time after an alarm is part of that alarm.", 0.0, 1000.0
+        HOLD_OFF,
+        "Hold-off [s]: a rise within this time after an alarm is part of that alarm.",
+        0.0,
+        1000.0,
     ),
     "alarm.standing": Spec(
-        STANDING, "Time until a constant torque counts as an offset and its alarm ends [s]; 0: never.", 0.0, 1000.0
+        STANDING,
+        "Time until a constant torque counts as an offset and its alarm ends [s]; 0: never.",
+        0.0,
+        1000.0,
     ),
 }
 
 _WRENCH = {
     "external_wrench.frames": Spec(
-        [""], "Links at whose origin and in whose axes the external wrench is published; requires external_torque.gain."
+        [""],
+        "Links at whose origin and in whose axes the external wrench is published; requires external_torque.gain.",
     ),
     "external_wrench.max_force_deviation": Spec(
-        10.0, "Standard deviation of a force above which its direction counts as unobserved [N].", 1e-6, 1e6
+        10.0,
+        "Standard deviation of a force above which its direction counts as unobserved [N].",
+        1e-6,
+        1e6,
     ),
     "external_wrench.max_torque_deviation": Spec(
-        1.0, "Standard deviation of a torque above which its direction counts as unobserved [N m].", 1e-6, 1e6
+        1.0,
+        "Standard deviation of a torque above which its direction counts as unobserved [N m].",
+        1e-6,
+        1e6,
     ),
 }
 
@@ -185,34 +278,46 @@ _LOAD = {
 
 _DRIVER = {
     "load.driver_topic": Spec(
-        "", "Topic of a geometry_msgs/InertiaStamped with the payload of the link in its header; empty: none."
+        "",
+        "Topic of a geometry_msgs/InertiaStamped with the payload of the link in its header; empty: none.",
     ),
 }
 
 _REACTION = {
-    "reaction.service": Spec("", "Service that the node calls at reaction.event; empty: none. Not safety-rated."),
-    "reaction.event": Spec("collision", "Event whose beginning causes the call.", choices=("collision", "contact")),
+    "reaction.service": Spec(
+        "", "Service that the node calls at reaction.event; empty: none. Not safety-rated."
+    ),
+    "reaction.event": Spec(
+        "collision", "Event whose beginning causes the call.", choices=("collision", "contact")
+    ),
     "reaction.type": Spec(
         "trigger",
         "Type of reaction.service: std_srvs/Trigger or controller_manager_msgs/SwitchController.",
         choices=("trigger", "switch_controller"),
     ),
-    "reaction.deactivate": Spec([""], "Controllers that a call of type switch_controller deactivates."),
+    "reaction.deactivate": Spec(
+        [""], "Controllers that a call of type switch_controller deactivates."
+    ),
     "reaction.activate": Spec([""], "Controllers that a call of type switch_controller activates."),
 }
 
 PARAMETERS = {
-    "robot_description": Spec("", f"{ROBOT}. Empty: the topic robot_description, also when it changes."),
+    "robot_description": Spec(
+        "", f"{ROBOT}. Empty: the topic robot_description, also when it changes."
+    ),
     **SHARED,
     **fixed(_FIXED | _GRAVITY),
     **_INPUTS,
     "warn_energy": Spec(0.0, "Kinetic energy above which diagnostics warn [J]; 0 disables.", 0.0),
-    "error_energy": Spec(0.0, "Kinetic energy above which diagnostics report an error [J]; 0 disables.", 0.0),
+    "error_energy": Spec(
+        0.0, "Kinetic energy above which diagnostics report an error [J]; 0 disables.", 0.0
+    ),
     "warn_energy_share": Spec(
         [""], "Energy share above which diagnostics warn, as joint=energy [J]; * for all others."
     ),
     "error_energy_share": Spec(
-        [""], "Energy share above which diagnostics report an error, as joint=energy [J]; * for all others."
+        [""],
+        "Energy share above which diagnostics report an error, as joint=energy [J]; * for all others.",
     ),
     **_COLLISION,
     **_WRENCH,
@@ -221,11 +326,20 @@ PARAMETERS = {
     **fixed(_REACTION),
     **CONTACT,
     "contact.warn_at": Spec(
-        0.8, "Fraction of the allowed speed above which diagnostics warn; above 1 they report an error.", 0.01, 1.0
+        0.8,
+        "Fraction of the allowed speed above which diagnostics warn; above 1 they report an error.",
+        0.01,
+        1.0,
     ),
-    "contact.release": Spec(0.9, "Hysteresis of contact warnings, as a fraction of their limit.", 0.01, 1.0),
-    "publish_inverse_factor": Spec(False, "Whether mass_matrix_factors contains l, the inverse of m."),
-    "markers.link": Spec("", "Link of velocity and ellipsoid in ~/markers; empty: the end-effector link."),
+    "contact.release": Spec(
+        0.9, "Hysteresis of contact warnings, as a fraction of their limit.", 0.01, 1.0
+    ),
+    "publish_inverse_factor": Spec(
+        False, "Whether mass_matrix_factors contains l, the inverse of m."
+    ),
+    "markers.link": Spec(
+        "", "Link of velocity and ellipsoid in ~/markers; empty: the end-effector link."
+    ),
     "publish_friction": Spec(False, "Whether state and coriolis contain damping and friction."),
     **{
         f"max_rate.{topic}": Spec(rate, f"Maximum rate of ~/{topic} [Hz]; 0: every state.", 0.0)
@@ -247,11 +361,18 @@ class Thresholds(NamedTuple):
         """Refuse an error threshold below its warning threshold."""
         pairs = [("warn_energy", self.warn, "error_energy", self.error)]
         for name in sorted({*self.warn_share, *self.error_share}):
-            low, high = (share.get(name, share.get(ALL, 0.0)) for share in (self.warn_share, self.error_share))
-            pairs.append((f"warn_energy_share of '{name}'", low, f"error_energy_share of '{name}'", high))
+            low, high = (
+                share.get(name, share.get(ALL, 0.0))
+                for share in (self.warn_share, self.error_share)
+            )
+            pairs.append(
+                (f"warn_energy_share of '{name}'", low, f"error_energy_share of '{name}'", high)
+            )
         for low, warn, high, error in pairs:
             if warn and error and error < warn:
-                raise InputError(f"parameter {high} is {error:g} J, expected at least {warn:g} J ({low}).")
+                raise InputError(
+                    f"parameter {high} is {error:g} J, expected at least {warn:g} J ({low})."
+                )
 
 
 class Observation(NamedTuple):
@@ -303,7 +424,11 @@ class Settings(NamedTuple):
         """Parameters without which no collision is reported; none where collisions are."""
         if self.observation and self.observation.alarms:
             return ()
-        return tuple(name for name in ("external_torque.gain", "external_torque.threshold") if not self.values[name])
+        return tuple(
+            name
+            for name in ("external_torque.gain", "external_torque.threshold")
+            if not self.values[name]
+        )
 
     @classmethod
     def of(cls, values):
@@ -320,7 +445,10 @@ class Settings(NamedTuple):
             )
         for name in ("locked_joints", "armature"):
             assignments(name, [one for one in values[name] if one != ALL])
-        shares = [assignments(name, values[name], minimum=0.0) for name in ("warn_energy_share", "error_energy_share")]
+        shares = [
+            assignments(name, values[name], minimum=0.0)
+            for name in ("warn_energy_share", "error_energy_share")
+        ]
         thresholds = Thresholds(values["warn_energy"], values["error_energy"], *shares)
         thresholds.check_order()
         contact = ContactOptions.from_values(values)
@@ -336,7 +464,11 @@ class Settings(NamedTuple):
         """Reject a service that would never be called, or a call that would change no controller."""
         values = self.values
         on_contact = values["reaction.event"] == "contact"
-        if values["reaction.service"] and on_contact and not (self.observation and self.observation.contact):
+        if (
+            values["reaction.service"]
+            and on_contact
+            and not (self.observation and self.observation.contact)
+        ):
             raise InputError(
                 "parameter alarm.contact_joints is empty, expected thresholds because reaction.event is contact. "
                 "Set alarm.contact_* (docs/collision.md)."
@@ -371,7 +503,9 @@ def _input_options(values):
         estimate_velocity=values["missing_velocity"] == "estimate",
         effort_available=assignments("effort_available", values["effort_available"], bool),
         effort_scale=effort_scale,
-        effort_includes_gravity=assignments("effort_includes_gravity", values["effort_includes_gravity"], bool),
+        effort_includes_gravity=assignments(
+            "effort_includes_gravity", values["effort_includes_gravity"], bool
+        ),
         max_position=values["plausibility.position"],
         max_velocity=values["plausibility.velocity"],
         max_effort=values["plausibility.effort"],
@@ -383,7 +517,9 @@ def _input_options(values):
 
 def observation_of(values):
     """Return the Observation; None if the gain is 0."""
-    gain, threshold, release = (values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold"))
+    gain, threshold, release = (
+        values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold")
+    )
     if release > (threshold or math.inf):
         raise InputError(
             f"parameter external_torque.release_threshold is {release:g} J^0.5/s, expected at most {threshold:g} "
@@ -397,22 +533,32 @@ def observation_of(values):
             "Set alarm.norm instead."
         )
     if (alarms or contact) and not gain:
-        raise InputError("parameter external_torque.gain is 0, expected a number above 0 because alarm.* are set.")
+        raise InputError(
+            "parameter external_torque.gain is 0, expected a number above 0 because alarm.* are set."
+        )
     if not gain:
         return None
     threshold = threshold or math.inf
     release = release or 0.5 * threshold
     if alarms:
         threshold, release = alarms.norm, alarms.release * alarms.norm
-    friction, max_gap, settles_on = (values[f"external_torque.{x}"] for x in ("friction", "max_gap", "settles_on"))
+    friction, max_gap, settles_on = (
+        values[f"external_torque.{x}"] for x in ("friction", "max_gap", "settles_on")
+    )
     covariance = _covariance(values)
-    return Observation(gain, threshold, release, friction, max_gap, alarms, settles_on, *covariance, contact)
+    return Observation(
+        gain, threshold, release, friction, max_gap, alarms, settles_on, *covariance, contact
+    )
 
 
 def _covariance(values):
     """Return joints and entries of the covariance, both empty if it is unknown."""
     names = tuple(filter(None, values["external_torque.covariance_joints"]))
-    numbers = tuple(values["external_torque.covariance"]) if names or any(values["external_torque.covariance"]) else ()
+    numbers = (
+        tuple(values["external_torque.covariance"])
+        if names or any(values["external_torque.covariance"])
+        else ()
+    )
     if len(numbers) != len(names) ** 2 or len({*names}) != len(names):
         raise InputError(
             f"parameter external_torque.covariance has {len(numbers)} numbers for {len(names)} covariance_joints, "
@@ -420,7 +566,9 @@ def _covariance(values):
         )
     matrix = np.array(numbers).reshape(2 * [len(names)])
     if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0.0):
-        raise InputError("parameter external_torque.covariance is not symmetric, expected a symmetric matrix.")
+        raise InputError(
+            "parameter external_torque.covariance is not symmetric, expected a symmetric matrix."
+        )
     if joint := singular_joint(names, matrix):
         raise InputError(
             f"parameter external_torque.covariance is singular at '{joint}', expected a positive definite matrix. "
@@ -450,15 +598,27 @@ def _check_contact_order(alarms, contact):
 def _alarms(values, kind=""):
     """Return the thresholds of alarms or of contacts; None without any."""
     joints, rest_joints = (
-        {name: limit or math.inf for name, limit in assignments(one, values[one], minimum=0.0).items()}
+        {
+            name: limit or math.inf
+            for name, limit in assignments(one, values[one], minimum=0.0).items()
+        }
         for one in (f"alarm.{kind}joints", f"alarm.{kind}rest_joints")
     )
-    torque, norm, rest = (values[f"alarm.{kind}{name}"] or math.inf for name in (TORQUE, NORM, f"rest_{TORQUE}"))
+    torque, norm, rest = (
+        values[f"alarm.{kind}{name}"] or math.inf for name in (TORQUE, NORM, f"rest_{TORQUE}")
+    )
     if min(torque, norm, rest, *joints.values(), *rest_joints.values()) == math.inf:
         return None
     standing = values["alarm.standing"] or math.inf
     return AlarmThresholds(
-        joints, torque, norm, values["alarm.release"], values["alarm.hold_off"], standing, rest_joints, rest
+        joints,
+        torque,
+        norm,
+        values["alarm.release"],
+        values["alarm.hold_off"],
+        standing,
+        rest_joints,
+        rest,
     )
 
 
@@ -466,6 +626,8 @@ def share_thresholds(thresholds, names):
     """Return warning and error thresholds of the energy shares of these joints, inf for none."""
     shares = []
     for parameter in ("warn_share", "error_share"):
-        entries = by_name(parameter.replace("share", "energy_share"), getattr(thresholds, parameter), names)
+        entries = by_name(
+            parameter.replace("share", "energy_share"), getattr(thresholds, parameter), names
+        )
         shares.append([entries.get(name, 0.0) or math.inf for name in names])
     return shares

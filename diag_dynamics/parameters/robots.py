@@ -44,7 +44,9 @@ def model_of(description, values, recorded=None):
             "Give the base a <freejoint/>."
         )
     velocity = values.get("friction_velocity", FRICTION_VELOCITY)
-    locked = assignments("locked_joints", [f"{ALL}=0" if one == ALL else one for one in values["locked_joints"]])
+    locked = assignments(
+        "locked_joints", [f"{ALL}=0" if one == ALL else one for one in values["locked_joints"]]
+    )
     rest = locked.pop(ALL, None)
     if rest is not None and recorded is None:
         what = "parameter 'locked_joints' has '*', the joints that a recording lacks"
@@ -52,7 +54,9 @@ def model_of(description, values, recorded=None):
     model = loaded(
         described,
         floating_base=own.get("floating_base", values["floating_base"]),
-        gravity=own.get("gravity", gravity) if list(gravity) == PARAMETERS["gravity"].default else gravity,
+        gravity=own.get("gravity", gravity)
+        if list(gravity) == PARAMETERS["gravity"].default
+        else gravity,
         locked_joints=locked,
         armature=assignments("armature", values["armature"]),
         payloads=payloads,
@@ -65,13 +69,17 @@ def model_of(description, values, recorded=None):
     if rest is not None:
         joints, names = single_joints(model), recorded(model)
         if names & set(joints):  # other names are a finding of the reader
-            model = model.with_locked_joints(locked | {name: rest for name in joints if name not in names})
+            model = model.with_locked_joints(
+                locked | {name: rest for name in joints if name not in names}
+            )
     return model
 
 
 def require_as_made(values):
     """Reject parameters that would change a RobotModel, which is final."""
-    defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {"friction_velocity": FRICTION_VELOCITY}
+    defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {
+        "friction_velocity": FRICTION_VELOCITY
+    }
     for name, default in defaults.items():
         if name != "floating_base" and values[name] != default:
             raise InputError(
@@ -84,7 +92,9 @@ def require_single_joints(model):
     """Reject a robot with a joint whose state is on no ROS topic."""
     if len(model.joint_names) != len(single_joints(model)) + model.floating_base:
         single = set(single_joints(model))
-        several = next(name for name in model.joint_names[model.floating_base :] if name not in single)
+        several = next(
+            name for name in model.joint_names[model.floating_base :] if name not in single
+        )
         raise UnsupportedError(
             f"joint '{several}' has several degrees of freedom, expected one: joint_states cannot hold its state. "
             "Only the root may float (floating_base, odom)."

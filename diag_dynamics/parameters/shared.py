@@ -18,23 +18,42 @@ ROBOT = "URDF, or the path of a URDF, an MJCF, or a xacro file followed by NAME:
 """Description of the parameter robot_description."""
 
 _FIXED = {
-    "mimic": Spec("embed", "Mimic joints: coupled to their source joints, independent, or locked.", choices=MIMIC),
+    "mimic": Spec(
+        "embed",
+        "Mimic joints: coupled to their source joints, independent, or locked.",
+        choices=MIMIC,
+    ),
     "massless": Spec(
-        "error", "Joints that move no inertia: reject the robot, or lock them.", choices=("error", "lock")
+        "error",
+        "Joints that move no inertia: reject the robot, or lock them.",
+        choices=("error", "lock"),
     ),
-    "locked_joints": Spec([""], "Joints locked at a fixed position, each as joint=position [rad, m]."),
-    "armature": Spec([""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg]."),
-    "parameters_file": Spec("", "YAML file of friction, offsets, inertias and payloads from diag-dynamics identify."),
+    "locked_joints": Spec(
+        [""], "Joints locked at a fixed position, each as joint=position [rad, m]."
+    ),
+    "armature": Spec(
+        [""], "Reflected rotor inertias, each as joint=inertia [kg m^2, prismatic: kg]."
+    ),
+    "parameters_file": Spec(
+        "", "YAML file of friction, offsets, inertias and payloads from diag-dynamics identify."
+    ),
     "loops_file": Spec("", "YAML file of closed loops and non-linear mimic joints."),
-    "max_joints": Spec(MAX_JOINTS, "Maximum number of joints, including fixed ones; larger URDFs are rejected."),
-    "max_coupled": Spec(
-        MAX_COUPLED, "Maximum size of a group of coupled (mimic) joints. Computation time grows with its cube."
+    "max_joints": Spec(
+        MAX_JOINTS, "Maximum number of joints, including fixed ones; larger URDFs are rejected."
     ),
-    "floating_base": Spec(False, "Whether the root link moves freely; its state is read from the topic odom."),
+    "max_coupled": Spec(
+        MAX_COUPLED,
+        "Maximum size of a group of coupled (mimic) joints. Computation time grows with its cube.",
+    ),
+    "floating_base": Spec(
+        False, "Whether the root link moves freely; its state is read from the topic odom."
+    ),
 }
 
 PARAMETERS = fixed(_FIXED) | {
-    "gravity": Spec([0.0, 0.0, -9.81], "Acceleration of gravity in world axes [m/s^2].", maximum=LARGEST_GRAVITY),
+    "gravity": Spec(
+        [0.0, 0.0, -9.81], "Acceleration of gravity in world axes [m/s^2].", maximum=LARGEST_GRAVITY
+    ),
     "payloads": Spec(
         [""],
         "Payloads, each as link=mass, link=mass x y z, or link=mass x y z ixx iyy izz ixy ixz iyz in link axes "
@@ -56,7 +75,9 @@ def payloads_of(entries):
             expected = "link= and 1, 4 or 10 finite numbers with a mass of at least 0"
             raise InputError(f"parameter 'payloads' has {link}={text}, expected {expected}.")
         if max(map(abs, numbers)) > LARGEST:
-            raise InputError(f"parameter 'payloads' has {link}={text}, expected numbers within ±{LARGEST:g}.")
+            raise InputError(
+                f"parameter 'payloads' has {link}={text}, expected numbers within ±{LARGEST:g}."
+            )
         mass, com, inertia = numbers[0], numbers[1:4] or (0.0, 0.0, 0.0), numbers[4:] or (0.0,) * 6
         xx, yy, zz, xy, xz, yz = inertia
         payloads[link] = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

@@ -15,12 +15,20 @@ SENSORS = "position [rad, m], velocity [rad/s, m/s] and effort [N m, N]"
 _FIXED = {
     "robot_description": Spec("", f"{ROBOT}; required."),
     **{name: spec for name, spec in SHARED.items() if name not in DYNAMIC},
-    "floating_base": Spec(False, "Whether the root link moves freely; its state is published on odom."),
-    "inertia_error": Spec(0.0, "Maximum relative random error of the simulated inertias.", 0.0, 0.9),
+    "floating_base": Spec(
+        False, "Whether the root link moves freely; its state is published on odom."
+    ),
+    "inertia_error": Spec(
+        0.0, "Maximum relative random error of the simulated inertias.", 0.0, 0.9
+    ),
     "inertia_error_seed": Spec(0, "Seed of inertia_error, at least 0."),
     "rate": Spec(500.0, "joint_states per second of simulated time [Hz].", 1.0, 10000.0),
     "step": Spec(0.001, "Maximum integration step [s].", 1e-6, 0.1),
-    "order": Spec(4, "Order of integration: 4, or 1 at a tenth of the cost, for fixed bases only.", choices=(4, 1)),
+    "order": Spec(
+        4,
+        "Order of integration: 4, or 1 at a tenth of the cost, for fixed bases only.",
+        choices=(4, 1),
+    ),
     "motion": Spec(
         "free",
         "Motion: by commands and wrenches (free), or sine waves about mid-range (wave).",
@@ -33,16 +41,24 @@ _FIXED = {
     ),
     "limit_stiffness": Spec(1e4, "Stiffness of compliant limits [N m/rad, N/m].", 1e-6, 1e12),
     "limit_damping": Spec(100.0, "Damping of compliant limits [N m s/rad, N s/m].", 0.0),
-    "command_joints": Spec([""], "Joints in the order of a command's entries; by default all, in the robot's order."),
-    "command_timeout": Spec(0.0, "Simulated time after which a command expires [s]; 0: never.", 0.0),
+    "command_joints": Spec(
+        [""], "Joints in the order of a command's entries; by default all, in the robot's order."
+    ),
+    "command_timeout": Spec(
+        0.0, "Simulated time after which a command expires [s]; 0: never.", 0.0
+    ),
     "without_command": Spec(
         "zero",
         "Without a command: zero effort (zero), or brakes of twice the effort limit (brake).",
         choices=("zero", "brake"),
     ),
-    "compensates_gravity": Spec(False, "Whether the simulated drives compensate gravity, payloads included."),
+    "compensates_gravity": Spec(
+        False, "Whether the simulated drives compensate gravity, payloads included."
+    ),
     "wrench_axes": Spec(
-        "link", "Axes of external wrenches: of their link, or of the world.", choices=("link", "world")
+        "link",
+        "Axes of external wrenches: of their link, or of the world.",
+        choices=("link", "world"),
     ),
     "wrench_timeout": Spec(0.1, "Simulated time after which a wrench expires [s]; 0: never.", 0.0),
     "sensor_noise": Spec([0.0, 0.0, 0.0], f"Standard deviation of white noise on {SENSORS}."),
@@ -51,10 +67,17 @@ _FIXED = {
     "sensor_dropped": Spec(0.0, "Probability that a joint_states message is lost.", 0.0, 1.0),
     "seed": Spec(0, "Seed of noise and losses, at least 0."),
     "real_time_factor": Spec(
-        1.0, "Real-time factor; 0: as fast as possible. Values other than 1 require publish_clock.", 0.0, 1000.0
+        1.0,
+        "Real-time factor; 0: as fast as possible. Values other than 1 require publish_clock.",
+        0.0,
+        1000.0,
     ),
-    "publish_clock": Spec(False, "Whether simulated time is published on /clock, for nodes with use_sim_time."),
-    "lockstep": Spec(False, "Whether each command advances time to the next joint state. Implies publish_clock."),
+    "publish_clock": Spec(
+        False, "Whether simulated time is published on /clock, for nodes with use_sim_time."
+    ),
+    "lockstep": Spec(
+        False, "Whether each command advances time to the next joint state. Implies publish_clock."
+    ),
 }
 
 PARAMETERS = fixed(_FIXED) | {name: SHARED[name] for name in DYNAMIC}

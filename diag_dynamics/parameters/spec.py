@@ -31,7 +31,10 @@ def fixed(specs):
 
 def while_unconfigured(specs):
     """Return specs of parameters that a managed node reads when it is configured."""
-    return {name: spec._replace(read_only=False, while_unconfigured=True) for name, spec in specs.items()}
+    return {
+        name: spec._replace(read_only=False, while_unconfigured=True)
+        for name, spec in specs.items()
+    }
 
 
 def wrong(name, value, specs):
@@ -49,4 +52,7 @@ def wrong(name, value, specs):
         expected = f"{len(spec.default)} numbers"
     elif is_list and any(abs(number) > spec.maximum for number in numbers):
         expected = f"numbers within ±{spec.maximum:g}"
-    return expected and f"parameter '{name}' is {list(value) if is_list else value!r}, expected {expected}"
+    return (
+        expected
+        and f"parameter '{name}' is {list(value) if is_list else value!r}, expected {expected}"
+    )

@@ -126,7 +126,11 @@ def balance(of: Recording) -> Any:
     _check_states(of)
     if of.tau is None:
         raise InputError(f"{explain_missing_efforts(of.counts)}. A balance of power needs them.")
-    windows, whole, efforts = _integrate(of), power.Balance(of.model.dof_names), EffortRange(of.model.dof_names)
+    windows, whole, efforts = (
+        _integrate(of),
+        power.Balance(of.model.dof_names),
+        EffortRange(of.model.dof_names),
+    )
     efforts.add_values(of.q[:, -of.model.nv :], of.tau)
     whole.add_windows(windows)
     whole.moved = efforts.moved
@@ -232,7 +236,9 @@ def _integrate(of: Recording) -> power.Windows:
     return power.Windows(*map(np.concatenate, zip(*windows, strict=True)))
 
 
-def _joint_energies(of: Recording | Evaluation, t: VectorLike | None = None) -> tuple[list[str], Array | None, Array]:
+def _joint_energies(
+    of: Recording | Evaluation, t: VectorLike | None = None
+) -> tuple[list[str], Array | None, Array]:
     """Return joints, times from zero on [s], and the energy share of each joint [J]."""
     if isinstance(of, Recording):
         _check_states(of)

@@ -90,7 +90,9 @@ class ContactExposure:
         while len(self._worst) < MOMENTS and largest.max() > 0.0:
             k = int(np.argmax(largest))
             t = k - len(before)
-            self._worst.append(before[k] if t < 0 else _moment(int(stamps[t]), t, contact, usage[t]))
+            self._worst.append(
+                before[k] if t < 0 else _moment(int(stamps[t]), t, contact, usage[t])
+            )
             largest[np.abs(at - at[k]) < SEPARATION] = 0.0
 
     def summary(self, time):
@@ -108,7 +110,10 @@ def _moment(stamp, t, contact, usage):
     """Return the point with the largest fraction of its allowed speed at state t, with its numbers."""
     k = int(np.argmax(usage))
     names = {"point": contact.names[k], "link": contact.links[k], "region": contact.region(k, t)}
-    numbers = {name: float(getattr(contact, name)[t, k]) for name in ("speed", "reflected_mass", "energy", "force")}
+    numbers = {
+        name: float(getattr(contact, name)[t, k])
+        for name in ("speed", "reflected_mass", "energy", "force")
+    }
     return {"usage": float(usage[k]), **names, **numbers, "at": stamp}
 
 
@@ -117,15 +122,31 @@ class Analysis:
 
     def __init__(self, reading, *, gain=25.0, threads=None):
         model, settings, values = reading.model, reading.settings, reading.settings.values
-        names, wanted, threshold, release, alarms = model.dof_names, settings.observation, np.inf, None, None
+        names, wanted, threshold, release, alarms = (
+            model.dof_names,
+            settings.observation,
+            np.inf,
+            None,
+            None,
+        )
         if wanted:
             gain, threshold, alarms = wanted.gain, wanted.threshold, wanted.alarms
             release = None if threshold == np.inf else wanted.release
-        self.reading, self.model, self.friction, self._threads = reading, model, model.has_friction, threads
+        self.reading, self.model, self.friction, self._threads = (
+            reading,
+            model,
+            model.has_friction,
+            threads,
+        )
         self.gain, self.threshold = gain, threshold
-        self.missing = tuple(settings.unjudged_without)  # parameters without which no collision is reported
+        self.missing = tuple(
+            settings.unjudged_without
+        )  # parameters without which no collision is reported
         self._dynamics, self._windows = DiagonalDynamics(model), WindowSums(model.nv, self.friction)
-        options = {name: values[f"external_torque.{name}"] for name in ("friction", "max_gap", "settles_on")}
+        options = {
+            name: values[f"external_torque.{name}"]
+            for name in ("friction", "max_gap", "settles_on")
+        }
         options |= {"friction": self.friction and options["friction"], "threads": threads}
         self._observer = Observer(self._dynamics, gain, threshold, release, **options)
         self._detector = AlarmDetector(names, alarms) if alarms else None
@@ -140,8 +161,14 @@ class Analysis:
         self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
         self.efforts, self.motion = EffortRange(names), MotionSample(model)
         self.histogram = np.zeros(BINS, dtype=int)
-        self.unobserved = np.zeros(model.nv, dtype=bool)  # joints without an external torque at some observed state
-        self.states, self.observed, self.kinetic = 0, 0, 0.0  # number, that with a residual, and sum of K [J]
+        self.unobserved = np.zeros(
+            model.nv, dtype=bool
+        )  # joints without an external torque at some observed state
+        self.states, self.observed, self.kinetic = (
+            0,
+            0,
+            0.0,
+        )  # number, that with a residual, and sum of K [J]
         self.findings = None  # after run()
 
     def run(self, outputs=(), progress=None):
@@ -176,7 +203,9 @@ class Analysis:
             strength = np.linalg.norm(known[0], axis=1)
         columns = states.stamp, *known, valid, states.jumped
         if self._detector:
-            judged = self._detector.judge(*columns, velocity=states.velocity, unknown=np.isnan(torque))
+            judged = self._detector.judge(
+                *columns, velocity=states.velocity, unknown=np.isnan(torque)
+            )
             touched = self._touched_links(states, observed, judged.alarm)
             self.collisions.add_states(states.stamp, strength, judged, touched)
             observed = observed._replace(collision=judged.alarm)
@@ -184,15 +213,21 @@ class Analysis:
             touched = self._touched_links(states, observed, collision)
             self.collisions.add_states(states.stamp, torque, norm, collision, touched)
         if self._contact_detector:
-            lower = self._contact_detector.judge(*columns, velocity=states.velocity, unknown=np.isnan(torque))
-            self.contacts.add_states(states.stamp, strength, lower, self._touched_links(states, observed, lower.alarm))
+            lower = self._contact_detector.judge(
+                *columns, velocity=states.velocity, unknown=np.isnan(torque)
+            )
+            self.contacts.add_states(
+                states.stamp, strength, lower, self._touched_links(states, observed, lower.alarm)
+            )
         self.balance.add_windows(self._windows.integrate_states(states, s))
         self.balance.moved = self.efforts.moved
         self.quality.add_states(states)
         self.motion.add_states(states)
         if self.exposure:
             options = {"threads": self._threads}
-            contact = self._dynamics.contact_batch(states.position, states.velocity, self._points, **options)
+            contact = self._dynamics.contact_batch(
+                states.position, states.velocity, self._points, **options
+            )
             self.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
         return Piece(states, s, observed, judged, lower)
@@ -206,7 +241,11 @@ class Analysis:
         return expand(self._dynamics.touched_link_batch(*columns, threads=self._threads), rows)
 
     def _add_figures(self, states, s, observed):
-        (_, torque, norm, valid, _), names, energy = observed, self.model.dof_names, s.kinetic_energy
+        (_, torque, norm, valid, _), names, energy = (
+            observed,
+            self.model.dof_names,
+            s.kinetic_energy,
+        )
         self.states += len(states)
         self.observed += int(valid.sum())
         self.kinetic += float(energy.sum())
@@ -224,9 +263,15 @@ class Analysis:
 
     def _evaluate(self, states):
         """Return the states that can be evaluated, and their evaluation; the others are counted as the monitor does."""
-        columns = states.position, states.velocity, np.where(states.effort_known[:, None], states.effort, 0.0)
+        columns = (
+            states.position,
+            states.velocity,
+            np.where(states.effort_known[:, None], states.effort, 0.0),
+        )
         try:
-            return states, self._dynamics.evaluate_batch(*columns, threads=self._threads, friction=self.friction)
+            return states, self._dynamics.evaluate_batch(
+                *columns, threads=self._threads, friction=self.friction
+            )
         except DiagDynamicsError:
             good = np.ones(len(states), dtype=bool)
             for t, state in enumerate(zip(*columns, strict=True)):

@@ -20,11 +20,15 @@ class AtomicFile:
         self._target = Path(os.path.realpath(self.path)) if self.path.is_symlink() else self.path
         self._is_direct, self.name = self.path.exists() and not self.path.is_file(), str(self.path)
         if not self._is_direct and not self._target.parent.is_dir():
-            raise InputError(f"'{self.path}' cannot be written: there is no folder '{self._target.parent}'.")
+            raise InputError(
+                f"'{self.path}' cannot be written: there is no folder '{self._target.parent}'."
+            )
         if self.path.is_dir():
             raise InputError(f"'{self.path}' cannot be written: it is a folder.")
         numbers = () if self._is_direct else chain([""], (f".{k}" for k in count(1)))
-        for number in numbers:  # a pipe is not opened: its reader would take the closing for the end
+        for (
+            number
+        ) in numbers:  # a pipe is not opened: its reader would take the closing for the end
             self.name = f"{self._target}{number}.part"
             with self.errors(), suppress(FileExistsError):  # of another process
                 open(self.name, "xb").close()
@@ -38,7 +42,9 @@ class AtomicFile:
         except BrokenPipeError:
             raise
         except OSError as error:
-            raise InputError(f"'{self.path}' cannot be written: {error.strerror or error}.") from error
+            raise InputError(
+                f"'{self.path}' cannot be written: {error.strerror or error}."
+            ) from error
 
     def commit(self) -> None:
         """Give the file its final name."""

@@ -66,13 +66,19 @@ class Bag:
         failed, wanted = Counter(), set(wanted)
 
         def read_file(file, places, conversions):
-            convert = partial(_convert, conversions=conversions, places=np.array(places), failed=failed)
-            for first, last, read in file.parts({k for k, one in enumerate(places) if one in wanted}):
+            convert = partial(
+                _convert, conversions=conversions, places=np.array(places), failed=failed
+            )
+            for first, last, read in file.parts(
+                {k for k, one in enumerate(places) if one in wanted}
+            ):
                 is_late = end is not None and first >= end
                 if not (is_late or (begin is not None and last < begin)):
                     yield first, lambda read=read: convert(read())
 
-        yield from merge_parts(read_file(file, *maps) for file, maps in zip(self._files, self._maps, strict=True))
+        yield from merge_parts(
+            read_file(file, *maps) for file, maps in zip(self._files, self._maps, strict=True)
+        )
         for k, count in failed.items():
             topic, kind = self.connections[k][:2]
             what = f"{count} messages of '{topic}' are not of the type {kind} of ROS Noetic"
@@ -89,7 +95,9 @@ class Bag:
             raise InputError(f"'{name}' is not a supported bag; expected {KNOWN}.")
         if kind == "mcap":  # the library is optional
             require("mcap", REASON)
-            return import_module("diag_dynamics.recordings.mcap_file").McapFile(path, name, self._notes)
+            return import_module("diag_dynamics.recordings.mcap_file").McapFile(
+                path, name, self._notes
+            )
         return (SqliteFile if kind == "sqlite" else Ros1File)(path, name, self._notes)
 
     def _unpack(self, path):
@@ -101,7 +109,9 @@ class Bag:
         try:
             with open(path, "rb") as file, open(content, "wb") as out:
                 unpacker = zstandard.ZstdDecompressor()
-                shutil.copyfileobj(unpacker.stream_reader(file, read_across_frames=True), out, 1 << 17)
+                shutil.copyfileobj(
+                    unpacker.stream_reader(file, read_across_frames=True), out, 1 << 17
+                )
         except zstandard.ZstdError as error:
             what = f"{describe_error(error)}: all content after {content.stat().st_size} bytes"
             self._notes.add_damage(path, "its compression", what)
@@ -132,7 +142,9 @@ def _convert(messages, conversions, places, failed):
     if messages is None:
         return None
     view, first = memoryview(messages.data), int(messages.at[0])
-    if not conversions and view[first : first + 4] != ZSTD:  # a file has all messages compressed, or none
+    if (
+        not conversions and view[first : first + 4] != ZSTD
+    ):  # a file has all messages compressed, or none
         return messages._replace(connection=places[messages.connection])
     rows, columns = [], (column.tolist() for column in messages[1:])
     for k, at, size, time in zip(*columns, strict=True):
@@ -196,16 +208,23 @@ class SqliteFile:
             self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
             for one in (path, *journals):
                 shutil.copy(one, self._copy.name)
-            notes.add_oddity(name, " has a journal: its recorder was killed or still records. It is read, too.")
+            notes.add_oddity(
+                name, " has a journal: its recorder was killed or still records. It is read, too."
+            )
         try:
             with closing(self._open()) as database:
-                for key, *declaration in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+                for key, *declaration in database.execute(
+                    "SELECT id, name, type, serialization_format FROM topics"
+                ):
                     self._topics[key] = len(self.connections)
                     self.connections.append(Connection(*map(str, declaration)))
         except sqlite3.Error as error:
             size = self._path.stat().st_size
             is_empty = not size and not self._copy
-            self._lose("database", "the file is empty" if is_empty else f"{error}: {size} bytes; {self._advice}")
+            self._lose(
+                "database",
+                "the file is empty" if is_empty else f"{error}: {size} bytes; {self._advice}",
+            )
         with suppress(sqlite3.Error), closing(self._open()) as database:
             (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
             self.start = start if isinstance(start, int) else None
@@ -236,7 +255,9 @@ class SqliteFile:
         path, options = self._path, "?mode=ro&immutable=1"
         if self._copy:
             path, options = f"{self._copy.name}/{self._path.name}", ""
-        database = sqlite3.connect(f"file:{quote(str(path))}{options}", uri=True, check_same_thread=False)
+        database = sqlite3.connect(
+            f"file:{quote(str(path))}{options}", uri=True, check_same_thread=False
+        )
         database.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
         return database
 
@@ -255,7 +276,10 @@ class Ros1File:
                 self.start = min((one.start_time for one in reader.chunk_infos), default=None)
         except Exception as error:  # of damaged bytes
             size, advice = self._path.stat().st_size, f"`rosbag reindex {name}` makes an index"
-            self._lose("index", f"{describe_error(error)}: {size} bytes; {advice}" if size else "the file is empty")
+            self._lose(
+                "index",
+                f"{describe_error(error)}: {size} bytes; {advice}" if size else "the file is empty",
+            )
 
     def parts(self, wanted):
         """Yield (first log time, last one, function that returns Messages) in their order."""
@@ -286,7 +310,9 @@ def _find_files(folder, notes):
     if not bags and not listed:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
-        raise InputError(f"'{folder}' {why} and contains no bag; expected {KNOWN}, or the file of a table.{meant}")
+        raise InputError(
+            f"'{folder}' {why} and contains no bag; expected {KNOWN}, or the file of a table.{meant}"
+        )
     if not listed:
         notes.add_oddity(folder, f" {why}. All bags in it are read in the order of their names.")
         return [folder / name for name in bags]
@@ -303,7 +329,9 @@ def _find_files(folder, notes):
                 f"file, or delete {METADATA} to read all of them."
             )
         for name, other in zip(missing, others, strict=True):
-            notes.add_oddity(folder, f": {METADATA} lists {name}, which is missing; {other} is read instead.")
+            notes.add_oddity(
+                folder, f": {METADATA} lists {name}, which is missing; {other} is read instead."
+            )
         return [folder / name for name in others]
     for name in missing:
         notes.add_damage(folder, name, f"{METADATA} lists this file, which is missing")

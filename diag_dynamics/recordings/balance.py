@@ -14,12 +14,19 @@ from diag_dynamics.results import energy_shares
 WINDOW, MAX_GAP = 0.1, 0.1
 """Length of a window, as noise of velocities spoils shorter ones, and longest interval that is integrated over [s]."""
 
-MIN_WINDOWS, MIN_POWER = 20, 1e-3  # fewest windows of an explained share; least rms of dK/dt of the monitor [W]
+MIN_WINDOWS, MIN_POWER = (
+    20,
+    1e-3,
+)  # fewest windows of an explained share; least rms of dK/dt of the monitor [W]
 NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8
 """Explained shares below which the balance explains nothing, and too little."""
 
 FAULT_SHARE = 0.2  # share of the sum of all joints' squared residuals from which a joint is named
-POWERS = "kinetic", "total", "residual"  # whose variances count: dK/dt, d(K + U)/dt, and the residual
+POWERS = (
+    "kinetic",
+    "total",
+    "residual",
+)  # whose variances count: dK/dt, d(K + U)/dt, and the residual
 KINETIC, TOTAL, RESIDUAL = range(3)
 
 
@@ -46,7 +53,11 @@ class WindowSums:
     def __init__(self, count, friction=False):
         self._friction = friction
         self._chain, self._integrals = SampleChain(MAX_GAP), WindowIntegrals(WINDOW)
-        self._last = 0, np.zeros(3 + count), np.zeros(count)  # stamp, powers and ½ν² of the last sample
+        self._last = (
+            0,
+            np.zeros(3 + count),
+            np.zeros(count),
+        )  # stamp, powers and ½ν² of the last sample
 
     def integrate_states(self, states, s):
         """Return the :class:`Windows` that end at states, given their BatchEvaluation."""
@@ -86,7 +97,11 @@ class Balance:
             return
         count, mean = len(values), values.mean(axis=0)
         apart, total = mean - self.mean, self.count + count
-        self.squares = self.squares + ((values - mean) ** 2).sum(axis=0) + apart**2 * (self.count * count / total)
+        self.squares = (
+            self.squares
+            + ((values - mean) ** 2).sum(axis=0)
+            + apart**2 * (self.count * count / total)
+        )
         self.mean, self.count = self.mean + apart * (count / total), total
 
     @property
@@ -117,7 +132,12 @@ class Balance:
     def joints(self):
         """Each joint's root mean square residual `residual_power` [W] and its `share` of all squares, by name."""
         squares = self._mean_squares()[len(POWERS) :]
-        rows = zip(self._names, np.sqrt(squares).tolist(), (squares / (squares.sum() or 1.0)).tolist(), strict=True)
+        rows = zip(
+            self._names,
+            np.sqrt(squares).tolist(),
+            (squares / (squares.sum() or 1.0)).tolist(),
+            strict=True,
+        )
         return {name: {"residual_power": rms, "share": share} for name, rms, share in rows}
 
     def summary(self, fault):
@@ -126,7 +146,10 @@ class Balance:
         return {
             "windows": self.count,
             "length": WINDOW,
-            "moments": {name: {"count": self.count, "mean": mean, "squares": rest} for name, mean, rest in rows},
+            "moments": {
+                name: {"count": self.count, "mean": mean, "squares": rest}
+                for name, mean, rest in rows
+            },
             "says": self.judgement(fault),
             "moved": self.moved,
             "joints": self.joints,
@@ -144,16 +167,24 @@ class Balance:
             return "no joint moves by more than a push moves a robot that stands"
         if explained >= MIN_EXPLAINED:
             return f"the efforts explain {explained:.0%} of the change of kinetic energy"
-        remedy = "check unit of the efforts, friction, rotor inertias and payload (docs/recordings.md)"
+        remedy = (
+            "check unit of the efforts, friction, rotor inertias and payload (docs/recordings.md)"
+        )
         remedy = f"{fault}; {remedy}" if fault else remedy
         if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
             return (
                 f"the residual exceeds the change of kinetic energy; the efforts explain {total:.0%} of the change of "
                 f"kinetic and potential energy. To improve this, {remedy}"
             )
-        culprits = ", ".join(name for name, one in self.joints.items() if one["share"] >= FAULT_SHARE)
+        culprits = ", ".join(
+            name for name, one in self.joints.items() if one["share"] >= FAULT_SHARE
+        )
         where = f"; the largest residual is at {culprits}" if culprits else ""
-        how = f"explain only {explained:.0%} of" if explained >= NOTHING_EXPLAINED else "do not explain"
+        how = (
+            f"explain only {explained:.0%} of"
+            if explained >= NOTHING_EXPLAINED
+            else "do not explain"
+        )
         return f"the efforts {how} the change of kinetic energy: {remedy}{where}"
 
 

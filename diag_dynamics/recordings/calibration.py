@@ -88,7 +88,14 @@ def calibrate(
     for one in many:
         motion = MotionSample(dynamics.model)
         residuals.start_recording()
-        observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, settles_on=settles_on, threads=threads)
+        observer = Observer(
+            dynamics,
+            gain,
+            friction=friction,
+            max_gap=max_gap,
+            settles_on=settles_on,
+            threads=threads,
+        )
         states, with_efforts, counts, findings = 0, False, {}, []
         for piece in [one] if isinstance(one, Recording) else one:
             require_same_robot(dynamics, piece)

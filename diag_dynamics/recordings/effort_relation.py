@@ -27,7 +27,9 @@ BLOCK, MAX_BLOCKS, MIN_BLOCKS = 0.5, 32, 4
 ERRORS, SMALL_ERRORS = 4.0, 8.0
 """Standard errors on both sides of a factor that contain the true one, and below the limits of a light joint."""
 
-MODEL_ERROR = 0.1  # torque that a model may miss at any joint over the largest torque of a joint of its kind
+MODEL_ERROR = (
+    0.1  # torque that a model may miss at any joint over the largest torque of a joint of its kind
+)
 LIMITS, WIDE_LIMITS, GEARED_LIMITS = (0.6, 1.6), (0.2, 5.0), (0.2, 100.0)
 """Accepted factors: of gravity; of inertia, or with an unknown payload; and of inertia with an unknown rotor."""
 
@@ -50,15 +52,21 @@ def smoothed(t, q, qd, tau):
     trend = whole[:, :1] + np.linspace(0.0, 1.0, whole.shape[1]) * (whole[:, -1:] - whole[:, :1])
     gain = 1.0 / (1.0 + (np.fft.rfftfreq(whole.shape[1], step) / CUTOFF) ** (2 * ORDER))
     smooth = np.fft.irfft(gain * np.fft.rfft(whole - trend), whole.shape[1]) + trend
-    smooth = np.vstack([smooth, np.gradient(smooth[nq : nq + nv], step, axis=1)])[:, head : head + count]
-    return tuple(np.ascontiguousarray(part.T) for part in np.split(smooth, [nq, nq + nv, nq + 2 * nv]))
+    smooth = np.vstack([smooth, np.gradient(smooth[nq : nq + nv], step, axis=1)])[
+        :, head : head + count
+    ]
+    return tuple(
+        np.ascontiguousarray(part.T) for part in np.split(smooth, [nq, nq + nv, nq + 2 * nv])
+    )
 
 
 def remaining(products, kept, rest):
     """Return products (…, m, m) of the kept columns, rows of (k, m), without what the rest, rows of (r, m), explains."""
     inner, across = rest @ products @ rest.T, rest @ products @ kept.T
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(inner, axis1=-2, axis2=-1), 1e-300))[..., None]
-    inverse = np.linalg.pinv(inner * scale * np.swapaxes(scale, -1, -2), rcond=SINGULAR, hermitian=True)
+    inverse = np.linalg.pinv(
+        inner * scale * np.swapaxes(scale, -1, -2), rcond=SINGULAR, hermitian=True
+    )
     across = across * scale
     return kept @ products @ kept.T - np.swapaxes(across, -1, -2) @ inverse @ across
 
@@ -66,9 +74,13 @@ def remaining(products, kept, rest):
 def _regress(products, column, rest):
     """Return squares of a column without what the rest explains (0 if dependent), and the efforts' slopes over it."""
     left = remaining(products, np.vstack([column, np.eye(len(column))[COLUMNS:]]), rest)
-    square = np.where(left[..., 0, 0] > SINGULAR * (products @ column @ column), left[..., 0, 0], 0.0)
+    square = np.where(
+        left[..., 0, 0] > SINGULAR * (products @ column @ column), left[..., 0, 0], 0.0
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
-        return square, np.diagonal(left[..., 0, 1:], axis1=-2, axis2=-1) / np.where(square, square, np.nan)
+        return square, np.diagonal(left[..., 0, 1:], axis1=-2, axis2=-1) / np.where(
+            square, square, np.nan
+        )
 
 
 def largest_of_kind(model, values):
@@ -90,17 +102,25 @@ class Relation(NamedTuple):
     """Factors from the model's torque to the measured effort, by joint; shape (nv,) each but for the first two."""
 
     model: RobotModel
-    products: (
+    products: np.ndarray  # means, of gravity's columns, inertia and all efforts without what resists, (nv, 4 + nv, 4 + nv)
+    factor: (
         np.ndarray
-    )  # means, of gravity's columns, inertia and all efforts without what resists, (nv, 4 + nv, 4 + nv)
-    factor: np.ndarray  # slope over the torque of gravity and inertia; NaN if the motion does not show it
-    error: np.ndarray  # its standard error, by blocks of time left out: residuals of neighbours in time are alike
+    )  # slope over the torque of gravity and inertia; NaN if the motion does not show it
+    error: (
+        np.ndarray
+    )  # its standard error, by blocks of time left out: residuals of neighbours in time are alike
     model_error: np.ndarray  # error of the factor due to the model
-    inertial: np.ndarray  # slope over the torque of inertia alone, without the acceleration among the columns
+    inertial: (
+        np.ndarray
+    )  # slope over the torque of inertia alone, without the acceleration among the columns
     inertial_error: np.ndarray
     heavy: np.ndarray  # whether most of the torque is gravity, bool
-    geared: np.ndarray  # whether the factor contains that of an unknown rotor, bool: as of a linear axis
-    torque: np.ndarray  # standard deviation of the model's torque that no friction or offset explains [N m, N]
+    geared: (
+        np.ndarray
+    )  # whether the factor contains that of an unknown rotor, bool: as of a linear axis
+    torque: (
+        np.ndarray
+    )  # standard deviation of the model's torque that no friction or offset explains [N m, N]
 
     def limits(self, tolerant=False):
         """Return the smallest and the largest accepted factor, shape (2, nv); `tolerant` of a payload."""
@@ -114,7 +134,11 @@ class Relation(NamedTuple):
     def unrelated(self):
         """Return which joints have a factor that is 0 by its error, and cannot be 1, bool."""
         spread = ERRORS * self.error
-        return self.judged() & (np.abs(self.factor) <= spread) & (self.factor + spread + self.model_error < 1.0)
+        return (
+            self.judged()
+            & (np.abs(self.factor) <= spread)
+            & (self.factor + spread + self.model_error < 1.0)
+        )
 
     def wrong(self, tolerant=False):
         """Return which joints have a factor beyond the limits by more than its errors, or are unrelated, bool."""
@@ -135,7 +159,9 @@ class EffortRelation:
         self._model, self._dynamics = model, DiagonalDynamics(model)
         self._pulls = [DiagonalDynamics(model.with_gravity(axis)) for axis in np.eye(3)]
         coupled = {joint for group in model.coupled_groups for joint in group}
-        self._turning = [name in model.continuous_joints and name not in coupled for name in model.dof_names]
+        self._turning = [
+            name in model.continuous_joints and name not in coupled for name in model.dof_names
+        ]
         size = COLUMNS + model.nv
         self._rows, self._length, self._blocks = 0, BLOCK, np.zeros((0, model.nv, size, size))
 
@@ -143,7 +169,9 @@ class EffortRelation:
         """Return the COLUMNS of states without gaps at even times, (nv, T, 8), and smoothed efforts there, (T, nv)."""
         q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
         pulls = np.stack([one.gravity_torque_batch(q) for one in self._pulls])
-        inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(self._model.gravity, pulls, 1)
+        inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(
+            self._model.gravity, pulls, 1
+        )
         turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
         columns = np.stack([*pulls, inertial, qd, turned, np.ones_like(qd), qdd], axis=-1)
         return columns.transpose(1, 0, 2), tau
@@ -154,9 +182,13 @@ class EffortRelation:
             return
         number = ((t - t[0]) // self._length).astype(int)
         columns, tau = self.columns(t, q, qd, tau)
-        columns = np.concatenate([columns, np.broadcast_to(tau, (self._model.nv, *tau.shape))], axis=-1)
+        columns = np.concatenate(
+            [columns, np.broadcast_to(tau, (self._model.nv, *tau.shape))], axis=-1
+        )
         parts = np.split(columns, np.flatnonzero(np.diff(number)) + 1, axis=1)
-        self._blocks = np.concatenate([self._blocks, [part.transpose(0, 2, 1) @ part for part in parts]])
+        self._blocks = np.concatenate(
+            [self._blocks, [part.transpose(0, 2, 1) @ part for part in parts]]
+        )
         self._rows += len(tau)
         while len(self._blocks) > MAX_BLOCKS:
             self._blocks = np.add.reduceat(self._blocks, np.arange(0, len(self._blocks), 2))
@@ -176,7 +208,9 @@ class EffortRelation:
         square = np.where(geared, _regress(whole, pull + inertia, rest[:-1])[0], squares[0])
         torque = np.sqrt(square / max(self._rows, 1))
         with np.errstate(divide="ignore", invalid="ignore"):
-            model_error = np.where(torque > 0.0, MODEL_ERROR * largest_of_kind(model, torque) / torque, np.inf)
+            model_error = np.where(
+                torque > 0.0, MODEL_ERROR * largest_of_kind(model, torque) / torque, np.inf
+            )
         kept = [*range(INERTIAL + 1), *(COLUMNS + joints)]
         return Relation(
             model,

@@ -13,7 +13,9 @@ from diag_dynamics.recordings.joint_names import FEW, describe_maps, listed, pro
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
-OTHER_TOPICS = "(--topic reads several)"  # in the note about topics of joint states that are not read
+OTHER_TOPICS = (
+    "(--topic reads several)"  # in the note about topics of joint states that are not read
+)
 WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no value of any joint
 
 CURRENTS = (
@@ -45,7 +47,11 @@ class Finding(NamedTuple):
     text: str
 
     def __str__(self) -> str:
-        return f"{self.cause} ({self.count} ×): {self.text}" if self.count > 1 else f"{self.cause}: {self.text}"
+        return (
+            f"{self.cause} ({self.count} ×): {self.text}"
+            if self.count > 1
+            else f"{self.cause}: {self.text}"
+        )
 
 
 def word_for_missing(counts):
@@ -69,7 +75,9 @@ def no_states_error(path, findings):
     """Return the InputError about a recording without a valid state, with its main findings."""
     found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
     what = "; ".join(map(str, found[:3])) or "it has no messages"
-    topics = "".join(f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text)
+    topics = "".join(
+        f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text
+    )
     return InputError(f"'{path}' contains no valid state: {what.removesuffix('.')}.{topics}")
 
 
@@ -86,7 +94,11 @@ def collect_findings(intake, source):
     causes = dict.fromkeys(one.cause for one in intake.rejections)
     found += [Finding(cause, counts[cause], first[cause]) for cause in causes]
     texts = intake.assembler.last_texts | _name_texts(intake, counts)
-    found += [Finding(cause, counts[cause], TEXTS[cause] or texts[cause]) for cause in TEXTS if counts[cause]]
+    found += [
+        Finding(cause, counts[cause], TEXTS[cause] or texts[cause])
+        for cause in TEXTS
+        if counts[cause]
+    ]
     for text, number in intake.assembler.stuck.items():
         found.append(Finding("stuck values", number, text.removeprefix("stuck values: ")))
     return found + [Finding(NOTE, 1, note) for note in source.notes]
@@ -94,7 +106,11 @@ def collect_findings(intake, source):
 
 def _name_texts(intake, counts):
     """Return texts on missing joints, and on messages of other joints, by the name of a count."""
-    missing, own, joints = intake.assembler.missing, intake.assembler.names, intake.assembler.joint_names
+    missing, own, joints = (
+        intake.assembler.missing,
+        intake.assembler.names,
+        intake.assembler.joint_names,
+    )
     foreign, incomplete = "messages of other joints: ", "messages before all joints had arrived"
     if not missing:
         foreign += f"{listed(intake.assembler.last_foreign)}; the robot has {listed(joints)}"

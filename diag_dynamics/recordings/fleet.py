@@ -48,10 +48,16 @@ COLUMNS = {
     "explained": ("float64", itemgetter("explained")),
     "explained_with_potential": ("float64", itemgetter("explained_with_potential")),
     "residual_power": ("float64", itemgetter("residual_power")),
-    "external_torque_max": ("float64", lambda one: one["peaks"].get("external_torque", {}).get("value")),
+    "external_torque_max": (
+        "float64",
+        lambda one: one["peaks"].get("external_torque", {}).get("value"),
+    ),
     "collisions": ("int64", count_collisions),
     "rejected": ("int64", lambda one: sum(one["rejected"].values())),
-    "unread": ("int64", lambda one: sum(finding["cause"] == "unread" for finding in one["findings"])),
+    "unread": (
+        "int64",
+        lambda one: sum(finding["cause"] == "unread" for finding in one["findings"]),
+    ),
     "warnings": ("int64", lambda one: len(one["warnings"])),
     "wrong": ("string", lambda one: "; ".join(describe_faults(one))),
 }
@@ -131,7 +137,9 @@ def analyse_fleet(
     jobs = _make_jobs(patterns, out, about)
     results = {job.path: summary for job in jobs if (summary := job.read_summary())}
     kept = len(results)
-    for path, result in _run([job for job in jobs if job.path not in results], options, scheduler, workers):
+    for path, result in _run(
+        [job for job in jobs if job.path not in results], options, scheduler, workers
+    ):
         results[path] = result
         if progress:
             progress(len(results), len(jobs), path)
@@ -205,7 +213,11 @@ def _run(jobs, options, scheduler, workers):
     distributed = import_module("distributed")
     for job in jobs:
         job.remove_outputs("*")
-    local = {"threads_per_worker": 1, "dashboard_address": None, "n_workers": workers or min(cores(), len(jobs))}
+    local = {
+        "threads_per_worker": 1,
+        "dashboard_address": None,
+        "n_workers": workers or min(cores(), len(jobs)),
+    }
     try:
         with distributed.Client(scheduler, **({} if scheduler else local)) as client:
             futures = client.map(_analyse, jobs, options=options, retries=2, pure=False)
@@ -254,8 +266,15 @@ def _merge_summaries(summaries):
     rows = list(map(_make_row, summaries))
     highest = max(rows, key=lambda row: row["kinetic_energy_max"])
     known = [row["collisions"] for row in rows if row["collisions"] is not None]
-    states, energies = sum(row["states"] for row in rows), [one["kinetic_energy"] for one in summaries]
-    bins = _add_up(((part["from"], part["to"]), part["states"]) for one in energies for part in one["histogram"])
+    states, energies = (
+        sum(row["states"] for row in rows),
+        [one["kinetic_energy"] for one in summaries],
+    )
+    bins = _add_up(
+        ((part["from"], part["to"]), part["states"])
+        for one in energies
+        for part in one["histogram"]
+    )
     return {
         "robot": highest["robot"],
         "recordings": len(rows),
@@ -266,13 +285,17 @@ def _merge_summaries(summaries):
             "recording": highest["recording"],
             "at": highest["kinetic_energy_max_at"],
             "mean": sum(row["kinetic_energy_mean"] * row["states"] for row in rows) / states,
-            "histogram": [{"from": low, "to": high, "states": n} for (low, high), n in sorted(bins.items())],
+            "histogram": [
+                {"from": low, "to": high, "states": n} for (low, high), n in sorted(bins.items())
+            ],
         },
         **_merge_balances(summaries),
         "collisions": sum(known) if known else None,
         "unjudged": len(rows) - len(known),
         "rejected": _add_up(pair for one in summaries for pair in one["rejected"].items()),
-        "findings": _add_up((one["cause"], one["count"]) for each in summaries for one in each["findings"]),
+        "findings": _add_up(
+            (one["cause"], one["count"]) for each in summaries for one in each["findings"]
+        ),
         "warnings": sum(row["warnings"] for row in rows),
     }
 
@@ -295,14 +318,19 @@ def _merge_balances(summaries):
     def pooled(name):
         """Return number, mean and variance over all windows."""
         moments = [one["balance"]["moments"][name] for one in summaries]
-        count, means, squares = (np.array([one[key] for one in moments]) for key in ("count", "mean", "squares"))
+        count, means, squares = (
+            np.array([one[key] for one in moments]) for key in ("count", "mean", "squares")
+        )
         windows = max(int(count.sum()), 1)
         mean = count @ means / windows
         return count.sum(), mean, (squares.sum() + count @ (means - mean) ** 2) / windows
 
     windows, mean, variance = pooled("residual")
     has_moved = any(one["explained"] is not None for one in summaries)
-    shares = [explained_share(variance, pooled(name)[2]) if has_moved else None for name in ("kinetic", "total")]
+    shares = [
+        explained_share(variance, pooled(name)[2]) if has_moved else None
+        for name in ("kinetic", "total")
+    ]
     balance = *shares, float(np.sqrt(variance + mean**2))
     names = "explained", "explained_with_potential", "residual_power"
     return dict(zip(names, balance if windows >= MIN_WINDOWS else [None] * 3, strict=True))
@@ -325,13 +353,19 @@ def _write(path, text):
 def _make_page(report, jobs):
     """Return fleet.html. All texts are escaped: names of files and robots come from strangers."""
     jinja2, rows = import_module("jinja2"), report["recordings"]
-    text = resources.files("diag_dynamics.recordings").joinpath("fleet.html.j2").read_text(encoding="utf-8")
+    text = (
+        resources.files("diag_dynamics.recordings")
+        .joinpath("fleet.html.j2")
+        .read_text(encoding="utf-8")
+    )
     template = jinja2.Template(text, autoescape=True, undefined=jinja2.StrictUndefined)
     folders = [os.path.dirname(row["recording"]) for row in rows]
     outputs = {job.path: [job.output("html"), job.output("json")] for job in jobs}
     return template.render(
         report,
-        links={path: [file.name for file in files if file.exists()] for path, files in outputs.items()},
+        links={
+            path: [file.name for file in files if file.exists()] for path, files in outputs.items()
+        },
         folder=os.path.join(os.path.commonpath(folders), "") if folders else "",
         wrong={row["recording"]: row["wrong"] for row in rows if row["wrong"]},
         collisions=describe_collisions,
@@ -342,8 +376,12 @@ def _write_table(path, report):
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     types = {name: kind for name, (kind, _) in COLUMNS.items()} | {"error": "string"}
     schema = arrow.schema([(name, getattr(arrow, kind)()) for name, kind in types.items()])
-    rows = report["recordings"] + [{"recording": one, "error": text} for one, text in report["failed"].items()]
-    rows = [{name: printable(x) if isinstance(x, str) else x for name, x in row.items()} for row in rows]
+    rows = report["recordings"] + [
+        {"recording": one, "error": text} for one, text in report["failed"].items()
+    ]
+    rows = [
+        {name: printable(x) if isinstance(x, str) else x for name, x in row.items()} for row in rows
+    ]
     file = AtomicFile(path)
     parquet.write_table(arrow.Table.from_pylist(rows, schema), file.name)
     file.commit()

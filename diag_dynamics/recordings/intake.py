@@ -45,7 +45,10 @@ class Batch(NamedTuple):
         place = np.cumsum(which) - 1
         parts = [part.select(which[part.rows]) for part in self.parts]
         parts = [part._replace(rows=place[part.rows]) for part in parts if len(part.rows)]
-        others = ({int(place[k]): one for k, one in some.items() if which[k]} for some in (self.odometry, self.errors))
+        others = (
+            {int(place[k]): one for k, one in some.items() if which[k]}
+            for some in (self.odometry, self.errors)
+        )
         return Batch(self.log_time[which], parts, *others)
 
 
@@ -67,7 +70,11 @@ class Intake:
         values = settings.values
         self.names, self._model, self._dynamics = names, model, DiagonalDynamics(model)
         map_name = names.map_name if names else None
-        self._base = OdometryBase(model, values["odom_twist_frame"] == "header") if model.floating_base else None
+        self._base = (
+            OdometryBase(model, values["odom_twist_frame"] == "header")
+            if model.floating_base
+            else None
+        )
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self._base, map_name)
         self._counts, self.rejections = Counter(), []
         self._links = LinkPositions(model)
@@ -133,7 +140,9 @@ class Intake:
         try:
             message = read_message(raw, ODOMETRY)
         except Exception as error:  # nothing that was recorded may end the reading of the rest
-            found = Rejected("malformed", f"odom: {len(raw)} bytes that are no nav_msgs/msg/Odometry ({error})")
+            found = Rejected(
+                "malformed", f"odom: {len(raw)} bytes that are no nav_msgs/msg/Odometry ({error})"
+            )
         else:
             found = self.assembler.accept_odometry(message, now)
         if isinstance(found, Rejected):
@@ -146,7 +155,9 @@ class Intake:
         stamp, received = np.array([state.newest]), np.array([state.stamp_is_receive_time])
         effort = np.full((1, self._model.nv), np.nan)
         position, velocity = state.position[None, :], state.velocity[None, :]
-        return States(stamp, stamp, np.array([now]), position, velocity, effort, flag, received, flag, flag)
+        return States(
+            stamp, stamp, np.array([now]), position, velocity, effort, flag, received, flag, flag
+        )
 
     def _with_gravity(self, states):
         """Return states whose efforts are of joints and contain gravity, where the parameters say that they do not."""

@@ -23,19 +23,25 @@ class JointNames:
 
     def __init__(self, entries, where="joint_names"):
         if not isinstance(entries, Mapping) or not entries:
-            raise InputError(f"{where} is {entries!r}; expected a mapping such as {{'fer_joint1': 'panda_joint1'}}.")
+            raise InputError(
+                f"{where} is {entries!r}; expected a mapping such as {{'fer_joint1': 'panda_joint1'}}."
+            )
         joints = {}
         for name, joint in entries.items():
             if not (isinstance(name, str) and isinstance(joint, str) and name and joint):
                 raise InputError(f"{where} maps {name!r} to {joint!r}; expected names of joints.")
             if max(name.count(ANY), joint.count(ANY)) > 1 or name.count(ANY) != joint.count(ANY):
-                raise InputError(f"{where} maps '{name}' to '{joint}'; expected one * in both names or in neither.")
+                raise InputError(
+                    f"{where} maps '{name}' to '{joint}'; expected one * in both names or in neither."
+                )
             if ANY not in joint and joints.setdefault(joint, name) != name:
                 raise InputError(
                     f"{where} maps '{joints[joint]}' and '{name}' to '{joint}'; expected one name for each."
                 )
         self._where = where
-        self._entries = dict(sorted(entries.items(), key=lambda entry: (ANY in entry[0], -len(entry[0]))))
+        self._entries = dict(
+            sorted(entries.items(), key=lambda entry: (ANY in entry[0], -len(entry[0])))
+        )
 
     def map_name(self, name):
         """Return the robot's name of a joint."""
@@ -54,7 +60,10 @@ class JointNames:
             names |= dict.fromkeys(some)
             if all(any(_replace(entry, entry, name) for name in names) for entry in self._entries):
                 break
-        robot, mapped = {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints}, {}
+        robot, mapped = (
+            {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints},
+            {},
+        )
         for entry in self._entries if names else ():
             own = {name: self.map_name(name) for name in names if self._entry(name) == entry}
             if not any(_replace(entry, entry, name) for name in names):
@@ -63,7 +72,9 @@ class JointNames:
             if own and not robot & set(own.values()):
                 name, joint = next(iter(own.items()))
                 found = f"maps '{name}' to '{joint}', which is no joint of robot '{model.name}'. Its joints are"
-                raise InputError(f"{self._where} {found} {listed(model.joint_names)}.{suggest(joint, robot)}")
+                raise InputError(
+                    f"{self._where} {found} {listed(model.joint_names)}.{suggest(joint, robot)}"
+                )
         for name in names:
             joint = self.map_name(name)
             if joint in robot and mapped.setdefault(joint, name) != name:
@@ -114,7 +125,10 @@ def propose_maps(names, joints):
             elif 2 * len(own) >= max(4, len(wanted)):
                 part.setdefault(own, []).append(entry)
         if whole or part:
-            return sorted(min(alike, key=lambda entry: (len(entry[0]), entry)) for alike in (whole or part).values())
+            return sorted(
+                min(alike, key=lambda entry: (len(entry[0]), entry))
+                for alike in (whole or part).values()
+            )
     return []
 
 
@@ -135,6 +149,8 @@ def _heads(name, joint):
     if not common:
         return None
     alone = min(map(len, words)) == len(common)
-    if not (alone or len(common) == 1 or common[-1].isalnum()):  # the separator goes with what is before it
+    if not (
+        alone or len(common) == 1 or common[-1].isalnum()
+    ):  # the separator goes with what is before it
         common.pop()
     return tuple("".join(some[: len(some) - len(common)]) for some in words)

@@ -18,7 +18,13 @@ from mcap.stream_reader import get_chunk_data_stream
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import REASON, Connection, DamageError, Messages, describe_error
+from diag_dynamics.recordings.messages import (
+    REASON,
+    Connection,
+    DamageError,
+    Messages,
+    describe_error,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, LAST, PRIVATE = 2, 3, 4, 5, 6, 15, 128
@@ -30,7 +36,14 @@ LAST_TIME = (1 << 63) - 1  # latest log time that int64 holds [ns]
 UNDECLARED, SKIPPED = -2, -1
 
 _RECORD = struct.Struct("<BQ")
-_FIELDS = {"opcode": "u1", "size": "<u8", "channel": "<u2", "number": "<u4", "time": "<u8", "sent": "<u8"}
+_FIELDS = {
+    "opcode": "u1",
+    "size": "<u8",
+    "channel": "<u2",
+    "number": "<u4",
+    "time": "<u8",
+    "sent": "<u8",
+}
 HEAD = np.dtype(list(_FIELDS.items()))
 """First 31 bytes of a message record; its size is without the first 9."""
 
@@ -103,7 +116,9 @@ class McapFile:
             # Indexes are 15 bytes a channel, and 16 a message.
             count = (one.message_index_length - 15 * len(offsets)) // 16 if offsets else 0
             times = one.message_start_time, one.message_end_time
-            self._parts.append(Part(one.chunk_start_offset, one.chunk_length, True, *times, offsets, count))
+            self._parts.append(
+                Part(one.chunk_start_offset, one.chunk_length, True, *times, offsets, count)
+            )
 
     def _scan(self, file):
         """Read channels and parts from all records."""
@@ -122,8 +137,12 @@ class McapFile:
                 return
             is_record = 0 < opcode <= LAST or opcode >= PRIVATE
             if not is_record or end > stop:
-                what = "the file ends within a chunk" if opcode == CHUNK else "no record starts here"
-                self._lose(f"byte {at}", f"{what}: {stop - at} bytes (`mcap recover` may find more)")
+                what = (
+                    "the file ends within a chunk" if opcode == CHUNK else "no record starts here"
+                )
+                self._lose(
+                    f"byte {at}", f"{what}: {stop - at} bytes (`mcap recover` may find more)"
+                )
                 return
             if opcode == CHUNK:
                 self._add_part(Part(at, end - at))
@@ -141,11 +160,16 @@ class McapFile:
                 one = kind.read(ReadDataStream(BytesIO(raw)))
                 (self._schemas if kind is Schema else self._channels).setdefault(one.id, one)
             except Exception as error:
-                self._lose(str(part), f"a {kind.__name__.lower()} is not readable: {describe_error(error)}")
+                self._lose(
+                    str(part), f"a {kind.__name__.lower()} is not readable: {describe_error(error)}"
+                )
         if len(starts):
             heads = _read_heads(content, starts)
             times, channels = heads["time"], frozenset(heads["channel"].tolist())
-            size, span = part.size if part.is_chunk else end, {"start": int(times.min()), "end": int(times.max())}
+            size, span = (
+                part.size if part.is_chunk else end,
+                {"start": int(times.min()), "end": int(times.max())},
+            )
             self._parts.append(part._replace(size=size, channels=channels, **span))
         return end or part.size
 
@@ -189,7 +213,11 @@ def _find_records(content):
     while at + 9 <= stop:
         opcode, size = _RECORD.unpack_from(content, at)
         end = at + 9 + size
-        if end > stop or opcode not in (SCHEMA, CHANNEL, MESSAGE) or (opcode == MESSAGE and size < 22):
+        if (
+            end > stop
+            or opcode not in (SCHEMA, CHANNEL, MESSAGE)
+            or (opcode == MESSAGE and size < 22)
+        ):
             break
         if opcode == MESSAGE and not starts:  # many messages of one size are found together
             count = _count_alike(content, at, end - at)
@@ -225,7 +253,9 @@ def _decompress(raw, size):
     if name not in COMPRESSIONS:
         raise DamageError(f"compression is '{name}'; expected zstd, lz4 or none")
     library, sizes = require(COMPRESSIONS[name], REASON), (-1, length)
-    if length > MAX_SIZE or (name == "zstd" and library.frame_content_size(chunk.data) not in sizes):
+    if length > MAX_SIZE or (
+        name == "zstd" and library.frame_content_size(chunk.data) not in sizes
+    ):
         raise DamageError(f"{length} bytes is not the uncompressed size")
     stream, count = get_chunk_data_stream(chunk, validate_crc=True)
     if count != length:

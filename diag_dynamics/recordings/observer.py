@@ -55,7 +55,9 @@ class Observed(NamedTuple):
     q: Array
     dynamics: DiagonalDynamics
 
-    def wrench(self, link: str, covariance: RowsLike | None = None, **options: Any) -> ExternalWrench:
+    def wrench(
+        self, link: str, covariance: RowsLike | None = None, **options: Any
+    ) -> ExternalWrench:
         """Return the external wrench at a link in all states; NaN and not observed where there is no result.
 
         Arguments are those of :meth:`DiagonalDynamics.wrench`.
@@ -123,7 +125,12 @@ def observe(
     require_same_robot(dynamics, recording)
     if recording.tau is None:
         require_efforts(len(recording) > 0, recording.counts)
-    options = {"friction": friction, "max_gap": max_gap, "settles_on": settles_on, "threads": threads}
+    options = {
+        "friction": friction,
+        "max_gap": max_gap,
+        "settles_on": settles_on,
+        "threads": threads,
+    }
     observer = Observer(dynamics, gain, threshold, release, **options)
     batches = [columns for _, columns in observer.observe_states(recording.states)]
     columns = ObservedStates(*map(np.concatenate, zip(*batches, strict=True)))
@@ -164,17 +171,27 @@ class Observer:
     ):
         names, count = dynamics.model.dof_names, dynamics.model.nv
         gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
-        self._threshold = np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
-        self._release = 0.5 * self._threshold if release is None else positive("release", release, "[J^½/s]")
+        self._threshold = (
+            np.inf if threshold == np.inf else positive("threshold", threshold, "[J^½/s]")
+        )
+        self._release = (
+            0.5 * self._threshold if release is None else positive("release", release, "[J^½/s]")
+        )
         if self._release > self._threshold:
-            raise InputError(f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}.")
+            raise InputError(
+                f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}."
+            )
         choice("settles_on", settles_on, SETTLES_ON)
         self._on_torque = settles_on == "torque"
         self._dynamics, self._friction, self._threads = dynamics, friction, threads
         self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
         self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
         self._sample = np.zeros((4, count))
-        self._last = [*np.zeros((2, 1, count)), np.zeros(1), *np.zeros((2, 1), dtype=bool)]  # of the last sample
+        self._last = [
+            *np.zeros((2, 1, count)),
+            np.zeros(1),
+            *np.zeros((2, 1), dtype=bool),
+        ]  # of the last sample
         self._efforts, self._influence = EffortRange(names), None
 
     def observe_states(self, states):
@@ -187,7 +204,9 @@ class Observer:
             part = states[first : first + SIZE]
             s, columns = None, (part.position, part.velocity, np.nan_to_num(part.effort))
             if not self._on_torque:
-                s = self._dynamics.evaluate_batch(*columns, threads=self._threads, friction=self._friction)
+                s = self._dynamics.evaluate_batch(
+                    *columns, threads=self._threads, friction=self._friction
+                )
             yield part.stamp, self.observe_batch(part, s)
 
     def observe_batch(self, states, s):
@@ -228,9 +247,13 @@ class Observer:
         x[~valid], norm[~valid] = 0.0, 0.0
         if self._on_torque:
             unknown = np.isnan(x)
-            residual = self._dynamics.epsilon_from_tau_batch(positions, np.where(unknown, 0.0, x), **threads)
+            residual = self._dynamics.epsilon_from_tau_batch(
+                positions, np.where(unknown, 0.0, x), **threads
+            )
             if unknown.any():
-                self._influence = influence(self._dynamics) if self._influence is None else self._influence
+                self._influence = (
+                    influence(self._dynamics) if self._influence is None else self._influence
+                )
                 residual[unknown @ self._influence] = np.nan
             torque, norm = x, np.sqrt((residual * residual).sum(axis=1))
         else:

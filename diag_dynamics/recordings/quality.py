@@ -8,20 +8,34 @@ import numpy as np
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.units import RATIO_ERROR, cause_of_ratio, position_changes, position_ratios
+from diag_dynamics.recordings.units import (
+    RATIO_ERROR,
+    cause_of_ratio,
+    position_changes,
+    position_ratios,
+)
 from diag_dynamics.recordings.windows import WindowIntegrals, column_counts, column_maxima
 
 WINDOW = 0.05  # time over which positions are compared with velocities [s]
 
 GAP_PERIODS = 3.0  # interval in periods from which it is a gap, to 2 %
-MIN_INTERVAL, BINS, BIN_WIDTH = 1e-7, 2001, np.log(1e10) / 2000  # logarithmic bins of intervals: first one [s]
+MIN_INTERVAL, BINS, BIN_WIDTH = (
+    1e-7,
+    2001,
+    np.log(1e10) / 2000,
+)  # logarithmic bins of intervals: first one [s]
 MIDDLES = MIN_INTERVAL * np.exp((np.arange(BINS) + 0.5) * BIN_WIDTH)
 
 MAX_VELOCITY_ERROR, REST = 0.2, 2e-4
 """Root mean square of Δq − ∫q̇dt over that of Δq from which there is a warning, and of Δq of a joint at rest [rad, m]."""
 
-CLIPPED_STATES, CLIPPED_SHARE = 20, 1e-3  # states, and fraction of all, at the largest value that is a bound
-MAX_ERROR_LEFT = 0.8  # fraction of the velocity error without the delay up to which there is a delay
+CLIPPED_STATES, CLIPPED_SHARE = (
+    20,
+    1e-3,
+)  # states, and fraction of all, at the largest value that is a bound
+MAX_ERROR_LEFT = (
+    0.8  # fraction of the velocity error without the delay up to which there is a delay
+)
 MIN_PERIODS = 1.0  # of a delay worth a warning
 MANY = 0.01  # fraction of repeated stamps or states worth a warning
 SAMPLE, MAX_LEVELS, MOVING = 5000, 0.2, 0.05
@@ -40,12 +54,18 @@ class Quality:
         self._joints = model.dof_names[skip:]
         count = len(self._joints)
         self._q, self._v = slice(model.nq - count, None), slice(skip, None)
-        self._continuous = np.array([name in model.continuous_joints for name in self._joints], dtype=bool)
+        self._continuous = np.array(
+            [name in model.continuous_joints for name in self._joints], dtype=bool
+        )
         self._windows, self._last = WindowIntegrals(WINDOW), None
         self._sums = np.zeros((4, count))  # of Δq², Δq̇², (Δq − ∫q̇dt)² and (Δq − ∫q̇dt)Δq̇
         self._still = np.zeros(count, dtype=int)
-        self._largest = {name: np.zeros((2, count)) for name in ("velocity", "effort")}  # and how often
-        self._intervals = np.zeros((3, BINS))  # number, sums of distances from MIDDLES, and of their squares
+        self._largest = {
+            name: np.zeros((2, count)) for name in ("velocity", "effort")
+        }  # and how often
+        self._intervals = np.zeros(
+            (3, BINS)
+        )  # number, sums of distances from MIDDLES, and of their squares
         self._sample = []
         self._longest = 0.0, None
         counts = "repeated_states", "repeated_stamps", "without_effort", "estimated_velocity"
@@ -61,12 +81,18 @@ class Quality:
         """Add states."""
         self._counts["without_effort"] += int(np.count_nonzero(~states.effort_known))
         self._counts["estimated_velocity"] += int(np.count_nonzero(states.velocity_estimated))
-        self.begin, self.end = states.stamp[0] if self.begin is None else self.begin, states.stamp[-1]
+        self.begin, self.end = (
+            states.stamp[0] if self.begin is None else self.begin,
+            states.stamp[-1],
+        )
         for name, (largest, number) in self._largest.items():
             values = np.abs(getattr(states, name)[:, self._v])
             top = np.maximum(column_maxima(values), 0.0)
             here = column_counts(values == top)
-            self._largest[name][:] = np.maximum(largest, top), number * (largest >= top) + here * (top >= largest)
+            self._largest[name][:] = (
+                np.maximum(largest, top),
+                number * (largest >= top) + here * (top >= largest),
+            )
         if self._count < SAMPLE:
             self._sample.append(states[: SAMPLE - self._count])
         self._count += len(states)
@@ -83,7 +109,9 @@ class Quality:
             return
         self._elapsed += int(forward.sum())
         k = int(np.argmax(elapsed))
-        self._longest = max(self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda one: one[0])
+        self._longest = max(
+            self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda one: one[0]
+        )
         forward = forward * 1e-9
         bins = np.clip(np.log(forward / MIN_INTERVAL) / BIN_WIDTH, 0, BINS - 1).astype(int)
         apart = forward - MIDDLES[bins]
@@ -92,7 +120,11 @@ class Quality:
 
     def _compare(self, states):
         """Compare neighbours, and positions with velocities over windows."""
-        stamps, velocity, effort = states.stamp, states.velocity[:, self._v], states.effort[:, self._v]
+        stamps, velocity, effort = (
+            states.stamp,
+            states.velocity[:, self._v],
+            states.effort[:, self._v],
+        )
         elapsed = np.diff(stamps) / SECOND
         steps = np.zeros((len(stamps), 2, len(self._joints)))  # Δq and ∫q̇dt
         moved = position_changes(states.position[:, self._q], self._continuous, out=steps[1:, 0])
@@ -106,7 +138,9 @@ class Quality:
         self._counts["repeated_stamps"] += int(np.count_nonzero(again))
         follows = again | ((elapsed > 0.0) & (elapsed <= MAX_GAP) & ~states.jumped[1:])
         follows = np.append(False, follows)
-        *_, sums, change = self._windows.integrate(stamps, follows, steps.reshape(len(steps), -1), velocity)
+        *_, sums, change = self._windows.integrate(
+            stamps, follows, steps.reshape(len(steps), -1), velocity
+        )
         moved, integral = np.split(sums, 2, axis=1)
         apart = moved - integral
         pairs = (moved, moved), (change, change), (apart, apart), (apart, change)
@@ -122,7 +156,11 @@ class Quality:
         first = 1 + int(np.searchsorted(MIDDLES, GAP_PERIODS * period))
         off = MIDDLES[:first] - period
         total = (squares[:first] + 2.0 * off * apart[:first] + off**2 * number[:first]).sum()
-        return period, float(np.sqrt(max(total, 0.0) / number[:first].sum())), int(number[first:].sum())
+        return (
+            period,
+            float(np.sqrt(max(total, 0.0) / number[:first].sum())),
+            int(number[first:].sum()),
+        )
 
     def report(self):
         """Return numbers of all states, a dict with those of joints in `joints`; times [s], stamps [ns]; and warnings."""
@@ -130,8 +168,12 @@ class Quality:
         signals = {"position": sample.position[:, self._q]}
         signals |= {name: getattr(sample, name)[:, self._v] for name in ("velocity", "effort")}
         steps = [_smallest_steps(signals, j) for j in range(len(self._joints))]
-        joints = {name: self._report_joint(j) | {"steps": steps[j]} for j, name in enumerate(self._joints)}
-        ratios = position_ratios(sample.stamp, signals["position"], signals["velocity"], self._continuous)
+        joints = {
+            name: self._report_joint(j) | {"steps": steps[j]} for j, name in enumerate(self._joints)
+        }
+        ratios = position_ratios(
+            sample.stamp, signals["position"], signals["velocity"], self._continuous
+        )
         wrong_unit, warnings = _judge_ratios(dict(zip(self._joints, ratios.tolist(), strict=True)))
         period, jitter, gaps = self._regularity()
         report = {
@@ -155,16 +197,24 @@ class Quality:
         return {
             "velocity_error": float(np.sqrt(apart / travel)) if travel > 0.0 else None,
             "velocity_delay": float(together / change) if change > 0.0 else None,
-            "velocity_error_without_delay": float(np.sqrt(max(left, 0.0) / travel)) if travel > 0.0 else None,
+            "velocity_error_without_delay": float(np.sqrt(max(left, 0.0) / travel))
+            if travel > 0.0
+            else None,
             "still": int(self._still[j]),
             **{f"largest_{name}": float(value) for name, (value, _) in largest.items()},
-            "clipped": [name for name, (value, number) in largest.items() if value > 0.0 and number >= often],
+            "clipped": [
+                name for name, (value, number) in largest.items() if value > 0.0 and number >= often
+            ],
         }
 
     def _warnings(self, report):
         """Return warnings, a sentence each, but for those of ratios."""
         rate, delay = report["rate"] or np.inf, report["velocity_delay"] or 0.0
-        same_state, same_stamp, many = report["repeated_states"], report["repeated_stamps"], MANY * self._count
+        same_state, same_stamp, many = (
+            report["repeated_states"],
+            report["repeated_stamps"],
+            MANY * self._count,
+        )
         warnings = {
             f"states are {1.0 / rate:.3g} s apart; power balance and external torque need intervals of at most "
             f"{MAX_GAP:g} s": rate * MAX_GAP < 1.0
@@ -176,10 +226,13 @@ class Quality:
             apart = f"joint '{name}': velocities differ from the derivative of the positions by {error:.0%}"
             warnings[apart] = moving and error > MAX_VELOCITY_ERROR
             for what in joint["clipped"]:
-                warnings[f"joint '{name}': {what} is clipped at {joint[f'largest_{what}']:.6g}"] = True
+                warnings[f"joint '{name}': {what} is clipped at {joint[f'largest_{what}']:.6g}"] = (
+                    True
+                )
         late, gaps = "later (filtered?)" if delay > 0.0 else "earlier", report["gaps"]
         warnings |= {
-            f"velocities are {abs(delay) * 1e3:.2g} ms {late} than positions": abs(delay) * rate > MIN_PERIODS,
+            f"velocities are {abs(delay) * 1e3:.2g} ms {late} than positions": abs(delay) * rate
+            > MIN_PERIODS,
             f"{gaps} gap{'s' * (gaps > 1)}, the longest of {report['longest_gap']:.3g} s": gaps,
             f"{same_stamp} of {self._count} states repeat the previous time stamp: messages of arm and gripper, or times "
             "with too few digits": same_stamp > many,
@@ -210,7 +263,10 @@ def _judge_ratios(ratios):
         which = "all joints" if len(wrong) == len(ratios) else ", ".join(wrong)
         factors = np.array(list(wrong.values()))
         warnings.append(f"{which}: {describe_ratio(factors[0])}: {cause}")
-        unlike = factors.max() > RATIO_ERROR * factors.min() or 1.0 / WRONG_RATIO < factors[0] < WRONG_RATIO
+        unlike = (
+            factors.max() > RATIO_ERROR * factors.min()
+            or 1.0 / WRONG_RATIO < factors[0] < WRONG_RATIO
+        )
         if len(wrong) == moving and not (cause == UNKNOWN and unlike):
             unit = {"cause": cause.partition(" (")[0], "factor": float(np.median(factors))}
     return unit, warnings

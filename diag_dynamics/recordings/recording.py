@@ -135,7 +135,14 @@ def read_recording(
         The robot's description is refused.
     """
     stream = stream_recording(
-        path, model, columns, topic=topic, joint_names=joint_names, parameters=parameters, start=start, end=end
+        path,
+        model,
+        columns,
+        topic=topic,
+        joint_names=joint_names,
+        parameters=parameters,
+        start=start,
+        end=end,
     )
     pieces = list(stream)
     whole, last = States.concatenate([piece.states for piece in pieces]), pieces[-1]
@@ -174,7 +181,14 @@ def stream_recording(
         As of :func:`read_recording`.
     """
     reading = Reading(
-        path, model, columns, topic=topic, joint_names=joint_names, parameters=parameters, start=start, end=end
+        path,
+        model,
+        columns,
+        topic=topic,
+        joint_names=joint_names,
+        parameters=parameters,
+        start=start,
+        end=end,
     )
     if isinstance(model, RobotModel):
         require_as_made(reading.settings.values)
@@ -185,7 +199,16 @@ class Reading:
     """A recording being read; `described` is the robot's description or path, None for a RobotModel."""
 
     def __init__(
-        self, path, model=None, columns=None, *, topic=None, joint_names=None, parameters=None, start=None, end=None
+        self,
+        path,
+        model=None,
+        columns=None,
+        *,
+        topic=None,
+        joint_names=None,
+        parameters=None,
+        start=None,
+        end=None,
     ):
         self.settings = make_settings(parameters)
         self._span, self._limits = _check_span(start, end), None
@@ -205,7 +228,9 @@ class Reading:
     def contact_points(self):
         """ContactPoints by the parameters, and causes by links without points; raises InputError and UrdfError."""
         if self.described is None:
-            raise InputError("contact.limits_file requires the path or text of a URDF; the robot is a RobotModel.")
+            raise InputError(
+                "contact.limits_file requires the path or text of a URDF; the robot is a RobotModel."
+            )
         return contact_points(self.model, self.described, self.settings.contact)
 
     @property
@@ -220,7 +245,9 @@ class Reading:
 
     def findings(self):
         """Return a list of Finding on the messages so far."""
-        locked = ", ".join(f"{name}={position:g}" for name, position in self.model.locked_joints.items())
+        locked = ", ".join(
+            f"{name}={position:g}" for name, position in self.model.locked_joints.items()
+        )
         text = f"joints that the recording lacks are locked: {locked}."
         added = [Finding(NOTE, 1, text)] if locked and self._locks_rest else []
         return collect_findings(self.intake, self._source) + added

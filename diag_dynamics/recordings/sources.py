@@ -47,7 +47,9 @@ SEVERAL = {
 def check_topics(topic):
     """Return a topic or several as a tuple of str without repetition; empty for None."""
     topics = [topic] if isinstance(topic, str) else () if topic is None else topic
-    if not isinstance(topics, list | tuple) or not all(isinstance(one, str) and one for one in topics):
+    if not isinstance(topics, list | tuple) or not all(
+        isinstance(one, str) and one for one in topics
+    ):
         raise InputError(f"topic is {topic!r}; expected the name of a topic or a list of names.")
     return tuple(dict.fromkeys(topics))
 
@@ -86,10 +88,16 @@ def open_source(path, columns=None, topic=None, joint_names=None):
 def _make_names(columns, joint_names):
     """Return the JointNames of a ColumnMap or of an argument; None without a map of names."""
     if columns.joint_names is not None and joint_names is not None:
-        raise InputError(f"joint_names is given twice, by an argument and by {columns.source}; expected one of them.")
+        raise InputError(
+            f"joint_names is given twice, by an argument and by {columns.source}; expected one of them."
+        )
     if joint_names is not None:
         return JointNames(joint_names)
-    return None if columns.joint_names is None else JointNames(columns.joint_names, f"{columns.source}: joint_names")
+    return (
+        None
+        if columns.joint_names is None
+        else JointNames(columns.joint_names, f"{columns.source}: joint_names")
+    )
 
 
 def _is_bag(path):
@@ -103,7 +111,9 @@ def _is_bag(path):
     if first == GIT_LFS:
         raise InputError(f"'{path}' is a pointer of Git LFS. Run git lfs pull.")
     if first.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
-        raise InputError(f"'{path}' is XML; expected a recording. The order of the arguments is path, model.")
+        raise InputError(
+            f"'{path}' is XML; expected a recording. The order of the arguments is path, model."
+        )
     return bool(SUFFIXES.keys() & set(path.suffixes)) or first.startswith(tuple(MAGIC))
 
 
@@ -136,7 +146,9 @@ class BagSource:
                     return text
         if not self._bag.connections:
             raise InputError(f"'{self._path}' is empty: {self._content()}.")
-        raise InputError(f"'{self._path}' has no robot_description. Give the robot: --urdf ROBOT (model).")
+        raise InputError(
+            f"'{self._path}' has no robot_description. Give the robot: --urdf ROBOT (model)."
+        )
 
     def joints(self, model):
         """Return the robot's names of all joints in messages, as a set; of a model's joints, all when these are found."""
@@ -173,7 +185,9 @@ class BagSource:
         chosen = [(k, one) for k, one in every if one.topic in topics]
         for _, one in chosen:
             if one.encoding != ENCODING:
-                what = f"messages of {one.topic} are encoded as '{one.encoding}'; expected {EXPECTED}"
+                what = (
+                    f"messages of {one.topic} are encoded as '{one.encoding}'; expected {EXPECTED}"
+                )
                 raise InputError(f"'{self._path}': {what}.")
         return [k for k, _ in chosen]
 
@@ -183,14 +197,20 @@ class BagSource:
         if len(topics) < 2:
             return topics
         readable = sorted({one.topic for one in every if one.encoding == ENCODING}) or topics
-        usual = [name for name in readable if name.split("/")[-1] == USUAL[kind]] if len(readable) > 1 else readable
+        usual = (
+            [name for name in readable if name.split("/")[-1] == USUAL[kind]]
+            if len(readable) > 1
+            else readable
+        )
         if len(usual) > 1 and kind != JOINT_STATE:
             namespaces = {topic.rpartition("/")[0] for topic in self._topics}
             usual = [name for name in usual if name.rpartition("/")[0] in namespaces]
         if len(usual) != 1:
             options = " ".join(f"--topic {topic}" for topic in topics[:2])
             advice = SEVERAL[kind].format(options=options)
-            raise InputError(f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. {advice}")
+            raise InputError(
+                f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. {advice}"
+            )
         others = ", ".join(name for name in topics if name not in usual)
         note = f"'{self._path}': joint states of {usual[0]} are read, not those of {others} {OTHER_TOPICS}."
         if kind == JOINT_STATE and note not in self._notes:
@@ -202,7 +222,9 @@ class BagSource:
         topics = sorted(one.topic for one in self._bag.connections if one.type == kind)
         is_there = any(one.topic == topic for one in self._bag.connections)
         only = f", only {', '.join(topics)}" if topics and not is_there else f": {self._content()}"
-        return InputError(f"'{self._path}' has no topic '{topic}' of {kind}{only}.{suggest(topic, topics)}")
+        return InputError(
+            f"'{self._path}' has no topic '{topic}' of {kind}{only}.{suggest(topic, topics)}"
+        )
 
     def _content(self):
         """Return the topics of the bag as a text, and the beginning of its damage."""
@@ -211,14 +233,18 @@ class BagSource:
             encoding = f", encoded as '{one.encoding}'" if one.encoding != ENCODING else ""
             texts.add(f"{one.topic} ({one.type or 'no type'}{encoding})")
             odd = f"; expected messages encoded as {EXPECTED}" if encoding else odd
-        topics = f"its topics are {', '.join(sorted(texts))}" if texts else "it has no readable topics"
+        topics = (
+            f"its topics are {', '.join(sorted(texts))}" if texts else "it has no readable topics"
+        )
         return topics + "".join(f"; {one.where}: {one.what}" for one in self.unread[:3]) + odd
 
 
 def decode_messages(decoder, messages, kinds):
     """Return the Batch of Messages; `kinds` are the types of their connections."""
     kind = kinds[messages.connection]
-    parts, errors = decoder.decode(messages.data, messages.at, messages.size, np.flatnonzero(kind == JOINT_STATE))
+    parts, errors = decoder.decode(
+        messages.data, messages.at, messages.size, np.flatnonzero(kind == JOINT_STATE)
+    )
     odometry = {
         k: messages.data[messages.at[k] : messages.at[k] + messages.size[k]].tobytes()
         for k in np.flatnonzero(kind == ODOMETRY).tolist()

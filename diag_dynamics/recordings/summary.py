@@ -9,7 +9,12 @@ import numpy as np
 
 from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, WINDOW
-from diag_dynamics.recordings.findings import NOTE, Finding, explain_missing_efforts, word_for_missing
+from diag_dynamics.recordings.findings import (
+    NOTE,
+    Finding,
+    explain_missing_efforts,
+    word_for_missing,
+)
 from diag_dynamics.recordings.quality import describe_ratio
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
@@ -19,7 +24,11 @@ WIDTH = 100  # longest line of the text by default
 
 def summarize(analysis):
     """Return the numbers of an Analysis that has run as a dict in SI units; docs/recordings.md lists the keys."""
-    balance, peaks, counts = analysis.balance, analysis.peaks, dict(sorted(analysis.reading.counts.items()))
+    balance, peaks, counts = (
+        analysis.balance,
+        analysis.peaks,
+        dict(sorted(analysis.reading.counts.items())),
+    )
 
     def time(stamp):
         return None if stamp is None else float((stamp - analysis.reading.offset) * 1e-9)
@@ -38,9 +47,16 @@ def summarize(analysis):
         "begin": time(analysis.quality.begin),
         "end": time(analysis.quality.end),
         "counts": counts,
-        "rejected": {key.removeprefix(REJECTED): n for key, n in counts.items() if key.startswith(REJECTED) and n},
+        "rejected": {
+            key.removeprefix(REJECTED): n
+            for key, n in counts.items()
+            if key.startswith(REJECTED) and n
+        },
         "kinetic_energy": _kinetic_energy(analysis, time),
-        "peaks": {name: {"value": value, "at": time(at), "of": of} for name, (value, at, of) in largest.items()},
+        "peaks": {
+            name: {"value": value, "at": time(at), "of": of}
+            for name, (value, at, of) in largest.items()
+        },
         "explained": balance.explained,
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
@@ -54,7 +70,10 @@ def summarize(analysis):
             "observed": analysis.observed,
             "unobserved": np.array(analysis.model.dof_names)[analysis.unobserved].tolist(),
             "says": " ".join(
-                filter(None, (_unobserved(analysis), _unknown_contacts(analysis, quality["without_effort"])))
+                filter(
+                    None,
+                    (_unobserved(analysis), _unknown_contacts(analysis, quality["without_effort"])),
+                )
             ),
         },
         "collisions": _entries(analysis.collisions, time),
@@ -81,7 +100,10 @@ def _kinetic_energy(analysis, time):
 
 def _unmeasured(analysis, without_effort):
     """Return which efforts cannot have been measured, in words; or an empty text."""
-    names, implausible = analysis.reading.intake.assembler.lacking_effort, analysis.reading.counts["implausible effort"]
+    names, implausible = (
+        analysis.reading.intake.assembler.lacking_effort,
+        analysis.reading.counts["implausible effort"],
+    )
     if not names or implausible or without_effort < analysis.states:
         return analysis.efforts.unmeasured(word_for_missing(analysis.reading.counts))
     return f"efforts of {', '.join(names)} are missing throughout, so no state has all efforts (locked_joints)"
@@ -89,7 +111,10 @@ def _unmeasured(analysis, without_effort):
 
 def _unobserved(analysis):
     """Return which joints have no external torque, because their efforts are unknown; or an empty text."""
-    names, some = ", ".join(np.array(analysis.model.dof_names)[analysis.unobserved]), not analysis.unobserved.all()
+    names, some = (
+        ", ".join(np.array(analysis.model.dof_names)[analysis.unobserved]),
+        not analysis.unobserved.all(),
+    )
     if not names:
         return ""
     text = f"External torque of {names if some else 'all joints'}, and with it |r|, is unknown, because efforts are."
@@ -98,7 +123,11 @@ def _unobserved(analysis):
 
 def _unknown_contacts(analysis, without_effort):
     """Return why collisions are unknown; or an empty text."""
-    states, unknown, missing = analysis.states, analysis.states - analysis.observed, analysis.missing
+    states, unknown, missing = (
+        analysis.states,
+        analysis.states - analysis.observed,
+        analysis.missing,
+    )
     if not analysis.observed:
         why = "the observer has no result at any state"
         why = explain_missing_efforts(analysis.reading.counts) if without_effort == states else why
@@ -117,7 +146,12 @@ def _unknown_contacts(analysis, without_effort):
 def _entries(alarms, time):
     """Return collisions or contacts."""
     return [
-        {"start": time(one.start), "end": time(one.end), "joints": list(one.joints), "norm": one.norm}
+        {
+            "start": time(one.start),
+            "end": time(one.end),
+            "joints": list(one.joints),
+            "norm": one.norm,
+        }
         | _exceeded(one)
         | ({"link": one.link, "confidence": one.confidence} if one.chi_square else {})
         for one in alarms.found
@@ -128,7 +162,9 @@ def _exceeded(alarm):
     """Return which detector rose first, and values and thresholds of those that did; nothing of a collision by |r|."""
     if not alarm.exceeded:
         return {}
-    exceeded = {one.detector: {"value": one.value, "threshold": one.threshold} for one in alarm.exceeded}
+    exceeded = {
+        one.detector: {"value": one.value, "threshold": one.threshold} for one in alarm.exceeded
+    }
     return {"first": alarm.first, "exceeded": exceeded, "told": alarm.describe()}
 
 
@@ -140,18 +176,25 @@ def count_collisions(summary):
 
 def describe_faults(summary):
     """Return what is wrong with a recording or its robot, in words: the causes of exit status 1."""
-    efforts, explained, unit = summary["efforts"], summary["explained"], summary["quality"]["wrong_unit"]
-    rejected, causes = sum(summary["rejected"].values()), {one["cause"] for one in summary["findings"]}
-    few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
-    implausible = (
-        "no power balance, because efforts exceed the plausibility limits (plausibility.effort); expected N m or N"
+    efforts, explained, unit = (
+        summary["efforts"],
+        summary["explained"],
+        summary["quality"]["wrong_unit"],
     )
+    rejected, causes = (
+        sum(summary["rejected"].values()),
+        {one["cause"] for one in summary["findings"]},
+    )
+    few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
+    implausible = "no power balance, because efforts exceed the plausibility limits (plausibility.effort); expected N m or N"
     none, with_efforts = explained is None, _has_efforts(summary)
     wrongs = {
         "unreadable data": "unread" in causes,
         f"{rejected} rejected message{_s(rejected)}": rejected,
         few: not none and explained < MIN_EXPLAINED,
-        "no power balance, although there are efforts": none and with_efforts and summary["balance"]["moved"],
+        "no power balance, although there are efforts": none
+        and with_efforts
+        and summary["balance"]["moved"],
         efforts["unmeasured"]: none and not with_efforts,
         implausible: none and "implausible effort" in causes,
         f"{unit['cause']} ({describe_ratio(unit['factor'])})" if unit else "": True,
@@ -184,7 +227,9 @@ def format_summary(summary, width=WIDTH, shared=None):
 def _wrapped(line, width):
     """Return the line with line breaks, the next lines farther in; no word is cut."""
     inward = (len(line) - len(line.lstrip()) + 2) * " "
-    return textwrap.fill(line, width, subsequent_indent=inward, break_long_words=False, break_on_hyphens=False)
+    return textwrap.fill(
+        line, width, subsequent_indent=inward, break_long_words=False, break_on_hyphens=False
+    )
 
 
 def _some(texts, more):
@@ -210,7 +255,11 @@ def _after(summary, time):
 
 def _about_states(summary):
     quality, rejected = summary["quality"], sum(summary["rejected"].values())
-    rate = "" if quality["rate"] is None else f" at {quality['rate']:.4g} Hz, jitter {quality['jitter'] * 1e3:.2g} ms"
+    rate = (
+        ""
+        if quality["rate"] is None
+        else f" at {quality['rate']:.4g} Hz, jitter {quality['jitter'] * 1e3:.2g} ms"
+    )
     freedom, states = len(summary["degrees_of_freedom"]), summary["states"]
     yield f"Robot '{summary['robot']}', {freedom} degree{_s(freedom)} of freedom"
     taken = f"{states} state{_s(states)} in {summary['duration']:.6g} s{rate}"
@@ -232,7 +281,11 @@ def _about_energy(summary):
 
 
 def _about_balance(summary):
-    explained, total, balance = summary["explained"], summary["explained_with_potential"], summary["balance"]
+    explained, total, balance = (
+        summary["explained"],
+        summary["explained_with_potential"],
+        summary["balance"],
+    )
     if explained is None:
         none = summary["efforts"]["unmeasured"] or "no efforts"
         yield f"No power balance: {balance['says'] if _has_efforts(summary) else none}."

@@ -63,9 +63,18 @@ class TableSource:
 
     def joints(self, model):
         """Return the robot's names of all joints in rows, as a set."""
-        table = open_table(self._path, self._columns, self._own_names(model) if self.names else single_joints(model))
-        names = (table.joints if one.names is None else filter(None, one.names.flat) for one in table.pieces())
-        return {self.names.map_name(name) if self.names else name for some in names for name in some}
+        table = open_table(
+            self._path,
+            self._columns,
+            self._own_names(model) if self.names else single_joints(model),
+        )
+        names = (
+            table.joints if one.names is None else filter(None, one.names.flat)
+            for one in table.pieces()
+        )
+        return {
+            self.names.map_name(name) if self.names else name for some in names for name in some
+        }
 
     def limit(self, begin, end):
         """Omit nothing: a table has no index."""
@@ -80,7 +89,9 @@ class TableSource:
         for columns in self._table.pieces():
             yield self._make_batch(columns)
         own, named = [*single_joints(model), *model.mimics, *model.followers], list(self._named)
-        if named and not any((self.names.map_name(name) if self.names else name) in own for name in named):
+        if named and not any(
+            (self.names.map_name(name) if self.names else name) in own for name in named
+        ):
             found = [] if self.names else propose_maps(named, own)
             raise InputError(
                 f"'{self._path}': rows name {listed(named)}; expected joints of the robot: {listed(own)}."
@@ -98,10 +109,18 @@ class TableSource:
             self._named |= dict.fromkeys(name for names in groups for name in names if name)
         parts = []
         for names, rows in groups.items():
-            rows, there = np.asarray(rows, dtype=np.int64), [place for place, name in enumerate(names) if name]
+            rows, there = (
+                np.asarray(rows, dtype=np.int64),
+                [place for place, name in enumerate(names) if name],
+            )
             fields = (getattr(columns, field) for field in FIELDS)
-            values = (np.zeros((len(rows), 0)) if one is None else one[np.ix_(rows, there)] for one in fields)
-            parts.append(JointStates(rows, tuple(filter(None, names)), sec[rows], nanosec[rows], *values))
+            values = (
+                np.zeros((len(rows), 0)) if one is None else one[np.ix_(rows, there)]
+                for one in fields
+            )
+            parts.append(
+                JointStates(rows, tuple(filter(None, names)), sec[rows], nanosec[rows], *values)
+            )
         return Batch(stamp, parts, {}, {})
 
     def _find_stamps(self, columns):
@@ -126,15 +145,24 @@ class TableSource:
             table = open_table(self._path, self._columns, ())
         except InputError:  # without names it is not certain which columns are read
             table = open_table(self._path, self._columns, undone)
-        pieces = (table.joints if one.names is None else filter(None, one.names.flat) for one in table.pieces())
+        pieces = (
+            table.joints if one.names is None else filter(None, one.names.flat)
+            for one in table.pieces()
+        )
         own = self.names.check_recording(pieces, model)
         return tuple(name for name in own if self.names.map_name(name) in joints) or undone
 
     def _proposal(self, joints):
         """Return the map of names by which a table can be read, as a sentence; empty without one."""
         try:
-            own = [name for name in open_table(self._path, self._columns, ()).joints if name not in joints]
+            own = [
+                name
+                for name in open_table(self._path, self._columns, ()).joints
+                if name not in joints
+            ]
         except InputError:
             return ""
-        found = [] if self.names else propose_maps(own, [joint for joint in joints if joint not in own])
+        found = (
+            [] if self.names else propose_maps(own, [joint for joint in joints if joint not in own])
+        )
         return f" {describe_maps(found, own, joints)}." if found else ""

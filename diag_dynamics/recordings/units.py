@@ -32,8 +32,14 @@ RATIOS = {
 UNITS = "units"  # cause of the finding about rejected values
 MAX_SAMPLE, MIN_SAMPLE = 2000, 10  # rejected messages that are sampled, the first ones
 MIN_REJECTED = 0.5  # fraction of all messages: fewer rejected ones are garbage between good ones
-MIN_WITHIN, SLACK = 0.99, 0.2  # fraction of values within the limits as degrees, and slack of these [rad]
-MIN_TRAVEL, NEAR = 0.01, 1.2  # least range of a joint with a ratio, and factor within which it is a known one
+MIN_WITHIN, SLACK = (
+    0.99,
+    0.2,
+)  # fraction of values within the limits as degrees, and slack of these [rad]
+MIN_TRAVEL, NEAR = (
+    0.01,
+    1.2,
+)  # least range of a joint with a ratio, and factor within which it is a known one
 
 
 def position_changes(position, continuous, out=None):
@@ -45,7 +51,9 @@ def position_changes(position, continuous, out=None):
 
 def regress_changes(changes, integrals):
     """Return the slope of Δq over ∫q̇dt of each joint, and their squared correlation, shape (n,); NaN at rest."""
-    size, square, product = ((a * b).sum(0) for a, b in ((changes,) * 2, (integrals,) * 2, (changes, integrals)))
+    size, square, product = (
+        (a * b).sum(0) for a, b in ((changes,) * 2, (integrals,) * 2, (changes, integrals))
+    )
     with np.errstate(all="ignore"):
         return product / square, product**2 / (size * square)
 
@@ -59,7 +67,11 @@ def position_ratios(stamps, position, velocity, continuous):
     with np.errstate(all="ignore"):
         changes = position_changes(position, continuous)
         integrals = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
-        used = forward & (elapsed < 2.0 * np.median(elapsed[forward])) & np.isfinite(changes + integrals)
+        used = (
+            forward
+            & (elapsed < 2.0 * np.median(elapsed[forward]))
+            & np.isfinite(changes + integrals)
+        )
         slope, r2 = regress_changes(np.where(used, changes, 0.0), np.where(used, integrals, 0.0))
     travel = -np.fmin.reduce(position) + np.fmax.reduce(position)
     return np.where((r2 > MIN_R2) & (travel > MIN_TRAVEL), slope, np.nan)
@@ -76,7 +88,10 @@ class RejectedUnits:
     """Sample messages that were rejected for implausible values; `map_name` returns the robot's name of a joint."""
 
     def __init__(self, model, map_name):
-        joints, slides = joints_of(model), dict(zip(model.dof_names, sliding_dofs(model), strict=True))
+        joints, slides = (
+            joints_of(model),
+            dict(zip(model.dof_names, sliding_dofs(model), strict=True)),
+        )
         which = [k for k, name in enumerate(joints.names) if not slides[name]]
         self._map_name, self._names = map_name, [joints.names[k] for k in which]
         self._continuous = np.array([name in joints.continuous for name in self._names], dtype=bool)
@@ -106,7 +121,9 @@ class RejectedUnits:
         """Return the units that the values seem to have, and what to do; None if they are not degrees."""
         if len(self._rows) < MIN_SAMPLE:
             return None
-        _, stamps, position, velocity = (np.array(column) for column in zip(*self._rows, strict=True))
+        _, stamps, position, velocity = (
+            np.array(column) for column in zip(*self._rows, strict=True)
+        )
         ratios = position_ratios(stamps, position, velocity, self._continuous)
         ratios = ratios[np.isfinite(ratios)]
         ratio = float(np.median(ratios)) if len(ratios) else math.nan

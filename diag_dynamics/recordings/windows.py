@@ -12,7 +12,9 @@ from diag_dynamics.joint_states.stamps import SECOND
 
 def column_maxima(values):
     """Return the largest of each column, shape (n,); NaN is ignored, and −inf stands for no number."""
-    return np.fmax.reduce(np.ascontiguousarray(values.T), axis=1, initial=-np.inf)  # fast along long rows
+    return np.fmax.reduce(
+        np.ascontiguousarray(values.T), axis=1, initial=-np.inf
+    )  # fast along long rows
 
 
 def column_counts(flags):
@@ -26,20 +28,29 @@ class Samples(NamedTuple):
     rows: np.ndarray | slice  # of the S samples in the batch
     interval: np.ndarray  # since the sample before [s], shape (S,); 0 if no motion leads from there
     known: np.ndarray  # rows of all states with efforts, shape (N,)
-    sample: np.ndarray  # number of the sample of each, shape (N,); −1 is the last one of the batch before
+    sample: (
+        np.ndarray
+    )  # number of the sample of each, shape (N,); −1 is the last one of the batch before
 
 
 class SampleChain:
     """Select samples that are at most `max_gap` [s] apart from batches of states, in order."""
 
     def __init__(self, max_gap):
-        self._max_gap, self._last, self._jumps = max_gap, -(2**62), 0  # stamp of the last sample, jumps since
+        self._max_gap, self._last, self._jumps = (
+            max_gap,
+            -(2**62),
+            0,
+        )  # stamp of the last sample, jumps since
 
     def select(self, states, known=None):
         """Return the :class:`Samples` of the next states, of those with all efforts or of those that are `known`, bool."""
         known = np.flatnonzero(states.effort_known if known is None else known)
         jumps = np.cumsum(np.append(self._jumps, states.jumped))
-        stamps, jumps_before = np.append(self._last, states.stamp[known]), np.append(0, jumps[known + 1])
+        stamps, jumps_before = (
+            np.append(self._last, states.stamp[known]),
+            np.append(0, jumps[known + 1]),
+        )
         begins, interval = np.diff(jumps_before) > 0, np.diff(stamps) / SECOND
         self._last, self._jumps = stamps[-1], jumps[-1] - jumps_before[-1]
         first = begins | (interval != 0.0)
@@ -70,7 +81,10 @@ class WindowIntegrals:
         last = cuts[-1] == len(steps)
         sums = np.add.reduceat(steps, cuts[: len(cuts) - last])
         whole = np.append(self._whole, ends[bounds - 1])
-        stamps, values = np.append(self._begin[0], stamps[bounds]), np.vstack([self._begin[1], values[bounds]])
+        stamps, values = (
+            np.append(self._begin[0], stamps[bounds]),
+            np.vstack([self._begin[1], values[bounds]]),
+        )
         self._begin, self._whole = (stamps[-1], values[-1]), whole[-1]
         self._sums = 0.0 if last else sums[-1]
         k = np.flatnonzero(whole[:-1] & whole[1:])

@@ -64,12 +64,16 @@ class Drives(_Inputs):
         self.counts["commands received"] += 1
         expected = len(self._joints)
         if len(data) != expected:
-            message = f"data has {len(data)} entries, expected {expected}, for {', '.join(self._joints)}"
+            message = (
+                f"data has {len(data)} entries, expected {expected}, for {', '.join(self._joints)}"
+            )
             raise self._rejected("wrong length", message)
         effort = np.array(data, dtype=float)
         if not np.isfinite(effort).all():
             k = int(np.argmin(np.isfinite(effort)))
-            message = f"effort of joint '{self._joints[k]}' is {effort[k]}, expected a finite number"
+            message = (
+                f"effort of joint '{self._joints[k]}' is {effort[k]}, expected a finite number"
+            )
             raise self._rejected("not finite", message)
         self._effort[self._at] = effort
         self.phase, self._since = DRIVEN, time
@@ -104,16 +108,22 @@ class Pushes(_Inputs):
         self.counts["wrenches received"] += 1
         wrench = np.array(wrench, dtype=float)
         if link not in self._links:
-            raise self._rejected("unknown link", f"header.frame_id '{link}' is no link of this robot")
+            raise self._rejected(
+                "unknown link", f"header.frame_id '{link}' is no link of this robot"
+            )
         if not np.isfinite(wrench).all():
-            raise self._rejected("not finite", f"wrench on '{link}' is {wrench.tolist()}, expected finite numbers")
+            raise self._rejected(
+                "not finite", f"wrench on '{link}' is {wrench.tolist()}, expected finite numbers"
+            )
         self._held.pop(link, None)
         if wrench.any():
             self._held[link] = wrench, time
 
     def at(self, time):
         """Return the wrenches by link at a simulated time [s], force first."""
-        self._held = {link: held for link, held in self._held.items() if not self._is_expired(held[1], time)}
+        self._held = {
+            link: held for link, held in self._held.items() if not self._is_expired(held[1], time)
+        }
         return {link: wrench for link, (wrench, _) in self._held.items()}
 
 
@@ -133,8 +143,15 @@ class Sensors:
     def __init__(self, noise=NONE, resolution=NONE, delay=0.0, dropped=0.0, seed=0):
         for name, values in (("noise", noise), ("resolution", resolution)):
             if len(values) != 3 or min(values) < 0.0:
-                raise InputError(f"parameter 'sensor_{name}' is {list(values)}, expected 3 numbers >= 0.")
-        self._errors, self._delay, self._dropped, self._seed = (noise, resolution), delay, dropped, seed
+                raise InputError(
+                    f"parameter 'sensor_{name}' is {list(values)}, expected 3 numbers >= 0."
+                )
+        self._errors, self._delay, self._dropped, self._seed = (
+            (noise, resolution),
+            delay,
+            dropped,
+            seed,
+        )
         self.lost = 0
         self.restart()
 

@@ -31,7 +31,11 @@ def euler_step(address, h, load):
     has_modes, has_springs = classify_joints(address)
     status, touching = wrench_efforts(address, sim.q, load, sim.pushed), True
     while touching and status == 0:
-        status = solve_stiction(address, h, tau) if has_modes or has_springs else _free_rates(address, h, tau)
+        status = (
+            solve_stiction(address, h, tau)
+            if has_modes or has_springs
+            else _free_rates(address, h, tau)
+        )
         touching = status == 0 and _touches_spring(address, h)
         has_springs |= touching
     if status == 0:
@@ -54,7 +58,9 @@ def _free_rates(address, h, tau):
     for k in range(len(tau)):
         sim.effort[k] = sim.link_effort[k] + sim.pushed[k] - sim.damping[k] * sim.qd[k]
         sim.added[k] = h * sim.damping[k] + sim.reflected[k]
-    status = classical.accelerations_with_added_inertia(sim.robot, sim.q, sim.qd, sim.effort, sim.added, sim.qdd)
+    status = classical.accelerations_with_added_inertia(
+        sim.robot, sim.q, sim.qd, sim.effort, sim.added, sim.qdd
+    )
     for k in range(len(tau)):
         sim.after[k] = sim.qd[k] + h * sim.qdd[k]
     return status
@@ -97,7 +103,9 @@ def _move(address, h, tau):
         if sim.spring[k] != 0.0:  # work of its force at the end, and elastic energy
             stiffness, side, end = sim.stiffness[k], sim.spring[k], sim.depth[k] + u
             limits -= (sim.limit_damping[k] * qd + stiffness * end) * u
-            start, end = (sim.depth[k], end) if not is_tied(sim, k) else (abs(sim.depth[k]), abs(end))
+            start, end = (
+                (sim.depth[k], end) if not is_tied(sim, k) else (abs(sim.depth[k]), abs(end))
+            )
             limits += _stored(stiffness, side * end) - _stored(stiffness, side * start)
     sim.accounts[EFFORT] += effort
     sim.accounts[WRENCHES] += wrenches
@@ -127,7 +135,9 @@ def _turn_floating_velocities(address, h):
             continue
         before = sp.cross((qd[k + 3], qd[k + 4], qd[k + 5]), (qd[k], qd[k + 1], qd[k + 2]))
         v = sp.add((after[k], after[k + 1], after[k + 2]), sp.scale(before, h))
-        x, y, z, w = sp.rotation_quaternion((-h * after[k + 3], -h * after[k + 4], -h * after[k + 5]))
+        x, y, z, w = sp.rotation_quaternion(
+            (-h * after[k + 3], -h * after[k + 4], -h * after[k + 5])
+        )
         turned = sp.apply(sp.rotation_of_quaternion(x, y, z, w), v)
         after[k], after[k + 1], after[k + 2] = turned
         u[k], u[k + 1], u[k + 2] = sp.scale(sp.add(v, turned), 0.5 * h)
@@ -145,7 +155,9 @@ def _account_for_friction(address, h):
             mean = 0.5 * h * (before + sim.qd[k]) if before * mode >= 0.0 else sim.u[k]
             work -= sim.friction[k] * mode * mean
     if stopping:
-        status = classical.inverse_dynamics(sim.robot, sim.first_q, sim.zeros, sim.before, 0.0, sim.momentum)
+        status = classical.inverse_dynamics(
+            sim.robot, sim.first_q, sim.zeros, sim.before, 0.0, sim.momentum
+        )
         for k in range(len(sim.qd)):
             if sim.mode[k] == HELD:
                 stopped += 0.5 * sim.before[k] * (sim.needed[k] - sim.momentum[k])
@@ -166,8 +178,13 @@ def account_for_left_springs(address):
     for k in range(len(sim.spring)):
         if sim.spring[k] == 0.0 and sim.stiffness[k] < math.inf:
             q, first_q = sim.q[sim.coordinate[k]], sim.first_q[sim.coordinate[k]]
-            now, before = max(q - sim.upper[k], sim.lower[k] - q), max(first_q - sim.upper[k], sim.lower[k] - first_q)
-            sim.accounts[LIMITS] += _stored(sim.stiffness[k], now) - _stored(sim.stiffness[k], before)
+            now, before = (
+                max(q - sim.upper[k], sim.lower[k] - q),
+                max(first_q - sim.upper[k], sim.lower[k] - first_q),
+            )
+            sim.accounts[LIMITS] += _stored(sim.stiffness[k], now) - _stored(
+                sim.stiffness[k], before
+            )
 
 
 @kernel
@@ -185,7 +202,9 @@ def _energy(address):
     sim = opened(address)
     _, gravity, _, _ = ws.opened(sim.robot)
     classical.first_moment(sim.robot, sim.q, sim.moment)
-    potential = -(gravity[0] * sim.moment[0] + gravity[1] * sim.moment[1] + gravity[2] * sim.moment[2])
+    potential = -(
+        gravity[0] * sim.moment[0] + gravity[1] * sim.moment[1] + gravity[2] * sim.moment[2]
+    )
     return kinetic_energy(sim.nu) + potential + flexible.stored_energy(address)
 
 
@@ -220,7 +239,9 @@ def resolve_impacts(address, h):
     while status == 0 and _lock_stopped(address, h):
         status = factorization.tau_from_epsilon(sim.robot, sim.q, sim.nu, sim.momentum)
         if status == 0:
-            status = factorization.qd_from_momentum(sim.robot, sim.q, sim.locks, sim.momentum, sim.qd)
+            status = factorization.qd_from_momentum(
+                sim.robot, sim.q, sim.locks, sim.momentum, sim.qd
+            )
         for k in range(len(sim.qd)):
             if sim.locks[k] != 0.0:
                 sim.qd[k] = 0.0

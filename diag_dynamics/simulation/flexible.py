@@ -33,7 +33,9 @@ def eliminate_motors(address, h, tau):
             part = rigid_part(B, sim.spring_stiffness[k], sim.spring_damping[k], h)
             torque = sim.spring_stiffness[k] * (sim.theta[k] - sim.q[sim.coordinate[k]])
             sim.reflected[k] = part * B
-            sim.link_effort[k] = (1.0 - part) * torque + part * (tau[k] + B * (sim.thetad[k] - sim.qd[k]) / h)
+            sim.link_effort[k] = (1.0 - part) * torque + part * (
+                tau[k] + B * (sim.thetad[k] - sim.qd[k]) / h
+            )
 
 
 @large_kernel
@@ -48,7 +50,9 @@ def move_motor(address, k, h, tau):
     sim.thetad[k] = free + part * (after - free)
     rate = sim.thetad[k] - after
     sim.theta[k] = sim.q[sim.coordinate[k]] + before + h * rate
-    return h * rate * rate * (sim.spring_damping[k] + 0.5 * h * stiffness)  # with the loss of implicit Euler
+    return (
+        h * rate * rate * (sim.spring_damping[k] + 0.5 * h * stiffness)
+    )  # with the loss of implicit Euler
 
 
 @large_kernel

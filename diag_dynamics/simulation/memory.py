@@ -61,7 +61,15 @@ BY_DOF = (
 )
 """Vectors of shape (nv,)."""
 
-BY_STAGE = ("rates", "charts", "explicit", "implicit", "stage_pushed", "motor_rates", "spring_torques")
+BY_STAGE = (
+    "rates",
+    "charts",
+    "explicit",
+    "implicit",
+    "stage_pushed",
+    "motor_rates",
+    "spring_torques",
+)
 """Matrices of shape (STAGES, nv): q̇, the rate of u, explicit and implicit parts of ν̇, efforts of the wrenches, θ̇ and τ_J."""
 
 SIMULATION = Table(
@@ -73,12 +81,18 @@ SIMULATION = Table(
     **dict.fromkeys(("state", *STATE), array(float)),
     last=array(float),  # state before the step, in case that fails
     armature=array(float),  # of the bodies: a locked joint's is replaced
-    **dict.fromkeys(("follower_damping", "follower_friction"), array(float)),  # by body, where its ratio changes
-    **dict.fromkeys(("place", "first_q"), array(float)),  # q at a stage and at the start of a step [rad, m]
+    **dict.fromkeys(
+        ("follower_damping", "follower_friction"), array(float)
+    ),  # by body, where its ratio changes
+    **dict.fromkeys(
+        ("place", "first_q"), array(float)
+    ),  # q at a stage and at the start of a step [rad, m]
     **dict.fromkeys(BY_DOF, array(float)),
     **dict.fromkeys(BY_STAGE, array(float, 2)),
     moment=array(float),  # result of first_moment
-    bends=array(float, 3),  # curvature and slope of points of flexible links by q, and those of modes that are held
+    bends=array(
+        float, 3
+    ),  # curvature and slope of points of flexible links by q, and those of modes that are held
     held_bends=array(float, 2),
 )
 

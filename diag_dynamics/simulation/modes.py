@@ -90,7 +90,9 @@ def solve_stiction(address, h, tau):
     round_, last_release = 0, ROUNDS_OF_ALL + 2 * n
     while changed and status == 0:
         status = _solve_modes(address, h, tau)
-        changed = status == 0 and _exchange_modes(address, h, round_ < ROUNDS_OF_ALL, round_ < last_release)
+        changed = status == 0 and _exchange_modes(
+            address, h, round_ < ROUNDS_OF_ALL, round_ < last_release
+        )
         round_ += 1
     return status
 
@@ -102,7 +104,9 @@ def _solve_modes(address, h, tau):
     holding = False
     for k in range(len(tau)):
         mode, added = sim.mode[k], h * sim.damping[k] + sim.reflected[k]
-        momentum = h * (sim.link_effort[k] + sim.pushed[k] - sim.bias[k]) + sim.reflected[k] * sim.qd[k]
+        momentum = (
+            h * (sim.link_effort[k] + sim.pushed[k] - sim.bias[k]) + sim.reflected[k] * sim.qd[k]
+        )
         if sim.spring[k] != 0.0:
             added += h * (sim.limit_damping[k] + h * sim.stiffness[k])
             momentum -= h * sim.stiffness[k] * sim.depth[k]
@@ -134,7 +138,10 @@ def _exchange_modes(address, h, all_together, may_release):
             low, high = -h * sim.friction[k], h * sim.friction[k]
             if sim.stiffness[k] == math.inf:
                 x = sim.q[sim.coordinate[k]]
-                low, high = -math.inf if x >= sim.upper[k] else low, math.inf if x <= sim.lower[k] else high
+                low, high = (
+                    -math.inf if x >= sim.upper[k] else low,
+                    math.inf if x <= sim.lower[k] else high,
+                )
             impulse = sim.needed[k] - sim.momentum[k]
             slack = ROUNDING * (abs(sim.needed[k]) + abs(sim.momentum[k]))
             if impulse > high + slack:
@@ -175,7 +182,9 @@ def is_mode_left(address):
             side = spring if spring != 0.0 else math.copysign(1.0, sim.depth[k])
             depth = x - (sim.upper[k] if side > 0.0 else sim.lower[k])
             force, _ = _limit_force(stiffness, sim.limit_damping[k], side, depth, sim.qd[k])
-            if (spring != 0.0 and force < 0.0) or (spring == 0.0 and side * depth > 0.0 and force > 0.0):
+            if (spring != 0.0 and force < 0.0) or (
+                spring == 0.0 and side * depth > 0.0 and force > 0.0
+            ):
                 return True
     return False
 

@@ -39,7 +39,12 @@ class Pace:
         self._start_report()
 
     def _start_report(self):
-        self._ticks, self._late, self._latest, self._reported = 0, 0.0, 0.0, (self.overruns, self.dropped)
+        self._ticks, self._late, self._latest, self._reported = (
+            0,
+            0.0,
+            0.0,
+            (self.overruns, self.dropped),
+        )
 
     def resume(self, now, simulated):
         """Continue from a simulated time [s] at a time [s] of the clock."""
@@ -55,8 +60,12 @@ class Pace:
         max_lag = max(MAX_LAG, 2.0 * self._period) + self._step
         if behind < -self._period:
             self._due = now
-        if behind > max_lag or behind < -self._period:  # too late to catch up, or the clock went back
-            steps = math.floor((behind - self._period) / self._step)  # stamps stay whole steps apart
+        if (
+            behind > max_lag or behind < -self._period
+        ):  # too late to catch up, or the clock went back
+            steps = math.floor(
+                (behind - self._period) / self._step
+            )  # stamps stay whole steps apart
             self._from -= steps * self._step
             self.skipped += steps * self._step
             self.dropped += max(steps, 0) * self._step
@@ -70,7 +79,11 @@ class Pace:
             return  # the extra tick of a late timer
         late = max(late, 0.0)
         missed = int(late / self._span)
-        self._ticks, self._late, self._latest = self._ticks + 1, self._late + late, max(self._latest, late)
+        self._ticks, self._late, self._latest = (
+            self._ticks + 1,
+            self._late + late,
+            max(self._latest, late),
+        )
         self.overruns += missed
         self._due += (missed + 1) * self._span
 
@@ -78,7 +91,9 @@ class Pace:
         """Return the :class:`PaceReport` since the last call."""
         overruns, dropped = self._reported
         mean = self._late / max(self._ticks, 1)
-        report = PaceReport(self._ticks, mean, self._latest, self.overruns - overruns, self.dropped - dropped)
+        report = PaceReport(
+            self._ticks, mean, self._latest, self.overruns - overruns, self.dropped - dropped
+        )
         self._start_report()
         return report
 

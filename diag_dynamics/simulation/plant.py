@@ -95,9 +95,13 @@ class Plant:
 
     def __init__(self, model, values):
         if model.motor_efforts:
-            raise UnsupportedError("motor_efforts is true; expected false, because simulated efforts are of joints.")
+            raise UnsupportedError(
+                "motor_efforts is true; expected false, because simulated efforts are of joints."
+            )
         for link in model.flexible_links:
-            raise UnsupportedError(f"link '{link}' is flexible, and no joint state has modes. Omit flexible_links.")
+            raise UnsupportedError(
+                f"link '{link}' is flexible, and no joint state has modes. Omit flexible_links."
+            )
         if model.flexible_joints and values["without_command"] == "brake":
             raise UnsupportedError(
                 "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, and joint "
@@ -105,7 +109,9 @@ class Plant:
             )
         _require_consistent(model, values)
         period = 1.0 / values["rate"]
-        step = period / math.ceil(period / values["step"] - 1e-9)  # a whole number of steps a period
+        step = period / math.ceil(
+            period / values["step"] - 1e-9
+        )  # a whole number of steps a period
         compliant = CompliantLimits(values["limit_stiffness"], values["limit_damping"])
         limits = {"hard": True, "compliant": compliant, "none": False}[values["limits"]]
         self.simulation = Simulation(model, step=step, limits=limits, order=values["order"])
@@ -113,9 +119,15 @@ class Plant:
         self._followers = Followers.of(model)
         self.names = (*joints, *self._followers.names)
         self._driven = np.array(places(joints, model.dof_names), dtype=int)
-        self._scale = np.nan_to_num([model.effort_scale.get(name, 1.0) for name in self.names], nan=1.0)
-        self.drives = Drives(joints, values["command_joints"], values["command_timeout"], values["without_command"])
-        errors = {name: values[f"sensor_{name}"] for name in ("noise", "resolution", "delay", "dropped")}
+        self._scale = np.nan_to_num(
+            [model.effort_scale.get(name, 1.0) for name in self.names], nan=1.0
+        )
+        self.drives = Drives(
+            joints, values["command_joints"], values["command_timeout"], values["without_command"]
+        )
+        errors = {
+            name: values[f"sensor_{name}"] for name in ("noise", "resolution", "delay", "dropped")
+        }
         self.sensors = Sensors(**errors, seed=values["seed"])
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
         self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
@@ -124,7 +136,9 @@ class Plant:
         self._friction, self._braked = self.simulation.friction, False
         limit = model.effort_bound[self._driven]
         self._brakes = self._friction.copy()
-        self._brakes[self._driven] += np.where(np.isfinite(limit), BRAKE_FACTOR * limit, UNLIMITED_BRAKE)
+        self._brakes[self._driven] += np.where(
+            np.isfinite(limit), BRAKE_FACTOR * limit, UNLIMITED_BRAKE
+        )
         self._start = self.simulation.q, self.simulation.qd
         self._before = 0.0
         self.advance(0)
@@ -141,7 +155,9 @@ class Plant:
             simulation.advance(self._effort(begin), steps=0)
         for _ in range(steps):
             effort, wrenches = self._effort(begin), self.pushes.at(self.time)
-            simulation.advance(effort, f_ext=wrenches or None, frame=self._axes if wrenches else "link")
+            simulation.advance(
+                effort, f_ext=wrenches or None, frame=self._axes if wrenches else "link"
+            )
 
     def _effort(self, begin):
         """Return the efforts of the drives at `begin` [s] on all degrees of freedom; open or close the brakes."""
@@ -161,7 +177,11 @@ class Plant:
         """Measure the present state by the sensors; `stamp` is stored with the measurement."""
         simulation, followers = self.simulation, self._followers
         q, qd = simulation.q, simulation.qd
-        own, rate, effort = q[len(q) - len(self._driven) :], qd[self._driven], simulation.effort[self._driven]
+        own, rate, effort = (
+            q[len(q) - len(self._driven) :],
+            qd[self._driven],
+            simulation.effort[self._driven],
+        )
         beside, G = followers.at(own)
         position, velocity = np.append(own, beside), np.append(rate, G @ rate)
         effort = np.append(effort, np.zeros(len(followers.names)))  # mimic joints have no drives
@@ -187,7 +207,11 @@ class Plant:
         """
         simulation, before = self.simulation, self.time
         model = simulation.model
-        outside = np.flatnonzero((np.asarray(q) < model.lower) | (np.asarray(q) > model.upper)) if self._hard else ()
+        outside = (
+            np.flatnonzero((np.asarray(q) < model.lower) | (np.asarray(q) > model.upper))
+            if self._hard
+            else ()
+        )
         if len(outside):
             k = int(outside[0])
             raise InputError(
@@ -214,9 +238,13 @@ def _require_consistent(model, values):
     if values["seed"] < 0:
         raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")
     if 0.0 < factor < 1e-3:
-        raise InputError(f"parameter 'real_time_factor' is {factor:g}, expected 0 or at least 0.001.")
+        raise InputError(
+            f"parameter 'real_time_factor' is {factor:g}, expected 0 or at least 0.001."
+        )
     if values["order"] == 1 and model.floating_base:
-        raise InputError("parameter 'order' is 1, at which a free robot gains energy as it tumbles, expected 4.")
+        raise InputError(
+            "parameter 'order' is 1, at which a free robot gains energy as it tumbles, expected 4."
+        )
     for name, idle in (("motion", "free"), ("sensor_delay", 0.0), ("sensor_dropped", 0.0)):
         if values["lockstep"] and values[name] != idle:
             raise InputError(

@@ -11,7 +11,15 @@ import numpy as np
 
 from diag_dynamics.numerics.kernel import large_kernel
 from diag_dynamics.simulation.flexible import rigid_part
-from diag_dynamics.simulation.memory import DAMPING, EFFORT, FRICTION, LIMITS, STAGES, WRENCHES, opened
+from diag_dynamics.simulation.memory import (
+    DAMPING,
+    EFFORT,
+    FRICTION,
+    LIMITS,
+    STAGES,
+    WRENCHES,
+    opened,
+)
 from diag_dynamics.simulation.modes import FREE, HELD
 from diag_dynamics.sweeps import classical, evaluation, factorization, groups, kinematics
 from diag_dynamics.sweeps import workspace as ws
@@ -110,10 +118,14 @@ def _start_stages(address, h, tau):
         sim.constant_effort[k] = tau[k] - friction
         if sim.rotor_inertia[k] > 0.0:
             B, rate = sim.rotor_inertia[k], sim.thetad[k]
-            sim.added[k] += B * rigid_part(B, sim.spring_stiffness[k], sim.spring_damping[k], h * GAMMA)
+            sim.added[k] += B * rigid_part(
+                B, sim.spring_stiffness[k], sim.spring_damping[k], h * GAMMA
+            )
             sim.constant_effort[k] = -friction
             sim.motor_rates[0, k] = rate
-            sim.spring_torques[0, k] = sim.spring_stiffness[k] * (sim.theta[k] - sim.q[sim.coordinate[k]])
+            sim.spring_torques[0, k] = sim.spring_stiffness[k] * (
+                sim.theta[k] - sim.q[sim.coordinate[k]]
+            )
             sim.spring_torques[0, k] += sim.spring_damping[k] * (rate - sim.qd[k])
         stiff |= sim.added[k] > 0.0
     return stiff
@@ -205,10 +217,14 @@ def _solve_implicitly(address, h, i, tau):
     for k in range(len(nu)):
         implicit[k] = (nu[k] - sim.explicit_nu[k]) / (h * GAMMA)
         if sim.rotor_inertia[k] > 0.0:
-            part = rigid_part(sim.rotor_inertia[k], sim.spring_stiffness[k], sim.spring_damping[k], h * GAMMA)
+            part = rigid_part(
+                sim.rotor_inertia[k], sim.spring_stiffness[k], sim.spring_damping[k], h * GAMMA
+            )
             rate = (1.0 - part) * (sim.motor_start[k] - rates[k])
             sim.motor_rates[i, k] = rates[k] + rate
-            sim.spring_torques[i, k] += (sim.spring_damping[k] + h * GAMMA * sim.spring_stiffness[k]) * rate
+            sim.spring_torques[i, k] += (
+                sim.spring_damping[k] + h * GAMMA * sim.spring_stiffness[k]
+            ) * rate
     return status
 
 
@@ -265,7 +281,9 @@ def _combine_stages(address, h, stiff, load):
             sim.u[k], sim.path[k] = 0.0, 0.0
         elif sim.mode[k] != FREE:
             sim.accounts[FRICTION] -= sim.friction[k] * sim.mode[k] * sim.path[k]
-        work += load.tau[k] * (_move_motor(address, k, h, load.tau[k]) if sim.rotor_inertia[k] > 0.0 else sim.path[k])
+        work += load.tau[k] * (
+            _move_motor(address, k, h, load.tau[k]) if sim.rotor_inertia[k] > 0.0 else sim.path[k]
+        )
     sim.accounts[EFFORT] += work
     kinematics.integrate_positions(bodies, sim.q, sim.u, sim.q)
     status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)

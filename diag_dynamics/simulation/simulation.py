@@ -166,7 +166,9 @@ class Simulation:
         self._memory["slowest"][:] = max(model.friction_velocity, SLOWEST)
         self._set_limits(limits)
         flexible, names = self.flexible, ("spring_stiffness", "spring_damping", "rotor_inertia")
-        for name, values in zip(names, (flexible.stiffness, flexible.damping, flexible.rotor_inertia), strict=True):
+        for name, values in zip(
+            names, (flexible.stiffness, flexible.damping, flexible.rotor_inertia), strict=True
+        ):
             self._memory[name][flexible.dofs] = values
         self.effort_limits = effort_limits
         self._no_effort = np.zeros(model.nv)
@@ -202,23 +204,41 @@ class Simulation:
         if isinstance(limits, (bool, np.bool_)):
             is_on, limits = bool(limits), CompliantLimits(np.inf)
         elif not isinstance(limits, CompliantLimits):
-            raise InputError(f"limits is {limits!r}, expected True, False or CompliantLimits(stiffness, damping).")
+            raise InputError(
+                f"limits is {limits!r}, expected True, False or CompliantLimits(stiffness, damping)."
+            )
         expected, names = "a number > 0 [N m/rad, N/m]", model.dof_names
-        stiffness = per_name("stiffness of limits", limits.stiffness, names, expected, lambda x: x > 0.0)
+        stiffness = per_name(
+            "stiffness of limits", limits.stiffness, names, expected, lambda x: x > 0.0
+        )
         memory["stiffness"][:] = stiffness
-        memory["limit_damping"][:] = _not_negative("damping of limits", limits.damping, names, "[N m s/rad, N s/m]")
+        memory["limit_damping"][:] = _not_negative(
+            "damping of limits", limits.damping, names, "[N m s/rad, N s/m]"
+        )
         memory["lower"][:], memory["upper"][:] = -np.inf, np.inf
         if is_on:
-            memory["lower"][dofs], memory["upper"][dofs] = model.lower[coordinates], model.upper[coordinates]
+            memory["lower"][dofs], memory["upper"][dofs] = (
+                model.lower[coordinates],
+                model.upper[coordinates],
+            )
         for link in model.flexible_links.values():
-            for name, frequency, ratio in zip(link.modes, link.frequencies, link.damping_ratio, strict=True):
+            for name, frequency, ratio in zip(
+                link.modes, link.frequencies, link.damping_ratio, strict=True
+            ):
                 if name in names:
                     k = names.index(name)
                     memory["lower"][k] = memory["upper"][k] = 0.0
-                    memory["stiffness"][k], memory["limit_damping"][k] = frequency**2, 2.0 * ratio * frequency
+                    memory["stiffness"][k], memory["limit_damping"][k] = (
+                        frequency**2,
+                        2.0 * ratio * frequency,
+                    )
 
     def reset(
-        self, q: VectorLike, qd: VectorLike, theta: VectorLike | None = None, thetad: VectorLike | None = None
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        theta: VectorLike | None = None,
+        thetad: VectorLike | None = None,
     ) -> None:
         """Put the robot into a state, and set the time and the audit to zero.
 
@@ -232,15 +252,26 @@ class Simulation:
             Positions and rates of the motors of flexible joints; by default springs carry gravity, motors turn with links.
         """
         memory, flexible = self._memory, self.flexible
-        q, qd = in_order("q", q, self.model.coordinate_names), in_order("qd", qd, self.model.dof_names)
+        q, qd = (
+            in_order("q", q, self.model.coordinate_names),
+            in_order("qd", qd, self.model.dof_names),
+        )
         memory["nu"][:] = self.dynamics.nu_from_qd(q, qd)
         memory["q"][:] = _with_unit_quaternions(self.model, q)
         memory["qd"][:] = qd
         if flexible.names:
             held = self.dynamics.gravity_torque(self.q)[flexible.dofs] / flexible.stiffness
-            theta = self.q[flexible.coordinates] + held if theta is None else vector("theta", theta, flexible.names)
+            theta = (
+                self.q[flexible.coordinates] + held
+                if theta is None
+                else vector("theta", theta, flexible.names)
+            )
             memory["theta"][flexible.dofs] = theta
-            thetad = self.qd[flexible.dofs] if thetad is None else vector("thetad", thetad, flexible.names)
+            thetad = (
+                self.qd[flexible.dofs]
+                if thetad is None
+                else vector("thetad", thetad, flexible.names)
+            )
             memory["thetad"][flexible.dofs] = thetad
         self._effort = self._wanted = self._no_effort
         memory["accounts"][:], memory["steps"][:] = 0.0, 0
@@ -263,13 +294,18 @@ class Simulation:
         """
         if not isinstance(model, RobotModel):
             raise InputError(f"model is a {type(model).__name__}; expected a RobotModel.")
-        if (model.dof_names, model.coordinate_names) != (self.model.dof_names, self.model.coordinate_names):
+        if (model.dof_names, model.coordinate_names) != (
+            self.model.dof_names,
+            self.model.coordinate_names,
+        ):
             raise InputError(
                 f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
                 f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
             )
         if model.flexible_joints != self.model.flexible_joints:
-            raise InputError(f"change_model: robot '{model.name}' has other flexible joints, expected the same ones.")
+            raise InputError(
+                f"change_model: robot '{model.name}' has other flexible joints, expected the same ones."
+            )
         flexible = FlexibleDynamics(model)
         nu = flexible.link.nu_from_qd(self.q, self.qd)
         self._start_energies = self._energies_at_start()
@@ -420,7 +456,9 @@ class Simulation:
             wrenches = wrenches_on_links(self.model, {} if f_ext is None else f_ext, frame)
         effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
         memory, tau = self._memory, effort - self._effort_offset
-        status = compiled.advance(memory.address, self._order, self.step_size, steps, tau, wrenches, frame == "world")
+        status = compiled.advance(
+            memory.address, self._order, self.step_size, steps, tau, wrenches, frame == "world"
+        )
         self._effort, self._wanted = effort, wanted
         if status:
             state = States(memory["q"], {"nu": memory["nu"]})
@@ -461,7 +499,11 @@ class Simulation:
 
     def _energies(self, q, nu, theta, thetad):
         """Return kinetic, potential and elastic energy [J]."""
-        depth, stiffness, flexible = self._beyond_limits(q), self._memory["stiffness"], self.flexible
+        depth, stiffness, flexible = (
+            self._beyond_limits(q),
+            self._memory["stiffness"],
+            self.flexible,
+        )
         leaning = np.isfinite(stiffness) & (depth > 0.0)
         elastic = stiffness[leaning] @ depth[leaning] ** 2 + 2.0 * self._bending_energy(q)
         elastic += flexible.stiffness @ (theta - q[flexible.coordinates]) ** 2
@@ -485,7 +527,9 @@ class Simulation:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
         stored = self._energies(*self._state()) - self._energies_at_start()
         accounts = self._memory["accounts"].copy()
-        accounts[WRENCHES] += self._bending_energy(self._memory["q"]) - self._bending_energy(self._start[0])
+        accounts[WRENCHES] += self._bending_energy(self._memory["q"]) - self._bending_energy(
+            self._start[0]
+        )
         return EnergyAudit._make([*accounts.tolist(), self._exchanged, *stored.tolist()])
 
 

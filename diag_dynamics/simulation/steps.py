@@ -6,7 +6,15 @@
 import math
 from collections import namedtuple
 
-from diag_dynamics.numerics.kernel import COUNT, FLAG, NUMBER, ROBOT, VECTOR, entry_kernel, large_kernel
+from diag_dynamics.numerics.kernel import (
+    COUNT,
+    FLAG,
+    NUMBER,
+    ROBOT,
+    VECTOR,
+    entry_kernel,
+    large_kernel,
+)
 from diag_dynamics.simulation import euler, modes
 from diag_dynamics.simulation.memory import opened
 from diag_dynamics.simulation.runge_kutta import runge_kutta, wrench_efforts

@@ -16,7 +16,10 @@ FLAGS_OF_JOINTS = types.Array(nk.FLAG, 2, "C")
 REST_SPEED, REST_TIME, WINDOW = 0.05, 500_000_000, 200_000_000
 """An arm is at rest if all rates are below a speed [rad/s, m/s] for a time [ns]; window of changes of m r [ns]."""
 
-KEPT, STEP = 256, 1_000_000  # samples of m r that are kept, at least a step apart [ns]: more than a window
+KEPT, STEP = (
+    256,
+    1_000_000,
+)  # samples of m r that are kept, at least a step apart [ns]: more than a window
 BEGIN, END, COUNT, SINCE, SLOW, FIRST, LENGTH, LAST_REST, AT_REST, HELD, MEMORY = range(11)
 """Entries of the memory: stamps of begin and end of the last alarm, and whether there was one; the stamp since when the arm
 is slow, and whether it is; the first of the kept samples, and their number; the stamp of the last state at rest, and whether
@@ -47,7 +50,9 @@ def judge_states(
         was_on, released, is_offset = False, True, False
         for k in range(len(active)):
             was_on |= active[k]
-        rest = options[2] != 0.0 and _follow_rest(stamps[t], elapsed[t], x[t], speed[t], kept, memory)
+        rest = options[2] != 0.0 and _follow_rest(
+            stamps[t], elapsed[t], x[t], speed[t], kept, memory
+        )
         if rest and memory[AT_REST] == 0 and not was_on:
             for k in range(len(offset)):
                 offset[k] = x[t, k]
@@ -65,10 +70,26 @@ def judge_states(
             active[k] = values[t, k] > limits[0, k] or (active[k] and values[t, k] >= limits[1, k])
             on |= active[k]
         if rest or memory[HELD] != 0:
-            holds, is_old = rest or stamps[t] - memory[LAST_REST] <= options[0], not was_on or age > options[1]
-            on |= _judge_rest(x[t], rest, holds, is_old, options[3] != 0.0, limits, changes[t], active, kept, memory)
+            holds, is_old = (
+                rest or stamps[t] - memory[LAST_REST] <= options[0],
+                not was_on or age > options[1],
+            )
+            on |= _judge_rest(
+                x[t],
+                rest,
+                holds,
+                is_old,
+                options[3] != 0.0,
+                limits,
+                changes[t],
+                active,
+                kept,
+                memory,
+            )
         alarm[t] = on
-        begins[t] = on and not was_on and (memory[COUNT] == 0 or stamps[t] - memory[END] > options[0])
+        begins[t] = (
+            on and not was_on and (memory[COUNT] == 0 or stamps[t] - memory[END] > options[0])
+        )
         if begins[t]:
             memory[BEGIN] = stamps[t]
         if on:
@@ -140,7 +161,9 @@ def _judge_rest(x, rest, holds, is_old, is_given, limits, changes, active, kept,
         if held:
             change = min(away, change) if rest and is_old else away
         changes[k] = change
-        active[d] = (rest and change > limits[0, d]) or (active[d] and holds and change >= limits[1, d])
+        active[d] = (rest and change > limits[0, d]) or (
+            active[d] and holds and change >= limits[1, d]
+        )
         on |= active[d]
     if on and not held:
         memory[HELD] = 1

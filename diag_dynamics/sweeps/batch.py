@@ -59,7 +59,9 @@ def _read_joint(at, i, Q, QD, TAU, first, last):
     for b in range(WIDTH):
         t = min(first + b, last - 1)
         position = body.multiplier * Q[t, body.q] + body.offset
-        row.position[0, b] = position if body.kind == records.PRISMATIC else sp.reduced_angle(position)
+        row.position[0, b] = (
+            position if body.kind == records.PRISMATIC else sp.reduced_angle(position)
+        )
         row.rate[0, b] = body.multiplier * QD[t, body.dof]
         row.effort[0, b] = TAU[min(t, len(TAU) - 1), body.dof]
 
@@ -82,7 +84,9 @@ def _inward_joint(direction, at, i):
         w, parent = lane_of(row.own, b), lane_of(row.parent, b)
         D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
         rate, effort = row.rate[0, b], row.effort[0, b]
-        results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True, False)
+        results, singular = evaluation.inward_joint(
+            direction, D, G, rate, effort, w, parent, True, False
+        )
         _set_results(row.results[:, b], results)
         count += 1 if singular else 0
     _accumulate(at, i)
@@ -109,7 +113,11 @@ def _outward_base(at, i):
     last = at.bodies[i].last
     for k in range(V, P):
         at.rows[last, PARENT + k] = at.rows[0, k]
-    base, body, row = records.values_of(at.bodies[i]), records.values_of(at.bodies[last]), at.lanes[last]
+    base, body, row = (
+        records.values_of(at.bodies[i]),
+        records.values_of(at.bodies[last]),
+        at.lanes[last],
+    )
     for b in range(WIDTH):
         position, motion = row.position[:, b], records.motion_of(row.rate[:, b])
         quaternion = (position[3], position[4], position[5], position[6])
@@ -230,7 +238,9 @@ def _inward(at, QD, TAU, first, last):
     while i > 0 and singular == 0:
         if groups.is_grouped(bodies[i]):
             is_base = evaluation.is_floating_base(bodies, i)
-            singular = _inward_base(at, i) if is_base else _inward_group(at, i, QD, TAU, first, last)
+            singular = (
+                _inward_base(at, i) if is_base else _inward_group(at, i, QD, TAU, first, last)
+            )
         elif bodies[i].direction == sp.ANGULAR_Z:
             singular = _inward_joint(sp.ANGULAR_Z, at, i)
         else:
@@ -248,7 +258,12 @@ def _write(at, first, last, results, numbers):
                 for j in range(N_RESULTS):
                     results[j, t, at.bodies[i].dof] = at.lanes[i].results[j, t - first]
         finite, energy, base, power = evaluation.sums(results[:, t])
-        numbers[K, t], numbers[BASE, t], numbers[POWER, t], numbers[NET_POWER, t] = energy, base, power, power
+        numbers[K, t], numbers[BASE, t], numbers[POWER, t], numbers[NET_POWER, t] = (
+            energy,
+            base,
+            power,
+            power,
+        )
         if not finite:
             return False
     return True
@@ -270,7 +285,15 @@ def _evaluate_each(robot, Q, QD, TAU, begin, end, results, numbers, positions, r
     return end
 
 
-@nk.entry_kernel(nk.ROBOT, *[nk.MATRIX] * 3, nk.COUNT, nk.COUNT, nk.FILLED_STATES, *[nk.FILLED_MATRIX] * 3, nogil=True)
+@nk.entry_kernel(
+    nk.ROBOT,
+    *[nk.MATRIX] * 3,
+    nk.COUNT,
+    nk.COUNT,
+    nk.FILLED_STATES,
+    *[nk.FILLED_MATRIX] * 3,
+    nogil=True,
+)
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 
@@ -300,7 +323,16 @@ FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON, MO
 """Sweeps of :func:`sweep_each`."""
 
 
-@nk.entry_kernel(nk.ROBOT, nk.COUNT, *[nk.MATRIX] * 3, nk.NUMBER, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nogil=True)
+@nk.entry_kernel(
+    nk.ROBOT,
+    nk.COUNT,
+    *[nk.MATRIX] * 3,
+    nk.NUMBER,
+    nk.COUNT,
+    nk.COUNT,
+    nk.FILLED_MATRIX,
+    nogil=True,
+)
 def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
     """One of these sweeps at states `begin` to `end`, a row of Q, A, B and `results` each; A and B may have one for all."""
     for t in range(begin, end):
@@ -334,7 +366,15 @@ def mass_matrix_each(robot, Q, begin, end, M):
 
 
 @nk.entry_kernel(
-    nk.ROBOT, nk.MATRIX, records.WRENCHES, nk.COUNT, nk.FLAG, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nogil=True
+    nk.ROBOT,
+    nk.MATRIX,
+    records.WRENCHES,
+    nk.COUNT,
+    nk.FLAG,
+    nk.COUNT,
+    nk.COUNT,
+    nk.FILLED_MATRIX,
+    nogil=True,
 )
 def effort_of_wrenches_each(robot, Q, wrenches, count, in_world, begin, end, results):
     """Jᵀf at states `begin` to `end`, each with `count` wrenches."""

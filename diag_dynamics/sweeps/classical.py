@@ -26,7 +26,9 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     records.set_motion(w.zeta, zeta)
     if body.parent > 0:
         X, parent = records.placement_of(w), work[body.parent]
-        y_plus = sp.add_force(y, sp.scale_force(G, u - sp.power(column, zeta)))  # P⁺ζ = Pζ − G (P S)ᵀζ
+        y_plus = sp.add_force(
+            y, sp.scale_force(G, u - sp.power(column, zeta))
+        )  # P⁺ζ = Pζ − G (P S)ᵀζ
         y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
         joints.accumulate_scale(w, X, parent)
         joints.propagate_inertia(w, G, column, X, parent)
@@ -63,7 +65,12 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
         for j in range(i, body.last + 1):
             if groups.is_leader(bodies, j):
                 qdd[bodies[j].dof] -= groups.induced_rate(
-                    bodies, j, records.motion_of(base.acceleration), qdd, Q, records.force_of(work[j].G)
+                    bodies,
+                    j,
+                    records.motion_of(base.acceleration),
+                    qdd,
+                    Q,
+                    records.force_of(work[j].G),
                 )
     records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, w, qdd)))
 
@@ -109,7 +116,9 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
         if groups.is_grouped(body):
             _aba_outward_group(bodies, i, qd, work, Q, qdd)
             continue
-        A = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].acceleration))
+        A = sp.motion_to_child(
+            records.placement_of(w), records.motion_of(work[body.parent].acceleration)
+        )
         A = sp.add_motion(A, records.motion_of(w.zeta))
         qdd[body.dof] -= sp.power(records.force_of(w.G), A)
         records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, w, qdd)))
@@ -153,7 +162,9 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
         records.set_force(work[i].y, y)
         if body.armature != 0.0:
             first = joints.turning(bodies, i)
-            rate = joints.joint_rate(bodies, first, qdd, work) + joints.ratio_rate(bodies, first, qd, work)
+            rate = joints.joint_rate(bodies, first, qdd, work) + joints.ratio_rate(
+                bodies, first, qd, work
+            )
             tau[body.dof] += work[i].multiplier * (body.armature * rate)
     joints.moments_inward(bodies, work, tau)
     return 0 if joints.are_finite(tau) else -1
@@ -240,5 +251,7 @@ def first_moment(robot, q, moment):
     total = sp.ZERO
     for i in range(len(bodies)):
         X, h = joints.pose(bodies, i, 0, work), records.vector_of(bodies[i].first_moment)
-        total = sp.add(total, sp.add(sp.apply(X.rotation, h), sp.scale(X.translation, bodies[i].mass)))
+        total = sp.add(
+            total, sp.add(sp.apply(X.rotation, h), sp.scale(X.translation, bodies[i].mass))
+        )
     records.set_vector(moment, 0, total)

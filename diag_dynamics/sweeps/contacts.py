@@ -81,7 +81,11 @@ def _strictest_limit(regions, first, end, inverse_mass, speed):
         stiffness = regions[k, STIFFNESS]
         if reduced > 0.0:
             force = max(force, speed * math.sqrt(stiffness / reduced))
-        of_force = regions[k, LARGEST_FORCE] * math.sqrt(reduced / stiffness) if stiffness > 0.0 else math.inf
+        of_force = (
+            regions[k, LARGEST_FORCE] * math.sqrt(reduced / stiffness)
+            if stiffness > 0.0
+            else math.inf
+        )
         of_energy = math.sqrt(2.0 * regions[k, LARGEST_ENERGY] * inverse_mass)
         least = min(of_force, of_energy)
         if least < allowed:
@@ -112,7 +116,9 @@ def _contact(at, entry, w, X, result):
         speed = sp.dot(u, v) if moves else 0.0
         h = sp.Force(u, sp.cross(r, u))
         inverse_mass = sp.power(h, mobility_times(Y, h))
-        most = Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + sp.dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
+        most = (
+            Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + sp.dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
+        )
         if not inverse_mass > IMMOBILE * most:  # the point cannot move that way
             inverse_mass, speed = 0.0, 0.0
         closing = max(speed, 0.0)
@@ -129,7 +135,10 @@ def _contact(at, entry, w, X, result):
             best, strongest = k, score
             result[POINT], result[REGION] = float(k), float(strictest)
             records.set_vector(result, DIRECTION, u)
-            result[SPEED], result[MASS] = speed, 1.0 / inverse_mass if inverse_mass > 0.0 else math.inf
+            result[SPEED], result[MASS] = (
+                speed,
+                1.0 / inverse_mass if inverse_mass > 0.0 else math.inf,
+            )
             result[TRANSFERABLE], result[FORCE], result[ALLOWED] = energy, force, allowed
     k = int(result[POINT])
     r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
@@ -155,14 +164,24 @@ def contacts(robot, points, q, qd, nu, results):
     mobilities_outward(robot)
     for k in range(len(at.entries)):
         entry = at.entries[k]
-        _contact(at, entry, work[entry.body], joints.pose(bodies, entry.body, at.base, work), results[k])
+        _contact(
+            at, entry, work[entry.body], joints.pose(bodies, entry.body, at.base, work), results[k]
+        )
         if not math.isfinite(results[k, SPEED] + results[k, TRANSFERABLE]):
             return -1
     return 0 if joints.are_finite(nu) else -1
 
 
 @nk.entry_kernel(
-    nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nk.FILLED_STATES, nogil=True
+    nk.ROBOT,
+    nk.COUNT,
+    nk.MATRIX,
+    nk.MATRIX,
+    nk.COUNT,
+    nk.COUNT,
+    nk.FILLED_MATRIX,
+    nk.FILLED_STATES,
+    nogil=True,
 )
 def contacts_each(robot, points, Q, QD, begin, end, nu, results):
     """:func:`contacts` at states `begin` to `end`, a row of Q, QD and ν and a matrix of `results` each."""

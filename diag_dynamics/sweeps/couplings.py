@@ -78,8 +78,12 @@ COUPLINGS = Table(
     joints=array(JOINT),
     closures=array(CLOSURE),
     curves=array(CURVE),
-    pieces=array(float, 2),  # where each begins, and coefficients of the distance from there, the constant first
-    start=array(float),  # positions of joints of loops: at the start, at the last state, before this one, and now
+    pieces=array(
+        float, 2
+    ),  # where each begins, and coefficients of the distance from there, the constant first
+    start=array(
+        float
+    ),  # positions of joints of loops: at the start, at the last state, before this one, and now
     last=array(float),
     before=array(float),
     position=array(float),
@@ -151,7 +155,13 @@ class Couplings:
     def __init__(self, bodies, work, nq, nv, of_model):
         count, rows = len(of_model.joints), int(of_model.loops["rows"].max(initial=1))
         self.ratio = np.full(len(of_model.loops), np.inf)
-        given = {"bodies": bodies, "work": work, "nq": nq, "nv": nv, "ratio": self.ratio} | of_model._asdict()
+        given = {
+            "bodies": bodies,
+            "work": work,
+            "nq": nq,
+            "nv": nv,
+            "ratio": self.ratio,
+        } | of_model._asdict()
         shapes = dict.fromkeys(("J", "J_rate", "reduced"), (count, rows)) | {"frames": (count, 30)}
         shapes |= {"x": max(rows, count), "bend": len(of_model.curves)} | dict.fromkeys(
             ("last", "before", "position", "diagonal", "scale"), count
@@ -280,7 +290,11 @@ def _close(at, number):
             at.J[k, row] = 0.0
     for row in range(loop.last - loop.first):
         closure = at.closures[loop.first + row]
-        a, b, d = _end(at, closure.a, closure.point_a), _end(at, closure.b, closure.point_b), closure.direction
+        a, b, d = (
+            _end(at, closure.a, closure.point_a),
+            _end(at, closure.b, closure.point_b),
+            closure.direction,
+        )
         d = records.vector_of(d)
         at.x[row] = sp.dot(sp.subtract(a, b), d)
         largest, size = max(largest, abs(at.x[row])), max(size, sp.dot(a, a))
@@ -366,7 +380,9 @@ def _approach(table, number, q):
             at.position[r] = target if step == 1.0 else at.last[r] + step * (target - at.last[r])
             for k in range(loop.followers):
                 i = at.joints[loop.begin + k].order
-                at.position[i] += at.work[at.joints[i].body + rank].multiplier * (at.position[r] - at.last[r])
+                at.position[i] += at.work[at.joints[i].body + rank].multiplier * (
+                    at.position[r] - at.last[r]
+                )
         if _newton(table, number):
             _set_ratios(table, loop)
             if step == 1.0:
@@ -439,7 +455,10 @@ def _add_end_rate(table, k, point, d, sign, row):
     at = _opened(table)
     if k >= 0:
         end, V = _end(at, k, point), _motion(at.frames[k], 18)
-        F, moment = sp.Force(d, sp.cross(end, d)), sp.cross(sp.add(V.linear, sp.cross(V.angular, end)), d)
+        F, moment = (
+            sp.Force(d, sp.cross(end, d)),
+            sp.cross(sp.add(V.linear, sp.cross(V.angular, end)), d),
+        )
         while k >= 0:
             rate = sp.power(F, _motion(at.frames[k], 24)) + sp.dot(moment, _part(at.frames[k], 15))
             at.J_rate[k, row] += sign * rate
@@ -476,7 +495,9 @@ def _set_ratio_rates(table, number, qd):
                 at.x[row] -= at.work[at.joints[i].body + rank].multiplier * at.J_rate[i, row]
         _solve(table, loop)
         for k in range(loop.followers):
-            at.work[at.joints[at.joints[loop.begin + k].order].body + rank].multiplier_rate = at.x[k]
+            at.work[at.joints[at.joints[loop.begin + k].order].body + rank].multiplier_rate = at.x[
+                k
+            ]
 
 
 # --- Non-linear mimic joints ----------------------------------------------------------------------------------

@@ -102,10 +102,15 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
         result[body.dof] += w.multiplier_rate * sp.along(body.direction, h)
         if body.armature != 0.0:
             first = joints.turning(bodies, i)
-            spin, changing = joints.joint_rate(bodies, first, x, work), joints.ratio_rate(bodies, first, x, work)
+            spin, changing = (
+                joints.joint_rate(bodies, first, x, work),
+                joints.ratio_rate(bodies, first, x, work),
+            )
             result[body.dof] += body.armature * (w.multiplier_rate * spin + w.multiplier * changing)
         if body.parent > 0:
-            records.add_to_force(work[body.parent].z, groups.rate_inboard(bodies, i, qd, work, h, rate))
+            records.add_to_force(
+                work[body.parent].z, groups.rate_inboard(bodies, i, qd, work, h, rate)
+            )
             records.add_to_force(work[body.parent].y, joints.force_inboard(body, w, h))
     return 0 if joints.are_finite(result) else -1
 
@@ -113,7 +118,9 @@ def mass_matrix_rate_times(robot, q, qd, x, result):
 @nk.kernel
 def _two_velocity_force(body, V, W):
     """b_x = ½[W ×* IV + V ×* IW + I(V × W)], bilinear, V ×* IV where W is V."""
-    sum_ = sp.add_force(sp.cross_force(W, joints.momentum(body, V)), sp.cross_force(V, joints.momentum(body, W)))
+    sum_ = sp.add_force(
+        sp.cross_force(W, joints.momentum(body, V)), sp.cross_force(V, joints.momentum(body, W))
+    )
     return sp.scale_force(sp.add_force(sum_, joints.momentum(body, sp.cross_motion(V, W))), 0.5)
 
 
@@ -158,8 +165,13 @@ def m_rate_transposed(robot, q, qd, x, result):
             k, base = body.dof, work[bodies[body.first].parent]
             W_A, G = records.motion_of(base.W), records.force_of(w.G)
             eta = x[k] + groups.induced_rate(bodies, i, W_A, x, table[0], G)
-            rate = groups.momentum_rate(bodies, i, W_A, x, work, table[1]) - 0.5 * table[1, k, k - body.start] * eta
-            result[k] = rate / math.sqrt(w.D) + math.sqrt(w.D) * sp.power(G, records.motion_of(base.W_rate))
+            rate = (
+                groups.momentum_rate(bodies, i, W_A, x, work, table[1])
+                - 0.5 * table[1, k, k - body.start] * eta
+            )
+            result[k] = rate / math.sqrt(w.D) + math.sqrt(w.D) * sp.power(
+                G, records.motion_of(base.W_rate)
+            )
         _propagate_rates(bodies, i, qd, x, work)
     return 0 if joints.are_finite(result) else -1
 
@@ -185,10 +197,13 @@ def coriolis_bracket(robot, q, qd, x, eta, u, result):
                 if groups.is_leader(bodies, j):
                     k = bodies[j].dof
                     eta[k] = x[k] / math.sqrt(work[j].D)
-                    u[k] = eta[k] - groups.induced_rate(bodies, j, W_A, u, table[0], records.force_of(work[j].G))
+                    u[k] = eta[k] - groups.induced_rate(
+                        bodies, j, W_A, u, table[0], records.force_of(work[j].G)
+                    )
         V = joints.update_velocity(body, qd, work, w)
         W = sp.add_motion(
-            joints.motion_outboard(body, w, records.motion_of(work[body.parent].W)), joints.own_motion(body, w, u)
+            joints.motion_outboard(body, w, records.motion_of(work[body.parent].W)),
+            joints.own_motion(body, w, u),
         )
         records.set_motion(w.W, W)
         records.set_force(w.y, _two_velocity_force(body, V, W))

@@ -71,17 +71,39 @@ def _outward_factorized(bodies, gravity, work):
 def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
     """Results of one degree of freedom, by row; `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half."""
     coriolis = (without_xi + 0.5 * D_rate * xi) / root
-    return root * xi, xi, kappa / root, kappa, coriolis, without_xi + D_rate * xi, gravity, D, D_rate
+    return (
+        root * xi,
+        xi,
+        kappa / root,
+        kappa,
+        coriolis,
+        without_xi + D_rate * xi,
+        gravity,
+        D,
+        D_rate,
+    )
 
 
 @nk.kernel
 def write_outputs(out, k, results):
     """Write the results of one degree of freedom, ν̇ and ξ̇."""
-    out[ws.NU, k], out[ws.XI, k], out[ws.EPSILON, k], out[ws.KAPPA, k] = results[0], results[1], results[2], results[3]
-    out[ws.CORIOLIS, k], out[ws.CORIOLIS_UNNORMALIZED, k], out[ws.GRAVITY, k] = results[4], results[5], results[6]
+    out[ws.NU, k], out[ws.XI, k], out[ws.EPSILON, k], out[ws.KAPPA, k] = (
+        results[0],
+        results[1],
+        results[2],
+        results[3],
+    )
+    out[ws.CORIOLIS, k], out[ws.CORIOLIS_UNNORMALIZED, k], out[ws.GRAVITY, k] = (
+        results[4],
+        results[5],
+        results[6],
+    )
     out[ws.ARTICULATED_INERTIA, k], out[ws.ARTICULATED_INERTIA_RATE, k] = results[7], results[8]
     root, nu_dot = math.sqrt(results[7]), results[2] - results[4] - results[6]
-    out[ws.NU_DOT, k], out[ws.XI_DOT, k] = nu_dot, (root * (nu_dot + results[4]) - results[5]) / results[7]
+    out[ws.NU_DOT, k], out[ws.XI_DOT, k] = (
+        nu_dot,
+        (root * (nu_dot + results[4]) - results[5]) / results[7],
+    )
 
 
 @nk.kernel
@@ -108,7 +130,9 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried, factorized):
 
     # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
     zeta = sp.cross_along_z(direction, V, rate)
-    y_plus = sp.subtract_force(y, sp.scale_force(G, sp.along(direction, y) + sp.power(column, zeta)))
+    y_plus = sp.subtract_force(
+        y, sp.scale_force(G, sp.along(direction, y) + sp.power(column, zeta))
+    )
     y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
     z_plus = sp.add_force(z, sp.scale_force(G, kappa))
 
@@ -137,7 +161,9 @@ def _inward_step(bodies, i, direction, qd, tau, work, out, factorized):
     D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
     if factorized:
         D, G = w.D, records.force_of(w.G)
-    results, singular = inward_joint(direction, D, G, qd[k], tau[k], w, parent, is_carried, factorized)
+    results, singular = inward_joint(
+        direction, D, G, qd[k], tau[k], w, parent, is_carried, factorized
+    )
     if singular and not factorized:
         return i
     write_outputs(out, k, results)
@@ -147,7 +173,13 @@ def _inward_step(bodies, i, direction, qd, tau, work, out, factorized):
 @nk.large_kernel
 def _inward_coupled(bodies, last, qd, tau, work, table, out, factorized):
     """The inward step of one state at a group."""
-    first, Q, Q_rate, kappa, bias = bodies[last].first, table[0], table[1], out[ws.KAPPA], out[ws.CORIOLIS]
+    first, Q, Q_rate, kappa, bias = (
+        bodies[last].first,
+        table[0],
+        table[1],
+        out[ws.KAPPA],
+        out[ws.CORIOLIS],
+    )
     for i in range(first, last + 1):
         kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
     z = groups.gather(bodies, first, last, work, -1.0, kappa)
@@ -189,13 +221,19 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out, factorized):
 def is_floating_base(bodies, i):
     """Whether a body belongs to a floating joint that the world carries, and that is no part of a larger group."""
     body = bodies[i]
-    return body.kind == records.FLOATING and bodies[body.first].parent == 0 and body.last - body.first == 5
+    return (
+        body.kind == records.FLOATING
+        and bodies[body.first].parent == 0
+        and body.last - body.first == 5
+    )
 
 
 @nk.kernel
 def start_base(effort, w):
     """κ and gravity's wrench of a floating base, from the effort of each direction."""
-    weight = sp.inertia_times(records.inertia_of(w.P), sp.Motion(records.vector_of(w.acceleration), sp.ZERO))
+    weight = sp.inertia_times(
+        records.inertia_of(w.P), sp.Motion(records.vector_of(w.acceleration), sp.ZERO)
+    )
     records.set_force(w.acceleration, weight)
     records.set_force(w.z, sp.subtract_force(effort, records.force_of(w.z)))
 
@@ -204,7 +242,11 @@ def start_base(effort, w):
 def eliminate_last(direction, armature, w):
     """Eliminate the last direction of a floating base; return its results and whether it is singular."""
     P, P_rate, V = records.inertia_of(w.P), records.inertia_of(w.P_rate), records.motion_of(w.V)
-    kappas, bias, weights = records.force_of(w.z), records.force_of(w.y), records.force_of(w.acceleration)
+    kappas, bias, weights = (
+        records.force_of(w.z),
+        records.force_of(w.y),
+        records.force_of(w.acceleration),
+    )
     D, column, G = joints.joint_inertia(sp.ANGULAR_Z, armature, P)
     u, rate = sp.column_along(sp.ANGULAR_Z, P_rate), V.angular[2]
     D_rate, kappa, y, weight = u.moment[2], kappas.moment[2], bias.moment[2], weights.moment[2]
@@ -214,7 +256,9 @@ def eliminate_last(direction, armature, w):
     records.set_inertia(w.P_rate, _moved_up_inertia(sp.less_products(P_rate, G, rest, u)))
     records.set_force(w.z, _moved_up(sp.subtract_force(kappas, sp.scale_force(G, kappa))))
     records.set_force(w.y, _moved_up(sp.subtract_force(bias, sp.scale_force(G, y))))
-    records.set_force(w.acceleration, _moved_up(sp.subtract_force(weights, sp.scale_force(G, weight))))
+    records.set_force(
+        w.acceleration, _moved_up(sp.subtract_force(weights, sp.scale_force(G, weight)))
+    )
     records.set_force(w.V, _moved_up(sp.Force(V.linear, V.angular)))
     results = outputs(root, xi, kappa, y - momentum_rate, weight / root, D, D_rate)
     return results, joints.is_singular(joints.scale_along(direction, w), D)
@@ -372,7 +416,13 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
 
 
 @nk.entry_kernel(
-    nk.VECTOR, nk.VECTOR, *[nk.MATRIX] * 3, nk.FILLED_MATRIX, nk.FILLED_MATRIX, nk.FILLED_VECTOR, nogil=True
+    nk.VECTOR,
+    nk.VECTOR,
+    *[nk.MATRIX] * 3,
+    nk.FILLED_MATRIX,
+    nk.FILLED_MATRIX,
+    nk.FILLED_VECTOR,
+    nogil=True,
 )
 def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm):
     """Write x, m r or r of DisturbanceObserver, and |x| of samples; x is NaN where the applied term is.
@@ -388,10 +438,17 @@ def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm)
                 external = (momentum[t, k] - last[1, k]) / interval[t] - mean
                 filtered = last[0, k] - math.expm1(-gain[k] * interval[t]) * (external - last[0, k])
             x[t, k] = filtered
-            if math.isnan(applied[t, k]) or math.isnan(last[3, k]):  # unknown at an end of the interval
+            if math.isnan(applied[t, k]) or math.isnan(
+                last[3, k]
+            ):  # unknown at an end of the interval
                 x[t, k], filtered = math.nan, 0.0
             square += filtered * filtered
-            last[0, k], last[1, k], last[2, k], last[3, k] = filtered, momentum[t, k], resisting[t, k], applied[t, k]
+            last[0, k], last[1, k], last[2, k], last[3, k] = (
+                filtered,
+                momentum[t, k],
+                resisting[t, k],
+                applied[t, k],
+            )
         norm[t] = math.sqrt(square)
         if not math.isfinite(norm[t]):
             for k in range(len(gain)):

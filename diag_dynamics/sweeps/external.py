@@ -129,7 +129,10 @@ def _orthogonalize(Z, p, count):
                 if a < b:
                     cosine, sine = -sine, cosine
                 for k in range(6):
-                    Z[i, k], Z[j, k] = cosine * Z[i, k] - sine * Z[j, k], sine * Z[i, k] + cosine * Z[j, k]
+                    Z[i, k], Z[j, k] = (
+                        cosine * Z[i, k] - sine * Z[j, k],
+                        sine * Z[i, k] + cosine * Z[j, k],
+                    )
                 p[i], p[j] = cosine * p[i] - sine * p[j], sine * p[i] + cosine * p[j]
                 rotated = rotated or a < b or c * c > NEARLY_ORTHOGONAL * a * b
         if not rotated:
@@ -191,7 +194,11 @@ def wrench(robot, point, q, tau, result):
     """The wrench that explains τ, at the address `point` of a table :data:`POINT_OF_WRENCH`; see :data:`WRENCH`."""
     if not ws.lengths_match(robot, q, tau, tau):
         return ws.BAD_LENGTH
-    at, memory, (bodies, _, work, _) = _point_at(point), ws.robot_of(robot).scratch, ws.opened(robot)
+    at, memory, (bodies, _, work, _) = (
+        _point_at(point),
+        ws.robot_of(robot).scratch,
+        ws.opened(robot),
+    )
     if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
         return -1
     status = joints.update_placements(bodies, q, work)
@@ -223,7 +230,9 @@ def wrench(robot, point, q, tau, result):
     return 0 if finite else -1
 
 
-@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_STATES, nogil=True)
+@nk.entry_kernel(
+    nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_STATES, nogil=True
+)
 def wrench_each(robot, point, Q, TAU, begin, end, results):
     """:func:`wrench` at states `begin` to `end`."""
     for t in range(begin, end):
@@ -286,7 +295,12 @@ def _evidence(at, candidate, bodies, work, memory):
         for a in range(3):
             J[a, k] *= SQRT_THIRD
             J[3 + a, k] = moved[a]
-    B, b, L, z = work[0].P, work[0].y, work[0].P_rate, work[0].z  # of the world, which has no inertia
+    B, b, L, z = (
+        work[0].P,
+        work[0].y,
+        work[0].P_rate,
+        work[0].z,
+    )  # of the world, which has no inertia
     rows, y = memory[6:12, :width], memory[12, :width]
     for i in range(6):
         _whiten(at.whitening, J[i], width, rows[i])
@@ -306,7 +320,11 @@ def touched_link(robot, candidates, q, tau, result):
     """χ² of τ, and behind it the probability of each candidate: zeros below the threshold of χ²."""
     if not ws.lengths_match(robot, q, tau, tau):
         return ws.BAD_LENGTH
-    at, memory, (bodies, _, work, _) = _candidates_at(candidates), ws.robot_of(robot).scratch, ws.opened(robot)
+    at, memory, (bodies, _, work, _) = (
+        _candidates_at(candidates),
+        ws.robot_of(robot).scratch,
+        ws.opened(robot),
+    )
     if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
         return -1
     y, probability = memory[12], result[1:]
@@ -330,7 +348,9 @@ def touched_link(robot, candidates, q, tau, result):
     return 0 if joints.are_finite(result) else -1
 
 
-@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nogil=True)
+@nk.entry_kernel(
+    nk.ROBOT, nk.COUNT, nk.MATRIX, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_MATRIX, nogil=True
+)
 def touched_link_each(robot, candidates, Q, TAU, begin, end, results):
     """:func:`touched_link` at states `begin` to `end`."""
     for t in range(begin, end):

@@ -66,7 +66,9 @@ def scale_by_inertia(bodies, work, exponent, x):
         if groups.is_leader(bodies, i):
             D = work[i].D
             factor = D if abs(exponent) == 1.0 else math.sqrt(D)
-            x[bodies[i].dof] = x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
+            x[bodies[i].dof] = (
+                x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
+            )
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
@@ -109,11 +111,15 @@ def xi_from_qd(bodies, qd, work, Q, xi):
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if not groups.is_grouped(body):
-            V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
+            V_plus = sp.motion_to_child(
+                records.placement_of(w), records.motion_of(work[body.parent].V)
+            )
             xi[body.dof] = qd[body.dof] + sp.power(records.force_of(w.G), V_plus)
         elif groups.is_leader(bodies, i):
             V_A = groups.base_motion(bodies, i, work)
-            xi[body.dof] = qd[body.dof] + groups.induced_rate(bodies, i, V_A, qd, Q, records.force_of(w.G))
+            xi[body.dof] = qd[body.dof] + groups.induced_rate(
+                bodies, i, V_A, qd, Q, records.force_of(w.G)
+            )
         joints.update_velocity(body, qd, work, w)
 
 
@@ -124,14 +130,20 @@ def qd_from_xi(bodies, xi, work, Q, qd):
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if not groups.is_grouped(body):
-            V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
+            V_plus = sp.motion_to_child(
+                records.placement_of(w), records.motion_of(work[body.parent].V)
+            )
             qd[body.dof] = xi[body.dof] - sp.power(records.force_of(w.G), V_plus)
-        elif i == body.first:  # after all rates are known: the leader of a follower may lie further out
+        elif (
+            i == body.first
+        ):  # after all rates are known: the leader of a follower may lie further out
             V_A = groups.base_motion(bodies, i, work)
             for j in range(i, body.last + 1):
                 if groups.is_leader(bodies, j):
                     k = bodies[j].dof
-                    qd[k] = xi[k] - groups.induced_rate(bodies, j, V_A, qd, Q, records.force_of(work[j].G))
+                    qd[k] = xi[k] - groups.induced_rate(
+                        bodies, j, V_A, qd, Q, records.force_of(work[j].G)
+                    )
         joints.update_velocity(body, qd, work, w)
 
 

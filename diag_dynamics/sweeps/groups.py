@@ -58,13 +58,17 @@ def compose(bodies, first, last, work, Q):
         body, w = bodies[i], work[i]
         P, d, owner = records.inertia_of(w.P), body.dof, work[body.leader]
         column = sp.scale_force(sp.column_along(body.direction, P), w.multiplier)
-        Q[d, d - start] += w.multiplier * (sp.along(body.direction, column) + w.multiplier * w.armature)
+        Q[d, d - start] += w.multiplier * (
+            sp.along(body.direction, column) + w.multiplier * w.armature
+        )
         owner.size += w.multiplier * w.multiplier * joints.scale_along(body.direction, w)
         column = joints.force_inboard(body, w, column)
         j = body.parent
         while j >= first:
             product = work[j].multiplier * sp.along(bodies[j].direction, column)
-            if body.kind == records.VIRTUAL and j >= i - body.rank:  # one rotor turns at the sum of their rates
+            if (
+                body.kind == records.VIRTUAL and j >= i - body.rank
+            ):  # one rotor turns at the sum of their rates
                 product += work[j].multiplier * w.multiplier * w.armature
             Q[bodies[j].dof, d - start] += product
             Q[d, bodies[j].dof - start] += product
@@ -109,7 +113,9 @@ def eliminate(bodies, first, last, work, Q, lock_massless):
         for b in range(start, c):
             Q[b, c - start] *= inverse
         if base > 0:
-            records.set_inertia(work[base].P, sp.less_rank_one(records.inertia_of(work[base].P), G, column))
+            records.set_inertia(
+                work[base].P, sp.less_rank_one(records.inertia_of(work[base].P), G, column)
+            )
     return 0
 
 
@@ -128,7 +134,9 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
         rate = sp.scale_force(sp.column_along(body.direction, P_rate), w.multiplier)
         rate = sp.add_force(rate, sp.scale_force(column, w.multiplier_rate))
         column = sp.scale_force(column, w.multiplier)
-        own = w.multiplier * sp.along(body.direction, rate) + w.multiplier_rate * sp.along(body.direction, column)
+        own = w.multiplier * sp.along(body.direction, rate) + w.multiplier_rate * sp.along(
+            body.direction, column
+        )
         Q_rate[d, d - start] += own + 2.0 * w.multiplier * w.multiplier_rate * w.armature
         rate = rate_inboard(bodies, i, qd, work, column, rate)
         column = joints.force_inboard(body, w, column)
@@ -137,7 +145,9 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
             product = work[j].multiplier * sp.along(bodies[j].direction, rate)
             product += work[j].multiplier_rate * sp.along(bodies[j].direction, column)
             if body.kind == records.VIRTUAL and j >= i - body.rank:
-                changing = work[j].multiplier_rate * w.multiplier + work[j].multiplier * w.multiplier_rate
+                changing = (
+                    work[j].multiplier_rate * w.multiplier + work[j].multiplier * w.multiplier_rate
+                )
                 product += changing * w.armature
             Q_rate[bodies[j].dof, d - start] += product
             Q_rate[d, bodies[j].dof - start] += product
@@ -168,8 +178,14 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     """Eliminate the degree of freedom that body i owns from 𝓜̇, after all later ones."""
     start, base = bodies[first].start, bodies[first].parent
     c = bodies[i].dof - start
-    D_rate, G, u = Q_rate[bodies[i].dof, c], records.force_of(work[i].G), records.force_of(work[i].u)
-    rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
+    D_rate, G, u = (
+        Q_rate[bodies[i].dof, c],
+        records.force_of(work[i].G),
+        records.force_of(work[i].u),
+    )
+    rest = sp.subtract_force(
+        u, sp.scale_force(G, D_rate)
+    )  # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
     for j in range(first, i):
         if is_leader(bodies, j):
             b = bodies[j].dof
@@ -180,7 +196,9 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
                 Q_rate[a, b - start] -= Q[a, c] * (g_rate - g * D_rate) + Q_rate[a, c] * g
     if base > 0:
         half = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
-        records.set_inertia(work[base].P_rate, sp.less_rank_two(records.inertia_of(work[base].P_rate), G, half))
+        records.set_inertia(
+            work[base].P_rate, sp.less_rank_two(records.inertia_of(work[base].P_rate), G, half)
+        )
 
 
 # --- Rates and moments through a group --------------------------------------------------------------------
@@ -260,7 +278,9 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
             continue
         moment = sp.along(body.direction, F)
         kappa[body.dof] = moment
-        F = joints.force_inboard(body, w, sp.subtract_force(F, sp.scale_force(records.force_of(w.G), moment)))
+        F = joints.force_inboard(
+            body, w, sp.subtract_force(F, sp.scale_force(records.force_of(w.G), moment))
+        )
         i = body.parent
 
 
@@ -308,7 +328,9 @@ def gather_bias(bodies, first, last, qd, rates, work, V, moments):
             joint = joints.turning(bodies, i)
             moment += body.armature * joints.ratio_rate(bodies, joint, rates, work)
         moments[body.dof] -= w.multiplier * moment
-        f = joints.force_inboard(body, w, sp.add_force(y, sp.inertia_times(P, records.motion_of(w.zeta))))
+        f = joints.force_inboard(
+            body, w, sp.add_force(y, sp.inertia_times(P, records.motion_of(w.zeta)))
+        )
         if body.parent >= first:
             records.add_to_force(work[body.parent].y, f)
         else:

@@ -72,7 +72,9 @@ def floating_placement(body, position, quaternion):
     """X of a floating body."""
     rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
     turned = sp.rotation_of_quaternion(quaternion[0], quaternion[1], quaternion[2], quaternion[3])
-    return sp.Placement(sp.product(rotation, turned), sp.add(translation, sp.apply(rotation, position)))
+    return sp.Placement(
+        sp.product(rotation, turned), sp.add(translation, sp.apply(rotation, position))
+    )
 
 
 @nk.kernel
@@ -88,7 +90,10 @@ def update_placement(body, q, w):
 
 @nk.large_kernel
 def _update_placement_general(body, q, w):
-    k, X = body.q, sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation))
+    k, X = (
+        body.q,
+        sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation)),
+    )
     if body.kind == records.PRISMATIC:
         X = placement(sp.LINEAR_Z, body, _position(body, q, w))
     elif body.rank == 0 and body.kind == records.PLANAR:
@@ -220,8 +225,12 @@ def ratio_rate(bodies, i, rates, work):
 @nk.kernel
 def zeta(bodies, i, rates, work):
     """ζ = V × v_J + S Ġ q̇ of the joint whose first body is i; V of all its bodies is known."""
-    turned = sp.cross_motion(records.motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates, work))
-    return sp.add_motion(turned, sp.motion_along(bodies[i].direction, ratio_rate(bodies, i, rates, work)))
+    turned = sp.cross_motion(
+        records.motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates, work)
+    )
+    return sp.add_motion(
+        turned, sp.motion_along(bodies[i].direction, ratio_rate(bodies, i, rates, work))
+    )
 
 
 @nk.kernel
@@ -235,7 +244,9 @@ def set_base_at_rest(work):
 @nk.kernel
 def set_base_acceleration(gravity, weight, work):
     """Gravity as an acceleration of the world, −g, times a weight."""
-    records.set_motion(work[0].acceleration, sp.Motion(sp.scale(records.vector_of(gravity), -weight), sp.ZERO))
+    records.set_motion(
+        work[0].acceleration, sp.Motion(sp.scale(records.vector_of(gravity), -weight), sp.ZERO)
+    )
 
 
 @nk.kernel
@@ -278,13 +289,17 @@ def moments_inward(bodies, work, tau):
 @nk.kernel
 def momentum(body, V):
     """I V."""
-    return sp.rigid_momentum(body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia), V)
+    return sp.rigid_momentum(
+        body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia), V
+    )
 
 
 @nk.kernel
 def init_articulated_inertia(body, w):
     """P of a body before its children have been added, and its size."""
-    own = sp.rigid_inertia(body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia))
+    own = sp.rigid_inertia(
+        body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia)
+    )
     records.set_inertia(w.P, own)
     records.set_inertia(w.P_rate, sp.NO_INERTIA)
     w.magnitude[0] = 3.0 * body.mass
@@ -327,7 +342,9 @@ def accumulate_scale(w, X, parent):
 @nk.kernel
 def propagate_inertia(w, G, column, X, parent):
     """Add Xᵀ τ̄P X to the parent's P, with τ̄P = P − G (P S)ᵀ (Algorithm 4.1)."""
-    records.add_to_inertia(parent.P, sp.inertia_to_parent(X, sp.less_rank_one(records.inertia_of(w.P), G, column)))
+    records.add_to_inertia(
+        parent.P, sp.inertia_to_parent(X, sp.less_rank_one(records.inertia_of(w.P), G, column))
+    )
 
 
 @nk.kernel

@@ -131,8 +131,15 @@ def integrate_positions(bodies, start, u, q):
                 R = sp.rotation_of_quaternion(turn[0], turn[1], turn[2], turn[3])
                 x, y, z, w = sp.quaternion_product(turn, sp.rotation_quaternion(U.angular))
                 length = math.sqrt(x * x + y * y + z * z + w * w)
-                q[k], q[k + 1], q[k + 2] = sp.add((start[k], start[k + 1], start[k + 2]), sp.apply(R, moved))
-                q[k + 3], q[k + 4], q[k + 5], q[k + 6] = x / length, y / length, z / length, w / length
+                q[k], q[k + 1], q[k + 2] = sp.add(
+                    (start[k], start[k + 1], start[k + 2]), sp.apply(R, moved)
+                )
+                q[k + 3], q[k + 4], q[k + 5], q[k + 6] = (
+                    x / length,
+                    y / length,
+                    z / length,
+                    w / length,
+                )
             else:
                 s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
                 q[k] = start[k] + c * moved[0] - s * moved[1]
@@ -147,9 +154,13 @@ def _log(body, start, end):
     if body.kind == records.FLOATING:
         back = (-start[k + 3], -start[k + 4], -start[k + 5], start[k + 6])
         R = sp.rotation_of_quaternion(start[k + 3], start[k + 4], start[k + 5], start[k + 6])
-        moved = sp.subtract((end[k], end[k + 1], end[k + 2]), (start[k], start[k + 1], start[k + 2]))
+        moved = sp.subtract(
+            (end[k], end[k + 1], end[k + 2]), (start[k], start[k + 1], start[k + 2])
+        )
         x, y, z, w = sp.quaternion_product(back, (end[k + 3], end[k + 4], end[k + 5], end[k + 6]))
-        return sp.screw_of_displacement(sp.apply_transposed(R, moved), sp.rotation_vector(x, y, z, w))
+        return sp.screw_of_displacement(
+            sp.apply_transposed(R, moved), sp.rotation_vector(x, y, z, w)
+        )
     s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
     x, y, turned = end[k] - start[k], end[k + 1] - start[k + 1], _wrapped(end[k + 2] - start[k + 2])
     return sp.screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))

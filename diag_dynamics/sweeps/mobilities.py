@@ -32,7 +32,29 @@ FRAMES = numba.from_dtype(FRAME)[::1]
 PLACES = np.zeros((6, 6), np.int64)
 """Where the field P has an entry of the symmetric matrix, by row and column."""
 
-PLACES[np.triu_indices(6)] = [0, 1, 2, 6, 7, 8, 3, 4, 9, 10, 11, 5, 12, 13, 14, 15, 16, 17, 18, 19, 20]
+PLACES[np.triu_indices(6)] = [
+    0,
+    1,
+    2,
+    6,
+    7,
+    8,
+    3,
+    4,
+    9,
+    10,
+    11,
+    5,
+    12,
+    13,
+    14,
+    15,
+    16,
+    17,
+    18,
+    19,
+    20,
+]
 
 # --- Between one frame and the next -------------------------------------------------------------------------
 
@@ -81,7 +103,9 @@ def _group_mobility(robot, i):
     for a in range(6):
         ws.clear(kappa[a])
         e = sp.motion_along((a + 3) % 6, 1.0)
-        groups.working_moments_of_wrench(bodies, i, work, table[0], sp.Force(e.linear, e.angular), kappa[a])
+        groups.working_moments_of_wrench(
+            bodies, i, work, table[0], sp.Force(e.linear, e.angular), kappa[a]
+        )
     for a in range(6):
         for b in range(a, 6):
             entry = 0.0

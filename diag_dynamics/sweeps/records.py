@@ -27,8 +27,14 @@ BODY = np.dtype(
         ("rank", "i8"),  # number of this degree of freedom within its joint, from 0
         ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
         ("dof", "i8"),  # index of its degree of freedom, or of its leader's
-        ("leader", "i8"),  # body that owns its degree of freedom: this one, or the leader of a mimic joint
-        ("multiplier", "f8"),  # position = multiplier q[q] + offset; 1 and 0 unless it follows, 0 if its ratio changes
+        (
+            "leader",
+            "i8",
+        ),  # body that owns its degree of freedom: this one, or the leader of a mimic joint
+        (
+            "multiplier",
+            "f8",
+        ),  # position = multiplier q[q] + offset; 1 and 0 unless it follows, 0 if its ratio changes
         ("offset", "f8"),
         ("first", "i8"),  # first and last body of its group
         ("last", "i8"),
@@ -79,10 +85,16 @@ WORK = np.dtype(
         ("W_rate", "f8", 6),
         ("zeta", "f8", 6),
         ("bias", "f8", 6),
-        ("multiplier", "f8"),  # rate = multiplier q̇[dof]: the body's own, or G of a ratio that changes
+        (
+            "multiplier",
+            "f8",
+        ),  # rate = multiplier q̇[dof]: the body's own, or G of a ratio that changes
         ("multiplier_rate", "f8"),
         ("offset", "f8"),  # of the position
-        ("couple", "i8"),  # of the world: addresses of couplings.couple and its table, 0 if no ratio changes
+        (
+            "couple",
+            "i8",
+        ),  # of the world: addresses of couplings.couple and its table, 0 if no ratio changes
         ("couplings", "i8"),
     ],
     align=True,
@@ -96,12 +108,17 @@ WIDTH = 8
 N_RESULTS = 9
 """Results of a degree of freedom that a batch keeps."""
 
-_LANE = np.dtype([(name, "f8", (length, WIDTH)) for name, length in SWEPT_FIELDS.items()], align=True)
+_LANE = np.dtype(
+    [(name, "f8", (length, WIDTH)) for name, length in SWEPT_FIELDS.items()], align=True
+)
 
 LANES = np.dtype(
     [
         ("own", _LANE),
-        ("parent", _LANE),  # a copy of the parent's motion, and contributions to its inertias and forces
+        (
+            "parent",
+            _LANE,
+        ),  # a copy of the parent's motion, and contributions to its inertias and forces
         ("position", "f8", (7, WIDTH)),
         ("rate", "f8", (6, WIDTH)),
         ("effort", "f8", (6, WIDTH)),
@@ -126,7 +143,9 @@ WRENCH = np.dtype(
 )
 """An external wrench at a point of a body, the point in the body's frame [m], force [N] and moment [N m]."""
 
-BODIES, LINKS = (types.Array(numba.from_dtype(record), 1, "C", readonly=True) for record in (BODY, LINK))
+BODIES, LINKS = (
+    types.Array(numba.from_dtype(record), 1, "C", readonly=True) for record in (BODY, LINK)
+)
 WRENCHES, WORKS = numba.from_dtype(WRENCH)[::1], numba.from_dtype(WORK)[::1]
 """Types of arrays of records."""
 

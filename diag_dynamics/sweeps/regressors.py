@@ -38,7 +38,9 @@ def propagate_motions(bodies, last, gravity, q, qd, work):
         body, w = bodies[i], work[i]
         X = joints.update_placement(body, q, w)
         joints.update_velocity(body, qd, work, w)
-        records.set_motion(w.acceleration, sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration)))
+        records.set_motion(
+            w.acceleration, sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
+        )
     return status
 
 
@@ -72,10 +74,18 @@ def _load_columns(bodies, frame, work, momentum, bias):
 @nk.kernel
 def _filter_columns(columns, share, interval):
     """Low-pass d/dt Y_p + Y_g − Y_∂ as the observer does: its mean over the interval is spread evenly."""
-    before, bias_before, momentum, bias, filtered = columns[0], columns[1], columns[2], columns[3], columns[4]
+    before, bias_before, momentum, bias, filtered = (
+        columns[0],
+        columns[1],
+        columns[2],
+        columns[3],
+        columns[4],
+    )
     for k in range(len(momentum)):
         for j in range(LOAD):
-            mean = (momentum[k, j] - before[k, j]) / interval + 0.5 * (bias_before[k, j] + bias[k, j])
+            mean = (momentum[k, j] - before[k, j]) / interval + 0.5 * (
+                bias_before[k, j] + bias[k, j]
+            )
             filtered[k, j] += share * (mean - filtered[k, j])
             before[k, j], bias_before[k, j] = momentum[k, j], bias[k, j]
 
@@ -139,7 +149,11 @@ def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, 
     the covariance of m r, `prior` the prior's information.
     """
     bodies, gravity, work, _ = ws.opened(robot)
-    if not (ws.lengths_match(robot, q, qd, torque) and joints.are_positions(bodies, q) and joints.are_finite(qd)):
+    if not (
+        ws.lengths_match(robot, q, qd, torque)
+        and joints.are_positions(bodies, q)
+        and joints.are_finite(qd)
+    ):
         return -1
     status = propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
     if status != 0:

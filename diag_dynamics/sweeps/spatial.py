@@ -183,13 +183,17 @@ def power(F, V):
 @nk.kernel
 def cross_motion(V, W):
     """V × W of two motions."""
-    return Motion(add(cross(V.angular, W.linear), cross(V.linear, W.angular)), cross(V.angular, W.angular))
+    return Motion(
+        add(cross(V.angular, W.linear), cross(V.linear, W.angular)), cross(V.angular, W.angular)
+    )
 
 
 @nk.kernel
 def cross_force(V, F):
     """V ×* F of a motion and a force; equal to −(V×)ᵀF."""
-    return Force(cross(V.angular, F.force), add(cross(V.angular, F.moment), cross(V.linear, F.force)))
+    return Force(
+        cross(V.angular, F.force), add(cross(V.angular, F.moment), cross(V.linear, F.force))
+    )
 
 
 @nk.kernel
@@ -246,7 +250,11 @@ def inertia_times(P, V):
 def inertia_to_parent(X, P):
     """XᵀP X: the child's inertia seen in the parent's frame."""
     r = X.translation
-    A, B, C = mirror(rotated(X.rotation, P.A)), rotated(X.rotation, P.B), mirror(rotated(X.rotation, P.C))
+    A, B, C = (
+        mirror(rotated(X.rotation, P.A)),
+        rotated(X.rotation, P.B),
+        mirror(rotated(X.rotation, P.C)),
+    )
     # [[A, B], [Bᵀ, C]] [[1, −r̃], [0, 1]] adds −A r̃ = (r̃ A)ᵀ to B and −Bᵀr̃ = (r̃ B)ᵀ to C
     shifted = matrix_sum(B, transpose(cross_columns(r, A)))
     C = matrix_sum(matrix_sum(C, transpose(cross_columns(r, B))), cross_columns(r, shifted))
@@ -280,9 +288,19 @@ def less_products(P, G, H, u):
 def less_rank_two(P, G, H):
     """P − G Hᵀ − H Gᵀ."""
     return Inertia(
-        mirror(matrix_difference(matrix_difference(P.A, outer(G.force, H.force)), outer(H.force, G.force))),
-        matrix_difference(matrix_difference(P.B, outer(G.force, H.moment)), outer(H.force, G.moment)),
-        mirror(matrix_difference(matrix_difference(P.C, outer(G.moment, H.moment)), outer(H.moment, G.moment))),
+        mirror(
+            matrix_difference(
+                matrix_difference(P.A, outer(G.force, H.force)), outer(H.force, G.force)
+            )
+        ),
+        matrix_difference(
+            matrix_difference(P.B, outer(G.force, H.moment)), outer(H.force, G.moment)
+        ),
+        mirror(
+            matrix_difference(
+                matrix_difference(P.C, outer(G.moment, H.moment)), outer(H.moment, G.moment)
+            )
+        ),
     )
 
 
@@ -373,7 +391,9 @@ SMALL = 1e-4
 def screw_functions(squared):
     """(1 − cos θ)/θ² and (θ − sin θ)/θ³, of θ²."""
     if squared < SMALL:
-        return 0.5 - squared * (1 / 24 - squared / 720), 1 / 6 - squared * (1 / 120 - squared / 5040)
+        return 0.5 - squared * (1 / 24 - squared / 720), 1 / 6 - squared * (
+            1 / 120 - squared / 5040
+        )
     angle = math.sqrt(squared)
     return (1.0 - math.cos(angle)) / squared, (angle - math.sin(angle)) / (squared * angle)
 
@@ -391,7 +411,11 @@ def rotation_quaternion(vector):
     """Unit quaternion (x, y, z, w) of a rotation vector."""
     squared = dot(vector, vector)
     half = 0.5 * math.sqrt(squared)
-    s = 0.5 - squared * (1 / 48 - squared / 3840) if squared < SMALL else 0.5 * math.sin(half) / half
+    s = (
+        0.5 - squared * (1 / 48 - squared / 3840)
+        if squared < SMALL
+        else 0.5 * math.sin(half) / half
+    )
     return (s * vector[0], s * vector[1], s * vector[2], math.cos(half))
 
 
@@ -473,7 +497,9 @@ def transport_along_z(direction, rate, P):
             mirror(matrix_sum(C, transpose(C))),
         )
     row = scale(P.A[0], 0.0)
-    return Inertia((row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B))))
+    return Inertia(
+        (row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B)))
+    )
 
 
 @nk.kernel
@@ -536,7 +562,10 @@ def sine_and_cosine(x):
     v, half = z * y, 0.5 * z
     p = SINE[1] + z * (SINE[2] + z * (SINE[3] + z * (SINE[4] + z * SINE[5])))
     s = y - ((z * (0.5 * t - v * p) - t) - v * SINE[0])
-    p = z * (COSINE[0] + z * (COSINE[1] + z * (COSINE[2] + z * (COSINE[3] + z * (COSINE[4] + z * COSINE[5])))))
+    p = z * (
+        COSINE[0]
+        + z * (COSINE[1] + z * (COSINE[2] + z * (COSINE[3] + z * (COSINE[4] + z * COSINE[5]))))
+    )
     rounded = 1.0 - half
     c = rounded + (((1.0 - rounded) - half) + (z * p - y * t))
     odd = n - 2.0 * ((0.5 * n + TO_NEAREST) - TO_NEAREST)

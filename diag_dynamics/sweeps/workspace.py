@@ -61,8 +61,13 @@ class Workspace:
         own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
         nv, widest = int(own.sum()), int(np.bincount(moving["first"][grouped]).max(initial=1))
-        nq = max((int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0)
-        self.bodies, self.gravity = np.ascontiguousarray(bodies), np.ascontiguousarray(gravity, dtype=np.float64)
+        nq = max(
+            (int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0
+        )
+        self.bodies, self.gravity = (
+            np.ascontiguousarray(bodies),
+            np.ascontiguousarray(gravity, dtype=np.float64),
+        )
         self.work, self.table = np.zeros(len(bodies), records.WORK), np.zeros((2, nv, widest))
         for name in ("multiplier", "offset"):
             self.work[name] = bodies[name]
@@ -85,7 +90,11 @@ class Workspace:
         self.robot = self._addresses.at
 
     def __reduce__(self):
-        return type(self), (self.bodies, self.gravity, self._tables)  # addresses would be those of the original
+        return type(self), (
+            self.bodies,
+            self.gravity,
+            self._tables,
+        )  # addresses would be those of the original
 
 
 robot_of = ROBOT.opened

@@ -43,7 +43,12 @@ class Template:
     """
 
     def __init__(self, message):
-        self._kind, self._bytes, self._parts, self._places = type(message).__name__, bytearray(), bytearray(), {}
+        self._kind, self._bytes, self._parts, self._places = (
+            type(message).__name__,
+            bytearray(),
+            bytearray(),
+            {},
+        )
         self._put(HEADER)
         self._add(message, "")
         size = len(self._bytes)
@@ -53,7 +58,10 @@ class Template:
         self.data[:] = self._bytes
         self.doubles = self.data[4 : 4 + (size - 4) // 8 * 8].view("<f8")
         self._meaningful = np.frombuffer(self._parts, dtype=bool)
-        self.numbers = {path: self.data[begin:end].view(kind) for path, (kind, begin, end) in self._places.items()}
+        self.numbers = {
+            path: self.data[begin:end].view(kind)
+            for path, (kind, begin, end) in self._places.items()
+        }
         is_text = self._meaningful.copy()
         for _, begin, end in self._places.values():
             is_text[begin:end] = False
@@ -108,7 +116,9 @@ class Template:
             elif len(value):
                 self._add_numbers(value, items[1], path)
         else:
-            raise InputError(f"{self._kind}.{path} is of type {kind}, of which no template is made.")
+            raise InputError(
+                f"{self._kind}.{path} is of type {kind}, of which no template is made."
+            )
 
     def _add_numbers(self, values, kind, path):
         numbers = np.array(values, dtype=_PRIMITIVES[kind])

@@ -81,7 +81,11 @@ class Field:
     def default(self, definitions):
         """Return the value in a new message."""
         if self.count is not None:
-            return [] if not self.count else [Field(f"{self.kind} x", "").default(definitions)] * self.count
+            return (
+                []
+                if not self.count
+                else [Field(f"{self.kind} x", "").default(definitions)] * self.count
+            )
         if self.is_primitive:
             return "" if self.kind == "string" else 0.0 if self.kind.startswith("float") else 0
         return message_type(self.kind, definitions)()
@@ -90,7 +94,9 @@ class Field:
 def fields_of(definition, package):
     """Return the fields of a definition without comments, constants and default values."""
     lines = (line.split("#")[0].strip() for line in definition.splitlines())
-    return [Field(" ".join(line.split()[:2]), package) for line in lines if line and "=" not in line]
+    return [
+        Field(" ".join(line.split()[:2]), package) for line in lines if line and "=" not in line
+    ]
 
 
 class _Standard(dict):
@@ -127,7 +133,8 @@ def message_type(kind, more=NO_OTHERS):
 
         def __init__(self, **values):
             super().__init__(
-                **{field.name: field.default(more) for field in fields if field.name not in values}, **values
+                **{field.name: field.default(more) for field in fields if field.name not in values},
+                **values,
             )
 
         @classmethod
@@ -148,7 +155,11 @@ def definition_with_parts(kind, more=NO_OTHERS):
     """Return the definitions of a type and of all types in it, in the format ``ros2msg``."""
     found = [kind]
     for one in found:
-        others = (field.kind for field in fields_of(more[one], one.split("/")[0]) if not field.is_primitive)
+        others = (
+            field.kind
+            for field in fields_of(more[one], one.split("/")[0])
+            if not field.is_primitive
+        )
         found += [other for other in dict.fromkeys(others) if other not in found]
     parts = [f"MSG: {one.replace('/msg/', '/')}\n{more[one]}\n" for one in found[1:]]
     return ("=" * 80 + "\n").join([f"{more[kind]}\n", *parts])
@@ -165,12 +176,18 @@ class Reader:
         if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
             raise ValueError("the encapsulation is not that of plain CDR")
         self._raw, self._at, self._widest = raw, 4, ALIGNMENT[raw[1]]
-        self.order, self.arrays, self.used = "<" if raw[1] % 2 else ">", {}, bytearray(b"\1\1" + bytes(len(raw) - 2))
+        self.order, self.arrays, self.used = (
+            "<" if raw[1] % 2 else ">",
+            {},
+            bytearray(b"\1\1" + bytes(len(raw) - 2)),
+        )
 
     def message(self, kind, more=NO_OTHERS):
         """Return the message of a type."""
         fields = fields_of(more[kind], kind.split("/")[0])
-        return message_type(kind, more)(**{field.name: self._field(field, more) for field in fields})
+        return message_type(kind, more)(
+            **{field.name: self._field(field, more) for field in fields}
+        )
 
     def _field(self, field, more):
         if field.count is None:
@@ -200,7 +217,9 @@ class Reader:
             raise ValueError("a text is longer than the message")
         self._at += count
         self.used[self._at - count : self._at] = b"\1" * count
-        return bytes(self._raw[self._at - count : self._at]).split(b"\0")[0].decode(errors="replace")
+        return (
+            bytes(self._raw[self._at - count : self._at]).split(b"\0")[0].decode(errors="replace")
+        )
 
     def _numbers(self, kind, count):
         dtype = np.dtype(kind if kind == "?" else self.order + kind)
@@ -233,5 +252,9 @@ def our_definitions():
     """Return the definitions of this package's messages by type; InputError if they are not found."""
     for folder in _folders():
         if found := sorted(folder.glob("*.msg")):
-            return definitions({f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found})
-    raise InputError(f"the definitions of this package's messages are in none of {', '.join(map(str, _folders()))}.")
+            return definitions(
+                {f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found}
+            )
+    raise InputError(
+        f"the definitions of this package's messages are in none of {', '.join(map(str, _folders()))}."
+    )

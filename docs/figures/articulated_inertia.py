@@ -27,7 +27,12 @@ def draw():
     axes.plot(np.degrees(elbow), rigid, color=INK, label="M₁₁: elbow and wrist held")
     axes.plot(np.degrees(elbow), free, color=COLOURS[0], label="D₁: elbow and wrist free")
     axes.fill_between(np.degrees(elbow), free, rigid, color=COLOURS[0], alpha=0.12, linewidth=0)
-    axes.set(xlabel="elbow angle [°]", ylabel="inertia at the shoulder [kg m²]", xlim=(0, 180), ylim=(0, None))
+    axes.set(
+        xlabel="elbow angle [°]",
+        ylabel="inertia at the shoulder [kg m²]",
+        xlim=(0, 180),
+        ylim=(0, None),
+    )
     axes.set_xticks(range(0, 181, 30))
     axes.legend(loc="upper right")
     return picture

@@ -26,7 +26,9 @@ class RecordedTop(top.Top):
             console = top.make_console(width=WIDTH, height=HEIGHT, record=True)
             frame = self._view.draw(self._shown(), self.time.steady(), WIDTH, HEIGHT)
             console.print(SegmentLines(frame, new_lines=True), end="")
-            console.save_svg(str(Path(__file__).parents[1] / "demo.svg"), title="diag-dynamics demo")
+            console.save_svg(
+                str(Path(__file__).parents[1] / "demo.svg"), title="diag-dynamics demo"
+            )
         return super().destroy_node()
 
 

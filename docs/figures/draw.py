@@ -31,7 +31,11 @@ def draw(folder=HERE):
     for name in FIGURES:
         with matplotlib.rc_context(RULES):
             picture = import_module(name).draw()
-            picture.savefig(Path(folder) / f"{name}.svg", transparent=True, metadata={"Date": None, "Creator": None})
+            picture.savefig(
+                Path(folder) / f"{name}.svg",
+                transparent=True,
+                metadata={"Date": None, "Creator": None},
+            )
 
 
 if __name__ == "__main__":

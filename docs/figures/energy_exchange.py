@@ -28,7 +28,9 @@ def draw():
     t, shares, flows = data()
     picture = figure(6.6, 3.6)
     above, below = picture.subplots(2, 1, sharex=True)
-    above.stackplot(t, shares.T, colors=COLOURS, alpha=0.75, labels=[f"½ν{k}²" for k in "₁₂₃"], linewidth=0)
+    above.stackplot(
+        t, shares.T, colors=COLOURS, alpha=0.75, labels=[f"½ν{k}²" for k in "₁₂₃"], linewidth=0
+    )
     above.plot(t, shares.sum(axis=1), color=INK, label="K")
     above.set(ylabel="energy [J]", ylim=(0, 1.25 * shares.sum(axis=1).max()))
     above.legend(ncols=4, loc="upper right")

@@ -19,11 +19,17 @@ def data():
 def draw():
     """Return the figure."""
     picture = figure(6.6, 3.2)
-    for axes, matrix, name in zip(picture.subplots(1, 2), data(), ("M", "m,  M = m mᵀ"), strict=True):
+    for axes, matrix, name in zip(
+        picture.subplots(1, 2), data(), ("M", "m,  M = m mᵀ"), strict=True
+    ):
         rows, columns = np.nonzero(np.abs(matrix) > 1e-9 * np.abs(matrix).max())
         size = np.abs(matrix[rows, columns]) / np.sqrt(np.abs(matrix).max())
         axes.scatter(columns, rows, s=9, marker="s", color=COLOURS[0], alpha=0.9, linewidths=0)
-        axes.set(title=f"{name}: {size.size} entries", xlim=(-0.5, len(matrix) - 0.5), ylim=(len(matrix) - 0.5, -0.5))
+        axes.set(
+            title=f"{name}: {size.size} entries",
+            xlim=(-0.5, len(matrix) - 0.5),
+            ylim=(len(matrix) - 0.5, -0.5),
+        )
         axes.set_aspect("equal")
         axes.set(xticks=[], yticks=[])
         axes.spines[["top", "right"]].set_visible(True)

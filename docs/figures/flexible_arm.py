@@ -22,20 +22,37 @@ def robots():
     }
     options = {"gravity": (0.0, 0.0, 0.0)}
     flexible = dd.load_urdf(urdf(), parameters={"flexible_joints": springs}, **options)
-    return flexible, dd.load_urdf(urdf(), armature=dict(zip(names, INERTIA, strict=True)), **options)
+    return flexible, dd.load_urdf(
+        urdf(), armature=dict(zip(names, INERTIA, strict=True)), **options
+    )
 
 
 def run(model):
     """Return the tip (T, 2) [m], and energies of links, motors and springs (T, 3) [J]; motors turn by 1 rad in 0.4 s."""
-    simulation, dynamics, rows = dd.Simulation(model, q=[0.0, 0.4, 0.4]), dd.FlexibleDynamics(model), []
+    simulation, dynamics, rows = (
+        dd.Simulation(model, q=[0.0, 0.4, 0.4]),
+        dd.FlexibleDynamics(model),
+        [],
+    )
     B = np.array(INERTIA)
     for t in np.arange(1200) * 1e-3:
         s = min(t / 0.4, 1.0)
-        wanted = np.array([0.0, 0.4, 0.4]) + np.array([1.0, -0.5, 0.5]) * s**3 * (10 - 15 * s + 6 * s * s)
-        theta, rate = (simulation.theta, simulation.thetad) if dynamics.names else (simulation.q, simulation.qd)
+        wanted = np.array([0.0, 0.4, 0.4]) + np.array([1.0, -0.5, 0.5]) * s**3 * (
+            10 - 15 * s + 6 * s * s
+        )
+        theta, rate = (
+            (simulation.theta, simulation.thetad)
+            if dynamics.names
+            else (simulation.q, simulation.qd)
+        )
         simulation.advance(4000.0 * B * (wanted - theta) - 120.0 * B * rate)
-        motors, springs = 0.5 * (dynamics.rotor_inertia @ simulation.thetad**2), simulation.elastic_energy
-        rows.append([*points(simulation.q)[-1], simulation.kinetic_energy - motors, motors, springs])
+        motors, springs = (
+            0.5 * (dynamics.rotor_inertia @ simulation.thetad**2),
+            simulation.elastic_energy,
+        )
+        rows.append(
+            [*points(simulation.q)[-1], simulation.kinetic_energy - motors, motors, springs]
+        )
     rows = np.array(rows)
     return rows[:, :2], rows[:, 2:]
 
@@ -49,7 +66,14 @@ def draw():
     above.plot(t, tip[:, 1], color=COLOURS[0], label="flexible arm")
     above.set(ylabel="tip y [m]")
     above.legend(loc="lower right")
-    below.stackplot(t, energies.T, colors=COLOURS, alpha=0.75, labels=("links", "motors", "springs"), linewidth=0)
+    below.stackplot(
+        t,
+        energies.T,
+        colors=COLOURS,
+        alpha=0.75,
+        labels=("links", "motors", "springs"),
+        linewidth=0,
+    )
     below.set(xlabel="time [s]", ylabel="energy [J]", xlim=(t[0], t[-1]))
     below.legend(loc="upper right")
     return picture

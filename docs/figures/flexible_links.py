@@ -20,7 +20,9 @@ START, TURN, TIME = np.array([-0.6, 0.4, 0.4]), np.array([1.2, 0.3, -0.3]), 0.8
 
 def robot():
     """Return the flexible arm; the torques are those that turn its rigid twin from rest to rest."""
-    links = {f"rod{k}": BENDING | {"tip": tip} for k, tip in ((1, "joint2"), (2, "joint3"), (3, "tip"))}
+    links = {
+        f"rod{k}": BENDING | {"tip": tip} for k, tip in ((1, "joint2"), (2, "joint3"), (3, "tip"))
+    }
     text = urdf().replace("</robot>", TIP)
     return dd.load_urdf(text, loops={"flexible_links": links}, gravity=(0.0, 0.0, 0.0))
 
@@ -59,7 +61,9 @@ def run():
         rows.append((sims[0].q, sims[1].q))
         for sim, own in zip(sims, (joints, slice(None)), strict=True):
             tau = np.zeros(sim.model.nv)
-            tau[own] = torque + STIFFNESS * (START + TURN * way - sim.q[own]) + DAMPING * TURN * rate
+            tau[own] = (
+                torque + STIFFNESS * (START + TURN * way - sim.q[own]) + DAMPING * TURN * rate
+            )
             sim.advance(tau)
     return arm, [np.array(part) for part in zip(*rows, strict=True)]
 
@@ -75,7 +79,9 @@ def draw():
     left.set(xlabel="x [m]", ylabel="y [m]", ylim=(-0.75, 1.05), aspect="equal")
     left.legend(loc="lower left")
     t = np.arange(len(q)) * 1e-3
-    apart = [1e3 * (curve(arm, one)[-1] - points(other)[-1]) for one, other in zip(q, rigid, strict=True)]
+    apart = [
+        1e3 * (curve(arm, one)[-1] - points(other)[-1]) for one, other in zip(q, rigid, strict=True)
+    ]
     for part, name, colour in zip(np.transpose(apart), "xy", COLOURS, strict=False):
         right.plot(t, part, color=colour, label=name)
     right.set(xlabel="time [s]", ylabel="tip less that of the rigid twin [mm]", xlim=(t[0], t[-1]))

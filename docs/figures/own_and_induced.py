@@ -31,14 +31,25 @@ def draw():
     held, free, total_held, total_free = data()
     picture = figure(6.6, 3.0)
     cases = (("joints 2 and 3 held", held, total_held), ("joints 2 and 3 free", free, total_free))
-    for axes, (name, rates, total) in zip(picture.subplots(1, 2, sharex=True, sharey=True), cases, strict=True):
+    for axes, (name, rates, total) in zip(
+        picture.subplots(1, 2, sharex=True, sharey=True), cases, strict=True
+    ):
         for part, alpha in ((0.0, 1.0), (0.5, 0.35), (1.0, 0.6)):
             place = points(POSTURE + part * MOMENT * rates)
-            axes.plot(*place.T, color=INK, alpha=alpha, linewidth=3.0 if part == 0.0 else 1.4, solid_capstyle="round")
+            axes.plot(
+                *place.T,
+                color=INK,
+                alpha=alpha,
+                linewidth=3.0 if part == 0.0 else 1.4,
+                solid_capstyle="round",
+            )
             if part in (0.0, 1.0):
                 for k in range(3):
                     axes.plot(*place[k], "o", color=COLOURS[k], alpha=alpha, markersize=6)
-        said = "\n".join(f"q̇{n} = {r:+.2f}   ξ{n} = {x:+.2f}" for n, r, x in zip("₁₂₃", rates, total, strict=True))
+        said = "\n".join(
+            f"q̇{n} = {r:+.2f}   ξ{n} = {x:+.2f}"
+            for n, r, x in zip("₁₂₃", rates, total, strict=True)
+        )
         axes.text(0.0, -0.12, said, va="top")
         axes.set_title(name)
         axes.set_aspect("equal")

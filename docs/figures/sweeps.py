@@ -24,7 +24,11 @@ def draw():
     picture = figure(6.6, 2.9)
     axes = picture.subplots()
     for k, x in enumerate(PLACES):
-        axes.add_patch(FancyBboxPatch((x - 0.6, 0.55), 1.2, 0.9, boxstyle="round,pad=0.1", fill=False, edgecolor=INK))
+        axes.add_patch(
+            FancyBboxPatch(
+                (x - 0.6, 0.55), 1.2, 0.9, boxstyle="round,pad=0.1", fill=False, edgecolor=INK
+            )
+        )
         axes.text(x, 1.0, ("base", "link i", "tip")[k], ha="center", va="center")
     for a, b in pairwise(PLACES):
         axes.plot([a + 0.7, b - 0.7], [1.0, 1.0], color=INK, linewidth=1.0)
@@ -33,7 +37,9 @@ def draw():
     for y, colour, passed, result, way in WAYS:
         for a, b in pairwise(PLACES):
             ends = [(a, y), (b, y)][::way]
-            arrow = FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=12, color=colour, shrinkA=4, shrinkB=4)
+            arrow = FancyArrowPatch(
+                *ends, arrowstyle="-|>", mutation_scale=12, color=colour, shrinkA=4, shrinkB=4
+            )
             axes.add_patch(arrow)
             axes.text((a + b) / 2, y + 0.12, passed, ha="center", va="bottom", color=colour)
         axes.text(9.1, y, result, ha="left", va="center", color=colour)

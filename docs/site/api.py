@@ -46,7 +46,9 @@ def summary(name):
 def page(name):
     """Return the text of the page of a public name."""
     value = getattr(diag_dynamics, name)
-    kind = "class" if inspect.isclass(value) else "module" if inspect.ismodule(value) else "function"
+    kind = (
+        "class" if inspect.isclass(value) else "module" if inspect.ismodule(value) else "function"
+    )
     options = {"class": "   :members:\n", "module": "   :members:\n", "function": ""}[kind]
     if kind == "class" and not issubclass(value, (Exception, tuple)):
         options += "   :inherited-members:\n"
@@ -83,7 +85,11 @@ def link_names(app, doctree):
     prefix = r"(?:dd\.)?" if document == "docs/library" else r"dd\."
     for literal in list(doctree.findall(nodes.literal)):
         match = re.fullmatch(prefix + r"(\w+)(?:\(.*\))?", literal.astext())
-        if match and match[1] in diag_dynamics.__all__ and not isinstance(literal.parent, nodes.reference):
+        if (
+            match
+            and match[1] in diag_dynamics.__all__
+            and not isinstance(literal.parent, nodes.reference)
+        ):
             kind = {"refdomain": "py", "reftype": "obj", "reftarget": f"diag_dynamics.{match[1]}"}
             link = pending_xref("", refdoc=document, refexplicit=True, refwarn=True, **kind)
             literal.replace_self(link)

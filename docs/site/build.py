@@ -20,8 +20,15 @@ def build(folder):
     """Write the site into a folder; returns the exit status."""
     if not REPORT.exists():
         command = [sys.executable, ROOT / "docs" / "sample_report.py"]
-        subprocess.run(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL, check=True)
-    kept = Path(folder).with_name(f"{Path(folder).name}-pages")  # what Sphinx has read, for the next time
+        subprocess.run(
+            command,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            stdout=subprocess.DEVNULL,
+            check=True,
+        )
+    kept = Path(folder).with_name(
+        f"{Path(folder).name}-pages"
+    )  # what Sphinx has read, for the next time
     options = ["-q", "-n", "-W", "-b", "html", "-c", str(HERE), "-d", str(kept)]
     return main([*options, str(ROOT), str(folder)])
 

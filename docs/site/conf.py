@@ -31,7 +31,13 @@ extensions = [
     "repository",
 ]
 root_doc = "docs/index"
-include_patterns = ["docs/*.md", "docs/api/*.md", "docs/howto/*.md", "benchmarks/results/*.md", "*.md"]
+include_patterns = [
+    "docs/*.md",
+    "docs/api/*.md",
+    "docs/howto/*.md",
+    "benchmarks/results/*.md",
+    "*.md",
+]
 exclude_patterns = ["build", "README.md", ".*", "*.egg-info", "test", "diag_dynamics"]
 
 myst_enable_extensions = ["dollarmath", "deflist"]

@@ -24,7 +24,9 @@ def write_excerpts(app, error):
     """Write all pages into one script, which site.js loads in a search page that was opened as a file."""
     if error or app.builder.format != "html":
         return
-    pages = {f"{name}.html": Path(app.outdir, f"{name}.html") for name in sorted(app.env.found_docs)}
+    pages = {
+        f"{name}.html": Path(app.outdir, f"{name}.html") for name in sorted(app.env.found_docs)
+    }
     texts = {name: excerpt(path) for name, path in pages.items()}
     script = f"window.PAGES = {json.dumps(texts, ensure_ascii=False)};\n"
     Path(app.outdir, "_static", "excerpts.js").write_text(script, encoding="utf-8")

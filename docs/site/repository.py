@@ -50,7 +50,9 @@ def open_live_pages(_app, doctree):
     """Have a link to a live page open it."""
     for link in list(doctree.findall(download_reference)):
         if f"docs/{link['reftarget']}" in LIVE:
-            link.replace_self(nodes.reference("", "", *link.children, refuri=link["reftarget"], internal=True))
+            link.replace_self(
+                nodes.reference("", "", *link.children, refuri=link["reftarget"], internal=True)
+            )
 
 
 def keep_bars(_app, _what, _name, _object, _options, lines):
@@ -61,7 +63,9 @@ def keep_bars(_app, _what, _name, _object, _options, lines):
 def read_plainly(_app, what, _name, _object, _options, lines):
     """Keep napoleon from taking a property's "K = ½|ν|²: of each state" for a type, and "q, qd : …" for one of two names."""
     if what in ("property", "attribute"):
-        lines.insert(0, "\\")  # which docutils takes for nothing, and napoleon for a first line without a colon
+        lines.insert(
+            0, "\\"
+        )  # which docutils takes for nothing, and napoleon for a first line without a colon
     if "Attributes" in lines:
         for k in range(lines.index("Attributes"), len(lines)):
             names, colon, kind = lines[k].partition(" : ")
@@ -71,7 +75,11 @@ def read_plainly(_app, what, _name, _object, _options, lines):
 
 def skip_aliases(_app, _what, _name, member, skip, _options):
     """Leave out what a named tuple says of its fields, "Alias for field number 0": the class has said what they are."""
-    return True if (getattr(member, "__doc__", None) or "").startswith("Alias for field number") else skip
+    return (
+        True
+        if (getattr(member, "__doc__", None) or "").startswith("Alias for field number")
+        else skip
+    )
 
 
 def break_names(_app, _page, _template, context, _doctree):
@@ -79,7 +87,9 @@ def break_names(_app, _page, _template, context, _doctree):
 
     def broken(cell):
         return re.sub(
-            r'(?<=<span class="pre">)[^<]{20,}', lambda name: re.sub(r"(::|[_./])(?=\w)", r"\1<wbr>", name[0]), cell[0]
+            r'(?<=<span class="pre">)[^<]{20,}',
+            lambda name: re.sub(r"(::|[_./])(?=\w)", r"\1<wbr>", name[0]),
+            cell[0],
         )
 
     if "body" in context:

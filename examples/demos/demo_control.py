@@ -36,14 +36,25 @@ REST, PUSH, RETURN, AT_REST = 1.0, 1.0, 2.5, 1e-3
 NAMESPACE = f"/demo_control_{os.getpid()}"
 QOS = f"qos_overrides.{NAMESPACE}/joint_states.subscription"
 SIMULATOR = {"lockstep": True, "rate": 500.0, "wrench_axes": "world", "wrench_timeout": 0.0}
-CONTROLLER = {"use_sim_time": True, "autostart": True, "robot_compensates_gravity": False, "check_time": 0.0}
-CONTROLLER |= {"max_state_age": 0.5, "hold_time": 1.0, "initial_mode": "damping", "controlled_link": "panda_hand"}
+CONTROLLER = {
+    "use_sim_time": True,
+    "autostart": True,
+    "robot_compensates_gravity": False,
+    "check_time": 0.0,
+}
+CONTROLLER |= {
+    "max_state_age": 0.5,
+    "hold_time": 1.0,
+    "initial_mode": "damping",
+    "controlled_link": "panda_hand",
+}
 MONITOR = {"use_sim_time": True, "effort_scale": ["*=1.0"], "effort_includes_gravity": ["*=true"]}
 MONITOR |= {"external_torque.gain": 50.0, "external_torque.threshold": THRESHOLD}
 NODES = {
     SimulatorNode: SIMULATOR | {"sensor_noise": [0.0, 0.001, 0.05]},
     ControllerNode: CONTROLLER | {"energy_limit": BOUND, "observer_gain": 200.0},
-    MonitorNode: MONITOR | {f"{QOS}.reliability": "reliable", f"{QOS}.depth": 5000},  # lockstep does not wait for it
+    MonitorNode: MONITOR
+    | {f"{QOS}.reliability": "reliable", f"{QOS}.depth": 5000},  # lockstep does not wait for it
 }
 
 
@@ -57,8 +68,12 @@ class PushNode(Node):
         self._status, self._story = ControllerStatus(), self._tell_story()
         self._condition = next(self._story)
         self._wrenches = self.create_publisher(WrenchStamped, "external_wrench", 10)
-        self.create_subscription(ControllerStatus, "diag_dynamics_controller/status", self._accept_status, 5000)
-        self.create_subscription(ExternalTorque, "diag_dynamics/external_torque", self._accept_torque, 5000)
+        self.create_subscription(
+            ControllerStatus, "diag_dynamics_controller/status", self._accept_status, 5000
+        )
+        self.create_subscription(
+            ExternalTorque, "diag_dynamics/external_torque", self._accept_torque, 5000
+        )
 
     def _tell_story(self):
         """Yield the conditions under which the demo goes on."""
@@ -104,10 +119,15 @@ class PushNode(Node):
 
     def _accept_torque(self, message):
         if message.valid:
-            stamp, before = seconds(message.header.stamp), bool(self.residuals and self.residuals[-1][2])
+            stamp, before = (
+                seconds(message.header.stamp),
+                bool(self.residuals and self.residuals[-1][2]),
+            )
             self.residuals.append((stamp, message.norm, message.collision))
             if self.begin and message.collision != before:
-                self._say(f"the monitor reports {'a' if message.collision else 'no'} collision", stamp)
+                self._say(
+                    f"the monitor reports {'a' if message.collision else 'no'} collision", stamp
+                )
 
     def _now(self):
         return seconds(self._status.header.stamp)
@@ -127,19 +147,33 @@ def seconds(stamp):
 def summarize(node):
     """Print what has happened; return the series of the picture, and whether all was as it should be."""
     commands, residuals = (np.array(rows, dtype=float) for rows in (node.commands, node.residuals))
-    commands, residuals = commands[commands[:, 0] >= node.begin], residuals[residuals[:, 0] >= node.begin]
+    commands, residuals = (
+        commands[commands[:, 0] >= node.begin],
+        residuals[residuals[:, 0] >= node.begin],
+    )
     (t, energy, limited, displacement), (r_t, norm, collision) = commands.T, residuals.T
     pushed, quiet = (t >= node.onset) & (t <= node.end), r_t < node.onset
     detected, over = r_t[~quiet & (collision > 0)], r_t[(r_t > node.end) & (collision == 0)]
     if not (len(detected) and len(over)) or collision[quiet].any():
         sys.exit("The push was not detected, or something else was.")
     delay, rest = 1e3 * (detected[0] - node.onset), 1e3 * (over[0] - node.end)
-    print(f"push of {FORCE:g} N for {node.end - node.onset:.2f} s: collision after {delay:.0f} ms, ", end="")
+    print(
+        f"push of {FORCE:g} N for {node.end - node.onset:.2f} s: collision after {delay:.0f} ms, ",
+        end="",
+    )
     print(f"over {rest:.0f} ms after its end")
-    print(f"|r| at most {norm.max():.1f} √J/s, before the push {norm[quiet].max():.1f}, threshold {THRESHOLD:g}")
-    print(f"K at most {energy.max():.4f} J, its bound {BOUND:g} J ({100 * (energy.max() / BOUND - 1):+.1f} %)")
-    print(f"during the push the limiter acted on {100 * limited[pushed].mean():.0f} % of the commands")
-    print(f"hand moved by {1e3 * displacement.max():.0f} mm, and back to within {1e3 * displacement[-1]:.1f} mm")
+    print(
+        f"|r| at most {norm.max():.1f} √J/s, before the push {norm[quiet].max():.1f}, threshold {THRESHOLD:g}"
+    )
+    print(
+        f"K at most {energy.max():.4f} J, its bound {BOUND:g} J ({100 * (energy.max() / BOUND - 1):+.1f} %)"
+    )
+    print(
+        f"during the push the limiter acted on {100 * limited[pushed].mean():.0f} % of the commands"
+    )
+    print(
+        f"hand moved by {1e3 * displacement.max():.0f} mm, and back to within {1e3 * displacement[-1]:.1f} mm"
+    )
     series = (t, energy, limited), (r_t, norm, collision), (t, 1e3 * displacement, limited)
     return series, energy.max() <= 1.05 * BOUND and limited[pushed].any()
 
@@ -160,7 +194,13 @@ def draw(path, node, series):
         axes.set(ylabel=title, ylim=(0.0, 1.35 * max(bound or 0.0, values.max())))
         if bound:
             axes.axhline(bound, color=color, lw=1.0, ls="--", label=f"{bound_label}, {bound:g}")
-            top = {"transform": axes.get_xaxis_transform(), "color": color, "alpha": 0.5, "lw": 0, "step": "post"}
+            top = {
+                "transform": axes.get_xaxis_transform(),
+                "color": color,
+                "alpha": 0.5,
+                "lw": 0,
+                "step": "post",
+            }
             axes.fill_between(t - node.onset, 0.94, 1.0, where=active > 0, label=strip, **top)
         axes.margins(x=0.0)
         axes.spines[["top", "right"]].set_visible(False)
@@ -177,11 +217,19 @@ def main(picture=None):
     def make_nodes():
         for kind, values in NODES.items():
             values = values | {"robot_description": str(find_urdf("panda"))}
-            nodes.append(kind(parameter_overrides=[Parameter(name, value=value) for name, value in values.items()]))
+            nodes.append(
+                kind(
+                    parameter_overrides=[
+                        Parameter(name, value=value) for name, value in values.items()
+                    ]
+                )
+            )
         nodes.append(PushNode())
         return nodes[:]
 
-    print("an arm, its controller and the monitor start; the push follows within seconds", flush=True)
+    print(
+        "an arm, its controller and the monitor start; the push follows within seconds", flush=True
+    )
     names = ["--ros-args", "-r", f"__ns:={NAMESPACE}", "-r", "/clock:=clock", "--log-level", "WARN"]
     status = run(make_nodes, ["demo_control", *names])
     if status or not nodes[-1].finished.done():

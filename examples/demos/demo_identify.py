@@ -19,7 +19,13 @@ from diag_dynamics.simulation.drives import Sensors
 ROBOTS = {
     "panda": ("panda_finger_joint1", "panda_finger_joint2"),
     "ur5_robot": (),
-    "tiago_no_hand": ("head_1_joint", "head_2_joint", "wheel_left_joint", "wheel_right_joint", "torso_lift_joint"),
+    "tiago_no_hand": (
+        "head_1_joint",
+        "head_2_joint",
+        "wheel_left_joint",
+        "wheel_right_joint",
+        "torso_lift_joint",
+    ),
 }
 """Robots, each with its locked joints."""
 
@@ -50,8 +56,12 @@ class Push(NamedTuple):
 def real_robot(model, error, seed):
     """Return a robot with other inertias than its model, and with friction and rotors of geared joints."""
     rng = np.random.default_rng(seed)
-    effort = np.where(np.isfinite(model.effort_limit) & (model.effort_limit > 0.0), model.effort_limit, 50.0)
-    speed = np.where(np.isfinite(model.velocity_limit) & (model.velocity_limit > 0.0), model.velocity_limit, 2.0)
+    effort = np.where(
+        np.isfinite(model.effort_limit) & (model.effort_limit > 0.0), model.effort_limit, 50.0
+    )
+    speed = np.where(
+        np.isfinite(model.velocity_limit) & (model.velocity_limit > 0.0), model.velocity_limit, 2.0
+    )
     damping, friction, offset, armature = rng.uniform(0.7, 1.3, (4, model.nv))
     values = {
         "damping": 0.04 * effort / speed * damping,
@@ -70,7 +80,10 @@ def record(robot, known, time, position, velocity, acceleration, pushes=(), erro
 
     The controller computes efforts by the model `known`; a spring bounds the error that unknown friction causes.
     """
-    simulation, dynamics = dd.Simulation(robot, q=position[0], step=STEP, order=1), dd.DiagonalDynamics(known)
+    simulation, dynamics = (
+        dd.Simulation(robot, q=position[0], step=STEP, order=1),
+        dd.DiagonalDynamics(known),
+    )
     sensors, stiffness = Sensors(**errors), 40.0 * np.maximum(robot.friction, 0.1)
     stamps = STEP * np.arange(round((time[-1] - time[0]) / STEP))
     motion = np.hstack([position, velocity, acceleration])
@@ -94,11 +107,17 @@ def random_pushes(robot, motion, rng):
     """Return pushes in random directions on links beyond the middle of the arm."""
     begins = motion.time[-1] * (np.arange(PUSHES) + rng.uniform(0.3, 0.7, PUSHES)) / PUSHES
     middle, pushes = len(robot.bodies) // 2, []
-    links = [name for name in robot.link_names if middle <= robot.placement_in_body(name)[0] < len(robot.bodies)]
+    links = [
+        name
+        for name in robot.link_names
+        if middle <= robot.placement_in_body(name)[0] < len(robot.bodies)
+    ]
     for begin in begins:
         direction = rng.normal(size=3)
         link = links[rng.integers(len(links))]
-        pushes.append(Push(link, begin, begin + DURATION, FORCE * direction / np.linalg.norm(direction)))
+        pushes.append(
+            Push(link, begin, begin + DURATION, FORCE * direction / np.linalg.norm(direction))
+        )
     return pushes
 
 
@@ -106,10 +125,17 @@ def judge(dynamics, thresholds, recording, pushes):
     """Return what a model makes of pushes: ratio to the threshold, delays, number of false alarms, kinetic energy."""
     observed = dd.observe(dynamics, recording, GAIN)
     detector = AlarmDetector(dynamics.model.dof_names, thresholds)
-    alarms = detector.judge(recording.stamp, observed.residual, observed.external_torque, observed.valid)
+    alarms = detector.judge(
+        recording.stamp, observed.residual, observed.external_torque, observed.valid
+    )
     begins = recording.t[alarms.begins]
-    first = [begins[(begins >= push.begin) & (begins < push.end + 0.1)][:1] - push.begin for push in pushes]
-    false = sum(not any(push.begin <= begin < push.end + 1.0 for push in pushes) for begin in begins)
+    first = [
+        begins[(begins >= push.begin) & (begins < push.end + 0.1)][:1] - push.begin
+        for push in pushes
+    ]
+    false = sum(
+        not any(push.begin <= begin < push.end + 1.0 for push in pushes) for begin in begins
+    )
     energy = dynamics.evaluate_batch(recording.q, recording.qd).kinetic_energy
     return (alarms.values / detector.limits).max(axis=1), np.concatenate(first), false, energy
 
@@ -129,7 +155,10 @@ def demonstrate(name, folder, error, seed):
     found = dd.identify(recorded("to_identify", motion), model, ("friction", "rotors", "inertias"))
     found.save(folder / f"{name}_arm.yaml")
     seeds = range(seed + 1, seed + 1 + MINUTES)
-    work = [dd.excite(model, "friction", trials=3, velocity=0.6, duration=60.0, seed=one) for one in seeds]
+    work = [
+        dd.excite(model, "friction", trials=3, velocity=0.6, duration=60.0, seed=one)
+        for one in seeds
+    ]
     free = [recorded(f"free_{k}", motion) for k, motion in enumerate(work)]
     pushes = random_pushes(robot, work[0], np.random.default_rng(seed))
     pushed, judged = recorded("pushed", work[0], pushes), []
@@ -142,10 +171,15 @@ def demonstrate(name, folder, error, seed):
     print(f"{name}: identified {', '.join(found.quality['taken'])} from 20 s of motion")
     shares = ["-" if share is None else f"{share:.2f}" for share in found.quality["explained"]]
     print(f"  variance of dK/dt explained: {shares[0]} with the URDF, {shares[1]} identified")
-    for what, (_, delays, false, estimate) in zip(("with the URDF", "identified"), judged, strict=True):
+    for what, (_, delays, false, estimate) in zip(
+        ("with the URDF", "identified"), judged, strict=True
+    ):
         off = 100.0 * np.sqrt(np.mean((estimate - energy) ** 2)) / energy.mean()
         late = f" after {1e3 * np.median(delays):.0f} ms" if len(delays) else ""
-        print(f"  {what}: {len(delays)} of {PUSHES} pushes detected{late}; {false} false alarms in a minute; ", end="")
+        print(
+            f"  {what}: {len(delays)} of {PUSHES} pushes detected{late}; {false} false alarms in a minute; ",
+            end="",
+        )
         print(f"error of the kinetic energy {off:.0f} % of its mean", flush=True)
     return name, pushed.t, pushes, judged, energy
 
@@ -156,9 +190,17 @@ def draw(results, path):
     grid = figure.subplots(len(results), 2, squeeze=False, width_ratios=[1.7, 1.0])
     for (alarms, energies), (name, t, pushes, judged, energy) in zip(grid, results, strict=True):
         for push in pushes:
-            alarms.axvspan(push.begin, push.end, color=PUSHED, lw=0, label="push" if push is pushes[0] else None)
+            alarms.axvspan(
+                push.begin,
+                push.end,
+                color=PUSHED,
+                lw=0,
+                label="push" if push is pushes[0] else None,
+            )
         part = t < 10.0
-        for (ratio, _, _, estimate), color, label in zip(judged, (BEFORE, AFTER), ("URDF", "identified"), strict=True):
+        for (ratio, _, _, estimate), color, label in zip(
+            judged, (BEFORE, AFTER), ("URDF", "identified"), strict=True
+        ):
             alarms.plot(t, np.maximum(ratio, 1e-3), color=color, lw=0.9, label=label)
             energies.plot(t[part], estimate[part], color=color, lw=1.2, label=label)
         energies.plot(t[part], energy[part], color=REAL, lw=1.2, ls="--", label="truth")
@@ -171,7 +213,9 @@ def draw(results, path):
             axes.margins(x=0.0)
             axes.spines[["top", "right"]].set_visible(False)
     for top, bottom, columns in zip(grid[0], grid[-1], (4, 3), strict=True):
-        top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.08), fontsize=8, frameon=False, ncols=columns)
+        top.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.08), fontsize=8, frameon=False, ncols=columns
+        )
         bottom.set_xlabel("time [s]")
     figure.savefig(path, dpi=120)
 
@@ -180,19 +224,30 @@ def main(arguments=None):
     """Run the demo; the status is 1 where the identified model detects fewer than nine of ten pushes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--robots", nargs="+", choices=ROBOTS, default=["panda"], help="default: panda; others need example-robot-data"
+        "--robots",
+        nargs="+",
+        choices=ROBOTS,
+        default=["panda"],
+        help="default: panda; others need example-robot-data",
     )
-    parser.add_argument("--error", type=float, default=0.3, help="relative error of inertias (default: 0.3)")
+    parser.add_argument(
+        "--error", type=float, default=0.3, help="relative error of inertias (default: 0.3)"
+    )
     parser.add_argument("--seed", type=int, default=1, help="of random numbers (default: 1)")
     parser.add_argument("--picture", metavar="PICTURE.png", help="file for the picture")
-    parser.add_argument("--keep", metavar="FOLDER", help="folder for recordings, arm.yaml and alarms.yaml")
+    parser.add_argument(
+        "--keep", metavar="FOLDER", help="folder for recordings, arm.yaml and alarms.yaml"
+    )
     chosen = parser.parse_args(arguments)
     results = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(chosen.keep or temporary)
         folder.mkdir(parents=True, exist_ok=True)
         for name in chosen.robots:
-            print(f"{name}: simulation, identification and calibration take twenty seconds …", file=sys.stderr)
+            print(
+                f"{name}: simulation, identification and calibration take twenty seconds …",
+                file=sys.stderr,
+            )
             results.append(demonstrate(name, folder, chosen.error, chosen.seed))
     if chosen.picture:
         draw(results, chosen.picture)

@@ -29,10 +29,14 @@ class MovingRobot:
     def __init__(self, model, rate=500.0):
         self.model, self.rate, self._dynamics = model, rate, dd.DiagonalDynamics(model)
         indices = {name: k for k, name in enumerate(model.coordinate_names)}
-        self._indices = [(k, indices[name]) for k, name in enumerate(model.dof_names) if name in indices]
+        self._indices = [
+            (k, indices[name]) for k, name in enumerate(model.dof_names) if name in indices
+        ]
         bounded = np.isfinite(model.lower) & np.isfinite(model.upper)
         span = np.where(bounded, model.upper - model.lower, 2.0)
-        self._centre = np.where(bounded, np.where(bounded, model.lower, 0.0) + 0.5 * span, model.neutral)
+        self._centre = np.where(
+            bounded, np.where(bounded, model.lower, 0.0) + 0.5 * span, model.neutral
+        )
         self._amplitude = np.minimum(0.35 * span, 0.7)
         self._limits = (*np.full(model.nv, 12.0), math.inf, 8.0)
         self._dynamics.epsilon_from_tau(*self.state(0.0)[:2])  # compiled before time begins
@@ -49,7 +53,12 @@ class MovingRobot:
         phase = (t % PERIOD) / DURATION
         force = FORCE * math.sin(math.pi * phase) if phase < 1.0 else 0.0
         external = dynamics.jacobian(q, end_effector_link(self.model), frame="world")[1] * force
-        return q, qd, dynamics.inverse_dynamics(q, qd, qdd) + dynamics.friction_torque(qd, q) - external, external
+        return (
+            q,
+            qd,
+            dynamics.inverse_dynamics(q, qd, qdd) + dynamics.friction_torque(qd, q) - external,
+            external,
+        )
 
     def take(self, dynamics):
         """Return the newest state for the stream, or None."""
@@ -61,8 +70,14 @@ class MovingRobot:
         q, qd, tau, external = self.state(t)
         residual = dynamics.epsilon_from_tau(q, external)
         norm = float(np.linalg.norm(residual))
-        collision = bool((np.abs([*external, norm]) > [*self._limits[: self.model.nv], self._limits[-1]]).any())
-        observed = {"residual": residual[None], "external_torque": external[None], "norm": np.array([norm])}
+        collision = bool(
+            (np.abs([*external, norm]) > [*self._limits[: self.model.nv], self._limits[-1]]).any()
+        )
+        observed = {
+            "residual": residual[None],
+            "external_torque": external[None],
+            "norm": np.array([norm]),
+        }
         state = self._first_stamp + t, q, qd, tau, dynamics.evaluate(q, qd, tau)
         states = States.of(*state, **observed, collision=collision, latency=now - t)
         return Received(states, self._first_clock + t, count, self._limits)
@@ -81,11 +96,19 @@ def make_stream(urdf, rate, name):
 def main():
     """Serve moving robots until Ctrl-C."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("robots", nargs="*", default=["panda"], help="example robots, or paths of URDFs")
-    parser.add_argument("--rate", type=float, default=500.0, help="states per second (default: 500)")
+    parser.add_argument(
+        "robots", nargs="*", default=["panda"], help="example robots, or paths of URDFs"
+    )
+    parser.add_argument(
+        "--rate", type=float, default=500.0, help="states per second (default: 500)"
+    )
     parser.add_argument("--port", type=int, default=8420, help="0: any free one (default: 8420)")
     chosen = parser.parse_args()
-    names = ["/"] if len(chosen.robots) == 1 else [f"/{robot}_{k}" for k, robot in enumerate(chosen.robots)]
+    names = (
+        ["/"]
+        if len(chosen.robots) == 1
+        else [f"/{robot}_{k}" for k, robot in enumerate(chosen.robots)]
+    )
     robots = zip(chosen.robots, names, strict=True)
     streams = [make_stream(find_urdf(robot), chosen.rate, name) for robot, name in robots]
     server = PageServer(lambda: streams, "127.0.0.1", chosen.port)

@@ -25,7 +25,9 @@ from motions import recorded
 NAMES = ("shoulder", "elbow", "wrist")
 MS = 1_000_000  # [ns]
 PERIOD = 10 * MS
-THRESHOLDS = dd.AlarmThresholds({"shoulder": 10.0, "elbow": 5.0, "wrist": 1.0}, 12.0, 20.0, hold_off=0.5)
+THRESHOLDS = dd.AlarmThresholds(
+    {"shoulder": 10.0, "elbow": 5.0, "wrist": 1.0}, 12.0, 20.0, hold_off=0.5
+)
 
 
 def columns(seconds, torque=()):
@@ -81,13 +83,23 @@ def test_norms_without_a_joint():
 
 def test_release_and_hold_off():
     """Above 0.7 of a threshold the alarm stays on; a rise within half a second belongs to it, a later one does not."""
-    pushes = [(1.0, 1.1, 0, 11.0), (1.1, 1.4, 0, 7.5), (1.4, 1.5, 0, 6.9), (1.8, 1.9, 0, 12.0), (3.0, 3.1, 0, 13.0)]
+    pushes = [
+        (1.0, 1.1, 0, 11.0),
+        (1.1, 1.4, 0, 7.5),
+        (1.4, 1.5, 0, 6.9),
+        (1.8, 1.9, 0, 12.0),
+        (3.0, 3.1, 0, 13.0),
+    ]
     stamps, r, torque = columns(6.0, pushes)
     alarms, on = detect(THRESHOLDS, stamps, r, torque)
     assert spans(alarms) == [(1.0, 1.89), (3.0, 3.09)]
     assert alarms[0].exceeded[0].value == 12.0
-    assert np.array_equal(on, between(stamps, 1.0, 1.4) | between(stamps, 1.8, 1.9) | between(stamps, 3.0, 3.1))
-    data = columns(4.0, [(1.0, 1.2, 0, 11.0), (0.0, 4.0, 1, 4.0)])  # a joint below its own threshold holds no alarm
+    assert np.array_equal(
+        on, between(stamps, 1.0, 1.4) | between(stamps, 1.8, 1.9) | between(stamps, 3.0, 3.1)
+    )
+    data = columns(
+        4.0, [(1.0, 1.2, 0, 11.0), (0.0, 4.0, 1, 4.0)]
+    )  # a joint below its own threshold holds no alarm
     assert spans(detect(dd.AlarmThresholds(THRESHOLDS.joints), *data)[0]) == [(1.0, 1.19)]
 
 
@@ -111,7 +123,9 @@ def test_a_standing_torque_ends_its_alarm():
     stamps, r, torque = columns(70.0, [(5.0, 65.0, 1, 12.5)])
     ((start, end),) = spans(detect(THRESHOLDS, stamps, r, torque)[0])
     assert 2.0 < end - start < 5.0
-    assert spans(detect(replace(THRESHOLDS, standing=np.inf), stamps, r, torque)[0]) == [(5.0, 64.99)]
+    assert spans(detect(replace(THRESHOLDS, standing=np.inf), stamps, r, torque)[0]) == [
+        (5.0, 64.99)
+    ]
     after = between(stamps, 5.0, 70.0)
     for time_constant in (1.0, 3.0, 10.0):  # stiction that decays is one alarm
         torque[after, 1] = 12.5 * np.exp(-(1e-9 * stamps[after] - 5.0) / time_constant)
@@ -121,12 +135,19 @@ def test_a_standing_torque_ends_its_alarm():
 
 def test_a_push_upon_a_standing_torque_is_an_alarm():
     """At its full threshold; and so is one after the standing torque."""
-    pushes = [(5.0, 40.0, 1, 12.5), (30.0, 30.2, 1, 18.0), (35.0, 35.2, 0, 10.5), (50.0, 50.2, 1, 5.5)]
+    pushes = [
+        (5.0, 40.0, 1, 12.5),
+        (30.0, 30.2, 1, 18.0),
+        (35.0, 35.2, 0, 10.5),
+        (50.0, 50.2, 1, 5.5),
+    ]
     alarms, _ = detect(THRESHOLDS, *columns(60.0, pushes))
     assert [alarm.start for alarm in alarms] == [int(5e9), int(30e9), int(35e9), int(50e9)]
     assert [alarm.joints for alarm in alarms] == [("elbow",), ("elbow",), ("shoulder",), ("elbow",)]
     stamps, r, torque = columns(60.0, [(5.0, 60.0, 1, 12.5)])
-    torque[:, 1] += np.clip(1e-9 * stamps - 20.0, 0.0, 30.0) * 0.2  # and so is a slow rise, each time it has grown
+    torque[:, 1] += (
+        np.clip(1e-9 * stamps - 20.0, 0.0, 30.0) * 0.2
+    )  # and so is a slow rise, each time it has grown
     assert len(detect(THRESHOLDS, stamps, r, torque)[0]) == 4
 
 
@@ -141,13 +162,17 @@ def test_states_one_by_one_have_the_alarms_of_columns():
     torque[between(stamps, 20.0, 40.0), 1] += 9.0
     valid, restarts = rng.random(len(stamps)) >= 0.002, np.arange(len(stamps)) == 4321
     velocity = 0.03 * (1.0 + np.sin(1e-9 * stamps)[:, None]) * rng.random((len(stamps), 3))
-    thresholds = replace(THRESHOLDS, rest_joints={"elbow": 4.0, "shoulder": 9.0}, rest_external_torque=11.0)
+    thresholds = replace(
+        THRESHOLDS, rest_joints={"elbow": 4.0, "shoulder": 9.0}, rest_external_torque=11.0
+    )
     columns_of = stamps, r, torque, valid, restarts
     whole = dd.AlarmDetector(NAMES, thresholds).judge(*columns_of, velocity=velocity)
     alarms = Alarms(dd.AlarmDetector(NAMES, thresholds))
     alarms.add_states(stamps, np.linalg.norm(r, axis=1), whole)
     expected = alarms.found
-    assert whole.begins.sum() == len(expected) > 5 and any("change" in one.first for one in expected)
+    assert whole.begins.sum() == len(expected) > 5 and any(
+        "change" in one.first for one in expected
+    )
     for size in (1, 37, 1000):
         detector, parts = dd.AlarmDetector(NAMES, thresholds), []
         alarms = Alarms(detector)
@@ -161,7 +186,9 @@ def test_states_one_by_one_have_the_alarms_of_columns():
         assert alarms.found == expected
     some = np.flatnonzero(valid)[:500]
     rows = r[some], torque[some], velocity[some]
-    whole = dd.AlarmDetector(NAMES, thresholds).judge(stamps[some], *rows[:2], valid[some], velocity=rows[2])
+    whole = dd.AlarmDetector(NAMES, thresholds).judge(
+        stamps[some], *rows[:2], valid[some], velocity=rows[2]
+    )
     single = dd.AlarmDetector(NAMES, thresholds)
     assert whole.alarm.tolist() == [
         single.update(stamps[k] * 1e-9, r[k], torque[k], velocity[k]).alarm[0] for k in some
@@ -169,7 +196,13 @@ def test_states_one_by_one_have_the_alarms_of_columns():
 
 
 def test_limits_of_joints():
-    wrong = {"external_torque": 0.0, "norm": -1.0, "release": 1.5, "hold_off": -1.0, "standing": 0.0}
+    wrong = {
+        "external_torque": 0.0,
+        "norm": -1.0,
+        "release": 1.5,
+        "hold_off": -1.0,
+        "standing": 0.0,
+    }
     wrong |= {"rest_external_torque": 0.0, "rest_joints": {"elbow": 0.0}}
     for key, value in (*wrong.items(), ("joints", {"elbow": -1.0}), ("joints", {"elbow": np.nan})):
         with pytest.raises(InputError, match="elbow" if "joints" in key else key):
@@ -185,7 +218,9 @@ def test_limits_of_joints():
 # --- At rest
 
 
-REST = dd.AlarmThresholds({"elbow": 5.0}, release=0.7, hold_off=0.5, rest_joints={"elbow": 1.0, "wrist": 0.5})
+REST = dd.AlarmThresholds(
+    {"elbow": 5.0}, release=0.7, hold_off=0.5, rest_joints={"elbow": 1.0, "wrist": 0.5}
+)
 
 
 def judge_rest(torque, speed, period=10 * MS, stamps=None, thresholds=REST, **options):
@@ -207,7 +242,12 @@ def judge_rest(torque, speed, period=10 * MS, stamps=None, thresholds=REST, **op
         (0.0, 5.2, 0.051, True),
         (4.0, 1.2, 0.0, True),  # upon stiction
         (4.0, 0.9, 0.0, False),
-        (9.0, 0.9, 0.0, True),  # stiction above the threshold of motion is one alarm until it counts as an offset
+        (
+            9.0,
+            0.9,
+            0.0,
+            True,
+        ),  # stiction above the threshold of motion is one alarm until it counts as an offset
         (-4.0, 1.2, 0.0, True),
     ],
 )
@@ -228,7 +268,12 @@ def test_a_push_at_rest_is_one_alarm():
     """While it lasts, also if it ends, if it sets the arm in motion, or begins in motion; a torque that stays ends it."""
     t = 0.01 * np.arange(1200)
     later = (t > 5.3) & (t < 7.0)
-    for moving, force, lasts in ((t < 0, 1.5, 6.49), (later, 1.5, 5.8), (later, 8.0, 6.49), (t < 5.4, 8.0, 7.0)):
+    for moving, force, lasts in (
+        (t < 0, 1.5, 6.49),
+        (later, 1.5, 5.8),
+        (later, 8.0, 6.49),
+        (t < 5.4, 8.0, 7.0),
+    ):
         _, judged = judge_rest(force * ((t >= 5.0) & (t < 6.5)), 0.2 * moving)
         assert judged.begins.sum() == 1 and judged.begins[500]
         begin, end = t[judged.alarm][[0, -1]]
@@ -236,8 +281,13 @@ def test_a_push_at_rest_is_one_alarm():
         assert np.array_equal(judged.alarm, (t >= begin - 1e-9) & (t <= end + 1e-9))
     for force in (1.5, -40.0):
         push = force * (t >= 4.0)
-        _, judged = judge_rest(push + 1.2 * ((t >= 8.0) & (t < 8.2)), 0.0 * t, thresholds=replace(REST, joints={}))
-        assert np.flatnonzero(judged.begins).tolist() == [400, 800]  # the torque stays, and a further push is another
+        _, judged = judge_rest(
+            push + 1.2 * ((t >= 8.0) & (t < 8.2)), 0.0 * t, thresholds=replace(REST, joints={})
+        )
+        assert np.flatnonzero(judged.begins).tolist() == [
+            400,
+            800,
+        ]  # the torque stays, and a further push is another
         assert not judged.alarm[(t > 6.3) & (t < 8.0)].any()
         _, judged = judge_rest(push * (t < 9.0), 0.0 * t, thresholds=replace(REST, joints={}))
         assert judged.begins.sum() == 1  # it ends where it was before
@@ -254,12 +304,16 @@ def test_changes_are_by_time():
     )
     for period in steps:
         stamps = np.cumsum(period).astype(np.int64)
-        _, judged = judge_rest(3.0 * stamps * 1e-9, np.zeros(len(stamps)), stamps=stamps, thresholds=slow)
+        _, judged = judge_rest(
+            3.0 * stamps * 1e-9, np.zeros(len(stamps)), stamps=stamps, thresholds=slow
+        )
         assert judged.rest[-1] and not judged.begins.any()
         np.testing.assert_allclose(judged.changes[judged.rest, 1], 0.6, rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["gap", "no result", "restart", "back", "stale", "motion", "unknown"])
+@pytest.mark.parametrize(
+    "kind", ["gap", "no result", "restart", "back", "stale", "motion", "unknown"]
+)
 def test_what_is_no_change(kind):
     """After a gap, a state without a result, a restart or motion, another torque is no change; a repeated state is none."""
     t = 0.01 * np.arange(600)
@@ -307,7 +361,9 @@ def test_alarms_at_rest_have_names():
     alarms = Alarms(dd.AlarmDetector(NAMES, REST))
     alarms.add_states(stamps, np.zeros(len(t)), judged)
     (alarm,) = alarms.found
-    assert (alarm.joints, alarm.first) == (("elbow",), "elbow (change)") and alarm.exceeded[0].value == 2.5
+    assert (alarm.joints, alarm.first) == (("elbow",), "elbow (change)") and alarm.exceeded[
+        0
+    ].value == 2.5
     assert alarm.describe() == "elbow changed by 2.5 N m > 1"
     assert alarms.judged == ("elbow", "elbow (change)", "wrist (change)")
     assert judged.joints[200].tolist() == [False, True, False]
@@ -332,7 +388,9 @@ def noise(rng, seconds, heavy=False, jerks=()):
     return np.arange(count) * (10**9 // HZ), x * R_SPREAD, x * TORQUE_SPREAD
 
 
-def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=True, velocity=None, **options):
+def calibrate(
+    stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=True, velocity=None, **options
+):
     """Return the Calibration of residuals that come in parts, of recordings of equal length."""
     collected, valid = residuals.Residuals(len(FOUR)), np.ones(len(stamps), dtype=bool)
     for first in range(0, len(stamps), min(part, len(stamps) // recordings)):
@@ -344,11 +402,14 @@ def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=
     with pytest.MonkeyPatch.context() as patch:
         if not factor:
             patch.setattr(calibration, "FACTORS", [1.0])
-        return calibrate_residuals(collected, FOUR, rate, dd.AlarmThresholds(), gain=25.0, friction=False, **options)
+        return calibrate_residuals(
+            collected, FOUR, rate, dd.AlarmThresholds(), gain=25.0, friction=False, **options
+        )
 
 
 @pytest.mark.parametrize(
-    ("seconds", "rate", "method", "heavy"), [(200, 1 / 60, "tail", True), (600, 0.1, "counted", False)]
+    ("seconds", "rate", "method", "heavy"),
+    [(200, 1 / 60, "tail", True), (600, 0.1, "counted", False)],
 )
 def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
     """Of unseen noise, on average over eight calibrations; each of them is near, and its interval contains the rate."""
@@ -356,9 +417,13 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
     for seed in range(8):
         rng = np.random.default_rng(seed)
         found = calibrate(*noise(rng, seconds, heavy), rate=rate)
-        assert found.method == method and (method == "tail" or found.peaks == int(rate * found.duration))
+        assert found.method == method and (
+            method == "tail" or found.peaks == int(rate * found.duration)
+        )
         stamps, r, torque = noise(rng, 1000, heavy)
-        judged = dd.AlarmDetector(FOUR, found).judge(stamps, r, torque, np.ones(len(stamps), dtype=bool))
+        judged = dd.AlarmDetector(FOUR, found).judge(
+            stamps, r, torque, np.ones(len(stamps), dtype=bool)
+        )
         ratios.append(judged.begins.sum() / (1000 * rate))
         low, high = found.rate_interval
         inside += low <= rate <= high
@@ -372,7 +437,9 @@ def test_one_jerk_is_one_alarm():
     limits, expected = (found.limits(FOUR).tolist() for found in (with_jerk, without))
     assert limits == pytest.approx(expected, rel=0.12)
     assert with_jerk.alarms == without.alarms + 1 and with_jerk.held_out >= 1
-    ratios = [without.joints[name] / spread for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True)]
+    ratios = [
+        without.joints[name] / spread for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True)
+    ]
     assert max(ratios) < 1.25 * min(ratios)
 
 
@@ -390,9 +457,13 @@ def test_each_part_is_held_out():
         found = calibrate(*columns, rate=0.1, recordings=number, factor=False)
         assert found.held_out == held_out > 10
         assert found.parts == ("5 parts of the time" if number == 1 else "4 recordings")
-        assert found.describe_rate().endswith(f": {held_out} alarms in {found.duration:.4g} s, by {found.parts}.")
+        assert found.describe_rate().endswith(
+            f": {held_out} alarms in {found.duration:.4g} s, by {found.parts}."
+        )
         low, high = (60.0 * one / found.duration for one in poisson_interval(found.held_out))
-        assert f"{60.0 * found.rate:.3g}/min ({low:.3g}/min to {high:.3g}/min" in found.describe_rate()
+        assert (
+            f"{60.0 * found.rate:.3g}/min ({low:.3g}/min to {high:.3g}/min" in found.describe_rate()
+        )
 
 
 def test_recordings_that_differ_raise_the_thresholds():
@@ -407,12 +478,18 @@ def test_recordings_that_differ_raise_the_thresholds():
         )
 
     for _ in range(6):
-        some = [np.concatenate(column) for column in zip(*(recording(60) for _ in range(6)), strict=True)]
+        some = [
+            np.concatenate(column)
+            for column in zip(*(recording(60) for _ in range(6)), strict=True)
+        ]
         some[0] = np.arange(len(some[0])) * (10**9 // HZ)
         others = [recording(60) for _ in range(20)]
         for factor, found in rates.items():
             thresholds = calibrate(*some, rate=0.05, recordings=6, factor=factor)
-            judged = [dd.AlarmDetector(FOUR, thresholds).judge(*one, np.ones(6000, dtype=bool)) for one in others]
+            judged = [
+                dd.AlarmDetector(FOUR, thresholds).judge(*one, np.ones(6000, dtype=bool))
+                for one in others
+            ]
             found.append(sum(one.begins.sum() for one in judged) / (20 * 60 * 0.05))
     assert np.mean(rates[True]) < 1.3 < np.mean(rates[False]), rates
 
@@ -421,7 +498,9 @@ def test_warnings_of_the_recording():
     """A short recording cannot show a rate below −ln 0.05 alarms in its time; a rough part exceeds other thresholds."""
     found = calibrate(*noise(np.random.default_rng(3), 60))
     assert found.vouched == pytest.approx(-math.log(0.05) / 59.99, rel=1e-6)
-    assert any("too short" in text and "3/min" in text and "180 s" in text for text in found.warnings)
+    assert any(
+        "too short" in text and "3/min" in text and "180 s" in text for text in found.warnings
+    )
     assert not calibrate(*noise(np.random.default_rng(3), 200)).warnings
     with pytest.raises(InputError, match="too few"):
         calibrate(*noise(np.random.default_rng(3), 0.5))
@@ -431,7 +510,8 @@ def test_warnings_of_the_recording():
     r[24_000:], torque[24_000:] = 1.5 * r[24_000:], 1.5 * torque[24_000:]
     found = calibrate(stamps, r, torque)
     assert (
-        any("parts of the recordings differ" in text for text in found.warnings) and found.held_out > 2 * found.alarms
+        any("parts of the recordings differ" in text for text in found.warnings)
+        and found.held_out > 2 * found.alarms
     )
 
 
@@ -465,7 +545,10 @@ def test_rest_has_thresholds_of_its_own(tmp_path, monkeypatch):
     rng, rate = np.random.default_rng(1), 0.1
     columns = stopping(rng, 600)
     *columns, velocity = columns
-    found, without = calibrate(*columns, rate=rate, velocity=velocity), calibrate(*columns, rate=rate)
+    found, without = (
+        calibrate(*columns, rate=rate, velocity=velocity),
+        calibrate(*columns, rate=rate),
+    )
     assert found.rest == pytest.approx(600 * 2.5 / 6, rel=0.02) and without.rest == 0.0
     assert not without.rest_joints and without.rest_external_torque == math.inf
     for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True):
@@ -475,7 +558,9 @@ def test_rest_has_thresholds_of_its_own(tmp_path, monkeypatch):
     counts = []
     for _ in range(4):
         stamps, r, torque, rates = stopping(rng, 600)
-        judged = dd.AlarmDetector(FOUR, found).judge(stamps, r, torque, np.ones(len(r), dtype=bool), velocity=rates)
+        judged = dd.AlarmDetector(FOUR, found).judge(
+            stamps, r, torque, np.ones(len(r), dtype=bool), velocity=rates
+        )
         counts.append((judged.begins.sum(), (judged.begins & judged.rest).sum()))
     total, at_rest = np.sum(counts, axis=0)
     assert 0.5 < total / (2400 * rate) < 1.3 and 0.2 < at_rest / total < 0.7
@@ -483,10 +568,14 @@ def test_rest_has_thresholds_of_its_own(tmp_path, monkeypatch):
     found.save(tmp_path / "alarms.yaml")
     seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
     for one, other in ((seen.alarms, found), (seen.contact, found.contact)):
-        assert one.rest_limits(FOUR).tolist() == pytest.approx(other.rest_limits(FOUR).tolist(), rel=1e-3)
+        assert one.rest_limits(FOUR).tolist() == pytest.approx(
+            other.rest_limits(FOUR).tolist(), rel=1e-3
+        )
         assert (one.rest_limits(FOUR) >= other.rest_limits(FOUR) * (1 - 1e-9)).all()
     cells = calibrate(*columns, rate=rate, velocity=velocity)
-    assert cells.rest_limits(FOUR).tolist() == pytest.approx(found.rest_limits(FOUR).tolist(), rel=0.06)
+    assert cells.rest_limits(FOUR).tolist() == pytest.approx(
+        found.rest_limits(FOUR).tolist(), rel=0.06
+    )
 
 
 def test_contact_has_lower_thresholds():
@@ -494,7 +583,9 @@ def test_contact_has_lower_thresholds():
     stamps, r, torque = noise(np.random.default_rng(3), 300)
     found, other = calibrate(stamps, r, torque), calibrate(stamps, r, torque, rate=1 / 6)
     contact = found.contact
-    assert contact == replace(other, contact=None, covariance=None, names=(), warnings=contact.warnings)
+    assert contact == replace(
+        other, contact=None, covariance=None, names=(), warnings=contact.warnings
+    )
     assert contact.asked == pytest.approx(1 / 6) and found.asked == pytest.approx(1 / 60)
     assert (contact.limits(FOUR) < found.limits(FOUR)).all() and contact.held_out > found.held_out
     assert calibrate(stamps, r, torque, false_contacts=1 / 60).contact.norm == found.norm
@@ -517,13 +608,20 @@ def test_the_covariance_is_the_second_moment(monkeypatch):
 
 def test_poisson():
     """Garwood's limits as tables have them."""
-    for count, limits in ((0, (0.0, 3.689)), (1, (0.0253, 5.572)), (10, (4.795, 18.390)), (1000, (938.97, 1063.96))):
+    for count, limits in (
+        (0, (0.0, 3.689)),
+        (1, (0.0253, 5.572)),
+        (10, (4.795, 18.390)),
+        (1000, (938.97, 1063.96)),
+    ):
         assert poisson_interval(count) == pytest.approx(limits, rel=5e-5, abs=1e-3)
 
 
 def settings(values):
     """Return the Observation of parameters."""
-    return Settings.of({name: spec.default for name, spec in PARAMETERS.items()} | values).observation
+    return Settings.of(
+        {name: spec.default for name, spec in PARAMETERS.items()} | values
+    ).observation
 
 
 @pytest.mark.parametrize(
@@ -539,14 +637,25 @@ def settings(values):
         ({"alarm.contact_joints": ["*=1", "a=3"]}, "contact for 'a' is 3 .*at most 2"),
         ({"alarm.contact_joints": ["*=2.5"]}, r"contact for '\*' is 2.5"),
         ({"alarm.contact_norm": 5.0}, "contact for 'norm' is 5 .*at most 4"),
-        ({"alarm.rest_joints": ["*=1"], "alarm.contact_rest_joints": ["a=3"]}, "'a at rest' is 3 .*at most 1"),
+        (
+            {"alarm.rest_joints": ["*=1"], "alarm.contact_rest_joints": ["a=3"]},
+            "'a at rest' is 3 .*at most 1",
+        ),
         ({"external_torque.gain": 0.0, "alarm.joints": [""], "alarm.norm": 0.0}, "gain"),
     ],
 )
 def test_parameters_of_noise_and_contact(values, key):
     """Wrong ones are named, with the joint; right ones are the Observation's."""
-    right = {"external_torque.gain": 25.0, "alarm.joints": ["*=2"], "alarm.norm": 4.0, "alarm.contact_joints": ["a=1"]}
-    right |= {"external_torque.covariance_joints": ["a", "b"], "external_torque.covariance": [1.0, 0.5, 0.5, 2.0]}
+    right = {
+        "external_torque.gain": 25.0,
+        "alarm.joints": ["*=2"],
+        "alarm.norm": 4.0,
+        "alarm.contact_joints": ["a=1"],
+    }
+    right |= {
+        "external_torque.covariance_joints": ["a", "b"],
+        "external_torque.covariance": [1.0, 0.5, 0.5, 2.0],
+    }
     seen = settings(right)
     assert seen.covariance_of(["b", "a"]).tolist() == [[2.0, 0.5], [0.5, 1.0]]
     assert seen.contact.limits(["a", "b"]).tolist() == [1.0, math.inf, math.inf, math.inf]
@@ -566,9 +675,13 @@ def test_the_file_is_the_monitors(tmp_path):
     assert seen.settles_on == "working_moment"
     for k in ([0, 1, 2, 3], [2, 0, 3]):
         names = [FOUR[one] for one in k]
-        np.testing.assert_allclose(seen.covariance_of(names), found.covariance[np.ix_(k, k)], rtol=1e-9)
+        np.testing.assert_allclose(
+            seen.covariance_of(names), found.covariance[np.ix_(k, k)], rtol=1e-9
+        )
     lower = seen.contact.limits(FOUR)
-    assert (lower >= found.contact.limits(FOUR) * (1 - 1e-9)).all() and (lower < seen.alarms.limits(FOUR)).all()
+    assert (lower >= found.contact.limits(FOUR) * (1 - 1e-9)).all() and (
+        lower < seen.alarms.limits(FOUR)
+    ).all()
     with pytest.raises(InputError, match="covariance_joints lacks 'e'"):
         seen.covariance_of(["a", "e"])
     torque[:, 2] = 0.0
@@ -583,7 +696,10 @@ def test_the_file_is_the_monitors(tmp_path):
     assert seen.covariance_of(FOUR) is None and seen.settles_on == "torque"
     assert seen.alarms.rest_limits(FOUR).tolist() == [math.inf] * 5
     limits, least = seen.alarms.limits(FOUR), found.limits(FOUR)
-    assert limits.tolist() == pytest.approx(least.tolist(), rel=1e-3) and (limits >= least * (1 - 1e-9)).all()
+    assert (
+        limits.tolist() == pytest.approx(least.tolist(), rel=1e-3)
+        and (limits >= least * (1 - 1e-9)).all()
+    )
     with pytest.raises(InputError, match="nowhere"):
         found.save(tmp_path / "nowhere" / "alarms.yaml")
 
@@ -599,7 +715,11 @@ def ur5():
 @pytest.fixture(scope="module")
 def tables(ur5, tmp_path_factory):
     """Half a minute of a UR5 with noise on efforts and rates; and the same with a push of 12 N m at the elbow at 20 s."""
-    folder, rng, dyn = tmp_path_factory.mktemp("tables"), np.random.default_rng(8), dd.DiagonalDynamics(ur5)
+    folder, rng, dyn = (
+        tmp_path_factory.mktemp("tables"),
+        np.random.default_rng(8),
+        dd.DiagonalDynamics(ur5),
+    )
     t = np.arange(0.0, 30.0, 0.004)[:, None]
     pace, size = np.array([0.7, 1.1, 1.3, 1.7, 1.9, 2.3]), np.array([0.6, 0.4, 0.5, 0.6, 0.6, 0.6])
     q = size * np.sin(pace * t) + [0.0, -1.2, 1.4, 0.0, 0.0, 0.0]
@@ -608,10 +728,14 @@ def tables(ur5, tmp_path_factory):
     qd = qd + rng.normal(size=q.shape) * 1e-3
     push = np.zeros_like(tau)
     push[5000:5100, 2] = 12.0
-    header = ",".join(["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in ur5.dof_names)])
+    header = ",".join(
+        ["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in ur5.dof_names)]
+    )
     for name, efforts in (("free", tau), ("pushed", tau - push)):
         rows = np.hstack([t, q, qd, efforts])
-        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=header, comments="", fmt="%.12g")
+        np.savetxt(
+            folder / f"{name}.csv", rows, delimiter=",", header=header, comments="", fmt="%.12g"
+        )
     return folder
 
 
@@ -623,12 +747,27 @@ def calibrated(recording, path, *options):
 def test_the_command(ur5, tables, tmp_path, capsys):
     """The thresholds of a recording find the push in another one, its joint and its torque."""
     alarms, out, joint = tmp_path / "alarms.yaml", tmp_path / "summary.json", ur5.dof_names[2]
-    options = "--false-alarms", "20/min", "--false-contacts", "40/min", "--gain", "25", "--hold-off", "0.5"
+    options = (
+        "--false-alarms",
+        "20/min",
+        "--false-contacts",
+        "40/min",
+        "--gain",
+        "25",
+        "--hold-off",
+        "0.5",
+    )
     assert calibrated(tables / "free.csv", alarms, *options) == 0
     printed = capsys.readouterr().out
-    assert "20/min" in printed and "Held out: " in printed and all(name in printed for name in ur5.dof_names)
+    assert (
+        "20/min" in printed
+        and "Held out: " in printed
+        and all(name in printed for name in ur5.dof_names)
+    )
     rates = {"false_alarms": 1 / 3, "false_contacts": 2 / 3}
-    found = dd.calibrate(dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), **rates, hold_off=0.5)
+    found = dd.calibrate(
+        dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), **rates, hold_off=0.5
+    )
     contact = found.contact
     methods = [METHODS[one.method].format(one.peaks) for one in (found, contact)]
     assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]}\n" in printed
@@ -637,7 +776,9 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     main(["analyse", str(tables / "pushed.csv"), *options])
     summary = json.loads(out.read_text())
     (found,) = (one for one in summary["collisions"] if 20.0 <= one["start"] < 20.1)
-    assert joint in found["joints"] and found["norm"] > 0.0 and joint in summary["observer"]["judged"]
+    assert (
+        joint in found["joints"] and found["norm"] > 0.0 and joint in summary["observer"]["judged"]
+    )
     assert found["exceeded"][joint]["value"] > 8.0 > found["exceeded"][joint]["threshold"]
     assert len(summary["collisions"]) < 15
     assert found["link"] in ur5.link_names and 0.0 < found["confidence"] <= 1.0
@@ -650,16 +791,24 @@ def test_the_command(ur5, tables, tmp_path, capsys):
 
 def test_the_library_and_the_command_write_the_same(ur5, tables, tmp_path):
     """Of a recording whole or in pieces. Friction of a parameter file raises the thresholds, and is in the file."""
-    free, arm, files = tables / "free.csv", tmp_path / "arm.yaml", [tmp_path / name for name in "abc"]
+    free, arm, files = (
+        tables / "free.csv",
+        tmp_path / "arm.yaml",
+        [tmp_path / name for name in "abc"],
+    )
     recording, dyn = dd.read_recording(free, ur5), dd.DiagonalDynamics(ur5)
     found = dd.calibrate([recording], dyn, gain=25.0, false_alarms=1 / 3)
     found.save(files[0])
     calibrated(free, files[1], "--false-alarms", "20/min", "--quiet")
     by_library, by_command = (path.read_text() for path in files[:2])
-    assert by_library == "".join(line for line in by_command.splitlines(True) if not line.startswith("# From"))
+    assert by_library == "".join(
+        line for line in by_command.splitlines(True) if not line.startswith("# From")
+    )
     for same in (recording, iter([dd.stream_recording(free, ur5)])):
         assert dd.calibrate(same, dyn, false_alarms=1 / 3) == found
-    arm.write_text("joints:\n" + "".join(f"  {name}: {{friction: 4.0}}\n" for name in ur5.dof_names))
+    arm.write_text(
+        "joints:\n" + "".join(f"  {name}: {{friction: 4.0}}\n" for name in ur5.dof_names)
+    )
     calibrated(free, files[2], "--false-alarms", "20/min", "--quiet", "--parameters", str(arm))
     without, known = (parameters_of([path]) for path in files[1:])
     assert not without["external_torque.friction"] and known["external_torque.friction"]
@@ -670,7 +819,11 @@ def test_the_library_and_the_command_write_the_same(ur5, tables, tmp_path):
 def test_recordings_without_efforts(ur5, tables):
     recording, dyn = dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5)
     without = recorded(ur5, recording.t, recording.q, recording.qd, None)
-    for recordings, key in (([], "at least one"), ([[]], "no states"), (without, "efforts of all joints")):
+    for recordings, key in (
+        ([], "at least one"),
+        ([[]], "no states"),
+        (without, "efforts of all joints"),
+    ):
         with pytest.raises(InputError, match=key):
             dd.calibrate(recordings, dyn)
 
@@ -700,5 +853,8 @@ def test_wrong_efforts_of_one_recording_are_a_warning(ur5, tables):
 def test_the_command_refuses(tables, tmp_path, capsys, arguments, key):
     alarms, free = tmp_path / "alarms.yaml", tables / "free.csv"
     before = free.read_bytes()
-    assert calibrated(free, alarms, *(str(free) if word == "FREE" else word for word in arguments)) == 2
+    assert (
+        calibrated(free, alarms, *(str(free) if word == "FREE" else word for word in arguments))
+        == 2
+    )
     assert key in capsys.readouterr().err and not alarms.exists() and free.read_bytes() == before

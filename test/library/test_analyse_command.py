@@ -51,7 +51,10 @@ def states(driven):
     """The same as messages."""
     names, stamps, *values = driven
     rows = zip(stamps.tolist(), *values, strict=True)
-    return [Message("/joint_states", stamp + 1000, serialized(stamp, names, *row)) for stamp, *row in rows]
+    return [
+        Message("/joint_states", stamp + 1000, serialized(stamp, names, *row))
+        for stamp, *row in rows
+    ]
 
 
 @pytest.fixture
@@ -91,7 +94,10 @@ def written(tmp_path_factory, states):
     path = write_mcap(folder / "in.mcap", states, chunk_size=20_000)
     outputs = [word for option in OUTPUTS for word in (option, str(folder / f"out.{option[2:]}"))]
     assert main(["analyse", str(path), "--urdf", "panda", *outputs, "--quiet"]) == UNJUDGED
-    assert sorted(one.name for one in folder.iterdir()) == ["in.mcap", *sorted(f"out.{one[2:]}" for one in OUTPUTS)]
+    assert sorted(one.name for one in folder.iterdir()) == [
+        "in.mcap",
+        *sorted(f"out.{one[2:]}" for one in OUTPUTS),
+    ]
     return folder
 
 
@@ -102,12 +108,16 @@ def test_tables_that_were_written_are_recordings(written, panda, driven):
     """Parquet has no nulls, and statistics of what is no joint's or link's; test_report.py has the values."""
     file = pyarrow.parquet.ParquetFile(written / "out.parquet")
     group, schema = file.metadata.row_group(0), file.schema_arrow
-    statistics = {one.path_in_schema: one.statistics for one in map(group.column, range(group.num_columns))}
+    statistics = {
+        one.path_in_schema: one.statistics for one in map(group.column, range(group.num_columns))
+    }
     assert statistics["kinetic_energy"].max > 0.0 and statistics["nu.panda_joint1"] is None
     assert schema.metadata[b"robot"] == b"panda" and not any(field.nullable for field in schema)
     for kind in ("csv", "parquet"):
         again = dd.read_recording(written / f"out.{kind}", panda)
-        for actual, expected in zip((again.stamp, again.q, again.qd, again.tau), driven[1:], strict=True):
+        for actual, expected in zip(
+            (again.stamp, again.q, again.qd, again.tau), driven[1:], strict=True
+        ):
             np.testing.assert_array_equal(actual, expected)
 
 
@@ -119,7 +129,9 @@ def messages_of(path):
             if schema.name not in store.fielddefs:
                 store.register(get_types_from_msg(schema.data.decode(), schema.name))
             message = store.deserialize_cdr(one.data + bytes(-len(one.data) % 4), schema.name)
-            assert one.publish_time == one.log_time and one.sequence == len(found.setdefault(channel.topic, []))
+            assert one.publish_time == one.log_time and one.sequence == len(
+                found.setdefault(channel.topic, [])
+            )
             found[channel.topic].append((one.log_time, message))
     return found
 
@@ -132,7 +144,16 @@ def test_mcap_has_every_field(written, panda, driven):
     states, energies, observed = (messages_of(written / "out.mcap")[topic] for topic in TOPICS)
     _, stamps, position, velocity, effort = driven
     s = dd.DiagonalDynamics(panda).evaluate_batch(position, velocity, effort, friction=True)
-    evaluated = "nu", "xi", "epsilon", "kappa", "coriolis", "gravity", "articulated_inertia", "friction"
+    evaluated = (
+        "nu",
+        "xi",
+        "epsilon",
+        "kappa",
+        "coriolis",
+        "gravity",
+        "articulated_inertia",
+        "friction",
+    )
     columns = {"position": position, "velocity": velocity, "effort": effort}
     columns |= {name: getattr(s, name) for name in evaluated}
     assert len(states) == len(energies) == len(observed) == COUNT
@@ -145,13 +166,17 @@ def test_mcap_has_every_field(written, panda, driven):
         assert (message.kinetic_energy, message.power) == (s.kinetic_energy[k], s.effort_power[k])
         assert message.effort_valid and message.friction_valid and not message.velocity_estimated
     for k, (_, message) in enumerate(energies):
-        assert message.total == s.kinetic_energy[k] and tuple(message.link_names) == tuple(panda.link_names)
+        assert message.total == s.kinetic_energy[k] and tuple(message.link_names) == tuple(
+            panda.link_names
+        )
         np.testing.assert_array_equal(message.link_energy, s.link_energy[k])
         np.testing.assert_array_equal(message.energy_share, s.energy_share[k])
     observed = [message for _, message in observed]
     assert [message.valid for message in observed] == [False] + [True] * (COUNT - 1)
     assert observed[0].residual.size == 0 and observed[5].residual.size == panda.nv
-    assert all(one.torque_threshold.size == 0 and one.torque_norm_threshold == np.inf for one in observed)
+    assert all(
+        one.torque_threshold.size == 0 and one.torque_norm_threshold == np.inf for one in observed
+    )
 
 
 def test_others_read_the_mcap(written, tmp_path, table, analyse):
@@ -198,7 +223,9 @@ DIRECT = "mcap", "csv", "json"
 
 def test_pipes_and_links(written, tmp_path, analyse):
     """A named pipe stays one, as /dev/null has to; a link stays one, too. What is beside a file stays."""
-    pipes, links = ({name: tmp_path / f"{name}.{kind}" for name in DIRECT} for kind in ("pipe", "link"))
+    pipes, links = (
+        {name: tmp_path / f"{name}.{kind}" for name in DIRECT} for kind in ("pipe", "link")
+    )
     (tmp_path / "elsewhere").mkdir()
     for name in DIRECT:
         os.mkfifo(pipes[name])
@@ -232,7 +259,8 @@ def reading(path, size, then):
 
 
 @pytest.mark.parametrize(
-    ("number", "status", "word"), [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")]
+    ("number", "status", "word"),
+    [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")],
 )
 def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
     """What was there stays as it was, and what is not written is named. The signal comes while the CSV is written."""
@@ -286,15 +314,26 @@ def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
 @pytest.mark.parametrize("option", [*OUTPUTS, "--report"])
 def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option, monkeypatch):
     """Over what is read, and where nothing can be written, which is named before anything is analysed."""
-    monkeypatch.setattr("diag_dynamics.recordings.analysis.Analysis.run", None)  # nothing is analysed
+    monkeypatch.setattr(
+        "diag_dynamics.recordings.analysis.Analysis.run", None
+    )  # nothing is analysed
     urdf, folder = tmp_path / "panda.urdf", write_rosbag2(tmp_path / "bag", states, MCAP)
     urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
     (tmp_path / "link").symlink_to(table)
     before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
     own = "is an input. Choose another file"
     for recording, output, what in (
-        *((bag, bag, own), (bag, urdf, own), (folder, folder / "bag.mcap", own), (folder, folder / "new", own)),
-        *((table, tmp_path / "." / "link", own), (table, tmp_path, "folder"), (table, "/proc/out", "No such")),
+        *(
+            (bag, bag, own),
+            (bag, urdf, own),
+            (folder, folder / "bag.mcap", own),
+            (folder, folder / "new", own),
+        ),
+        *(
+            (table, tmp_path / "." / "link", own),
+            (table, tmp_path, "folder"),
+            (table, "/proc/out", "No such"),
+        ),
         (table, tmp_path / "no" / "out", "no folder"),
     ):
         status, _, said = analyse(recording, option, output, "--quiet", urdf=str(urdf))
@@ -322,7 +361,10 @@ WRONG = {
 
 @pytest.mark.parametrize("options", WRONG, ids=" ".join)
 def test_wrong_options(tmp_path, bag, analyse, options):
-    files = {"arm": "joints: {panda_joint1: {damping: 1.0}}", "elbow": "joints: {elbow: {damping: 1}}"}
+    files = {
+        "arm": "joints: {panda_joint1: {damping: 1.0}}",
+        "elbow": "joints: {elbow: {damping: 1}}",
+    }
     files["nonsense"] = "/**:\n  ros__parameters: {nonsense: 1}\n"
     for name, text in files.items():
         (tmp_path / name).write_text(text)
@@ -350,7 +392,10 @@ def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
     without("finger")
     status, _, said = analyse(table)
     assert status == 2 and f"incomplete ({COUNT} ×)" in said
-    assert "missing: panda_finger_joint1." in said and "--set locked_joints=panda_finger_joint1=0" in said
+    assert (
+        "missing: panda_finger_joint1." in said
+        and "--set locked_joints=panda_finger_joint1=0" in said
+    )
     _, out, _ = analyse(table, "--set", "locked_joints=panda_finger_joint1=0", "--json", "-")
     assert json.loads(out)["degrees_of_freedom"] == [f"panda_joint{k}" for k in range(1, 8)]
 
@@ -369,7 +414,11 @@ def test_what_makes_the_exit_status_1(table, analyse):
     columns[:, 0] *= 1e3
     np.savetxt(table, columns, delimiter=",", header=text[0], comments="")
     status, out, said = analyse(table)
-    assert status == 1 and "no power balance, although there are efforts" in said and "milliseconds" in out
+    assert (
+        status == 1
+        and "no power balance, although there are efforts" in said
+        and "milliseconds" in out
+    )
 
 
 def test_several_recordings(tmp_path, table, bag, analyse):
@@ -382,7 +431,9 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert [row.split()[0] for row in rows] == ["states", str(COUNT), str(COUNT)]
     assert failed == f"failed: {none}"
     summary = json.loads(out.read_text())
-    assert [one["states"] for one in summary["robots"]] == [2 * COUNT] and list(summary["failed"]) == [str(none)]
+    assert [one["states"] for one in summary["robots"]] == [2 * COUNT] and list(
+        summary["failed"]
+    ) == [str(none)]
     assert summary["recordings"][0] == json.loads(analyse(bag, "--json", "-")[1])
     assert analyse(bag, table, "--quiet") == (UNJUDGED, "", "")
     assert (
@@ -400,13 +451,21 @@ def test_several_recordings_say_what_they_share_once(tmp_path, table, analyse):
     text = "time: t."
     assert said.count(text) == 2 and f"In 2 of 2 recordings: {text}" in said
     every = json.loads((tmp_path / "out" / "all.json").read_text())["recordings"]
-    ones = [json.loads(path.read_text()) for path in (tmp_path / "out").iterdir() if path.name != "all.json"]
+    ones = [
+        json.loads(path.read_text())
+        for path in (tmp_path / "out").iterdir()
+        if path.name != "all.json"
+    ]
     assert len(ones) == 2 and all(one in every for one in ones)
     threshold = "--set", "external_torque.threshold=0.001", "--gain", 25
     found = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
     for options, count in (((), "-"), (threshold, str(found))):  # unknown without a threshold
         head, *rows = analyse(table, tmp_path / "b.csv", *options)[1].splitlines()[-3:]
-        assert found and [row.split()[-3] for row in rows] == [count] * 2 and "collisions  rejected" in head
+        assert (
+            found
+            and [row.split()[-3] for row in rows] == [count] * 2
+            and "collisions  rejected" in head
+        )
 
 
 def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analyse):
@@ -418,9 +477,19 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
         for k, stamp in enumerate(stamps.tolist())
     ]
     bag = write_mcap(tmp_path / "arm.mcap", sent)
-    options = "--joint-names", "fer_*=panda_*", "--set", "locked_joints=*=0.01", "locked_joints=panda_joint7=0.2"
+    options = (
+        "--joint-names",
+        "fer_*=panda_*",
+        "--set",
+        "locked_joints=*=0.01",
+        "locked_joints=panda_joint7=0.2",
+    )
     lines = table.read_text().splitlines()
-    kept = [k for k, name in enumerate(lines[0].split(",")) if not any(one in name for one in ("joint7", "finger"))]
+    kept = [
+        k
+        for k, name in enumerate(lines[0].split(","))
+        if not any(one in name for one in ("joint7", "finger"))
+    ]
     rows = [",".join(line.split(",")[k] for k in kept) for line in lines]
     table.write_text("\n".join(rows) + "\n")
     star = "--set", "locked_joints=*"
@@ -429,10 +498,17 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
         summary = json.loads(out)
         assert summary["states"] == COUNT and summary["degrees_of_freedom"] == names[:6], said
         (told,) = (one["text"] for one in summary["findings"] if "are locked" in one["text"])
-        locked = ("panda_finger_joint1=0.01", "panda_joint7=0.2") if recording == bag else ("panda_joint7=0,",)
+        locked = (
+            ("panda_finger_joint1=0.01", "panda_joint7=0.2")
+            if recording == bag
+            else ("panda_joint7=0,",)
+        )
         assert all(one in told for one in locked)
     rec = dd.read_recording(
-        bag, find_urdf("panda"), joint_names={"fer_*": "panda_*"}, parameters={"locked_joints": ["*=0.01"]}
+        bag,
+        find_urdf("panda"),
+        joint_names={"fer_*": "panda_*"},
+        parameters={"locked_joints": ["*=0.01"]},
     )
     assert rec.model.locked_joints["panda_joint7"] == 0.01 and rec.q.shape == (COUNT, 6)
     assert "'locked_joints' has '*'" in analyse("--fleet", bag, "--out", tmp_path / "o", *star)[2]
@@ -444,26 +520,38 @@ def test_topics_and_names_of_one_robot(tmp_path, driven, analyse):
     """An arm and its hand on two topics make the same summary as one topic with the robot's names."""
     names, stamps, *values = driven
     bags = []
-    for path, topics, prefix in (("one", ["/joint_states"] * 2, "panda"), ("several", ["/arm", "/hand"], "fer")):
+    for path, topics, prefix in (
+        ("one", ["/joint_states"] * 2, "panda"),
+        ("several", ["/arm", "/hand"], "fer"),
+    ):
         sent = []
         for k, stamp in enumerate(stamps.tolist()):
             for topic, part in zip(topics, (slice(0, 7), slice(7, None)), strict=True):
                 own = [name.replace("panda", prefix) for name in names[part]]
-                sent.append(Message(topic, stamp, serialized(stamp, own, *(one[k, part] for one in values))))
+                sent.append(
+                    Message(topic, stamp, serialized(stamp, own, *(one[k, part] for one in values)))
+                )
         bags.append(write_mcap(tmp_path / f"{path}.mcap", sent, chunk_size=20_000))
     (tmp_path / "map.yaml").write_text("joint_names: {fer_*: panda_*}")
     summary = json.loads(analyse(bags[0], "--json", "-")[1])
     assert summary["states"] == 2 * COUNT - 1
-    assert any("repeat the previous time stamp: messages of arm and gripper" in text for text in summary["warnings"])
+    assert any(
+        "repeat the previous time stamp: messages of arm and gripper" in text
+        for text in summary["warnings"]
+    )
     for options in (("--joint-names", "fer_*=panda_*"), ("--columns", tmp_path / "map.yaml")):
-        other = json.loads(analyse(bags[1], "--topic", "/arm", "--topic", "/hand", *options, "--json", "-")[1])
+        other = json.loads(
+            analyse(bags[1], "--topic", "/arm", "--topic", "/hand", *options, "--json", "-")[1]
+        )
         assert other == summary | {"recording": str(bags[1])}
 
 
 def test_parameters_in_files(tmp_path, bag, panda, analyse):
     """The monitor's, the packaged one, and the robot's: a rotor inertia adds half of it times its joint's rate squared."""
     file, arm = tmp_path / "monitor.yaml", tmp_path / "arm.yaml"
-    file.write_text("/**:\n  ros__parameters:\n    external_torque: {gain: 10, threshold: 0.5}\n    max_age: 2\n")
+    file.write_text(
+        "/**:\n  ros__parameters:\n    external_torque: {gain: 10, threshold: 0.5}\n    max_age: 2\n"
+    )
     summary = json.loads(analyse(bag, "--parameters", file, "--json", "-")[1])
     known = {
         "gain": 10.0,
@@ -491,5 +579,7 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
 def test_the_robot_of_the_bag_and_a_part(tmp_path, states, analyse):
     urdf = Path(find_urdf("panda")).read_text(encoding="utf-8")
     path = write_mcap(tmp_path / "in.mcap", [description(urdf, START), *states])
-    summary = json.loads(analyse(path, "--start", "0.1", "--end", "0.4", "--json", "-", urdf=None)[1])
+    summary = json.loads(
+        analyse(path, "--start", "0.1", "--end", "0.4", "--json", "-", urdf=None)[1]
+    )
     assert summary["robot"] == "panda" and summary["duration"] == pytest.approx(0.3, abs=0.005)

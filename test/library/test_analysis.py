@@ -17,7 +17,10 @@ from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
 
-LOOSE = [f"plausibility.{name}=0" for name in ("jump", "beyond_limits", "beyond_velocity", "velocity", "position")]
+LOOSE = [
+    f"plausibility.{name}=0"
+    for name in ("jump", "beyond_limits", "beyond_velocity", "velocity", "position")
+]
 LOOSE += ["stuck_timeout=0"]
 """Parameters that accept velocities and positions in wrong units."""
 
@@ -48,7 +51,11 @@ def simulated(model, push=None, seconds=4.0):
     for k in range(int(seconds / period)):
         t = k * period
         q, qd = simulation.q.copy(), simulation.qd.copy()
-        tau = dynamics.gravity_torque(q) + 8.0 * np.sin(3.0 * t + phase) * (np.arange(n) < 3) - 6.0 * qd
+        tau = (
+            dynamics.gravity_torque(q)
+            + 8.0 * np.sin(3.0 * t + phase) * (np.arange(n) < 3)
+            - 6.0 * qd
+        )
         rows.append((t, q, qd, tau))
         simulation.advance(tau if push is None else tau + push(t), 1)
     return tuple(map(np.array, zip(*rows, strict=True)))
@@ -95,8 +102,14 @@ FAULTS = {
         lambda tau, gravity: tau * [1, -1, 1, 1, 1, 1],
         "effort of joint 'shoulder_lift_joint' has the opposite sign",
     ),
-    "unit": (lambda tau, gravity: tau / 11.4, "another unit: they are 0.0862 times the model torque"),
-    "no gravity": (lambda tau, gravity: tau - gravity, "gravity seems to be missing in the efforts (effort_includes_"),
+    "unit": (
+        lambda tau, gravity: tau / 11.4,
+        "another unit: they are 0.0862 times the model torque",
+    ),
+    "no gravity": (
+        lambda tau, gravity: tau - gravity,
+        "gravity seems to be missing in the efforts (effort_includes_",
+    ),
     "exchanged": (
         lambda tau, gravity: tau[:, [0, 2, 1, 3, 4, 5]],
         "shoulder_lift_joint and elbow_joint seem to be exch",
@@ -125,7 +138,9 @@ def test_why_there_is_no_balance(analysed, motion, gravity):
     """At rest noise is no motion, so neither is the balance poor, nor are velocities wrong."""
     t, q, qd, tau = motion
     noise = np.random.default_rng(3).standard_normal((3, *q.shape))
-    summary, text, _ = analysed(t, q[0] + 1e-5 * noise[0], 1e-3 * noise[1], gravity[0] + 0.05 * noise[2])
+    summary, text, _ = analysed(
+        t, q[0] + 1e-5 * noise[0], 1e-3 * noise[1], gravity[0] + 0.05 * noise[2]
+    )
     assert summary["explained"] is summary["explained_with_potential"] is None
     assert "No power balance: no joint moves" in text and summary["warnings"] == []
     summary, text, status = analysed(200.0 * t, q, qd, tau, parameters=LOOSE)
@@ -170,17 +185,31 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
     tau = tau.copy()
     tau[:, 3] = value
     summary, text, found = analysed(t, q, qd, tau)
-    assert said in text and said in summary["efforts"]["unmeasured"] and said in summary["warnings"][0]
-    assert found == 1 and summary["explained"] is None and f"No power balance: {said}" in " ".join(text.split())
-    assert summary["observer"]["unobserved"] == ["wrist_1_joint"] and summary["observer"]["observed"] == len(t) - 1
-    assert summary["peaks"]["external_torque"]["value"] > 0.0 and "residual_norm" not in summary["peaks"]
+    assert (
+        said in text and said in summary["efforts"]["unmeasured"] and said in summary["warnings"][0]
+    )
+    assert (
+        found == 1
+        and summary["explained"] is None
+        and f"No power balance: {said}" in " ".join(text.split())
+    )
+    assert (
+        summary["observer"]["unobserved"] == ["wrist_1_joint"]
+        and summary["observer"]["observed"] == len(t) - 1
+    )
+    assert (
+        summary["peaks"]["external_torque"]["value"] > 0.0
+        and "residual_norm" not in summary["peaks"]
+    )
 
 
 def windows_by_numpy(model, t, q, qd, tau):
     """Return mean powers over windows at multiples of 0.1 s [W]: dK/dt, the residual, and those of the total rates."""
     s = dd.DiagonalDynamics(model).evaluate_batch(q, qd, np.nan_to_num(tau), friction=True)
     known = np.isfinite(tau).all(axis=1)
-    power = np.column_stack([s.effort_power - (s.nu * s.friction).sum(axis=1), s.nu * s.nu_dot])[known]
+    power = np.column_stack([s.effort_power - (s.nu * s.friction).sum(axis=1), s.nu * s.nu_dot])[
+        known
+    ]
     t, K = t[known], np.column_stack([s.kinetic_energy, s.energy_share])[known]
     begins = np.flatnonzero(np.diff(np.floor(np.round(t * 1e9) / 1e8))) + 1
     found = []
@@ -188,7 +217,9 @@ def windows_by_numpy(model, t, q, qd, tau):
         if np.diff(t[first : last + 1]).max() <= 0.1 and np.diff(t[first - 1 : first + 1]) <= 0.1:
             span, inside = t[last] - t[first], slice(first, last + 1)
             change = (K[last] - K[first]) / span
-            found.append((change[0], *(change - np.trapezoid(power[inside], t[inside], axis=0) / span)))
+            found.append(
+                (change[0], *(change - np.trapezoid(power[inside], t[inside], axis=0) / span))
+            )
     return np.array(found).T
 
 
@@ -204,8 +235,13 @@ def test_explained_share_is_that_of_windows_by_numpy(analysed, ur5, motion, gaps
     kinetic, residual, *joints = windows_by_numpy(ur5, t, q, qd, tau)
     assert summary["balance"]["windows"] == len(kinetic)
     assert summary["explained"] == pytest.approx(1.0 - residual.var() / kinetic.var(), rel=1e-6)
-    found = [summary["residual_power"], *(one["residual_power"] for one in summary["balance"]["joints"].values())]
-    assert found == pytest.approx(np.sqrt(np.mean(np.square([residual, *joints]), axis=1)).tolist(), rel=1e-6)
+    found = [
+        summary["residual_power"],
+        *(one["residual_power"] for one in summary["balance"]["joints"].values()),
+    ]
+    assert found == pytest.approx(
+        np.sqrt(np.mean(np.square([residual, *joints]), axis=1)).tolist(), rel=1e-6
+    )
 
 
 # --- Figures ---
@@ -213,8 +249,16 @@ def test_explained_share_is_that_of_windows_by_numpy(analysed, ur5, motion, gaps
 
 def leaves(value):
     """Return all texts and numbers of a summary in order, with their keys."""
-    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
-    return [value] if pairs is None else [leaf for key, one in pairs for leaf in (key, *leaves(one))]
+    pairs = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else None
+    )
+    return (
+        [value] if pairs is None else [leaf for key, one in pairs for leaf in (key, *leaves(one))]
+    )
 
 
 @pytest.mark.parametrize("size", [1, 100])
@@ -222,7 +266,11 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
     """Windows, observer, neighbours, collisions and the worst contacts go on from batch to batch."""
     columns = [x if size > 1 else x[np.r_[600:920, 1450:1600]] for x in broken(motion)]
     (tmp_path / "limits.yaml").write_text("regions: {any: {energy: 0.5}}")
-    options = ["external_torque.gain=25", "external_torque.threshold=1", f"contact.limits_file={tmp_path}/limits.yaml"]
+    options = [
+        "external_torque.gain=25",
+        "external_torque.threshold=1",
+        f"contact.limits_file={tmp_path}/limits.yaml",
+    ]
     options += noise_parameters(ur5, 0.1)
     whole, *_ = analysed(*columns, parameters=options)
     pieces = Reading.pieces
@@ -239,9 +287,15 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
         assert times and np.diff(times).min(initial=np.inf) >= 1.0 - 1e-9
         del summary["contact"]["worst"][1:]  # one that hid others may give way to a later one
     for one, other in zip(leaves(parts), leaves(whole), strict=True):
-        assert one == (pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other)
+        assert one == (
+            pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other
+        )
     assert any(one["link"] for one in whole["collisions"])
-    assert whole["collisions"] and whole["balance"]["windows"] > 4 and whole["quality"]["repeated_stamps"] == 1
+    assert (
+        whole["collisions"]
+        and whole["balance"]["windows"] > 4
+        and whole["quality"]["repeated_stamps"] == 1
+    )
     assert whole["quality"]["joints"]["shoulder_pan_joint"]["clipped"] == ["effort"]
 
 
@@ -252,17 +306,28 @@ def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
     columns = [np.insert(x, 1500, x[1499], axis=0) for x in motion]
     columns[0][1500], columns[2][1500] = t[1499] + 1e-6, 1e200
     summary, *_ = analysed(*columns, parameters=LOOSE)
-    assert [one["count"] for one in summary["findings"] if one["cause"].startswith("rejected")] == [1]
+    assert [one["count"] for one in summary["findings"] if one["cause"].startswith("rejected")] == [
+        1
+    ]
     energy, k = summary["kinetic_energy"], int(np.argmax(s.kinetic_energy))
     assert energy["max"] == s.kinetic_energy[k] and energy["at"] == pytest.approx(t[k], abs=1e-9)
     assert energy["mean"] == pytest.approx(s.kinetic_energy.mean(), rel=1e-12)
-    assert energy["share"] == dict(zip(ur5.dof_names, s.energy_share.max(axis=0).tolist(), strict=True))
+    assert energy["share"] == dict(
+        zip(ur5.dof_names, s.energy_share.max(axis=0).tolist(), strict=True)
+    )
     assert sum(one["states"] for one in energy["histogram"]) == summary["states"] == len(t)
     for one in energy["histogram"]:
         low, high = one["from"] * (1 - 1e-15), one["to"]
-        assert one["states"] == np.sum((s.kinetic_energy >= low) & (s.kinetic_energy < high)) or high == 0.0
+        assert (
+            one["states"] == np.sum((s.kinetic_energy >= low) & (s.kinetic_energy < high))
+            or high == 0.0
+        )
     at = np.unravel_index(np.argmax(np.abs(tau)), tau.shape)
-    assert summary["peaks"]["effort"] | {"at": 0} == {"value": np.abs(tau[at]), "of": ur5.dof_names[at[1]], "at": 0}
+    assert summary["peaks"]["effort"] | {"at": 0} == {
+        "value": np.abs(tau[at]),
+        "of": ur5.dof_names[at[1]],
+        "at": 0,
+    }
     assert summary["duration"] == pytest.approx(t[-1], abs=1e-8)
 
 
@@ -298,14 +363,19 @@ def test_joints_are_observed_one_by_one(tmp_path, ur5, motion, value):
     pushed = tau - np.where(t[:, None] > 0.5 * t[-1], [0.0, 4.0, 0.0, 0.0, 1.0, 0.0], 0.0)
     part = np.where(np.arange(6) == 3, value, pushed)
     whole, some = (
-        dd.observe(dd.DiagonalDynamics(ur5), dd.read_recording(write_columns(tmp_path / "x.npz", t, q, qd, one), ur5))
+        dd.observe(
+            dd.DiagonalDynamics(ur5),
+            dd.read_recording(write_columns(tmp_path / "x.npz", t, q, qd, one), ur5),
+        )
         for one in (pushed, part)
     )
     known = np.arange(6) != 3
     np.testing.assert_array_equal(some.external_torque[:, known], whole.external_torque[:, known])
     np.testing.assert_allclose(some.residual[:, 4:], whole.residual[:, 4:], rtol=1e-12, atol=1e-12)
     assert np.isnan(some.external_torque[:, 3]).all() and np.isnan(some.residual[:, :4]).all()
-    assert (some.valid == whole.valid).all() and np.isnan(some.norm).all() and not some.collision.any()
+    assert (
+        (some.valid == whole.valid).all() and np.isnan(some.norm).all() and not some.collision.any()
+    )
     assert some.external_torque[-1, [1, 4]] == pytest.approx([4.0, 1.0], abs=0.3)
     assert not some.wrench("wrist_3_link").observed.any()
 
@@ -320,7 +390,11 @@ def test_observe_needs_efforts_and_the_same_robot(tmp_path, ur5, motion):
     (tmp_path / "none.csv").write_text("t,q1,q2,q3,q4,q5,q6\n")
     nothing = dd.read_recording(tmp_path / "none.csv", ur5)
     panda = dd.load_robot("panda")
-    for model, one, what in ((ur5, without, "efforts"), (ur5, nothing, "no states"), (panda, recording, "panda")):
+    for model, one, what in (
+        (ur5, without, "efforts"),
+        (ur5, nothing, "no states"),
+        (panda, recording, "panda"),
+    ):
         with pytest.raises(dd.InputError, match=what):
             dd.observe(dd.DiagonalDynamics(model), one)
 
@@ -328,7 +402,10 @@ def test_observe_needs_efforts_and_the_same_robot(tmp_path, ur5, motion):
 def noise_parameters(ur5, deviation=0.5):
     """Parameters of a covariance without correlations."""
     joints, numbers = ",".join(ur5.dof_names), (deviation**2 * np.eye(6)).ravel().tolist()
-    return [f"external_torque.covariance_joints=[{joints}]", f"external_torque.covariance={numbers}"]
+    return [
+        f"external_torque.covariance_joints=[{joints}]",
+        f"external_torque.covariance={numbers}",
+    ]
 
 
 def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
@@ -336,7 +413,10 @@ def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
     recording = dd.read_recording(write_columns(tmp_path / "x.npz", *broken(motion)), ur5)
     dynamics, covariance = dd.DiagonalDynamics(ur5), np.diag([0.3, 0.4, 0.2, 0.1, 0.1, 0.05]) ** 2
     seen = dd.observe(dynamics, recording, 30.0)
-    wrench, touched = seen.wrench("wrist_3_link", covariance, frame="world"), seen.touched_link(covariance)
+    wrench, touched = (
+        seen.wrench("wrist_3_link", covariance, frame="world"),
+        seen.touched_link(covariance),
+    )
     none = ~seen.valid
     assert none.any() and len(wrench.wrench) == len(touched.link) == len(recording)
     assert np.isnan(wrench.wrench[none]).all() and not wrench.observed[none].any()
@@ -351,7 +431,9 @@ def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
         assert (link.link, link.confidence) == (touched.link[t], touched.confidence[t])
 
 
-@pytest.mark.parametrize("threshold", ["external_torque.threshold=3", "alarm.joints=[elbow_joint=9]"])
+@pytest.mark.parametrize(
+    "threshold", ["external_torque.threshold=3", "alarm.joints=[elbow_joint=9]"]
+)
 def test_a_collision_has_a_touched_link(analysed, ur5, tmp_path, threshold):
     """Link and confidence are those at the largest χ² of the collision."""
     dynamics = dd.DiagonalDynamics(ur5)
@@ -376,14 +458,20 @@ def test_a_push_is_a_collision(analysed, ur5):
         return np.array([0.0, 0.0, 25.0, 0.0, 0.0, 0.0]) * (2.0 <= t < 2.4)
 
     pushed = simulated(ur5, push)
-    summary, text, _ = analysed(*pushed, parameters=["external_torque.gain=25", "external_torque.threshold=3"])
+    summary, text, _ = analysed(
+        *pushed, parameters=["external_torque.gain=25", "external_torque.threshold=3"]
+    )
     (collision,) = summary["collisions"]
     assert 2.0 < collision["start"] < 2.1 and 2.4 < collision["end"] < 2.6
-    assert collision["norm"] > 3.0 and collision["joints"] == ["elbow_joint"]  # r is larger at the joint before
+    assert collision["norm"] > 3.0 and collision["joints"] == [
+        "elbow_joint"
+    ]  # r is larger at the joint before
     assert summary["peaks"]["external_torque"]["value"] == pytest.approx(25.0, rel=0.02)
     assert "1 collision with |r| above" in text and summary["explained"] < 0.8
     assert "whose power no effort contains" in text
-    summary, text, _ = analysed(*pushed, parameters=["external_torque.gain=25", "alarm.joints=[elbow_joint=9]"])
+    summary, text, _ = analysed(
+        *pushed, parameters=["external_torque.gain=25", "alarm.joints=[elbow_joint=9]"]
+    )
     assert [one["first"] for one in summary["collisions"]] == ["elbow_joint"] and "N m > 9" in text
     summary, text, _ = analysed(*pushed)  # unknown is no "none"
     missing = ["external_torque.gain", "external_torque.threshold"]
@@ -402,10 +490,14 @@ def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, t
     assert contact["above"] == pytest.approx(since @ (energy > limit).any(axis=1), rel=1e-6)
     assert contact["of"] == pytest.approx(t[-1] - t[0])
     by_point = dict(zip(points.names, (since @ (energy > limit)).tolist(), strict=True))
-    assert contact["above_by_point"] == pytest.approx({name: s for name, s in by_point.items() if s}, rel=1e-6)
+    assert contact["above_by_point"] == pytest.approx(
+        {name: s for name, s in by_point.items() if s}, rel=1e-6
+    )
     worst, k = contact["worst"], np.unravel_index(np.argmax(energy), energy.shape)
     usage = np.sqrt(energy[k] / limit)
-    assert [worst[0][key] for key in ("at", "usage", "energy")] == pytest.approx([t[k[0]], usage, energy[k]])
+    assert [worst[0][key] for key in ("at", "usage", "energy")] == pytest.approx(
+        [t[k[0]], usage, energy[k]]
+    )
     assert worst[0]["region"] == "any" and f"{worst[0]['point']} at" in text
     usages, times = [one["usage"] for one in worst], sorted(one["at"] for one in worst)
     assert usages == sorted(usages, reverse=True) and np.diff(times).min() >= 1.0 - 1e-9
@@ -420,11 +512,31 @@ UNITS = {
     "minutes": (lambda t, q, qd: (t / 60.0, q, qd), "times seem to be minutes, 60 s each", 60.0),
     "ms": (lambda t, q, qd: (1e3 * t, q, qd), "times seem to be milliseconds", 1e-3),
     "us": (lambda t, q, qd: (1e6 * t, q, qd), "times seem to be microseconds", 1e-6),
-    "unknown": (lambda t, q, qd: (5.0 * t, q, qd), "times, positions or velocities seem to have a wrong unit", 0.2),
-    "unlike": (lambda t, q, qd: (t, q * [5, 0.2, 3, 5, 0.2, 3], qd), "velocities seem to have a wrong unit", None),
-    "deg/s": (lambda t, q, qd: (t, q, np.degrees(qd)), "velocities seem to be in degrees", np.pi / 180.0),
-    "deg": (lambda t, q, qd: (t, np.degrees(q), qd), "positions seem to be in degrees", 180.0 / np.pi),
-    "sign": (lambda t, q, qd: (t, q, qd * [1, 1, -1, 1, 1, 1]), "elbow_joint: positions change -1 times as fast", None),
+    "unknown": (
+        lambda t, q, qd: (5.0 * t, q, qd),
+        "times, positions or velocities seem to have a wrong unit",
+        0.2,
+    ),
+    "unlike": (
+        lambda t, q, qd: (t, q * [5, 0.2, 3, 5, 0.2, 3], qd),
+        "velocities seem to have a wrong unit",
+        None,
+    ),
+    "deg/s": (
+        lambda t, q, qd: (t, q, np.degrees(qd)),
+        "velocities seem to be in degrees",
+        np.pi / 180.0,
+    ),
+    "deg": (
+        lambda t, q, qd: (t, np.degrees(q), qd),
+        "positions seem to be in degrees",
+        180.0 / np.pi,
+    ),
+    "sign": (
+        lambda t, q, qd: (t, q, qd * [1, 1, -1, 1, 1, 1]),
+        "elbow_joint: positions change -1 times as fast",
+        None,
+    ),
 }
 
 
@@ -434,9 +546,15 @@ def test_units_that_do_not_agree_are_named(analysed, motion, unit, efforts):
     """Where all joints agree, the factor is among the numbers, and the exit status is 1."""
     t, q, qd, tau = (x[:500] for x in motion)
     change, said, factor = UNITS[unit]
-    summary, text, status = analysed(*change(t, q, qd), *([tau] if efforts else []), parameters=LOOSE)
+    summary, text, status = analysed(
+        *change(t, q, qd), *([tau] if efforts else []), parameters=LOOSE
+    )
     warnings = [one for one in summary["warnings"] if "times as fast as the velocities" in one]
-    assert len(warnings) == (said is not None) and (said or "") in "".join(warnings) and (said or "") in text
+    assert (
+        len(warnings) == (said is not None)
+        and (said or "") in "".join(warnings)
+        and (said or "") in text
+    )
     wrong = summary["quality"]["wrong_unit"]
     assert (wrong is None) == (factor is None)
     if factor:
@@ -449,10 +567,14 @@ def test_quality_of_good_data(analysed, motion):
     t, q, qd, tau = motion
     report = analysed(*motion)[0]["quality"]
     for name, values in (("largest_velocity", qd), ("largest_effort", tau)):
-        assert [one[name] for one in report["joints"].values()] == np.abs(values).max(axis=0).tolist()
+        assert [one[name] for one in report["joints"].values()] == np.abs(values).max(
+            axis=0
+        ).tolist()
     assert report["rate"] == pytest.approx(500.0, rel=0.02) and report["jitter"] < 2e-5
     assert report["gaps"] == report["repeated_states"] == report["without_effort"] == 0
-    assert all(one["velocity_error"] < 1e-3 and not one["clipped"] for one in report["joints"].values())
+    assert all(
+        one["velocity_error"] < 1e-3 and not one["clipped"] for one in report["joints"].values()
+    )
     assert not any("position" in one["steps"] for one in report["joints"].values())
     report = analysed(t, np.round(q / 1e-4) * 1e-4, qd, tau)[0]["quality"]
     moving = [one for one in report["joints"].values() if one["largest_velocity"] > 0.2]
@@ -463,9 +585,22 @@ def test_wrapped_positions_of_a_continuous_joint(tmp_path):
     """They are the integral of its velocity, and no wrong unit."""
     (tmp_path / "arm.urdf").write_text(TwoLinkArm().urdf.replace("revolute", "continuous"))
     t = np.arange(2000) * 0.002
-    q, qd = np.outer(t, [2.5, -2.0]) + 0.1 * np.sin(3.0 * t)[:, None], [2.5, -2.0] + 0.3 * np.cos(3.0 * t)[:, None]
+    q, qd = (
+        np.outer(t, [2.5, -2.0]) + 0.1 * np.sin(3.0 * t)[:, None],
+        [2.5, -2.0] + 0.3 * np.cos(3.0 * t)[:, None],
+    )
     path = write_columns(tmp_path / "x.npz", t, (q + np.pi) % (2.0 * np.pi) - np.pi, qd)
-    main(["analyse", str(path), "--urdf", str(tmp_path / "arm.urdf"), "--quiet", "--json", str(tmp_path / "a.json")])
+    main(
+        [
+            "analyse",
+            str(path),
+            "--urdf",
+            str(tmp_path / "arm.urdf"),
+            "--quiet",
+            "--json",
+            str(tmp_path / "a.json"),
+        ]
+    )
     report = json.loads((tmp_path / "a.json").read_text())["quality"]
     assert report["wrong_unit"] is None
     assert all(one["velocity_error"] < 1e-3 for one in report["joints"].values())
@@ -503,7 +638,9 @@ def test_gaps_repeats_and_bounds(analysed, ur5, motion):
     assert report["gaps"] == 1 and report["repeated_states"] == 59
     assert report["longest_gap"] == pytest.approx(0.052, abs=1e-6)
     assert report["longest_gap_at"] == pytest.approx(t[1499], abs=1e-6)
-    still = np.array([one["still"] for one in report["joints"].values()])[:5][abs(qd[99, :5]) > 0.05]
+    still = np.array([one["still"] for one in report["joints"].values()])[:5][
+        abs(qd[99, :5]) > 0.05
+    ]
     assert len(still) and (still == 60).all()
     clipped = {name: one["clipped"] for name, one in report["joints"].items() if one["clipped"]}
     assert clipped == {ur5.dof_names[0]: ["effort"]}

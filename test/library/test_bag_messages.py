@@ -62,7 +62,11 @@ MD5 = NOETIC.generate_msgdef(JOINT_STATE, ros_version=1)[1]
 
 @pytest.mark.parametrize(
     ("compression", "md5", "options"),
-    [(ZSTD, None, {}), (LZ4, MD5, {"index_types": NO_INDEX}), (PLAIN, "*", {"use_chunking": False})],
+    [
+        (ZSTD, None, {}),
+        (LZ4, MD5, {"index_types": NO_INDEX}),
+        (PLAIN, "*", {"use_chunking": False}),
+    ],
 )
 def test_ros1_in_mcap(tmp_path, compression, md5, options):
     """`mcap convert` keeps messages and types of a ROS 1 bag; MD5 sums may be unknown."""
@@ -77,22 +81,40 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
     """Its description and its odometry are read; the states are those of the same messages of ROS 2."""
     stamps = [START + k * MS for k in range(20)]
     inertial = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    sent = [description(urdf_of("a").replace('<link name="base"/>', f'<link name="base">{inertial}</link>'))]
+    sent = [
+        description(
+            urdf_of("a").replace('<link name="base"/>', f'<link name="base">{inertial}</link>')
+        )
+    ]
     for k, stamp in enumerate(stamps):
         pose, twist = [0.1 * k, 0, 0, 0, 0, 0, 1], [0.1, 0, 0, 0, 0, 0.2]
         sent.append(Message("/odom", stamp, odometry(stamp, "base", pose, twist), ODOMETRY))
-        sent.append(Message("/joint_states", stamp, serialized(stamp, ["a"], [0.01 * k], [0.1], [2.0])))
+        sent.append(
+            Message("/joint_states", stamp, serialized(stamp, ["a"], [0.01 * k], [0.1], [2.0]))
+        )
     new = write_mcap(tmp_path / "new.mcap", sent)
     old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), **IN_ROS1)
-    expected, found = (dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old))
+    expected, found = (
+        dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old)
+    )
     assert len(expected) > 15 and found.findings == expected.findings
     assert_same_states(found, expected)
 
 
 NOT_UNDERSTOOD = [
     (b"short", {}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of the type"),
-    (None, {"md5sum": "1" * 32}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of the type"),
-    (None, {}, "my_msgs/JointState", r"has no joint states: its topics are /joint_states .my_msgs/msg/JointState\)"),
+    (
+        None,
+        {"md5sum": "1" * 32},
+        "sensor_msgs/JointState",
+        "40 messages of '/joint_states' are not of the type",
+    ),
+    (
+        None,
+        {},
+        "my_msgs/JointState",
+        r"has no joint states: its topics are /joint_states .my_msgs/msg/JointState\)",
+    ),
 ]
 
 
@@ -102,7 +124,9 @@ def test_ros1_in_mcap_that_is_not_understood(tmp_path, data, metadata, type, wha
     options = {"encoding": "ros1", "metadata": metadata, "definitions": {}}
     path = write_mcap(tmp_path / "x.mcap", messages, chunk_size=10**6, **options)
     try:
-        said = " ".join(unread([(one.cause, one.text) for one in dd.read_recording(path, arm("a")).findings]))
+        said = " ".join(
+            unread([(one.cause, one.text) for one in dd.read_recording(path, arm("a")).findings])
+        )
     except dd.InputError as error:
         said = str(error)
     assert re.search(what, said)
@@ -123,7 +147,9 @@ def test_names_of_types(tmp_path, kind, name):
     assert read(path) == (list(range(40)), [])
 
 
-@pytest.mark.parametrize(("encoding", "type"), [("json", JOINT_STATE), ("protobuf", "foxglove.JointStates"), ("", "")])
+@pytest.mark.parametrize(
+    ("encoding", "type"), [("json", JOINT_STATE), ("protobuf", "foxglove.JointStates"), ("", "")]
+)
 def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
     """With the topic; a second topic that can be read is read."""
     odd = [one._replace(topic="/odd/joint_states", type=type, data=b"{}") for one in numbered(20)]
@@ -136,7 +162,10 @@ def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
         writer.start()
         channels = [
             writer.register_channel(topic, form, writer.register_schema(kind, "ros2msg", b""))
-            for topic, form, kind in (("/odd/joint_states", encoding, type), ("/a", "cdr", JOINT_STATE))
+            for topic, form, kind in (
+                ("/odd/joint_states", encoding, type),
+                ("/a", "cdr", JOINT_STATE),
+            )
         ]
         for one, other in zip(odd, numbered(20), strict=True):
             writer.add_message(channels[0], one.log_time, one.data, one.log_time)
@@ -155,8 +184,14 @@ def arm_and_gripper(topics):
     for k in range(60):
         names, topic = (["c"], topics[1]) if k % 3 == 2 else (["b", "a"], topics[0])
         stamp = START + 2 * k * MS
-        values = [0.01 * k + place for place in range(len(names))], [0.1] * len(names), [1.0 * k] * len(names)
-        sent.append(Message(topic, stamp - (k % 30 == 29) * 2 * MS, serialized(stamp, names, *values)))
+        values = (
+            [0.01 * k + place for place in range(len(names))],
+            [0.1] * len(names),
+            [1.0 * k] * len(names),
+        )
+        sent.append(
+            Message(topic, stamp - (k % 30 == 29) * 2 * MS, serialized(stamp, names, *values))
+        )
     return sent
 
 
@@ -183,19 +218,36 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
         assert found.counts == expected.counts and found.findings == expected.findings
         assert_same_states(found, expected)
     refused(rf"{two[0]}, {two[1]}\. .* --topic {two[0]} --topic {two[1]}", path, robot)
-    refused(rf"no topic '/gripper' .*, only {two[0]}, {two[1]}", path, robot, topic=[two[0], "/gripper"])
+    refused(
+        rf"no topic '/gripper' .*, only {two[0]}, {two[1]}", path, robot, topic=[two[0], "/gripper"]
+    )
 
 
 def test_stamps_of_a_written_mcap(tmp_path):
     """Messages have the stamps of the newest and of the oldest value."""
-    path, out = write_mcap(tmp_path / "x.mcap", arm_and_gripper(["/joint_states"] * 2)), tmp_path / "out.mcap"
+    path, out = (
+        write_mcap(tmp_path / "x.mcap", arm_and_gripper(["/joint_states"] * 2)),
+        tmp_path / "out.mcap",
+    )
     (tmp_path / "arm.urdf").write_text(urdf_of("a", "b", "c"))
-    arguments = ["analyse", path, "--urdf", tmp_path / "arm.urdf", "-o", out, "--topics", "state", "--quiet"]
+    arguments = [
+        "analyse",
+        path,
+        "--urdf",
+        tmp_path / "arm.urdf",
+        "-o",
+        out,
+        "--topics",
+        "state",
+        "--quiet",
+    ]
     assert main(list(map(str, arguments))) in (0, 1)
     states = dd.read_recording(path, arm("a", "b", "c")).states
     with open(out, "rb") as file:
         raw = [one.data for *_, one in make_reader(file).iter_messages()]
-    found = [read_message(one, "diag_dynamics/msg/DiagonalizedState", our_definitions()) for one in raw]
+    found = [
+        read_message(one, "diag_dynamics/msg/DiagonalizedState", our_definitions()) for one in raw
+    ]
     for stamps, expected in (
         ([one.header.stamp for one in found], states.stamp),
         ([one.oldest_stamp for one in found], states.oldest_stamp),
@@ -208,19 +260,33 @@ def test_topics_that_are_not_read_are_named(tmp_path):
     """One topic has the usual name, others have another name or another type."""
     sent = [*arm_and_gripper(("/joint_states", "/gripper")), description(urdf_of("a"))]
     path = write_mcap(tmp_path / "x.mcap", sent)
-    notes = [one.text for one in dd.read_recording(path, arm("a", "b")).findings if one.cause == "note"]
+    notes = [
+        one.text for one in dd.read_recording(path, arm("a", "b")).findings if one.cause == "note"
+    ]
     what = "joint states of /joint_states are read, not those of /gripper (--topic reads several)."
     assert notes == [f"'{path}': {what}"]
     what = r"no topic '/robot_description' of sensor_msgs/msg/JointState: .*/robot_description \(std_msgs/msg/String\)"
     refused(what, path, arm("a"), topic=["/joint_states", "/robot_description"])
     for topic in ("", 3, ["/joint_states", None]):
-        refused(r"topic is .*; expected the name of a topic or a list of names", path, arm("a"), topic=topic)
+        refused(
+            r"topic is .*; expected the name of a topic or a list of names",
+            path,
+            arm("a"),
+            topic=topic,
+        )
 
 
 def test_robots_of_several_namespaces(tmp_path):
     """The description is that in the namespace of the topics."""
-    sent = [one._replace(topic=f"/{side}/joint_states") for side in ("left", "right") for one in numbered(10)]
-    sent += [description(urdf_of(*names))._replace(topic=f"/{side}/robot_description") for side, names in SIDES.items()]
+    sent = [
+        one._replace(topic=f"/{side}/joint_states")
+        for side in ("left", "right")
+        for one in numbered(10)
+    ]
+    sent += [
+        description(urdf_of(*names))._replace(topic=f"/{side}/robot_description")
+        for side, names in SIDES.items()
+    ]
     path = write_mcap(tmp_path / "x.mcap", sorted(sent, key=lambda one: one.log_time))
     for side, names in SIDES.items():
         assert dd.read_recording(path, topic=f"/{side}/joint_states").model.joint_names == names
@@ -239,10 +305,15 @@ def write_table(folder, sent):
     quantities = {"q": "position", "qd": "velocity", "tau": "effort"}
     header = ["t", *(f"{short}_{name}" for short in quantities for name in messages[0].name)]
     rows = [
-        [1e-9 * one.log_time, *(number for field in quantities.values() for number in getattr(message, field))]
+        [
+            1e-9 * one.log_time,
+            *(number for field in quantities.values() for number in getattr(message, field)),
+        ]
         for one, message in zip(sent, messages, strict=True)
     ]
-    np.savetxt(folder / "x.csv", rows, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+    np.savetxt(
+        folder / "x.csv", rows, fmt="%.17g", delimiter=",", header=",".join(header), comments=""
+    )
     return folder / "x.csv"
 
 
@@ -250,7 +321,10 @@ def moving(*names, count=12):
     """Return joint states with these names and with different values of each joint."""
     sent = []
     for k in range(count):
-        position, effort = [0.001 * k + n for n in range(len(names))], [0.1 * k - n for n in range(len(names))]
+        position, effort = (
+            [0.001 * k + n for n in range(len(names))],
+            [0.1 * k - n for n in range(len(names))],
+        )
         data = serialized(START + k * MS, names, position, [1.0] * len(names), effort)
         sent.append(Message("/joint_states", START + k * MS, data))
     return sent
@@ -268,7 +342,10 @@ MAPS = {
 
 @pytest.mark.parametrize(
     ("kind", "case"),
-    [*((kind, "prefix") for kind in WRITERS), *((kind, case) for kind in ("mcap", "csv") for case in MAPS)],
+    [
+        *((kind, "prefix") for kind in WRITERS),
+        *((kind, case) for kind in ("mcap", "csv") for case in MAPS),
+    ],
 )
 def test_joint_names(tmp_path, kind, case):
     """States and findings are those of a recording with the robot's names. Options are by the robot's names."""
@@ -282,21 +359,35 @@ def test_joint_names(tmp_path, kind, case):
     expected = dd.read_recording(recordings[0], robot, **options)
     assert len(expected) == 12 and np.isfinite(expected.tau).all()
     (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joint_names": given}))
-    for how in ({"joint_names": given}, {"columns": {"joint_names": given}}, {"columns": tmp_path / "map.yaml"}):
+    for how in (
+        {"joint_names": given},
+        {"columns": {"joint_names": given}},
+        {"columns": tmp_path / "map.yaml"},
+    ):
         found = dd.read_recording(recordings[1], robot, **how, **options)
-        assert found.counts == expected.counts and [one for one in found.findings if one.cause != "note"] == []
+        assert (
+            found.counts == expected.counts
+            and [one for one in found.findings if one.cause != "note"] == []
+        )
         assert_same_states(found, expected)
 
 
 def test_joint_names_of_later_messages(tmp_path):
     """Names of every message count: those of a gripper that comes late, of a locked joint, and of a part of the file."""
     arm_alone, gripper = moving("fer_a", count=30), moving("fer_b", count=30)[20:]
-    path = write_mcap(tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda one: one.log_time))
+    path = write_mcap(
+        tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda one: one.log_time)
+    )
     given = {"fer_a": "panda_a", "fer_b": "panda_b"}
     locked = {"parameters": {"locked_joints": ["panda_b=0.0"]}}
-    assert len(dd.read_recording(path, urdf_of("panda_a", "panda_b"), joint_names=given, **locked)) == 30
+    assert (
+        len(dd.read_recording(path, urdf_of("panda_a", "panda_b"), joint_names=given, **locked))
+        == 30
+    )
     assert len(dd.read_recording(path, arm("panda_a", "panda_b"), joint_names=given)) == 1 + 2 * 9
-    pieces = dd.stream_recording(path, urdf_of("panda_a", "panda_b"), joint_names=given, end=0.01, size=4, **locked)
+    pieces = dd.stream_recording(
+        path, urdf_of("panda_a", "panda_b"), joint_names=given, end=0.01, size=4, **locked
+    )
     assert sum(map(len, pieces)) == 10
 
 
@@ -305,18 +396,42 @@ def test_joint_names_of_a_message_that_has_both(tmp_path):
     one = moving("fer_a", "panda_a", "panda_b")
     two = sorted([*moving("fer_a"), *moving("panda_a", "panda_b")], key=lambda one: one.log_time)
     for sent in (one, two):
-        path, what = write_mcap(tmp_path / "x.mcap", sent), "maps both 'fer_a' and 'panda_a' to joint 'panda_a'"
+        path, what = (
+            write_mcap(tmp_path / "x.mcap", sent),
+            "maps both 'fer_a' and 'panda_a' to joint 'panda_a'",
+        )
         refused(what, path, arm("panda_a", "panda_b"), joint_names={"fer_a": "panda_a"})
 
 
 WRONG_MAPS = {
-    "no joint of the recording": ({"fer_*": "panda_*", "fer_c": "panda_a"}, "'fer_c', which is no joint of the rec"),
-    "no prefix of the recording": ({"left_*": "panda_*"}, r"'left_\*', which is .*\. Its joints are fer_a, fer_b\."),
-    "no joint of the robot": ({"fer_b": "panda_c"}, "maps 'fer_b' to 'panda_c', which is no joint of robot 'arm'"),
-    "no prefix of the robot": ({"fer_*": "ur_*"}, r"maps 'fer_a' to 'ur_a', .* Its joints are panda_a, panda_b\."),
-    "two of one joint": ({"fer_a": "panda_a", "fer_b": "panda_a"}, "maps 'fer_a' and 'fer_b' to 'panda_a'"),
-    "two by a prefix": ({"fer_*": "panda_*", "fer_b": "panda_a"}, "both 'fer_a' and 'fer_b' to joint 'panda_a'"),
-    "one star": ({"fer_*": "panda_a"}, r"maps 'fer_\*' to 'panda_a'; expected one \* in both names or in neither"),
+    "no joint of the recording": (
+        {"fer_*": "panda_*", "fer_c": "panda_a"},
+        "'fer_c', which is no joint of the rec",
+    ),
+    "no prefix of the recording": (
+        {"left_*": "panda_*"},
+        r"'left_\*', which is .*\. Its joints are fer_a, fer_b\.",
+    ),
+    "no joint of the robot": (
+        {"fer_b": "panda_c"},
+        "maps 'fer_b' to 'panda_c', which is no joint of robot 'arm'",
+    ),
+    "no prefix of the robot": (
+        {"fer_*": "ur_*"},
+        r"maps 'fer_a' to 'ur_a', .* Its joints are panda_a, panda_b\.",
+    ),
+    "two of one joint": (
+        {"fer_a": "panda_a", "fer_b": "panda_a"},
+        "maps 'fer_a' and 'fer_b' to 'panda_a'",
+    ),
+    "two by a prefix": (
+        {"fer_*": "panda_*", "fer_b": "panda_a"},
+        "both 'fer_a' and 'fer_b' to joint 'panda_a'",
+    ),
+    "one star": (
+        {"fer_*": "panda_a"},
+        r"maps 'fer_\*' to 'panda_a'; expected one \* in both names or in neither",
+    ),
     "a list": (["fer_a"], r"joint_names is \['fer_a'\]; expected a mapping such as"),
     "a number": ({"fer_a": 1}, "maps 'fer_a' to 1; expected names of joints"),
 }
@@ -333,7 +448,10 @@ def test_joint_names_that_are_wrong(tmp_path, kind, case):
 
 def test_maps_of_bags(tmp_path):
     """Other keys of a column map, two maps, and a star that YAML takes for an alias."""
-    path, robot = write_mcap(tmp_path / "x.mcap", moving("fer_a", "fer_b")), arm("panda_a", "panda_b")
+    path, robot = (
+        write_mcap(tmp_path / "x.mcap", moving("fer_a", "fer_b")),
+        arm("panda_a", "panda_b"),
+    )
     given = {"fer_*": "panda_*"}
     what = "is a bag; expected a column map with joint_names only, but .* has effort"
     refused(what, path, robot, columns={"joint_names": given, "effort": None})
@@ -349,17 +467,37 @@ def test_maps_of_bags(tmp_path):
 
 
 PROPOSALS = {
-    "prefix": (["fer_a", "fer_b"], ["panda_a", "panda_b"], ["--joint-names 'fer_*=panda_*'", "to the robot's joints"]),
+    "prefix": (
+        ["fer_a", "fer_b"],
+        ["panda_a", "panda_b"],
+        ["--joint-names 'fer_*=panda_*'", "to the robot's joints"],
+    ),
     "none in the recording": (["a1", "a2"], ["left_a1", "left_a2"], ["--joint-names '*=left_*'"]),
-    "number": (["J1", "J2", "J3"], ["joint_1", "joint_2", "joint_3"], ["--joint-names 'J*=joint_*'"]),
+    "number": (
+        ["J1", "J2", "J3"],
+        ["joint_1", "joint_2", "joint_3"],
+        ["--joint-names 'J*=joint_*'"],
+    ),
     "suffix": (["pan", "lift"], ["pan_joint", "lift_joint"], ["--joint-names '*=*_joint'"]),
-    "and other joints": (["fer_a", "fer_b", "hand"], ["panda_a", "panda_b"], ["'fer_*=panda_*'", "maps 2 of them"]),
-    "two arms": (["l_a", "l_b", "r_a", "r_b"], ["a", "b"], ["'l_*=*' or --joint-names 'r_*=*'", "maps 2 of them"]),
+    "and other joints": (
+        ["fer_a", "fer_b", "hand"],
+        ["panda_a", "panda_b"],
+        ["'fer_*=panda_*'", "maps 2 of them"],
+    ),
+    "two arms": (
+        ["l_a", "l_b", "r_a", "r_b"],
+        ["a", "b"],
+        ["'l_*=*' or --joint-names 'r_*=*'", "maps 2 of them"],
+    ),
     "nothing alike": (["x", "y"], ["a", "b"], ["Map other names by --joint-names NAME=JOINT"]),
     "many": (
         [f"other_{k}" for k in range(30)],
         [f"joint_{k}" for k in range(20)],
-        ["joint_7 and 12 more. --joint-names", "other_7 and 22 more; the robot", "--joint-names 'other_*=joint_*'"],
+        [
+            "joint_7 and 12 more. --joint-names",
+            "other_7 and 22 more; the robot",
+            "--joint-names 'other_*=joint_*'",
+        ],
     ),
     "one is there": (["a", "fer_b"], ["a", "panda_b"], ["--joint-names 'fer_*=panda_*'"]),
 }
@@ -374,7 +512,10 @@ def test_names_that_came_and_a_map_for_them(tmp_path, case):
     if case == "one is there":
         assert "missing: panda_b. The recording has other joints: fer_b. " in finding.text
     elif case != "many":
-        assert f"messages of other joints: {', '.join(came)}; the robot has {', '.join(own)}. " in finding.text
+        assert (
+            f"messages of other joints: {', '.join(came)}; the robot has {', '.join(own)}. "
+            in finding.text
+        )
     assert len(recording) == 0 and all(text in finding.text for text in expected)
 
 
@@ -393,9 +534,13 @@ def test_followers_are_the_robots(tmp_path):
     """A name that the map leads to a mimic joint counts."""
     mimic = '<joint name="b" type="continuous"><mimic joint="a"/>'
     robot = urdf_of("a", "b").replace('<joint name="b" type="continuous">', mimic)
-    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving("left_a", "left_b")), robot)
+    recording = dd.read_recording(
+        write_mcap(tmp_path / "x.mcap", moving("left_a", "left_b")), robot
+    )
     (finding,) = recording.findings
-    assert finding.text.endswith("--joint-names 'left_*=*' (joint_names) maps them to the robot's joints")
+    assert finding.text.endswith(
+        "--joint-names 'left_*=*' (joint_names) maps them to the robot's joints"
+    )
     assert len(dd.read_recording(recording.path, robot, joint_names={"left_*": "*"})) == 12
 
 

@@ -60,19 +60,31 @@ FLAGS = "use_chunking repeat_channels repeat_schemas use_statistics use_summary_
 def test_mcap(tmp_path, data, count, disorder):
     """Chunks overlap in time, with one or more messages each."""
     options = {flag: data.draw(st.booleans()) for flag in FLAGS.split()}
-    options["index_types"] = data.draw(st.sampled_from([IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, NO_INDEX]))
+    options["index_types"] = data.draw(
+        st.sampled_from([IndexType.ALL, IndexType.CHUNK, IndexType.MESSAGE, NO_INDEX])
+    )
     messages = numbered(count, disorder=disorder, seed=data.draw(st.integers(0, 2**32)))
-    sizes = data.draw(st.sampled_from(COMPRESSIONS)), data.draw(st.sampled_from([1, 100, 1000, 10**6]))
-    assert read(write_mcap(tmp_path / "x.mcap", messages, *sizes, **options)) == (list(range(count)), [])
+    sizes = (
+        data.draw(st.sampled_from(COMPRESSIONS)),
+        data.draw(st.sampled_from([1, 100, 1000, 10**6])),
+    )
+    assert read(write_mcap(tmp_path / "x.mcap", messages, *sizes, **options)) == (
+        list(range(count)),
+        [],
+    )
 
 
-@pytest.mark.parametrize(("mode", "version"), [*((mode, 9) for mode in CompressionMode), (CompressionMode.FILE, 8)])
+@pytest.mark.parametrize(
+    ("mode", "version"), [*((mode, 9) for mode in CompressionMode), (CompressionMode.FILE, 8)]
+)
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_rosbag2(tmp_path, plugin, mode, version):
     """A folder, and its file alone: only metadata.yaml says that messages are compressed one by one."""
     if (plugin, mode) == (SQLITE, CompressionMode.STORAGE):
         return
-    folder = write_rosbag2(tmp_path / "bag", numbered(150, ("/a", "/b"), 4, 300), plugin, mode, version)
+    folder = write_rosbag2(
+        tmp_path / "bag", numbered(150, ("/a", "/b"), 4, 300), plugin, mode, version
+    )
     for path in (folder, file_of(folder)):
         for k, topic in enumerate(("/a", "/b")):
             assert read(path, topic) == (list(range(k, 150, 2)), [])
@@ -91,7 +103,9 @@ def test_records_that_are_no_messages(tmp_path):
     with open(path, "wb") as file:
         writer = Writer(file, chunk_size=300)
         writer.start(profile="ros2")
-        channel = writer.register_channel("/a", "cdr", writer.register_schema(JOINT_STATE, "ros2msg", TEXT.encode()))
+        channel = writer.register_channel(
+            "/a", "cdr", writer.register_schema(JOINT_STATE, "ros2msg", TEXT.encode())
+        )
         for one in numbered(20):
             writer.add_message(channel, one.log_time, one.data, one.log_time)
             writer.add_metadata("rosbag2", {"a": "b"})
@@ -109,11 +123,17 @@ def test_older_sqlite(tmp_path, profiles):
     """Topics have fewer columns, and no definitions. Rows that are no messages are counted."""
     path, rows = tmp_path / "x.db3", [(one.log_time, one.data) for one in numbered(100)]
     with sqlite3.connect(path) as database:
-        database.execute(f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format{profiles})")
-        database.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data BLOB)")
+        database.execute(
+            f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format{profiles})"
+        )
+        database.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data BLOB)"
+        )
         columns = "topics(id, name, type, serialization_format)"
         database.execute(f"INSERT INTO {columns} VALUES(1, '/a', ?, 'cdr')", [JOINT_STATE])
-        database.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES(1, ?, ?)", rows)
+        database.executemany(
+            "INSERT INTO messages(topic_id, timestamp, data) VALUES(1, ?, ?)", rows
+        )
     assert read(path) == (list(range(100)), [])
     with database:
         for id, change in ((5, "data = 'text'"), (7, "timestamp = NULL")):
@@ -129,7 +149,10 @@ def test_folders_of_several_files(tmp_path, plugin):
     """Files overlap. Without metadata.yaml bag_10 is behind bag_9, also where both begin at the same time."""
     messages = [*numbered(90, disorder=20), *numbered(110)[90:]]
     parts = [sorted(messages[k : k + 10], key=lambda one: one.log_time) for k in range(0, 90, 10)]
-    parts += [messages[90:91], [messages[91]._replace(log_time=messages[90].log_time), *messages[92:]]]
+    parts += [
+        messages[90:91],
+        [messages[91]._replace(log_time=messages[90].log_time), *messages[92:]],
+    ]
     folder = write_split(tmp_path / "bag", parts, plugin)
     assert read(folder) == read(folder / "metadata.yaml") == (list(range(110)), [])
     for text in (None, "a: [", "rosbag2_bagfile_information: {relative_file_paths: 3}"):
@@ -145,7 +168,9 @@ def test_folders_of_several_files(tmp_path, plugin):
 def test_folders_that_differ_from_their_metadata(tmp_path):
     """A file is missing, one is cut, and one is not listed."""
     messages = numbered(900)
-    folder = write_split(tmp_path / "bag", [messages[:300], messages[300:600], messages[600:]], MCAP)
+    folder = write_split(
+        tmp_path / "bag", [messages[:300], messages[300:600], messages[600:]], MCAP
+    )
     write_mcap(folder / "results.mcap", numbered(10))
     (folder / "bag_0.mcap").unlink()
     content = write_mcap(folder / "bag_1.mcap", messages[300:600]).read_bytes()
@@ -154,7 +179,9 @@ def test_folders_that_differ_from_their_metadata(tmp_path):
     count, lost = len(numbers) - 300, unread(findings)
     assert 0 < count < 300 and numbers == [*range(300, 300 + count), *range(600, 900)]
     assert "bag_0.mcap" in lost[0] and all("bag_1.mcap" in text for text in lost[1:]) and lost[1:]
-    assert "does not list results.mcap" in " ".join(text for cause, text in findings if cause == "note")
+    assert "does not list results.mcap" in " ".join(
+        text for cause, text in findings if cause == "note"
+    )
 
 
 @pytest.mark.parametrize("suffix", ["", ".db3", ".mcap.zstd"])
@@ -181,7 +208,11 @@ def test_folders_without_a_list_of_files(tmp_path):
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: []}")
     (folder / "monday_0.mcap").rename(folder / "recording")
     numbers, ((cause, text),) = read(folder)
-    assert numbers == list(range(50)) and cause == "note" and "metadata.yaml that lists no files" in text
+    assert (
+        numbers == list(range(50))
+        and cause == "note"
+        and "metadata.yaml that lists no files" in text
+    )
     (folder / "recording").unlink()
     refused(r"has a metadata\.yaml that lists no files and contains no bag", folder, arm("a"))
     advice = r"or the file of a table\. Is one of its folders meant: monday\?"
@@ -212,10 +243,18 @@ def test_kinds_are_known_by_content(tmp_path):
             "byte 0: the file does not start with the magic bytes of MCAP",
         ),
         ("x.db3", b"", r"database: the file is empty\.$"),
-        ("x.db3", b"SQLite format 3\0" + bytes(5000), "has no joint states.* not a database: .*sqlite3 .* .recover"),
+        (
+            "x.db3",
+            b"SQLite format 3\0" + bytes(5000),
+            "has no joint states.* not a database: .*sqlite3 .* .recover",
+        ),
         ("x.bag", b"", r"index: the file is empty\.$"),
         ("x.bag", b"#ROSBAG V1.2\n" + bytes(5000), "version 102 is not supported"),
-        ("x.bag", b"#ROSBAG V2.0\n", "index: .*: 13 bytes; `rosbag reindex .*x.bag` makes an index"),
+        (
+            "x.bag",
+            b"#ROSBAG V2.0\n",
+            "index: .*: 13 bytes; `rosbag reindex .*x.bag` makes an index",
+        ),
     ],
 )
 def test_files_without_messages(tmp_path, name, content, what):
@@ -223,7 +262,9 @@ def test_files_without_messages(tmp_path, name, content, what):
     refused(what, tmp_path / name, arm("a"))
 
 
-@pytest.mark.parametrize(("compression", "module"), [("ZSTD", "zstandard"), ("LZ4", "lz4.frame"), ("NONE", "mcap")])
+@pytest.mark.parametrize(
+    ("compression", "module"), [("ZSTD", "zstandard"), ("LZ4", "lz4.frame"), ("NONE", "mcap")]
+)
 def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch, compression, module):
     path = write_mcap(tmp_path / "x.mcap", numbered(100), CompressionType[compression])
     monkeypatch.setitem(sys.modules, module, None)
@@ -234,7 +275,9 @@ def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch, compression, 
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-@pytest.mark.parametrize("options", [{}, {"index_types": NO_INDEX}, {"use_chunking": False}], ids=str)
+@pytest.mark.parametrize(
+    "options", [{}, {"index_types": NO_INDEX}, {"use_chunking": False}], ids=str
+)
 def test_mcap_that_is_cut_or_has_a_flipped_bit(tmp_path, compression, options):
     """It is read up to its last whole chunk. Chunks have CRCs, so no message changes; missing ones are named."""
     path, before = write_mcap(tmp_path / "x.mcap", numbered(25), compression, **options), 0
@@ -242,7 +285,9 @@ def test_mcap_that_is_cut_or_has_a_flipped_bit(tmp_path, compression, options):
     for end in (*some_of(range(0, len(content), 11), 14), len(content) - 1):
         path.write_bytes(content[:end])
         numbers, findings = read(path)
-        assert numbers == list(range(len(numbers))) and len(numbers) >= before and unread(findings), end
+        assert (
+            numbers == list(range(len(numbers))) and len(numbers) >= before and unread(findings)
+        ), end
         before = len(numbers)
     assert before == 25
     for at in some_of(range(0, len(content), 11), 14) if "use_chunking" not in options else ():
@@ -272,7 +317,10 @@ def test_garbage_in_the_middle(tmp_path, data, kind):
         write_ros1(path, messages, data.draw(st.sampled_from(ROS1_COMPRESSIONS)))
     content = bytearray(path.read_bytes())
     for _ in range(data.draw(st.integers(1, 4))):
-        at, new = data.draw(st.integers(0, len(content))), data.draw(st.one_of(HUGE, st.binary(max_size=200)))
+        at, new = (
+            data.draw(st.integers(0, len(content))),
+            data.draw(st.one_of(HUGE, st.binary(max_size=200))),
+        )
         content[at : at + data.draw(st.sampled_from([0, len(new), 50]))] = new
     path.write_bytes(content)
     try:
@@ -298,7 +346,11 @@ def chunks(content):
     [
         (33, b"1234", "crc validation failed in Chunk.*: {count} messages"),
         (41, b"zsta", "compression is 'zsta'; expected zstd, lz4 or none: {count} messages"),
-        (25, b"\xff\xff\xff\x7f", "2147483647 bytes is not the uncompressed size: {count} messages"),
+        (
+            25,
+            b"\xff\xff\xff\x7f",
+            "2147483647 bytes is not the uncompressed size: {count} messages",
+        ),
         (1, b"\xff" * 8, "the bytes are not a chunk: {count} messages"),
     ],
 )
@@ -324,7 +376,10 @@ def test_garbage_between_chunks(tmp_path):
         size = len(content) + len(garbage) - begin
         assert 0 < len(numbers) < 100 and numbers == list(range(len(numbers)))
         (lost,) = unread(findings)
-        assert f"byte {begin}: no record starts here: {size} bytes (`mcap recover` may find more)" in lost
+        assert (
+            f"byte {begin}: no record starts here: {size} bytes (`mcap recover` may find more)"
+            in lost
+        )
 
 
 def test_damage_in_chunks_of_other_topics_is_no_loss(tmp_path):
@@ -348,7 +403,9 @@ def test_messages_of_no_channel_and_of_no_time(tmp_path):
     path.write_bytes(content)
     numbers, findings = read(path)
     assert numbers == list(range(2, 30))
-    for text, what in zip(unread(findings), ("undeclared channels", "log times that int64 cannot hold"), strict=True):
+    for text, what in zip(
+        unread(findings), ("undeclared channels", "log times that int64 cannot hold"), strict=True
+    ):
         assert "1 messages " in text and what in text
 
 
@@ -358,7 +415,9 @@ def test_messages_of_no_channel_and_of_no_time(tmp_path):
 @pytest.fixture(scope="module")
 def database(tmp_path_factory):
     """Content of a database of 800 messages on many pages."""
-    return file_of(write_rosbag2(tmp_path_factory.mktemp("x") / "bag", numbered(800, longest=400))).read_bytes()
+    return file_of(
+        write_rosbag2(tmp_path_factory.mktemp("x") / "bag", numbered(800, longest=400))
+    ).read_bytes()
 
 
 def test_damaged_sqlite(tmp_path, database):
@@ -432,7 +491,9 @@ def test_ros1_without_its_index(tmp_path):
 def test_damage_within_ros1(tmp_path, compression, sign):
     """It is read up to the damage, and all messages behind it are counted."""
     formats = rosbag1.Writer.CompressionFormat
-    path = write_ros1(tmp_path / "x.bag", numbered(300), formats[compression] if compression else None)
+    path = write_ros1(
+        tmp_path / "x.bag", numbered(300), formats[compression] if compression else None
+    )
     content = bytearray(path.read_bytes())
     at = content.index(sign, len(content) // 2)
     content[at : at + 4] = bytes(4)

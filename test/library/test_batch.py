@@ -44,7 +44,9 @@ def with_friction(model):
     """Return the model with friction in each joint."""
     entry = {"damping": 0.3, "friction": 1.5, "effort_offset": 0.1}
     single = [name for name in model.joint_names if name in model.dof_names]
-    return model.with_parameters({"joints": dict.fromkeys(single, entry), "friction_velocity": 0.05})
+    return model.with_parameters(
+        {"joints": dict.fromkeys(single, entry), "friction_velocity": 0.05}
+    )
 
 
 @pytest.fixture(scope="module", params=MODELS)
@@ -67,7 +69,10 @@ def states(dyn, count=COUNT, seed=0):
 def wrenches(dyn, count=COUNT):
     """Return a wrench that is the same at all states, and another one for each state."""
     rng = np.random.default_rng(3)
-    return {dyn.model.link_names[0]: rng.normal(size=6), dyn.model.link_names[-1]: rng.normal(size=(count, 6))}
+    return {
+        dyn.model.link_names[0]: rng.normal(size=6),
+        dyn.model.link_names[-1]: rng.normal(size=(count, 6)),
+    }
 
 
 def wrenches_at(f_ext, t):
@@ -102,13 +107,22 @@ def test_other_batches_equal_single_calls(dyn, threads):
         "forward_dynamics": (Q, QD, TAU),
         "inverse_dynamics": (Q, QD, QDD),
     }
-    sweeps = {"nu_from_qd": (Q, QD), "qd_from_nu": (Q, QD), "epsilon_from_tau": (Q, TAU), "tau_from_epsilon": (Q, TAU)}
+    sweeps = {
+        "nu_from_qd": (Q, QD),
+        "qd_from_nu": (Q, QD),
+        "epsilon_from_tau": (Q, TAU),
+        "tau_from_epsilon": (Q, TAU),
+    }
     for name, columns in (arguments | sweeps | {"friction_torque": (QD,)}).items():
         expected = [getattr(dyn, name)(*state) for state in zip(*columns, strict=True)]
         options = {"threads": threads} if name in arguments else {}
-        np.testing.assert_array_equal(getattr(dyn, f"{name}_batch")(*columns, **options), expected, err_msg=name)
+        np.testing.assert_array_equal(
+            getattr(dyn, f"{name}_batch")(*columns, **options), expected, err_msg=name
+        )
     expected = [dyn.momentum(*state) for state in zip(Q, QD, strict=True)]
-    np.testing.assert_array_equal(dyn.momentum_batch(Q, QD, threads=threads), np.swapaxes(expected, 0, 1))
+    np.testing.assert_array_equal(
+        dyn.momentum_batch(Q, QD, threads=threads), np.swapaxes(expected, 0, 1)
+    )
 
 
 def test_methods_take_one_state_or_rows(dyn):
@@ -131,7 +145,12 @@ def test_methods_take_one_state_or_rows(dyn):
         many = getattr(dyn, f"{name}_batch")(*rows)
         names = dyn.model.dof_names if rows[0] is QD else dyn.model.coordinate_names
         columns = dict(zip(names, rows[0].T, strict=True))
-        for first in (rows[0], rows[0].tolist(), [dict(zip(names, row, strict=True)) for row in rows[0]], columns):
+        for first in (
+            rows[0],
+            rows[0].tolist(),
+            [dict(zip(names, row, strict=True)) for row in rows[0]],
+            columns,
+        ):
             found = getattr(dyn, name)(first, *rows[1:])
             if name == "evaluate":
                 assert type(found) is dd.BatchEvaluation
@@ -155,11 +174,17 @@ def test_wrenches_and_friction(dyn, frame):
     many = dyn.evaluate_batch(Q, QD, TAU, f_ext, **options)
     for t in range(0, COUNT, 37):
         wrench = wrenches_at(f_ext, t)
-        np.testing.assert_allclose(forward[t], dyn.forward_dynamics(Q[t], QD[t], TAU[t], wrench, **options), rtol=1e-11)
-        np.testing.assert_allclose(inverse[t], dyn.inverse_dynamics(Q[t], QD[t], QDD[t], wrench, **options), rtol=1e-11)
+        np.testing.assert_allclose(
+            forward[t], dyn.forward_dynamics(Q[t], QD[t], TAU[t], wrench, **options), rtol=1e-11
+        )
+        np.testing.assert_allclose(
+            inverse[t], dyn.inverse_dynamics(Q[t], QD[t], QDD[t], wrench, **options), rtol=1e-11
+        )
         one = dyn.evaluate(Q[t], QD[t], TAU[t], wrench, **options)
         for name in ("external", "friction", "nu_dot", "xi_dot", "power"):
-            np.testing.assert_allclose(getattr(many, name)[t], getattr(one, name), rtol=1e-11, atol=1e-11)
+            np.testing.assert_allclose(
+                getattr(many, name)[t], getattr(one, name), rtol=1e-11, atol=1e-11
+            )
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
@@ -167,7 +192,9 @@ def test_any_number_of_states(two, count):
     """Batches shorter and longer than WIDTH and the pieces of threads."""
     Q, QD, TAU, _ = states(two, count)
     many = two.evaluate_batch(Q, QD, TAU, threads=2)
-    assert len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
+    assert (
+        len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
+    )
     for t in range(count):
         np.testing.assert_array_equal(many.coriolis[t], two.evaluate(Q[t], QD[t], TAU[t]).coriolis)
     assert two.forward_dynamics_batch(Q, QD, TAU).shape == (count, 2)
@@ -186,7 +213,9 @@ def base_step(robot):
     kernels._inward_base(at, 6)
 
 
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="names of instructions are those of x86-64")
+@pytest.mark.skipif(
+    platform.machine() != "x86_64", reason="names of instructions are those of x86-64"
+)
 @pytest.mark.parametrize("step", [evaluation_step, base_step])
 def test_steps_side_by_side_are_vectorized(step):
     """Scalar instructions would give the same numbers in more than twice the time."""
@@ -244,7 +273,10 @@ def test_stream_equals_batch(two, size):
 def test_stream_memory_does_not_grow_with_states(two, tmp_path):
     peaks = []
     for count in (10_000, shortened(400_000, 100_000)):
-        files = [np.lib.format.open_memmap(tmp_path / f"{name}_{count}.npy", "w+", shape=(count, 2)) for name in "ab"]
+        files = [
+            np.lib.format.open_memmap(tmp_path / f"{name}_{count}.npy", "w+", shape=(count, 2))
+            for name in "ab"
+        ]
         Q, QD = (np.load(file.filename, mmap_mode="r") for file in files)
         tracemalloc.start()
         energy = sum(piece.kinetic_energy.sum() for piece in two.evaluate_stream(Q, QD, size=5000))
@@ -271,7 +303,9 @@ def test_error_names_the_first_bad_state(dyn, at, which, value):
 
 
 def test_error_names_the_singular_state():
-    dyn = dd.DiagonalDynamics(dd.load_urdf(robot_path("icub_description/robots/icub.urdf"), mimic="free"))
+    dyn = dd.DiagonalDynamics(
+        dd.load_urdf(robot_path("icub_description/robots/icub.urdf"), mimic="free")
+    )
     Q, QD, _, _ = states(dyn, 130)
     Q[100] = 0.0
     with pytest.raises(dd.SingularMassMatrixError, match=r"^state 100:") as caught:
@@ -285,20 +319,38 @@ NAN, LARGE = [[0.0, np.nan]], {"lower": np.full(6, 1.7e308)}
 
 WRONG = {
     "one state": (lambda d: d.evaluate_batch([0, 0], STATE), "Q has shape (2,), expected (T, 2)"),
-    "columns": (lambda d: d.evaluate_batch([[0, 0, 0]], STATE), "Q has shape (1, 3), expected (T, 2)"),
+    "columns": (
+        lambda d: d.evaluate_batch([[0, 0, 0]], STATE),
+        "Q has shape (1, 3), expected (T, 2)",
+    ),
     "rates": (lambda d: d.evaluate_batch(STATE, STATE * 2), "QD has shape (2, 2), expected (1, 2)"),
-    "efforts": (lambda d: d.evaluate_batch(STATE, STATE, [0, 0]), "TAU has shape (2,), expected (1, 2)"),
+    "efforts": (
+        lambda d: d.evaluate_batch(STATE, STATE, [0, 0]),
+        "TAU has shape (2,), expected (1, 2)",
+    ),
     "ragged": (lambda d: d.evaluate_batch([[0, 0], [1]], STATE), "Q is not an array of numbers"),
     "half a thread": (lambda d: d.bias_batch(STATE, STATE, threads=1.5), "threads is 1.5"),
     "stream of nothing": (lambda d: list(d.evaluate_stream(STATE, STATE, size=0)), "size is 0"),
     "stream without rates": (lambda d: list(d.evaluate_stream(STATE, [])), "QD has 0 states"),
-    "wrenches": (lambda d: d.evaluate_batch(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}), "(1, 6)"),
+    "wrenches": (
+        lambda d: d.evaluate_batch(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}),
+        "(1, 6)",
+    ),
     "rates of bias": (lambda d: d.bias_batch(STATE, NAN), "state 0: qd of joint 'elbow'"),
     "rates of friction": (lambda d: d.friction_torque_batch(NAN), "state 0: qd of joint 'elbow'"),
-    "inverse dynamics": (lambda d: d.inverse_dynamics_batch(STATE, NAN, STATE), "state 0: qd of joint 'elbow'"),
+    "inverse dynamics": (
+        lambda d: d.inverse_dynamics_batch(STATE, NAN, STATE),
+        "state 0: qd of joint 'elbow'",
+    ),
     "large wrench": (lambda d: d.evaluate_batch(STATE, STATE, STATE, LARGE), "f_ext is too large"),
-    "large power": (lambda d: d.evaluate_batch(STATE, FAST, STATE, {"lower": np.full(6, 1e180)}), "power overflows"),
-    "large wrench, inverse": (lambda d: d.inverse_dynamics_batch(STATE, STATE, STATE, LARGE), "state 0:"),
+    "large power": (
+        lambda d: d.evaluate_batch(STATE, FAST, STATE, {"lower": np.full(6, 1e180)}),
+        "power overflows",
+    ),
+    "large wrench, inverse": (
+        lambda d: d.inverse_dynamics_batch(STATE, STATE, STATE, LARGE),
+        "state 0:",
+    ),
 }
 
 
@@ -367,7 +419,9 @@ def test_threads_have_their_own_workspaces(two):
         together.wait(10.0)
         return last
 
-    assert not helpers.run_chunks(workspaces, 16, lambda robot, first, last: last, threads=1)  # leaves an idle one
+    assert not helpers.run_chunks(
+        workspaces, 16, lambda robot, first, last: last, threads=1
+    )  # leaves an idle one
     assert not helpers.run_chunks(workspaces, 32, sweep, threads=2)
     assert len(set(robots)) == 2
 
@@ -382,22 +436,33 @@ def frequent_switches():
 
 
 METHODS = {
-    "evaluate with all": lambda d, q, v, t: d.evaluate(q, v, t, {"panda_hand": t[:6]}, friction=True).nu_dot,
-    "forward_dynamics": lambda d, q, v, t: d.forward_dynamics(q, v, t, {"panda_hand": t[:6]}, friction=True),
-    "inverse_dynamics": lambda d, q, v, t: d.inverse_dynamics(q, v, t, {"panda_hand": t[:6]}, friction=True),
+    "evaluate with all": lambda d, q, v, t: (
+        d.evaluate(q, v, t, {"panda_hand": t[:6]}, friction=True).nu_dot
+    ),
+    "forward_dynamics": lambda d, q, v, t: d.forward_dynamics(
+        q, v, t, {"panda_hand": t[:6]}, friction=True
+    ),
+    "inverse_dynamics": lambda d, q, v, t: d.inverse_dynamics(
+        q, v, t, {"panda_hand": t[:6]}, friction=True
+    ),
     "mass_matrix": lambda d, q, v, t: d.mass_matrix(q),
     "factors": lambda d, q, v, t: d.factors(q).l,
     "nu_from_qd": lambda d, q, v, t: d.nu_from_qd(q.tolist(), v),
     "jacobian": lambda d, q, v, t: d.jacobian(q, "panda_hand", frame="world"),
     "wrench_factor": lambda d, q, v, t: d.wrench_factor(q, "panda_hand"),
-    "forward_dynamics_batch": lambda d, q, v, t: d.forward_dynamics_batch(q[None], v[None], t[None]),
+    "forward_dynamics_batch": lambda d, q, v, t: d.forward_dynamics_batch(
+        q[None], v[None], t[None]
+    ),
 }
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_threads_share_one_dynamics(name, frequent_switches):
     """Two threads that call at once get the bits that each gets alone."""
-    dyn, method = dd.DiagonalDynamics(with_friction(dd.load_robot("panda", mimic="free"))), METHODS[name]
+    dyn, method = (
+        dd.DiagonalDynamics(with_friction(dd.load_robot("panda", mimic="free"))),
+        METHODS[name],
+    )
     two_states = list(zip(*states(dyn, 2)[:3], strict=True))
     expected = [method(dyn, *state) for state in two_states]
     wrong, ready = [], threading.Barrier(2)

@@ -17,7 +17,9 @@ NAMES = ("shoulder", "elbow")
 # --- The checks
 
 
-@pytest.mark.parametrize("value", [None, "1", b"1", True, [1.0, "2"], [[1.0], [2.0, 3.0]], {}, 1j, object], ids=repr)
+@pytest.mark.parametrize(
+    "value", [None, "1", b"1", True, [1.0, "2"], [[1.0], [2.0, 3.0]], {}, 1j, object], ids=repr
+)
 def test_values_that_are_no_numbers(value):
     assert checks.array_of(value) is None
     for check in (
@@ -40,14 +42,23 @@ def test_number_of_any_kind_is_a_float(value):
 @pytest.mark.parametrize(
     ("check", "key"),
     [
-        (lambda: checks.positive("x", 0.0, "[1/s]"), "x is 0.0, expected a finite number > 0 [1/s]"),
+        (
+            lambda: checks.positive("x", 0.0, "[1/s]"),
+            "x is 0.0, expected a finite number > 0 [1/s]",
+        ),
         (lambda: checks.not_negative("x", -1, "[s]"), "x is -1, expected a finite number >= 0 [s]"),
         (lambda: checks.number("x", "0", "a number", unit=" s"), "x is '0' s, expected a number"),
         (lambda: checks.choice("x", "c", ("a", "b")), "x is 'c', expected one of 'a', 'b'"),
         (lambda: checks.whole("x", True), "x is True, expected a whole number >= 1"),
-        (lambda: checks.numbers("x", [1, -9], (2,), "two", 5.0), "x is [1, -9], expected two, none beyond ±5"),
+        (
+            lambda: checks.numbers("x", [1, -9], (2,), "two", 5.0),
+            "x is [1, -9], expected two, none beyond ±5",
+        ),
         (lambda: checks.per_name("x", [1, -2], NAMES), "x of 'elbow' is -2.0"),
-        (lambda: checks.per_name("x", [1, 2, 3], NAMES), "x is [1, 2, 3], expected a finite number > 0, or 2 such"),
+        (
+            lambda: checks.per_name("x", [1, 2, 3], NAMES),
+            "x is [1, 2, 3], expected a finite number > 0, or 2 such",
+        ),
     ],
 )
 def test_error_names_value_and_bounds(check, key):
@@ -71,14 +82,20 @@ def test_checked_values_are_copies():
 def two():
     body = (2.0, (0.1, 0.2, 0.3), (0.1, 0.0, 0.0, 0.2, 0.0, 0.25))
     links = (link("base"), link("upper", *body), link("lower", *body))
-    joints = (joint("shoulder", "revolute", "base", "upper"), joint("elbow", "prismatic", "upper", "lower"))
+    joints = (
+        joint("shoulder", "revolute", "base", "upper"),
+        joint("elbow", "prismatic", "upper", "lower"),
+    )
     return dd.DiagonalDynamics(dd.load_urdf(description("arm", *links, *joints)))
 
 
 Z, NAN, LARGE = [0, 0], [0, np.nan], [1e200, 0]
 
 WRONG = [
-    (lambda d: d.evaluate([0.0], Z), "q has shape (1,), expected (2,): one entry for each of shoulder"),
+    (
+        lambda d: d.evaluate([0.0], Z),
+        "q has shape (1,), expected (2,): one entry for each of shoulder",
+    ),
     (lambda d: d.evaluate(0.0, Z), "q has shape ()"),
     (lambda d: d.evaluate([[1], 2], Z), "q is not a vector of numbers"),
     (lambda d: d.evaluate([np.inf, 0], Z), "q of joint 'shoulder' is inf"),
@@ -86,8 +103,14 @@ WRONG = [
     (lambda d: d.evaluate(Z, Z, [0, -np.inf]), "tau of joint 'elbow' is -inf"),
     (lambda d: d.evaluate(Z, LARGE), "too large"),
     (lambda d: d.evaluate(Z, [1e150, 0], LARGE), "too large"),  # the power
-    (lambda d: d.evaluate_batch([Z] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9), "state 0: q, qd, tau are too large"),
-    (lambda d: d.evaluate(Z, [1e150, 0], f_ext={"upper": [0, 1e200, 0, 0, 0, 1e200]}), "power overflows"),
+    (
+        lambda d: d.evaluate_batch([Z] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9),
+        "state 0: q, qd, tau are too large",
+    ),
+    (
+        lambda d: d.evaluate(Z, [1e150, 0], f_ext={"upper": [0, 1e200, 0, 0, 0, 1e200]}),
+        "power overflows",
+    ),
     (lambda d: d.evaluate(Z, Z, f_ext={"lower": [1.7e308] * 6}), "f_ext is too large"),
     (lambda d: d.operational_inverse_inertia(Z, "lower", [1e200, 0, 0]), "is too far away"),
     (lambda d: d.evaluate(Z, Z, f_ext={"hand": [0] * 6}), "f_ext: 'hand'"),
@@ -113,7 +136,10 @@ WRONG = [
     (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": 0.0, "elbwo": 0.0}), "is 'elbow' meant"),
     (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": np.nan}), "q of joint 'elbow' is nan"),
     (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": "x"}), "q is not a vector of numbers"),
-    (lambda d: d.evaluate_batch({"shoulder": Z, "elbow": [0]}, [Z, Z]), "Q has not as many entries"),
+    (
+        lambda d: d.evaluate_batch({"shoulder": Z, "elbow": [0]}, [Z, Z]),
+        "Q has not as many entries",
+    ),
     # masked entries
     (lambda d: d.mass_matrix(masked(Z)), "q has 1 masked entries"),
     (lambda d: d.evaluate(masked(Z), Z), "q has 1 masked entries"),
@@ -122,7 +148,9 @@ WRONG = [
 
 
 def masked(values):
-    return np.ma.masked_array(np.array(values, float), mask=np.broadcast_to([False, True], np.shape(values)))
+    return np.ma.masked_array(
+        np.array(values, float), mask=np.broadcast_to([False, True], np.shape(values))
+    )
 
 
 @pytest.mark.parametrize(("call", "key"), WRONG)
@@ -135,11 +163,16 @@ def test_wrong_arguments(two, call, key):
 
 def test_mass_along_an_axis_is_infinite():
     """What moves along the axis of a joint is rounding alone."""
-    axis, body = (0.3, -0.7, 0.2), link("arm", 2.0, (0.1, 0.2, 0.3), (0.1, 0.0, 0.0, 0.2, 0.0, 0.25))
+    axis, body = (
+        (0.3, -0.7, 0.2),
+        link("arm", 2.0, (0.1, 0.2, 0.3), (0.1, 0.0, 0.0, 0.2, 0.0, 0.25)),
+    )
     turns = joint("shoulder", "revolute", "base", "arm", axis=axis)
     dyn = dd.DiagonalDynamics(dd.load_urdf(description("arm", link("base"), body, turns)))
     points = np.random.default_rng(0).normal(size=(10, 3))
-    assert any((dyn.wrench_factor([0.3], "arm", point)[:, :3] @ axis).any() for point in points)  # rounding
+    assert any(
+        (dyn.wrench_factor([0.3], "arm", point)[:, :3] @ axis).any() for point in points
+    )  # rounding
     assert all(dyn.reflected_mass([0.3], "arm", axis, point) == np.inf for point in points)
     assert np.isfinite(dyn.reflected_mass([0.3], "arm", (1.0, 0.0, 0.0), (0.7, 0.1, 0.4)))
 
@@ -219,13 +252,19 @@ def test_names_in_simulations_and_observers(dyn, state):
     """Efforts, damping and gains by name equal those by position."""
     (q, qd, tau), named = state, [by_name(dyn, x) for x in state]
     damping = np.arange(1.0, dyn.model.nv + 1)
-    one, other = dd.Simulation(dyn.model, q=q, qd=qd), dd.Simulation(dyn.model, q=named[0], qd=named[1])
+    one, other = (
+        dd.Simulation(dyn.model, q=q, qd=qd),
+        dd.Simulation(dyn.model, q=named[0], qd=named[1]),
+    )
     one.damping, other.damping = damping, by_name(dyn, damping)
     one.advance(tau, steps=3)
     other.advance(named[2], steps=3)
     np.testing.assert_array_equal(one.q, other.q)
     np.testing.assert_array_equal(one.nu, other.nu)
-    observers = [dd.DisturbanceObserver(dyn, gain=gain, effort="held") for gain in (damping, by_name(dyn, damping))]
+    observers = [
+        dd.DisturbanceObserver(dyn, gain=gain, effort="held")
+        for gain in (damping, by_name(dyn, damping))
+    ]
     for k in range(3):
         a, b = (observers[i].update(0.01 * k, *vectors) for i, vectors in enumerate((state, named)))
     np.testing.assert_array_equal(a.external_torque, b.external_torque)

@@ -31,7 +31,9 @@ def test_oracles_share_no_code_with_the_library(name):
 
 
 CHECKED = (
-    robots.Robot("mobile_tree_20", robots.random_tree(20, kinds=robots.KINDS + robots.SEVERAL)).floating,
+    robots.Robot(
+        "mobile_tree_20", robots.random_tree(20, kinds=robots.KINDS + robots.SEVERAL)
+    ).floating,
     next(robot for robot in robots.random_robots() if robot.armature),
     NAMED["nested three deep"]._replace(mimic="embed"),
 )
@@ -49,12 +51,16 @@ def test_oracles_by_other_routes(robot):
         if robot.mimic == "embed":  # whose dofs are in the order of elimination
             assert_close(t.m / unit[:, None], m / unit[:, None], tol)
         assert_close(t.m @ t.m.T / weigh, t.M / weigh, 1e-13)
-        assert_close(t.coriolis_by_difference, t.coriolis, tolerance_of_differences(t), t.coriolis_scale)
+        assert_close(
+            t.coriolis_by_difference, t.coriolis, tolerance_of_differences(t), t.coriolis_scale
+        )
         assert_close(t.C_s @ t.qd / unit, t.c / unit, 1e-12, norm(t.c / unit) + t.coriolis_scale)
         rate = o.derivative(lambda q: o.unit_factor(q)[0], t.q, t.qd)
         other = np.linalg.solve(t.unit, t.c) - t.D * (rate.T @ t.qd)
         scale = t.coriolis_scale + norm(t.Ddot * t.xi / root)
-        assert_close(other / root, t.coriolis_unnormalized / root, tolerance_of_differences(t), scale)
+        assert_close(
+            other / root, t.coriolis_unnormalized / root, tolerance_of_differences(t), scale
+        )
         assert_close(t.nu @ t.coriolis, 0.0, 1e-12, norm(t.nu) * t.coriolis_scale)
         parts = t.M @ sample.qdd / unit, t.c / unit, t.g / unit
         tau = o.inverse_dynamics(t.q, t.qd, sample.qdd)
@@ -72,7 +78,10 @@ def test_two_link_arm(seed):
     """M, c, U, D, ν and C of the textbook arm, worked out by hand."""
     arm = robots.TwoLinkArm(*np.random.default_rng(seed).uniform(0.2, 2, 7))
     q, qd = np.random.default_rng(seed + 100).uniform(-3, 3, (2, 2))
-    dyn, t = dd.DiagonalDynamics(dd.load_urdf(arm.urdf)), Oracle(arm.urdf, ("shoulder", "elbow")).at(q, qd)
+    dyn, t = (
+        dd.DiagonalDynamics(dd.load_urdf(arm.urdf)),
+        Oracle(arm.urdf, ("shoulder", "elbow")).at(q, qd),
+    )
     s, f, (unit, D) = dyn.evaluate(q, qd), dyn.factors(q), arm.factor(q)
     for exact, rtol, atol, *answers in (
         (arm.mass_matrix(q), 1e-12, 0, dyn.mass_matrix(q), t.M),
@@ -90,10 +99,15 @@ def test_two_link_arm(seed):
 def test_pendulum():
     """One joint: D is the inertia about the axis, g its gravity moment, and C = 0."""
     q, qd, tau = [4.0], [3.0], [1.5]
-    dyn, t = dd.DiagonalDynamics(dd.load_urdf(robots.PENDULUM)), Oracle(robots.PENDULUM).at(q, qd, tau)
+    dyn, t = (
+        dd.DiagonalDynamics(dd.load_urdf(robots.PENDULUM)),
+        Oracle(robots.PENDULUM).at(q, qd, tau),
+    )
     s, (y, z) = dyn.evaluate(q, qd, tau), (0.05, -0.4)
     D = 0.02 + 0.8 * (y**2 + z**2)
-    moment = 0.8 * 9.81 * (y * np.cos(4.0) - z * np.sin(4.0))  # m g × lever arm of the turned centre of mass
+    moment = (
+        0.8 * 9.81 * (y * np.cos(4.0) - z * np.sin(4.0))
+    )  # m g × lever arm of the turned centre of mass
     for exact, *answers in (
         (D, s.articulated_inertia, t.D),
         (moment, dyn.gravity_torque(q), t.g),
@@ -133,7 +147,9 @@ def test_rates_of_the_two_link_arm(seed):
     dyn = dd.DiagonalDynamics(dd.load_urdf(arm.urdf))
     _, beta, _ = arm._constants
     (unit, D), s = arm.factor(q), beta * np.sin(q[1])
-    assert np.allclose(dyn.mass_matrix_rate(q, qd), -s * qd[1] * np.array([[2, 1], [1, 0]]), rtol=1e-11, atol=1e-14)
+    assert np.allclose(
+        dyn.mass_matrix_rate(q, qd), -s * qd[1] * np.array([[2, 1], [1, 0]]), rtol=1e-11, atol=1e-14
+    )
     assert (dyn.mass_matrix_rate(q, [1.0, 0.0]) == 0).all()  # nothing depends on the shoulder
     # D₁ = M₁₁ − M₁₂²/M₂₂, u = M₁₂/M₂₂
     D_rate = np.array([-2 * s * qd[1] * (1 - unit[0, 1]), 0.0])
@@ -177,13 +193,23 @@ def test_reflected_mass_of_one_joint():
     slide = joint("slide", "prismatic", "base", "head", (1, 2, 2), **pose)
     dyn = dd.DiagonalDynamics(dd.load_urdf(description("piston", link("base"), head, slide)))
     assert dyn.reflected_mass([0.7], "head", (1, 2, 2)) == pytest.approx(2.5, rel=1e-14)
-    assert dyn.reflected_mass([0.7], "head", (0, 0, 1), (5.0, 1.0, 0.0)) == pytest.approx(2.5 * 9 / 4, rel=1e-13)
+    assert dyn.reflected_mass([0.7], "head", (0, 0, 1), (5.0, 1.0, 0.0)) == pytest.approx(
+        2.5 * 9 / 4, rel=1e-13
+    )
     pendulum = dd.DiagonalDynamics(dd.load_urdf(robots.PENDULUM))
     D = pendulum.evaluate([1.0], [0.0]).articulated_inertia[0]
-    assert pendulum.reflected_mass([1.0], "rod", (0, 1, 0), (0.3, 0, -2.0)) == pytest.approx(D / 4, rel=1e-13)
-    J_w = pendulum.wrench_factor([1.0], "rod")  # a turning joint feels the moment about its axis only
+    assert pendulum.reflected_mass([1.0], "rod", (0, 1, 0), (0.3, 0, -2.0)) == pytest.approx(
+        D / 4, rel=1e-13
+    )
+    J_w = pendulum.wrench_factor(
+        [1.0], "rod"
+    )  # a turning joint feels the moment about its axis only
     assert J_w[0] == pytest.approx([0, 0, 0, 1 / np.sqrt(D), 0, 0], rel=1e-13, abs=1e-14)
-    for direction, point in (((1, 0, 0), (0.1, 0.2, 0.3)), ((0, 1, 0), (0, 0, 0)), ((0, 0, 2), (7.0, 0, 0))):
+    for direction, point in (
+        ((1, 0, 0), (0.1, 0.2, 0.3)),
+        ((0, 1, 0), (0, 0, 0)),
+        ((0, 0, 2), (7.0, 0, 0)),
+    ):
         assert pendulum.reflected_mass([0.3], "rod", direction, point) == np.inf
     assert pendulum.reflected_mass([0.3], "base", (0, 0, 1)) == np.inf
 
@@ -196,14 +222,22 @@ def test_reflected_mass_beside_a_crooked_joint(kind, frame):
         rng = np.random.default_rng(seed)
         axis, rpy = rng.standard_normal(3), rng.uniform(-3, 3, 3)
         head = link("head", 2.5, (0.1, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1))
-        urdf = description(kind, link("base"), head, joint("only", kind, "base", "head", axis, (0.3, 0.1, 0.2), rpy))
+        urdf = description(
+            kind,
+            link("base"),
+            head,
+            joint("only", kind, "base", "head", axis, (0.3, 0.1, 0.2), rpy),
+        )
         axis, q, point = axis / norm(axis), rng.uniform(-2, 2, 1), rng.standard_normal(3)
         dyn = dd.DiagonalDynamics(dd.load_urdf(urdf))
         R = link_placement(Oracle(urdf), q, "head").rotation if frame == "world" else np.eye(3)
         if kind == "prismatic":
             stuck, free, mass = np.cross(axis, rng.standard_normal(3)), axis, 2.5
         else:
-            stuck, free = rng.standard_normal() * axis - point, np.cross(axis, point)  # stuck: towards the axis
+            stuck, free = (
+                rng.standard_normal() * axis - point,
+                np.cross(axis, point),
+            )  # stuck: towards the axis
             mass = dyn.evaluate(q, [0.0]).articulated_inertia[0] / (free @ free)
         stuck, free = stuck / norm(stuck), free / norm(free)
         nearly = dyn.reflected_mass(q, "head", R @ (stuck + 1e-6 * free), point, frame=frame)
@@ -221,9 +255,14 @@ def test_reflected_mass_out_of_a_crooked_plane(joints):
             rpy, xyz = rng.uniform(-3, 3, 3), at.T @ rng.uniform(-0.4, 0.4, 3)
             at = at @ rpyToMatrix(rpy)
             axis = at.T @ normal / norm(normal)
-            elements.append(joint(f"joint_{k}", "revolute", f"link_{k}", f"link_{k + 1}", axis, xyz, rpy))
+            elements.append(
+                joint(f"joint_{k}", "revolute", f"link_{k}", f"link_{k + 1}", axis, xyz, rpy)
+            )
             elements.append(link(f"link_{k + 1}", 1.0, (0.1, 0.05, 0), (0.01, 0, 0, 0.01, 0, 0.01)))
-        dyn, point = dd.DiagonalDynamics(dd.load_urdf(description("planar_arm", *elements))), rng.standard_normal(3)
+        dyn, point = (
+            dd.DiagonalDynamics(dd.load_urdf(description("planar_arm", *elements))),
+            rng.standard_normal(3),
+        )
         q = rng.uniform(-2, 2, joints)
         assert dyn.reflected_mass(q, f"link_{joints}", normal, point, frame="world") == np.inf
         across = np.cross(normal, rng.standard_normal(3))

@@ -45,7 +45,9 @@ def close(found, expected, tolerance, scale=None):
 # --- Mobilities --------------------------------------------------------------------------------------------
 
 
-COUPLED = [NAMED[name]._replace(mimic="embed") for name in ("parallel gripper", "nested three deep")]
+COUPLED = [
+    NAMED[name]._replace(mimic="embed") for name in ("parallel gripper", "nested three deep")
+]
 
 
 @pytest.mark.parametrize("one", [*robots.robots_to_test(), *COUPLED], ids=lambda one: one.id)
@@ -75,7 +77,9 @@ def test_mobilities_refuse_what_is_wrong():
 # --- Contact at points -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("one", [robot(PANDA), robot(TALOS).floating, *random_robots()[5:8]], ids=lambda one: one.id)
+@pytest.mark.parametrize(
+    "one", [robot(PANDA), robot(TALOS).floating, *random_robots()[5:8]], ids=lambda one: one.id
+)
 @pytest.mark.parametrize("worst_by", ["energy", "force", "limit"])
 def test_worst_point_of_every_link(one, worst_by):
     """Of many points of a link the worst is found, and all that is said of it is what its definition gives."""
@@ -101,10 +105,21 @@ def test_worst_point_of_every_link(one, worst_by):
             of_energy = math.sqrt(2.0 * 0.7 / m)
             speeds = speed_of_force(90.0, m, 2e4, 3.0), of_energy, speed_of_force(120.0, m, 1e4)
             usage = speed / min(speeds)
-            scores.append(({"energy": energy, "force": max(forces), "limit": usage}[worst_by], r, v, m, forces, speeds))
+            scores.append(
+                (
+                    {"energy": energy, "force": max(forces), "limit": usage}[worst_by],
+                    r,
+                    v,
+                    m,
+                    forces,
+                    speeds,
+                )
+            )
         score, r, v, m, forces, speeds = max(scores, key=lambda one: one[0])
         assert scores[c.point[k]][0] == pytest.approx(score, rel=1e-8)
-        _, r, v, m, forces, speeds = scores[c.point[k]]  # several may be equal: all points of a link on one joint are
+        _, r, v, m, forces, speeds = scores[
+            c.point[k]
+        ]  # several may be equal: all points of a link on one joint are
         placement = np.linalg.inv(root) @ dyn.placement(q, name)
         close(c.position[k], placement[:3, :3] @ r + placement[:3, 3], 1e-12, 1.0)
         close(c.direction[k], placement[:3, :3] @ v / norm(v), 1e-9, 1.0)
@@ -118,7 +133,9 @@ def test_worst_point_of_every_link(one, worst_by):
         # What is transferable is the part of ν along ŵ, and no more than all of it.
         w = dyn.epsilon_from_wrench(q, name, [*v, 0, 0, 0], r)
         assert c.energy[k] == pytest.approx(0.5 * (w @ c.nu) ** 2 / (w @ w), rel=1e-8)
-        assert c.rest[k] == pytest.approx(dyn.evaluate(q, qd).kinetic_energy - c.energy[k], rel=1e-9)
+        assert c.rest[k] == pytest.approx(
+            dyn.evaluate(q, qd).kinetic_energy - c.energy[k], rel=1e-9
+        )
         assert c.rest[k] >= -1e-12
     assert c.worst == np.argmin(c.margin)
 
@@ -137,7 +154,10 @@ def test_directions_that_are_given():
         ("stuck", "shoulder_link", (0, 0, 0.1), (0, 0, 1)),
     ]
     c = dyn.contact(q, qd, given)
-    v, m = dyn.link_velocity(q, qd, "wrist_3_link", r)[:3] @ u / norm(u), dyn.reflected_mass(q, "wrist_3_link", u, r)
+    v, m = (
+        dyn.link_velocity(q, qd, "wrist_3_link", r)[:3] @ u / norm(u),
+        dyn.reflected_mass(q, "wrist_3_link", u, r),
+    )
     close(c.speed[:3], [v, v, -v], 1e-12)
     close(c.reflected_mass[:3], [m, m, m], 1e-9)
     close(c.energy[:3], 0.5 * m * v * v * (np.array([v, v, -v]) > 0.0), 1e-9)
@@ -145,17 +165,24 @@ def test_directions_that_are_given():
     assert c.allowed_speed.tolist() == [math.inf] * 4 and not c.force.any() and not c.usage.any()
     assert c.worst == np.argmax(c.energy)
     limits = dd.ContactLimits({"any": {"energy": 1.0}})
-    assert dyn.contact(q, qd, dd.ContactPoints(model, given, limits)).usage[3] == 0.0  # 0/0: no speed, none allowed
+    assert (
+        dyn.contact(q, qd, dd.ContactPoints(model, given, limits)).usage[3] == 0.0
+    )  # 0/0: no speed, none allowed
 
 
 def test_a_robot_at_rest_has_no_worst_point():
     """Nothing moves, so there is no direction along the motion, no mass, and nothing is exceeded; no number is NaN."""
     model = dd.load_urdf(robot(PANDA).urdf)
-    points = dd.ContactPoints(model, [("tip", "panda_hand")], dd.ContactLimits({"any": {"energy": 1.0}}))
+    points = dd.ContactPoints(
+        model, [("tip", "panda_hand")], dd.ContactLimits({"any": {"energy": 1.0}})
+    )
     c = dd.DiagonalDynamics(model).contact(model.neutral, np.zeros(model.nv), points)
     assert c.worst == -1 and c.speed[0] == c.reflected_mass[0] == c.energy[0] == 0.0
     assert not c.direction.any() and c.region(0) == ""
-    assert not any(np.isnan(getattr(c, name)).any() for name in ("usage", "margin", "allowed_speed", "position"))
+    assert not any(
+        np.isnan(getattr(c, name)).any()
+        for name in ("usage", "margin", "allowed_speed", "position")
+    )
 
 
 def test_batch_has_the_bits_of_single_states():
@@ -166,7 +193,17 @@ def test_batch_has_the_bits_of_single_states():
     many = dyn.contact_batch(Q, QD, points, threads=2)
     for t in (0, 7, 299):
         one = dyn.contact(Q[t], QD[t], points)
-        for name in ("nu", "position", "direction", "speed", "reflected_mass", "energy", "force", "point", "rest"):
+        for name in (
+            "nu",
+            "position",
+            "direction",
+            "speed",
+            "reflected_mass",
+            "energy",
+            "force",
+            "point",
+            "rest",
+        ):
             np.testing.assert_array_equal(getattr(one, name), getattr(many, name)[t])
         assert many.worst[t] == one.worst
     QD[5, 2] = math.nan
@@ -176,11 +213,15 @@ def test_batch_has_the_bits_of_single_states():
 
 def test_points_outlive_pickling():
     model = dd.load_urdf(robot(PANDA).urdf)
-    points = dd.ContactPoints(model, [("tip", "panda_hand", (0, 0, 0.1))], dd.ContactLimits({"any": {"energy": 1.0}}))
+    points = dd.ContactPoints(
+        model, [("tip", "panda_hand", (0, 0, 0.1))], dd.ContactLimits({"any": {"energy": 1.0}})
+    )
     again = pickle.loads(pickle.dumps(points))
     q, qd = model.random(1), np.ones(model.nv)
     dyn = dd.DiagonalDynamics(model)
-    np.testing.assert_array_equal(dyn.contact(q, qd, points).position, dyn.contact(q, qd, again).position)
+    np.testing.assert_array_equal(
+        dyn.contact(q, qd, points).position, dyn.contact(q, qd, again).position
+    )
 
 
 @pytest.mark.parametrize(
@@ -208,7 +249,9 @@ def test_points_of_another_robot_are_refused():
 # --- Impacts -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("one", [robot(PANDA), robot(TALOS).floating, robot(UR5)], ids=lambda one: one.id)
+@pytest.mark.parametrize(
+    "one", [robot(PANDA), robot(TALOS).floating, robot(UR5)], ids=lambda one: one.id
+)
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
 def test_impact_with_what_is_clamped(one, restitution):
     """q̇⁺ is that of pin.impulseDynamics, to 100 eps cond(M)."""
@@ -221,10 +264,20 @@ def test_impact_with_what_is_clamped(one, restitution):
         u = J[:3] @ qd
         row = oracle.to_pin(u @ J[:3] / norm(u))[None]
         after = pin.impulseDynamics(
-            oracle.model, oracle.data, oracle.configuration(q), oracle.to_pin(qd), row, restitution, 0.0
+            oracle.model,
+            oracle.data,
+            oracle.configuration(q),
+            oracle.to_pin(qd),
+            row,
+            restitution,
+            0.0,
         )
         found = dyn.impact(q, qd, name, u, r, restitution=restitution)
-        close(found.qd_after, oracle.from_pin(after), 100 * EPS * np.linalg.cond(oracle.mass_matrix(q)))
+        close(
+            found.qd_after,
+            oracle.from_pin(after),
+            100 * EPS * np.linalg.cond(oracle.mass_matrix(q)),
+        )
         assert found.mass_speed == 0.0
         speed = norm(u)
         energy = 0.5 * found.reflected_mass * speed**2
@@ -246,7 +299,9 @@ def test_impact_with_a_free_mass():
         assert found.mass_speed - after == pytest.approx(e * found.speed, abs=1e-10)
         assert found.impulse == pytest.approx(mass * found.mass_speed)
         K = [0.5 * nu @ nu for nu in (found.nu, found.nu_after)]
-        assert K[0] - K[1] - 0.5 * mass * found.mass_speed**2 == pytest.approx(found.loss, rel=1e-9, abs=1e-12)
+        assert K[0] - K[1] - 0.5 * mass * found.mass_speed**2 == pytest.approx(
+            found.loss, rel=1e-9, abs=1e-12
+        )
         w = dyn.epsilon_from_wrench(q, "panda_hand", [*u, 0, 0, 0], r)
         close(found.nu_after - w * (w @ found.nu_after) / (w @ w), found.rest, 1e-12)
     away = dyn.impact(q, qd, "panda_hand", -u, r)
@@ -259,7 +314,9 @@ def test_impact_with_a_free_mass():
 
 
 @pytest.mark.parametrize(
-    ("mass", "stiffness"), [(0.6, 75e3), (40.0, 25e3), (math.inf, 75e3)], ids=["hand", "chest", "clamped"]
+    ("mass", "stiffness"),
+    [(0.6, 75e3), (40.0, 25e3), (math.inf, 75e3)],
+    ids=["hand", "chest", "clamped"],
 )
 @pytest.mark.parametrize("turn", [0.0, 1.2])
 def test_simulated_impact(mass, stiffness, turn):
@@ -273,9 +330,9 @@ def test_simulated_impact(mass, stiffness, turn):
     qd = np.linalg.pinv(J) @ (0.5 * u)  # the point moves along u, and nowhere else
     m = dyn.reflected_mass(q, "panda_hand", u, r, "world")
     expected = contact_force(0.5, m, stiffness, mass)
-    assert simulated_force(robot(PANDA).urdf, model, dyn, q, qd, r, u, mass, stiffness) == pytest.approx(
-        expected, rel=0.01
-    )
+    assert simulated_force(
+        robot(PANDA).urdf, model, dyn, q, qd, r, u, mass, stiffness
+    ) == pytest.approx(expected, rel=0.01)
 
 
 def simulated_force(urdf, model, dyn, q, qd, r, u, mass, stiffness):
@@ -317,7 +374,11 @@ def simulated_force(urdf, model, dyn, q, qd, r, u, mass, stiffness):
 
 def test_transient_contact():
     """All forms of ½F²/k = ½μv², on numbers and arrays."""
-    assert reduced_mass(4.0, 4.0) == 2.0 and reduced_mass(4.0) == 4.0 and reduced_mass(math.inf, 3.0) == 3.0
+    assert (
+        reduced_mass(4.0, 4.0) == 2.0
+        and reduced_mass(4.0) == 4.0
+        and reduced_mass(math.inf, 3.0) == 3.0
+    )
     F = contact_force(0.5, 4.0, 20e3, 4.0)
     assert pytest.approx(100.0) == F
     assert speed_of_force(F, 4.0, 20e3, 4.0) == pytest.approx(0.5)
@@ -346,7 +407,10 @@ def test_limits_from_a_file(tmp_path):
     limits = dd.ContactLimits.load(path)
     assert limits.regions["chest"] == dd.BodyRegion(stiffness=25e3, force=200.0)
     model = dd.load_urdf(robot(PANDA).urdf)
-    given = [*limits.contact_points(), *(dd.ContactPoint(n, n) for n in ("panda_hand", "panda_link1", "panda_link5"))]
+    given = [
+        *limits.contact_points(),
+        *(dd.ContactPoint(n, n) for n in ("panda_hand", "panda_link1", "panda_link5")),
+    ]
     points = dd.ContactPoints(model, given, limits)
     assert points.regions == (("hand",), ("chest",), ("hand", "chest"), (), ("chest",))
     assert points.limited.tolist() == [True, True, True, False, True]
@@ -416,7 +480,9 @@ def with_shapes(*shapes):
     )
 
 
-@pytest.mark.parametrize("shapes", [("box",), ("cylinder",), ("sphere",), ("capsule",), ("box", "sphere", "cylinder")])
+@pytest.mark.parametrize(
+    "shapes", [("box",), ("cylinder",), ("sphere",), ("capsule",), ("box", "sphere", "cylinder")]
+)
 def test_points_of_primitives_hold_them(shapes):
     """The hull of at most 64 points holds every shape in any direction, and is outside by no more than is said."""
     urdf = with_shapes(*shapes)
@@ -428,7 +494,9 @@ def test_points_of_primitives_hold_them(shapes):
     u = np.random.default_rng(0).normal(size=(4000, 3))
     u /= norm(u, axis=1)[:, None]
     R = pin.rpy.rpyToMatrix(0.3, -0.2, 1.1)
-    reach = np.max([u @ [0.1, 0.3 * k, 0.0] + REACH[s](u @ R) for k, s in enumerate(shapes)], axis=0)
+    reach = np.max(
+        [u @ [0.1, 0.3 * k, 0.0] + REACH[s](u @ R) for k, s in enumerate(shapes)], axis=0
+    )
     held = (u @ np.asarray(arm.points).T).max(axis=1)
     size = np.ptp(np.asarray(arm.points), axis=0).max()
     assert (held >= reach - 2e-3 * size).all()
@@ -450,7 +518,8 @@ def test_points_of_meshes(tmp_path):
     u = np.random.default_rng(0).normal(size=(500, 3))
     size = np.ptp(vertices, axis=0).max()
     assert (
-        (u @ np.asarray(hand.points).T).max(axis=1) >= (u @ vertices.T).max(axis=1) - 2e-3 * size * norm(u, axis=1)
+        (u @ np.asarray(hand.points).T).max(axis=1)
+        >= (u @ vertices.T).max(axis=1) - 2e-3 * size * norm(u, axis=1)
     ).all()
     frames = dd.link_geometry(model, path, "primitives")
     assert frames.source["panda_link1"] == "frames"  # its shapes are meshes, which nobody asked for
@@ -465,4 +534,6 @@ def test_example_limits_load_and_are_placeholders():
     """The file that is shipped is read as it stands; its regions say that they are nobody's."""
     limits = dd.ContactLimits.load(ROOT / "config/contact_limits.example.yaml")
     assert limits.regions and all(name.startswith("placeholder") for name in limits.regions)
-    assert limits.regions["placeholder_clamped"].mass == math.inf and limits.default == ("placeholder_free",)
+    assert limits.regions["placeholder_clamped"].mass == math.inf and limits.default == (
+        "placeholder_free",
+    )

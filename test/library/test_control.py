@@ -16,7 +16,19 @@ import pytest
 
 import diag_dynamics as dd
 import robots
-from controlled import ALL, ARM, FRAMES, PANDA, POINT, RANDOM, UR5, close, dense_frame, stacked, states
+from controlled import (
+    ALL,
+    ARM,
+    FRAMES,
+    PANDA,
+    POINT,
+    RANDOM,
+    UR5,
+    close,
+    dense_frame,
+    stacked,
+    states,
+)
 from described import subject
 from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.exceptions import InputError, UnsupportedError
@@ -32,7 +44,9 @@ def test_rotations():
         axis = rng.normal(size=3)
         R = pin.exp3(angle * axis / np.linalg.norm(axis))
         # From sin² + cos² = 1 an angle near 180° is known to the root of rounding, its axis as well.
-        np.testing.assert_allclose(pin.exp3(rotation_vector(R)), R, atol=1e-7 if angle > 3 else 1e-14)
+        np.testing.assert_allclose(
+            pin.exp3(rotation_vector(R)), R, atol=1e-7 if angle > 3 else 1e-14
+        )
         np.testing.assert_allclose(rotation_of(pin.Quaternion(R).coeffs()), R, atol=1e-14)
 
 
@@ -61,7 +75,10 @@ def test_pose_commands(robot):
         c, k_p, k_o = rng.uniform(1, 9, s.model.nv), rng.uniform(50, 300, 3), 20.0
         law = dd.PoseRegulation(s.dyn, FRAMES[robot.id], c, k_p, k_o, POINT)
         position, axes, J = dense_frame(robot, t.q)
-        target, target_axes = position + rng.uniform(-0.5, 0.5, 3), pin.exp3(rng.uniform(-1.5, 1.5, 3))
+        target, target_axes = (
+            position + rng.uniform(-0.5, 0.5, 3),
+            pin.exp3(rng.uniform(-1.5, 1.5, 3)),
+        )
         e = stacked(target, target_axes) - stacked(position, axes)
         for aim, in_position, in_orientation in (
             ((target, None), True, False),
@@ -89,9 +106,16 @@ def test_tracking_commands(robot, closing):
     s = subject(robot)
     for rng, t in states(robot, 3):
         K, L = rng.uniform(1, 30, (2, s.model.nv))
-        rho, width = (np.zeros(s.model.nv), 0.3) if closing == 2.0 else (rng.uniform(0, 60, s.model.nv), 0.5)
-        q_d, qd_d, qdd_d = t.q + rng.uniform(-0.5, 0.5, s.model.nv), *rng.normal(size=(2, s.model.nv))
-        command = dd.JointTracking(s.dyn, K, L, closing, bound=rho, width=width).command(t.q, t.qd, q_d, qd_d, qdd_d)
+        rho, width = (
+            (np.zeros(s.model.nv), 0.3) if closing == 2.0 else (rng.uniform(0, 60, s.model.nv), 0.5)
+        )
+        q_d, qd_d, qdd_d = (
+            t.q + rng.uniform(-0.5, 0.5, s.model.nv),
+            *rng.normal(size=(2, s.model.nv)),
+        )
+        command = dd.JointTracking(s.dyn, K, L, closing, bound=rho, width=width).command(
+            t.q, t.qd, q_d, qd_d, qdd_d
+        )
         back = -L * (t.q - q_d)
         qd_r = qd_d + np.clip(back, -closing, closing)
         qdd_r = qdd_d - np.where(np.abs(back) < closing, L * (t.qd - qd_d), 0.0)
@@ -128,7 +152,8 @@ def test_documented_example_runs(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("robot", "key"), [(UR5.floating, "floating base"), (RANDOM["mobile_tree_20"], "several degrees of freedom")]
+    ("robot", "key"),
+    [(UR5.floating, "floating base"), (RANDOM["mobile_tree_20"], "several degrees of freedom")],
 )
 def test_unactuated_robots_are_refused(robot, key):
     dyn = dd.DiagonalDynamics(dd.load_urdf(robot.source, **robot.options))
@@ -160,11 +185,17 @@ def pose(dyn, link="panda_hand", damping=1.0, position=1.0, orientation=1.0, poi
         (lambda d: dd.RateDamping(d, 1.0).command(HURT, ONE), "q of joint 'panda_joint3' is nan"),
         (lambda d: dd.RateDamping(d, 1.0).command(ONE, ONE[:3]), "qd has shape"),
         (lambda d: dd.JointTracking(d, 1.0, 1.0, 0.0), "closing of 'panda_joint1' is 0.0"),
-        (lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, HURT), "desired_q of joint 'panda_joint3'"),
+        (
+            lambda d: dd.JointTracking(d, 1, 1).command(ONE, ONE, HURT),
+            "desired_q of joint 'panda_joint3'",
+        ),
         (lambda d: dd.JointTracking(d, 1, 1, bound=-1.0), "bound of 'panda_joint1' is -1.0"),
         (lambda d: dd.JointRegulation(d, -1.0, 1.0), "stiffness of 'panda_joint1' is -1.0"),
         (lambda d: dd.JointRegulation(d, 1.0, 0.0), "damping_ratio is 0.0"),
-        (lambda d: dd.PoseRegulation(d, "panda_hand"), "damping is None and damping_ratio is None; expected one"),
+        (
+            lambda d: dd.PoseRegulation(d, "panda_hand"),
+            "damping is None and damping_ratio is None; expected one",
+        ),
         (
             lambda d: dd.PoseRegulation(d, "panda_hand", 1.0, damping_ratio=0.7),
             "damping is 1.0 and damping_ratio is 0.7",
@@ -184,7 +215,9 @@ def test_errors_name_the_argument(make, key):
 
 
 @pytest.mark.parametrize(
-    "robot", (PANDA, RANDOM["mobile_tree_21"], RANDOM["random_tree_0"].floating), ids=lambda robot: robot.id
+    "robot",
+    (PANDA, RANDOM["mobile_tree_21"], RANDOM["random_tree_0"].floating),
+    ids=lambda robot: robot.id,
 )
 def test_placement(robot):
     """Every link is where Pinocchio has it: mimic, planar and floating joints included."""

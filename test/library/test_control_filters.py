@@ -62,10 +62,14 @@ def test_limiter_takes_power_and_never_adds(pushed):
         assert after <= before
         assert after == pytest.approx(min(before, allowed), rel=1e-9, abs=1e-9 * abs(before))
         taken = command.epsilon - limited.epsilon
-        np.testing.assert_allclose(taken * (command.nu @ command.nu), command.nu * (command.nu @ taken), atol=1e-8)
+        np.testing.assert_allclose(
+            taken * (command.nu @ command.nu), command.nu * (command.nu @ taken), atol=1e-8
+        )
         t = s.oracle.at(q, qd)
         expected = t.m @ limited.epsilon + t.g
-        np.testing.assert_allclose(limited.tau, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            limited.tau, expected, rtol=0, atol=1e-9 * np.abs(expected).max()
+        )
         acted += limited is not command
     assert 10 < acted < 40
     resting = dd.JointTracking(s.dyn, 20.0, 5.0).command(READY, np.zeros(N), READY + 1)
@@ -79,11 +83,15 @@ def test_saturation_scales_what_moves_and_not_what_holds():
     """
     s, acted, driving = arm(), 0, 0
     for rng, _, qd, command in commands(200):
-        limit = np.abs(command.gravity_torque) / 0.9 + np.exp(rng.uniform(-2, 7)) * rng.uniform(0.5, 1, N)
+        limit = np.abs(command.gravity_torque) / 0.9 + np.exp(rng.uniform(-2, 7)) * rng.uniform(
+            0.5, 1, N
+        )
         result = dd.EffortSaturation(s.model, limit).filter(command)
         g, rest = command.gravity_torque, command.tau - command.gravity_torque
         assert (np.abs(result.tau) <= limit).all() and 0.0 <= result.scale <= 1.0
-        np.testing.assert_allclose(result.tau, g + result.scale * rest, atol=1e-11 * np.abs(command.tau).max())
+        np.testing.assert_allclose(
+            result.tau, g + result.scale * rest, atol=1e-11 * np.abs(command.tau).max()
+        )
         np.testing.assert_array_equal(result.epsilon, result.scale * command.epsilon)
         assert (result.nu @ result.epsilon) * (command.nu @ command.epsilon) >= 0.0
         driving += (qd @ (np.clip(command.tau, -limit, limit) - g)) * (qd @ rest) < 0.0
@@ -92,7 +100,11 @@ def test_saturation_scales_what_moves_and_not_what_holds():
             assert not at_limit.any() and result.scale == 1.0 and result.limited == ()
         else:
             acted += 1
-            assert result.limited == tuple(n for n, x in zip(s.model.dof_names, at_limit, strict=True) if x) != ()
+            assert (
+                result.limited
+                == tuple(n for n, x in zip(s.model.dof_names, at_limit, strict=True) if x)
+                != ()
+            )
     assert 100 < acted < 200 and driving > 0
 
 
@@ -107,7 +119,9 @@ def test_rates_are_limited_joint_by_joint():
         if k % 500 == 0:
             goal = rng.uniform(-80, 80, N)
         tau, limited = limiter.filter(goal, dt)
-        assert (np.abs(tau - last) <= rate * dt * (1 + 1e-12) + 1e-14).all() and (np.abs(tau) <= 80).all()
+        assert (np.abs(tau - last) <= rate * dt * (1 + 1e-12) + 1e-14).all() and (
+            np.abs(tau) <= 80
+        ).all()
         assert limited == tuple(n for n, x in zip(s.model.dof_names, tau != goal, strict=True) if x)
         assert (np.abs(goal - tau) <= np.abs(goal - last)).all()
         last = tau
@@ -126,7 +140,9 @@ def test_repulsion_is_the_gradient_of_its_potential():
     springs = dd.PositionRepulsion(s.dyn, 0.3, rng.uniform(10, 100, N), 5.0)
     for _ in range(20):
         q, qd = rng.uniform(s.model.lower - 0.1, s.model.upper + 0.1), rng.normal(size=N)
-        gradient = [(springs.potential(q + h) - springs.potential(q - h)) / 2e-6 for h in 1e-6 * np.eye(N)]
+        gradient = [
+            (springs.potential(q + h) - springs.potential(q - h)) / 2e-6 for h in 1e-6 * np.eye(N)
+        ]
         np.testing.assert_allclose(springs.effort(q, np.zeros(N)), -np.array(gradient), atol=1e-6)
         inside = (q > s.model.lower + 0.3) & (q < s.model.upper - 0.3)
         assert (springs.effort(q, np.ones(N))[inside] == 0).all()
@@ -136,7 +152,9 @@ def test_repulsion_is_the_gradient_of_its_potential():
         command = dd.GravityCompensation(s.dyn).command(q, qd)
         filtered = springs.filter(q, qd, command)
         np.testing.assert_allclose(filtered.tau - command.tau, springs.effort(q, qd), atol=1e-11)
-        np.testing.assert_allclose(s.oracle.at(q, qd).m @ filtered.epsilon, springs.effort(q, qd), atol=1e-9)
+        np.testing.assert_allclose(
+            s.oracle.at(q, qd).m @ filtered.epsilon, springs.effort(q, qd), atol=1e-9
+        )
     q = 0.5 * (s.model.lower + s.model.upper)
     command = dd.GravityCompensation(s.dyn).command(q, np.ones(N))
     assert springs.filter(q, np.ones(N), command) is command
@@ -154,14 +172,18 @@ def test_repulsion_where_there_is_little_or_no_range():
         dd.PositionRepulsion(dyn, 0.1, 10.0)
 
 
-LIMITS = dd.ContactLimits({"energy": {"energy": 0.3}, "force": {"mass": 4.0, "stiffness": 3e4, "force": 80.0}})
+LIMITS = dd.ContactLimits(
+    {"energy": {"energy": 0.3}, "force": {"mass": 4.0, "stiffness": 3e4, "force": 80.0}}
+)
 
 
 @cache
 def contact_points():
     """Return points of all links with limits of energy and force."""
     model = arm().model
-    return dd.ContactPoints(model, dd.link_geometry(model, PANDA.urdf, "frames").points, LIMITS, "limit")
+    return dd.ContactPoints(
+        model, dd.link_geometry(model, PANDA.urdf, "frames").points, LIMITS, "limit"
+    )
 
 
 class Swing:
@@ -171,7 +193,11 @@ class Swing:
         s, rng = arm(), np.random.default_rng(seed)
         self.h, self.limiter, self.law = h, limiter, dd.JointTracking(s.dyn, 20.0, 10.0)
         self.centre = np.clip(0.5 * (s.model.lower + s.model.upper), -2, 2)
-        self.size, self.pace, self.phase = 0.5 * rng.uniform(0.5, 1, N), rng.uniform(1, 3, N), rng.uniform(0, 6, N)
+        self.size, self.pace, self.phase = (
+            0.5 * rng.uniform(0.5, 1, N),
+            rng.uniform(1, 3, N),
+            rng.uniform(0, 6, N),
+        )
         self.plant = plant(self.centre + self.size * np.sin(self.phase), np.zeros(N), h)
         self.k, self.limited = 0, 0
 
@@ -180,7 +206,9 @@ class Swing:
         angle = self.pace * self.k * self.h + self.phase
         q, qd = self.plant.q, self.plant.qd
         sine, cosine = self.size * np.sin(angle), self.size * np.cos(angle)
-        asked = self.law.command(q, qd, self.centre + sine, self.pace * cosine, -(self.pace**2) * sine)
+        asked = self.law.command(
+            q, qd, self.centre + sine, self.pace * cosine, -(self.pace**2) * sine
+        )
         command = self.limiter.filter(q, qd, asked, self.h) if self.limiter else asked
         self.plant.advance(command.tau)
         self.k += 1
@@ -215,10 +243,14 @@ def test_no_contact_limit_is_exceeded(h):
             v = dyn.link_velocity(q, qd, link)[:3]
             if v.any():
                 m = dyn.reflected_mass(q, link, v)
-                assert 0.5 * m * v @ v <= 0.3 and contact_force(np.linalg.norm(v), m, 3e4, 4.0) <= 80.0
+                assert (
+                    0.5 * m * v @ v <= 0.3 and contact_force(np.linalg.norm(v), m, 3e4, 4.0) <= 80.0
+                )
     assert 0.9 < max(usage) <= 1.0 and bound.limited > 10
     difference = dyn.tau_from_epsilon(q, command.epsilon - asked.epsilon)
-    np.testing.assert_allclose(command.tau - asked.tau, difference, atol=0.05 * np.linalg.norm(difference) + 1e-9)
+    np.testing.assert_allclose(
+        command.tau - asked.tau, difference, atol=0.05 * np.linalg.norm(difference) + 1e-9
+    )
 
 
 def test_a_push_adds_to_the_contact_energy():
@@ -260,10 +292,16 @@ def without_limits(s):
         ),
         (lambda s: dd.EffortSaturation(s.model, HURT), "effort limit of 'panda_joint3' is nan"),
         (lambda s: dd.EffortRateLimiter(s.model, -HURT), "effort rate of 'panda_joint1' is -1.0"),
-        (lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(HURT, 1.0), "tau of joint 'panda_joint3' is nan"),
+        (
+            lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(HURT, 1.0),
+            "tau of joint 'panda_joint3' is nan",
+        ),
         (lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(READY, -1.0), "dt is -1.0"),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.0, 1.0), "margin of 'panda_joint1' is 0.0"),
-        (lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0, -1.0), "damping of 'panda_joint1' is -1.0"),
+        (
+            lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0, -1.0),
+            "damping of 'panda_joint1' is -1.0",
+        ),
         (lambda s: dd.ContactLimiter(s.dyn, without_limits(s), 30.0), "no limit"),
         (lambda s: dd.ContactLimiter(s.dyn, contact_points(), 0.0), "rate"),
         (lambda s: setattr(contact_limiter(), "scale", 1.5), "scale"),
@@ -286,12 +324,19 @@ def test_joint_energies_are_clipped_at_the_end_of_a_cycle(pushed):
         limited = dd.JointEnergyLimiter(s.dyn, limit, alpha).filter(q, qd, command, h, external)
         push = external if pushed else 0.0
         before, after = (
-            command.nu + h * (epsilon - t.coriolis + push) for epsilon in (command.epsilon, limited.epsilon)
+            command.nu + h * (epsilon - t.coriolis + push)
+            for epsilon in (command.epsilon, limited.epsilon)
         )
-        allowed = np.where(np.isinf(limit), np.inf, share + alpha * h * (np.where(np.isinf(limit), 0, limit) - share))
+        allowed = np.where(
+            np.isinf(limit),
+            np.inf,
+            share + alpha * h * (np.where(np.isinf(limit), 0, limit) - share),
+        )
         expected = np.sign(before) * np.minimum(np.abs(before), np.sqrt(2.0 * allowed))
         np.testing.assert_allclose(after, expected, rtol=1e-9, atol=1e-9)
         expected = t.m @ limited.epsilon + t.g
-        np.testing.assert_allclose(limited.tau, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            limited.tau, expected, rtol=0, atol=1e-9 * np.abs(expected).max()
+        )
         acted += limited.epsilon != command.epsilon
     assert (acted > 5).all() and (acted < 40).all()

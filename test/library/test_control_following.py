@@ -20,7 +20,9 @@ from diag_dynamics.nodes.controller import received
 NAMES = ("shoulder", "elbow")
 END = 10 * S
 INF = np.inf
-TOLERANCES = Tolerances(np.array([[0.1, 0.2], [INF, 1.0]]), np.array([[0.01, 0.02], [0.05, 0.06]]), 0.5)
+TOLERANCES = Tolerances(
+    np.array([[0.1, 0.2], [INF, 1.0]]), np.array([[0.01, 0.02], [0.05, 0.06]]), 0.5
+)
 
 
 def following(tolerances=TOLERANCES, continuous=(False, False)):
@@ -31,12 +33,20 @@ def following(tolerances=TOLERANCES, continuous=(False, False)):
 def check(followed, time, position=(0.0, 0.0), velocity=(0.0, 0.0)):
     """Check a robot that is ahead of its desired motion by these errors."""
     desired = Desired(*np.zeros((3, 2)))  # errors without rounding
-    return followed.check(state_at(time, desired.position + position, desired.velocity + velocity), desired)
+    return followed.check(
+        state_at(time, desired.position + position, desired.velocity + velocity), desired
+    )
 
 
 TABLE = [  # time, errors of position and of velocity, code of the outcome or None, its joint
     (END - 1, (0.1, -0.2), (9.0, 1.0), None, None),
-    (END - 1, (0.101, 0.0), (0.0, 0.0), -4, "position error of joint 'shoulder' on the trajectory is 0.101"),
+    (
+        END - 1,
+        (0.101, 0.0),
+        (0.0, 0.0),
+        -4,
+        "position error of joint 'shoulder' on the trajectory is 0.101",
+    ),
     (END - 1, (0.0, -0.201), (0.0, 0.0), -4, "position error of joint 'elbow'"),
     (END - 1, (0.0, 0.0), (0.0, -1.01), -4, "velocity error of joint 'elbow'"),
     (END - 1, (np.nan, 0.0), (0.0, 0.0), -4, "position error of joint 'shoulder'"),
@@ -45,7 +55,13 @@ TABLE = [  # time, errors of position and of velocity, code of the outcome or No
     (END, (0.0, 0.0), (0.0, -0.061), None, None),
     (END, (0.5, 0.0), (0.0, 0.0), None, None),  # no path any more
     (END + S // 2, (0.0, 0.021), (0.0, 0.0), None, None),
-    (END + S // 2 + 1, (0.0, 0.021), (0.0, 0.0), -5, "position error of joint 'elbow' 0.5 s after the end"),
+    (
+        END + S // 2 + 1,
+        (0.0, 0.021),
+        (0.0, 0.0),
+        -5,
+        "position error of joint 'elbow' 0.5 s after the end",
+    ),
     (END + S // 2 + 1, (0.0, 0.0), (-0.051, 0.0), -5, "velocity error of joint 'shoulder'"),
     (END + 9 * S, (0.0, 0.0), (0.0, 0.0), 0, ""),
 ]
@@ -87,12 +103,16 @@ def test_continuous_joints_and_no_tolerances():
 
 
 def tolerance(name="elbow", position=0.0, velocity=0.0, acceleration=0.0):
-    return SimpleNamespace(name=name, position=position, velocity=velocity, acceleration=acceleration)
+    return SimpleNamespace(
+        name=name, position=position, velocity=velocity, acceleration=acceleration
+    )
 
 
 def goal(path=(), end=(), sec=0, nanosec=0, **more):
     duration = SimpleNamespace(sec=sec, nanosec=nanosec)
-    return SimpleNamespace(path_tolerance=path, goal_tolerance=end, goal_time_tolerance=duration, **more)
+    return SimpleNamespace(
+        path_tolerance=path, goal_tolerance=end, goal_time_tolerance=duration, **more
+    )
 
 
 def test_conventions_of_the_message():
@@ -113,7 +133,10 @@ def test_conventions_of_the_message():
     ("wrong", "key"),
     [
         (goal([tolerance("wing")]), r"^path_tolerance has 'wing'"),
-        (goal(end=[tolerance(position=-0.5)]), r"^goal_tolerance\.position of joint 'elbow' is -0\.5"),
+        (
+            goal(end=[tolerance(position=-0.5)]),
+            r"^goal_tolerance\.position of joint 'elbow' is -0\.5",
+        ),
         (goal([tolerance(velocity=np.nan)]), r"^path_tolerance\.velocity of joint 'elbow' is nan"),
         (goal([tolerance(acceleration=1.0)]), r"^path_tolerance\.acceleration of joint 'elbow'"),
         (goal(sec=-2), r"^goal_time_tolerance is -2"),
@@ -148,13 +171,21 @@ def follow(closed, goal, **options):
 
 
 ENDS = {
-    "cancel": (lambda c: c.loop.stop_trajectory("canceled by request", canceled=True), "canceled by request"),
+    "cancel": (
+        lambda c: c.loop.stop_trajectory("canceled by request", canceled=True),
+        "canceled by request",
+    ),
     "switch": (lambda c: c.loop.switch("damping"), "mode damping was requested"),
     "trajectory": (lambda c: follow(c, c.arm.q), "a newer trajectory"),
     "set-point": (lambda c: c.loop.take_set_point(c.arm.q), "a set-point"),
-    "invalid state": (lambda c: c.loop.without_state(c.stamp, "joint 'elbow_joint' is nan"), "'elbow_joint' is nan"),
+    "invalid state": (
+        lambda c: c.loop.without_state(c.stamp, "joint 'elbow_joint' is nan"),
+        "'elbow_joint' is nan",
+    ),
     "gains": (
-        lambda c: setattr(c.loop, "_unstable", lambda mode: "is unstable" * (mode.name == TRACKING)),
+        lambda c: setattr(
+            c.loop, "_unstable", lambda mode: "is unstable" * (mode.name == TRACKING)
+        ),
         "is unstable",
     ),
     "stall": (lambda c: setattr(c, "stamp", c.stamp + 600 * MS), "hold_time"),

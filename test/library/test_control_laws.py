@@ -62,8 +62,15 @@ def test_every_mode_of_joint_springs_has_the_damping_ratio(robot):
 @ROBOTS
 def test_every_mode_of_a_frame_has_the_damping_ratio(robot):
     """The same about a pose, in modes faster than null_frequency; slower ones and the null space are damped as this one."""
-    s, rng, k_p, k_o = subject(robot), np.random.default_rng(4), np.array([300.0, 400.0, 500.0]), 30.0
-    law = dd.PoseRegulation(s.dyn, FRAMES[robot.id], None, k_p, k_o, POINT, damping_ratio=RATIO, null_frequency=3.0)
+    s, rng, k_p, k_o = (
+        subject(robot),
+        np.random.default_rng(4),
+        np.array([300.0, 400.0, 500.0]),
+        30.0,
+    )
+    law = dd.PoseRegulation(
+        s.dyn, FRAMES[robot.id], None, k_p, k_o, POINT, damping_ratio=RATIO, null_frequency=3.0
+    )
     fast, slow = [], 0
     for _ in range(300):
         t = s.oracle.at(configuration(s.model, rng), np.zeros(s.model.nv))
@@ -87,7 +94,10 @@ def test_regulation_commands(robot):
     s = subject(robot)
     for rng, t in states(robot, 4):
         k = rng.uniform(50, 500, s.model.nv)
-        q_d, qd_d, qdd_d = t.q + rng.uniform(-0.5, 0.5, s.model.nv), *rng.normal(size=(2, s.model.nv))
+        q_d, qd_d, qdd_d = (
+            t.q + rng.uniform(-0.5, 0.5, s.model.nv),
+            *rng.normal(size=(2, s.model.nv)),
+        )
         command = dd.JointRegulation(s.dyn, k, RATIO).command(t.q, t.qd, q_d, qd_d, qdd_d)
         c = 2.0 * RATIO * scipy.linalg.sqrtm((t.l * k) @ t.l.T).real
         rates = t.m.T @ (t.qd - qd_d)
@@ -116,7 +126,9 @@ def gain_of(message):
 
 
 def pose_law(dyn, stiffness, **damping):
-    law = dd.PoseRegulation(dyn, "panda_hand", position_stiffness=300.0, orientation_stiffness=stiffness, **damping)
+    law = dd.PoseRegulation(
+        dyn, "panda_hand", position_stiffness=300.0, orientation_stiffness=stiffness, **damping
+    )
     law.aim(*law.pose(READY))
     return law
 
@@ -125,8 +137,14 @@ def pose_law(dyn, stiffness, **damping):
     ("make", "key"),
     [
         (lambda dyn, gain: dd.RateDamping(dyn, gain), "gain of 'panda_joint1'"),
-        (lambda dyn, gain: dd.JointTracking(dyn, gain, 20.0), "gain .* convergence of 'panda_joint1'"),
-        (lambda dyn, gain: dd.JointTracking(dyn, 20.0, 20.0, bound=0.1 * gain, width=0.1), "bound/width"),
+        (
+            lambda dyn, gain: dd.JointTracking(dyn, gain, 20.0),
+            "gain .* convergence of 'panda_joint1'",
+        ),
+        (
+            lambda dyn, gain: dd.JointTracking(dyn, 20.0, 20.0, bound=0.1 * gain, width=0.1),
+            "bound/width",
+        ),
         (lambda dyn, gain: dd.JointRegulation(dyn, gain, 0.7), "stiffness of 'panda_joint7'"),
         (lambda dyn, gain: dd.JointRegulation(dyn, gain, 0.2), "stiffness of 'panda_joint7'"),
         (lambda dyn, gain: pose_law(dyn, gain, damping_ratio=0.7), "orientation_stiffness"),
@@ -144,7 +162,9 @@ def test_gains_that_a_period_makes_unstable_are_refused(make, key):
         largest -= 40.0
     elif "convergence" in key:
         largest -= 20.0
-    target = () if "damping" in key or "orientation" in key or key.startswith("gain of") else (READY,)
+    target = (
+        () if "damping" in key or "orientation" in key or key.startswith("gain of") else (READY,)
+    )
     qd = 1e-4 * np.random.default_rng(1).normal(size=7)
     stable, unstable = make(dyn, largest), make(dyn, 1.04 * largest / 0.995)
     stable.require_stable(READY, period)
@@ -220,7 +240,12 @@ def pseudo(mass, center, inertia):
 def payload_torque(robot, link, payload, q, x, y, acceleration):
     """Return M q̈ + c(x, y) + g of a payload by Pinocchio with and without it; c is bilinear, by polarization."""
     with_it, without = loaded_oracle(robot, link, payload), subject(robot).oracle
-    bias = with_it.bias(q, x + y) - with_it.bias(q, x - y) - without.bias(q, x + y) + without.bias(q, x - y)
+    bias = (
+        with_it.bias(q, x + y)
+        - with_it.bias(q, x - y)
+        - without.bias(q, x + y)
+        + without.bias(q, x - y)
+    )
     mass = with_it.mass_matrix(q) - without.mass_matrix(q)
     g = with_it.gravity_torque(q) - without.gravity_torque(q)
     return mass @ acceleration + 0.25 * bias + g, g
@@ -233,15 +258,26 @@ ON = {**FRAMES, PANDA.id: "panda_leftfinger"}
 def test_adaptive_commands(robot):
     """Those of JointTracking and Y(q, q̇, q̇_r, q̈_r)π of the payload by Pinocchio; the estimate follows −γP̂LP̂."""
     s, link = subject(robot), ON[robot.id]
-    law, known = dd.AdaptiveTracking(s.dyn, link, 20.0, 10.0, rate=2.0), dd.JointTracking(s.dyn, 20.0, 10.0)
+    law, known = (
+        dd.AdaptiveTracking(s.dyn, link, 20.0, 10.0, rate=2.0),
+        dd.JointTracking(s.dyn, 20.0, 10.0),
+    )
     nominal = law.pseudo_inertia
     for rng, t in states(robot, 3):
-        q_d, qd_d, qdd_d = t.q + rng.uniform(-0.5, 0.5, s.model.nv), *rng.normal(size=(2, s.model.nv))
+        q_d, qd_d, qdd_d = (
+            t.q + rng.uniform(-0.5, 0.5, s.model.nv),
+            *rng.normal(size=(2, s.model.nv)),
+        )
         payload, other = random_payload(rng), random_payload(rng)
         law.reset(nominal + pseudo(*payload))
         mass, moment = law.payload
-        np.testing.assert_allclose([mass, *moment], [payload[0], *(payload[0] * payload[1])], atol=1e-12)
-        command, without = law.command(t.q, t.qd, q_d, qd_d, qdd_d), known.command(t.q, t.qd, q_d, qd_d, qdd_d)
+        np.testing.assert_allclose(
+            [mass, *moment], [payload[0], *(payload[0] * payload[1])], atol=1e-12
+        )
+        command, without = (
+            law.command(t.q, t.qd, q_d, qd_d, qdd_d),
+            known.command(t.q, t.qd, q_d, qd_d, qdd_d),
+        )
         qd_r, qdd_r = qd_d + 10.0 * (q_d - t.q), qdd_d + 10.0 * (qd_d - t.qd)
         torque, g = payload_torque(robot, link, payload, t.q, t.qd, qd_r, qdd_r)
         close(command.tau, without.tau + torque)
@@ -256,7 +292,11 @@ def test_adaptive_commands(robot):
 
 def test_adaptation_finds_a_payload():
     """The Lyapunov function with the true payload never rises; P̂ is a body; errors fall to those of a known payload."""
-    rate, center, speeds = 5.0, np.array([0.02, -0.01, 0.1]), np.array([1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 2.0])
+    rate, center, speeds = (
+        5.0,
+        np.array([0.02, -0.01, 0.1]),
+        np.array([1.0, 2.0, 1.0, 2.0, 1.0, 2.0, 2.0]),
+    )
     ball, period = 7.2e-4 * np.eye(3), round(250 * 2.0 * np.pi)
     law = dd.AdaptiveTracking(subject(ARM).dyn, "panda_hand", 20.0, 10.0, rate=rate)
     oracle, nominal = loaded_oracle(ARM, "panda_hand", (2.0, center, ball)), law.pseudo_inertia
@@ -267,7 +307,10 @@ def test_adaptation_finds_a_payload():
             assert np.linalg.eigvalsh(P)[0] > 0.0
             qd_s = qd - desired(time, speeds)[1] - 10.0 * command.error
             divergence = (
-                np.linalg.slogdet(P)[1] - np.linalg.slogdet(truth)[1] + np.trace(np.linalg.solve(P, truth)) - 4.0
+                np.linalg.slogdet(P)[1]
+                - np.linalg.slogdet(truth)[1]
+                + np.trace(np.linalg.solve(P, truth))
+                - 4.0
             )
             V.append(0.5 * qd_s @ oracle.mass_matrix(q) @ qd_s + divergence / rate)
         errors.append(command.error)
@@ -278,7 +321,8 @@ def test_adaptation_finds_a_payload():
     law.reset(truth)
     known = [command.error for *_, command in follow(law, 6.28, center, ball, 250, speeds)]
     first, last, least = (
-        np.sqrt(np.mean(np.square(e), axis=0)).max() for e in (errors[:period], errors[-period:], known)
+        np.sqrt(np.mean(np.square(e), axis=0)).max()
+        for e in (errors[:period], errors[-period:], known)
     )
     assert last < 0.2 * first and last < 1.5 * least
 
@@ -292,12 +336,18 @@ def test_estimates_stay_physical_in_any_step():
         law.adapt(10.0)
         assert np.linalg.eigvalsh(law.pseudo_inertia)[0] > 0.0 and law.payload[0] < 5.0
     for make, key in (
-        (lambda: dd.AdaptiveTracking(dyn, "panda_link0", 1, 1, rate=1), "link is 'panda_link0'; expected a link that"),
+        (
+            lambda: dd.AdaptiveTracking(dyn, "panda_link0", 1, 1, rate=1),
+            "link is 'panda_link0'; expected a link that",
+        ),
         (lambda: dd.AdaptiveTracking(dyn, "panda_hand", 1, 1, rate=0), "rate is 0"),
         (lambda: dd.AdaptiveTracking(dyn, "panda_hand", 1, 1, rate=1, max_mass=0), "max_mass is 0"),
         (lambda: law.reset(np.diag([1.0, 1, 1, -1])), "pseudo_inertia is .* positive definite"),
         (lambda: law.adapt(-1.0), "period is -1"),
-        (lambda: law.require_stable(READY, 0.01), "rate of adaptation .* is 100; expected at most .* 1/J at 100 Hz"),
+        (
+            lambda: law.require_stable(READY, 0.01),
+            "rate of adaptation .* is 100; expected at most .* 1/J at 100 Hz",
+        ),
     ):
         with pytest.raises(InputError, match=key):
             make()

@@ -46,7 +46,11 @@ def slow_loop_of(arm, compensated=False, **values):
 
 def test_entries_by_joint():
     assert by_dof("gain", ["elbow=2", "*=3"], NAMES).tolist() == [3.0, 2.0, 3.0]
-    assert by_dof("limit", ["elbow=2"], NAMES, np.array([5.0, np.inf, 7.0])).tolist() == [5.0, 2.0, 7.0]
+    assert by_dof("limit", ["elbow=2"], NAMES, np.array([5.0, np.inf, 7.0])).tolist() == [
+        5.0,
+        2.0,
+        7.0,
+    ]
     assert command_order([""], NAMES) == (NAMES, [0, 1, 2])
     assert command_order(["wrist", "shoulder", "elbow"], NAMES)[1] == [2, 0, 1]
     require_same_joints(NAMES, list(NAMES), "/effort_controller")
@@ -59,10 +63,21 @@ def test_entries_by_joint():
         (lambda _: by_dof("gain", ["wing=2", "*=1"], NAMES), "names 'wing'"),
         (lambda _: command_order(["wrist", "shoulder"], NAMES), "lacks joint 'elbow'"),
         (lambda _: command_order([*NAMES, "wrist"], NAMES), "names 'wrist' twice"),
-        (lambda _: require_same_joints(NAMES, ["shoulder", "wrist", "elbow"], "/effort_controller"), "entry 1"),
-        (lambda _: require_same_joints(NAMES, NAMES[:2], "/effort_controller"), "3 joints here, 2 there"),
+        (
+            lambda _: require_same_joints(
+                NAMES, ["shoulder", "wrist", "elbow"], "/effort_controller"
+            ),
+            "entry 1",
+        ),
+        (
+            lambda _: require_same_joints(NAMES, NAMES[:2], "/effort_controller"),
+            "3 joints here, 2 there",
+        ),
         (lambda arm: loop_of(arm, hold_time=0.03), "'hold_time' is 0.03 s"),
-        (lambda arm: loop_of(arm, controlled_link="", initial_mode="pose"), "'controlled_link' is empty"),
+        (
+            lambda arm: loop_of(arm, controlled_link="", initial_mode="pose"),
+            "'controlled_link' is empty",
+        ),
         (
             lambda arm: loop_of(arm, effort_limit=["*=28", "wrist_1_joint=100"]),
             "'effort_limit' of 'wrist_1_joint' is 100",
@@ -96,7 +111,9 @@ def test_efforts_are_continuous_and_begin_at_zero(strong, mode, compensated):
         if k % 37 == 0:
             loop.switch(MODES[rng.integers(len(MODES))])
         if k % 50 < 40:
-            sent = loop.step(state_at(stamp, Q + 0.3 * rng.normal(size=6), rng.normal(size=6)), stamp)
+            sent = loop.step(
+                state_at(stamp, Q + 0.3 * rng.normal(size=6), rng.normal(size=6)), stamp
+            )
         else:
             sent = loop.without_state(stamp, "NaN")
         assert np.abs(sent.effort - last).max() <= RATE * 1e-3 + 1e-9
@@ -108,7 +125,11 @@ def test_efforts_are_continuous_and_begin_at_zero(strong, mode, compensated):
 def test_beginning_anew_goes_on_as_far_as_that_carries(strong, compensated):
     """Where the arm was moved meanwhile, it begins with the torques that carry it in both places, and no others."""
     loop = slow_loop_of(
-        strong, compensated, initial_mode="gravity_compensation", effort_rate=["*=1e-3"], limit_margin=0.0
+        strong,
+        compensated,
+        initial_mode="gravity_compensation",
+        effort_rate=["*=1e-3"],
+        limit_margin=0.0,
     )
     moved = np.array([0.3, -2.1, -1.2, 0.5, 0.4, 0.2])
     before, after = (robot(UR5).oracle.gravity_torque(q) * (not compensated) for q in (Q, moved))
@@ -116,7 +137,9 @@ def test_beginning_anew_goes_on_as_far_as_that_carries(strong, compensated):
     loop.leave()
     loop.forget()
     sent = loop.step(state_at(9 * S, moved), 9 * S)
-    expected = np.where(before * after > 0.0, np.sign(before) * np.minimum(np.abs(before), np.abs(after)), 0.0)
+    expected = np.where(
+        before * after > 0.0, np.sign(before) * np.minimum(np.abs(before), np.abs(after)), 0.0
+    )
     assert compensated or ((np.abs(after - before) > 1.0).any() and (before * after < -1.0).any())
     np.testing.assert_allclose(sent.effort, expected, atol=1e-9)
 
@@ -130,7 +153,10 @@ def test_states_without_stamps_or_with_an_old_joint_are_rejected(strong):
         loop = slow_loop_of(strong)
         assert loop.step(state_at(S, Q), S + 21 * MS) is None
         _, stamp = settle(loop)
-        loop.step(RobotState(Q, np.zeros(6), None, stamp + MS, stamp + MS + oldest * MS, False), stamp + MS)
+        loop.step(
+            RobotState(Q, np.zeros(6), None, stamp + MS, stamp + MS + oldest * MS, False),
+            stamp + MS,
+        )
         assert (loop.supervisor.phase == phases.HOLDING) == late
         assert not late or "0.025 s old" in loop.supervisor.reason
 
@@ -141,7 +167,9 @@ def test_the_energy_limit_holds_under_a_push(strong):
     simulation, energies, limited = dd.Simulation(strong, q=Q), [], set()
     for k in range(700):
         sent = loop.step(state_at(S + k * MS, simulation.q, simulation.qd), S + k * MS)
-        simulation.advance(sent.effort, f_ext={"tool0": (0, 30.0, 20.0, 0, 0, 0)} if k > 50 else None)
+        simulation.advance(
+            sent.effort, f_ext={"tool0": (0, 30.0, 20.0, 0, 0, 0)} if k > 50 else None
+        )
         energies.append(loop.energy)
         limited.add((sent.energy_limited, sent.contact_limited))
     assert 0.4 < max(energies) < 1.02 * 0.5
@@ -161,8 +189,12 @@ def test_the_energy_limit_holds_under_a_push(strong):
 )
 def test_the_scale_of_contact_speeds(strong, timeout, scale, age, expected):
     """With a timeout a missing or stale scale stops every point that has a limit."""
-    points = dd.ContactPoints(strong, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1.0}}))
-    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"contact.scale_timeout": timeout}
+    points = dd.ContactPoints(
+        strong, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1.0}})
+    )
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {
+        "contact.scale_timeout": timeout
+    }
     loop = ControlLoop(strong, values, False, points)
     if scale is not None:
         loop.take_scale(scale, S)
@@ -215,12 +247,16 @@ def test_a_robot_that_carries_itself_is_controlled_as_far_as_its_limits_go(stron
         for part in np.linspace(1.3, 0.8, 101):
             values = {"initial_mode": "damping", "effort_rate": ["*=1e9"], "limit_margin": 0.0}
             limit = [f"{strong.dof_names[lift]}={part * abs(gravity[lift])}"]
-            sent, _ = settle(slow_loop_of(strong, True, effort_limit=limit, **values), qd=qd, cycles=3)
+            sent, _ = settle(
+                slow_loop_of(strong, True, effort_limit=limit, **values), qd=qd, cycles=3
+            )
             efforts.append(sent.effort[lift] * np.sign(gravity[lift]))
         efforts = np.array(efforts)
         assert np.abs(np.diff(efforts)).max() < 0.006 * abs(gravity[lift])
         free = pinocchio_command("damping_10", Q, qd, None)[lift] - gravity[lift]
-        assert efforts[0] == pytest.approx(free * np.sign(gravity[lift]), rel=1e-9) and abs(free) > 5.0
+        assert (
+            efforts[0] == pytest.approx(free * np.sign(gravity[lift]), rel=1e-9) and abs(free) > 5.0
+        )
         assert (efforts == efforts[0]).all() if direction > 0.0 else not efforts[-1]
 
 
@@ -239,13 +275,33 @@ def follow(points, stamp=0):
         (TRACKING, lambda loop: loop.take_set_point(FAR), "'elbow_joint' is 3.2"),
         (TRACKING, lambda loop: loop.take_set_point(Q[:5]), r"^set_point\.position "),
         (TRACKING, lambda loop: loop.take_set_point([*Q[:5], np.nan]), r"^set_point\.position "),
-        (TRACKING, follow([(1.0, Q), (2.0, FAR)]), r"points\[1\].positions of joint 'elbow_joint' is 3.2"),
+        (
+            TRACKING,
+            follow([(1.0, Q), (2.0, FAR)]),
+            r"points\[1\].positions of joint 'elbow_joint' is 3.2",
+        ),
         (TRACKING, follow([(1.0, Q)], 13 * S), "stamp is 11 s in the future"),
-        (TRACKING, follow([(0.05, THERE)]), r"'shoulder_lift_joint' move at 20, expected no more than its limit 3\.15"),
+        (
+            TRACKING,
+            follow([(0.05, THERE)]),
+            r"'shoulder_lift_joint' move at 20, expected no more than its limit 3\.15",
+        ),
         # The maximum of a cubic is 1.5 times its mean.
-        (TRACKING, follow([(1.0, Q, REST), (1.4, THERE, REST)]), r"'shoulder_lift_joint' move at 3\.75, expected"),
-        (TRACKING, follow([(0.0, Q + 0.06), (9.0, THERE)]), r"begins 0\.06 from where joint '\w+' is"),
-        (TRACKING, follow([(1.0, Q, [1e308, *REST[1:]]), (2.0, Q, REST)]), r"points\[0\].velocities .* is 1e\+308"),
+        (
+            TRACKING,
+            follow([(1.0, Q, REST), (1.4, THERE, REST)]),
+            r"'shoulder_lift_joint' move at 3\.75, expected",
+        ),
+        (
+            TRACKING,
+            follow([(0.0, Q + 0.06), (9.0, THERE)]),
+            r"begins 0\.06 from where joint '\w+' is",
+        ),
+        (
+            TRACKING,
+            follow([(1.0, Q, [1e308, *REST[1:]]), (2.0, Q, REST)]),
+            r"points\[0\].velocities .* is 1e\+308",
+        ),
         (
             TRACKING,
             lambda loop: loop.take_pose("base_link", ORIGIN, UPRIGHT),
@@ -253,7 +309,11 @@ def follow(points, stamp=0):
         ),
         (POSE, follow([(1.0, Q)]), "for mode tracking or regulation, but pose is in force"),
         (POSE, lambda loop: loop.take_pose("wing", ORIGIN, UPRIGHT), "'wing' is not a link"),
-        (POSE, lambda loop: loop.take_pose("base_link", ORIGIN, (0.0, 0.0, 0.0, 3.0)), "orientation is"),
+        (
+            POSE,
+            lambda loop: loop.take_pose("base_link", ORIGIN, (0.0, 0.0, 0.0, 3.0)),
+            "orientation is",
+        ),
     ],
 )
 def test_targets_that_are_refused(arm, mode, take, key):
@@ -264,7 +324,10 @@ def test_targets_that_are_refused(arm, mode, take, key):
     with pytest.raises(InputError, match=key):
         take(loop)
     sent = loop.step(state_at(stamp + MS, Q), stamp + MS)
-    assert np.abs(np.concatenate(sent.command.error) if mode == POSE else sent.command.error).max() < 1e-9
+    assert (
+        np.abs(np.concatenate(sent.command.error) if mode == POSE else sent.command.error).max()
+        < 1e-9
+    )
 
 
 @pytest.mark.parametrize("away", [0.0, 0.06])
@@ -337,7 +400,9 @@ def test_without_velocity_limits_trajectories_are_slow():
     loop = loop_of(dd.load_urdf(re.sub(r' velocity="[^"]*"', ' velocity="0"', robot(UR5).urdf)))
     loop.efforts.reset(gravity_of(Q))
     settle(loop, cycles=5)
-    with pytest.raises(InputError, match="expected no more than 1, as the URDF has no velocity limit"):
+    with pytest.raises(
+        InputError, match="expected no more than 1, as the URDF has no velocity limit"
+    ):
         follow([(0.1, Q + 0.5)])(loop)
 
 
@@ -401,11 +466,15 @@ def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
     goal = placed[:3, 3] + away
     closed.loop.take_pose("base_link", goal, axes)
     closed.go(0.1)
-    np.testing.assert_allclose(closed.sent.command.error.position, away, atol=0.02)  # of the goal, not of the way
+    np.testing.assert_allclose(
+        closed.sent.command.error.position, away, atol=0.02
+    )  # of the goal, not of the way
     assert closed.sent.lyapunov_rate is None
     closed.go(shortened(10.0, 8.0))
     error, out_of_reach = closed.sent.command.error, away[0] > 1.0
     assert (closed.fastest <= 0.6 * arm.velocity_limit).all() and closed.most < 2.0
     assert np.abs(closed.arm.qd).max() < 5e-2
-    assert out_of_reach or (np.linalg.norm(error.position) < 2e-3 and np.linalg.norm(error.orientation) < 2e-3)
+    assert out_of_reach or (
+        np.linalg.norm(error.position) < 2e-3 and np.linalg.norm(error.orientation) < 2e-3
+    )
     assert out_of_reach or closed.sent.lyapunov_rate is not None

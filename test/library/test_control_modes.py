@@ -31,7 +31,9 @@ class Closed:
     """A loop that holds a simulated arm at Q, with efforts that change at once unless `values` limit them."""
 
     def __init__(self, arm, rate=500, plant=None, **values):
-        defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {"effort_rate": ["*=1e9"]}
+        defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {
+            "effort_rate": ["*=1e9"]
+        }
         self.loop = ControlLoop(arm, defaults | values, False)
         self.arm = frictionless(plant or arm, Q, step=1.0 / rate)
         self.stamp, self.period, self.lost, self.shares = S, S // rate, [], np.zeros(6)
@@ -57,11 +59,27 @@ def largest(error):
 @pytest.mark.parametrize(
     ("mode", "values", "key"),
     [
-        (REGULATION, lambda x: {"regulation_stiffness": [f"*={x}"]}, "stiffness of 'wrist_3_joint'"),
-        (TRACKING, lambda x: {"tracking_gain": [f"*={x - 10.0}"]}, r"gain \+ .*convergence of 'shoulder_pan_joint'"),
-        (TRACKING, lambda x: {"tracking_bound": 0.3 * (x - 30.0)}, r"gain \+ bound/width \+ convergence"),
+        (
+            REGULATION,
+            lambda x: {"regulation_stiffness": [f"*={x}"]},
+            "stiffness of 'wrist_3_joint'",
+        ),
+        (
+            TRACKING,
+            lambda x: {"tracking_gain": [f"*={x - 10.0}"]},
+            r"gain \+ .*convergence of 'shoulder_pan_joint'",
+        ),
+        (
+            TRACKING,
+            lambda x: {"tracking_bound": 0.3 * (x - 30.0)},
+            r"gain \+ bound/width \+ convergence",
+        ),
         (DAMPING, lambda x: {"damping": [f"*={x}"]}, "gain of 'shoulder_pan_joint'"),
-        (POSE, lambda x: {"pose_damping_ratio": 1.0, "orientation_stiffness": x}, "orientation_stiffness"),
+        (
+            POSE,
+            lambda x: {"pose_damping_ratio": 1.0, "orientation_stiffness": x},
+            "orientation_stiffness",
+        ),
         (POSE, lambda x: {"orientation_stiffness": x}, "orientation_stiffness"),
     ],
 )
@@ -75,7 +93,9 @@ def test_gains_that_the_rate_makes_unstable_are_refused(arm, mode, values, key, 
     ) as error:
         closed.loop.switch(mode)
     assert closed.loop.mode == GRAVITY_COMPENSATION
-    begun = Closed(arm, rate, **start | {"initial_mode": mode}, **values(1.5 * largest(error.value)))
+    begun = Closed(
+        arm, rate, **start | {"initial_mode": mode}, **values(1.5 * largest(error.value))
+    )
     begun.go(20)
     assert re.match(rf"mode {mode} is unstable: .*{key}", begun.lost[0])
     assert largest(begun.lost[0]) == pytest.approx(largest(error.value), rel=0.02)
@@ -93,7 +113,8 @@ def test_one_damping_of_poses_is_set(arm):
 def test_tracking_adapts_to_a_payload_and_forgets_it(arm):
     """An arm with 3 kg at its tool returns to its set-point, the payload is part of the gravity torque; a switch forgets."""
     loaded = dd.load_urdf(
-        re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf), payloads={"tool0": dd.Payload(3.0)}
+        re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf),
+        payloads={"tool0": dd.Payload(3.0)},
     )
     errors = []
     for link in ("", "tool0"):
@@ -102,7 +123,9 @@ def test_tracking_adapts_to_a_payload_and_forgets_it(arm):
     assert not closed.lost
     assert errors[1] < 0.15 * errors[0]
     sent, law = closed.go(1), closed.loop.modes[TRACKING].law
-    free, true = (dd.DiagonalDynamics(model).gravity_torque(closed.arm.q) for model in (arm, loaded))
+    free, true = (
+        dd.DiagonalDynamics(model).gravity_torque(closed.arm.q) for model in (arm, loaded)
+    )
     assert np.linalg.norm(sent.command.gravity_torque - true) < 0.02 * np.linalg.norm(free - true)
     closed.loop.switch(TRACKING)
     assert law.payload[0] == pytest.approx(0.0, abs=1e-12)

@@ -61,12 +61,20 @@ def test_a_trajectory_begins_where_the_robot_is_and_ends_at_rest():
     np.testing.assert_allclose(desired.velocity, moving, atol=1e-15)
     for time in (3 * S, 3 * S + 1, 1000 * S):
         desired = followed.sample(time)
-        assert desired.position.tolist() == goal and not desired.velocity.any() and not desired.acceleration.any()
+        assert (
+            desired.position.tolist() == goal
+            and not desired.velocity.any()
+            and not desired.acceleration.any()
+        )
     assert followed.sample(3 * S - 1).acceleration.any()
     dt = 1e-5
     near = [followed.sample(2 * S + round(k * dt * S)) for k in (-1, 0, 1)]
-    np.testing.assert_allclose((near[2].position - near[0].position) / (2 * dt), near[1].velocity, atol=1e-8)
-    np.testing.assert_allclose((near[2].velocity - near[0].velocity) / (2 * dt), near[1].acceleration, atol=1e-8)
+    np.testing.assert_allclose(
+        (near[2].position - near[0].position) / (2 * dt), near[1].velocity, atol=1e-8
+    )
+    np.testing.assert_allclose(
+        (near[2].velocity - near[0].velocity) / (2 * dt), near[1].acceleration, atol=1e-8
+    )
 
 
 def test_continuous_joints_go_the_shorter_way_to_the_first_point():
@@ -116,13 +124,21 @@ def test_a_set_point_is_gone_to_without_haste(period):
         goal, before = rng.uniform(-3, 3, 4), desired
         point = SetPoint(goal, time, desired, speed, rate, turns)
         coast = before.velocity**2 / (4.0 * speed) + 1.5 * speed * dt
-        low, high = np.minimum(before.position, goal) - coast, np.maximum(before.position, goal) + coast
+        low, high = (
+            np.minimum(before.position, goal) - coast,
+            np.maximum(before.position, goal) + coast,
+        )
         for k in range(1, round(1000 * seconds / period)):
             desired, last = point.sample(time + k * period * MS), desired
             assert (np.abs(desired.velocity) <= speed + 1e-12).all()
             assert (np.abs(desired.acceleration) <= 2.0 * speed + 1e-9).all()
-            assert np.abs(desired.velocity - last.velocity - desired.acceleration * dt).max() < 1e-12
-            assert np.abs(shortest(desired.position - last.position) - desired.velocity * dt).max() < 1e-12
+            assert (
+                np.abs(desired.velocity - last.velocity - desired.acceleration * dt).max() < 1e-12
+            )
+            assert (
+                np.abs(shortest(desired.position - last.position) - desired.velocity * dt).max()
+                < 1e-12
+            )
             assert ((low <= desired.position) & (desired.position <= high))[~turns].all()
     np.testing.assert_allclose(shortest(desired.position - goal), 0.0, atol=1e-9)
 
@@ -140,11 +156,19 @@ def test_set_points_that_stream_are_followed():
     point = SetPoint(np.zeros(1), 0, desired._replace(velocity=3.0 * one), one, 10.0 * one, turns)
     way = [point.sample(k * MS) for k in range(1, 6000)]
     assert max(np.abs(d.acceleration[0]) for d in way) == pytest.approx(3.0 / WITHIN)
-    assert way[0].velocity[0] == pytest.approx(3.0 - 3.0e-3 / WITHIN) and np.abs(way[-1].position) < 1e-6
+    assert (
+        way[0].velocity[0] == pytest.approx(3.0 - 3.0e-3 / WITHIN)
+        and np.abs(way[-1].position) < 1e-6
+    )
 
 
 def test_the_same_pose_in_a_stream_is_gone_to_as_once():
-    speed, rate, axes, goal = np.array([0.25, 0.5]), np.full(2, 10.0), np.eye(3), np.array([0.1, -0.1, 0.15])
+    speed, rate, axes, goal = (
+        np.array([0.25, 0.5]),
+        np.full(2, 10.0),
+        np.eye(3),
+        np.array([0.1, -0.1, 0.15]),
+    )
     reached = []
     for every in (10**6, 10):
         aim, target = (np.zeros(3), axes), None
@@ -163,11 +187,15 @@ def time_of(nanoseconds):
 
 def trajectory(points, names=NAMES, stamp=0, effort=()):
     """Return the fields of a JointTrajectory of (time, positions, velocities, accelerations)."""
-    message = SimpleNamespace(joint_names=names, header=SimpleNamespace(stamp=time_of(stamp)), points=[])
+    message = SimpleNamespace(
+        joint_names=names, header=SimpleNamespace(stamp=time_of(stamp)), points=[]
+    )
     for time, *fields in points:
         given = zip_longest(("positions", "velocities", "accelerations"), fields, fillvalue=())
         values = {name: array("d", numbers) for name, numbers in given}
-        message.points.append(SimpleNamespace(time_from_start=time_of(round(time * S)), effort=effort, **values))
+        message.points.append(
+            SimpleNamespace(time_from_start=time_of(round(time * S)), effort=effort, **values)
+        )
     return message
 
 
@@ -190,10 +218,16 @@ OTHER_NAMES = (
         *((trajectory([POINT], names), key) for names, key in OTHER_NAMES),
         (trajectory([(1.0, [0.0, 0.0])]), r"points\[0\].positions has 2 entries"),
         (trajectory([(1.0, [])]), r"points\[0\].positions is empty"),
-        (trajectory([POINT, (2.0, [0, 0, 0], [0, np.nan, 0])]), r"points\[1\].velocities of joint 'elbow' is nan"),
+        (
+            trajectory([POINT, (2.0, [0, 0, 0], [0, np.nan, 0])]),
+            r"points\[1\].velocities of joint 'elbow' is nan",
+        ),
         (trajectory([POINT, POINT]), r"points\[1\].time_from_start is 1 s"),
         (trajectory([(-1.0, [0, 0, 0])]), r"points\[0\].time_from_start is -1 s"),
-        (trajectory([(1.0, [0, 0, 0], [0, 0, 0.5])]), "'wrist' at the last point of the trajectory is 0.5"),
+        (
+            trajectory([(1.0, [0, 0, 0], [0, 0, 0.5])]),
+            "'wrist' at the last point of the trajectory is 0.5",
+        ),
         (trajectory([POINT], effort=(1.0, 1.0, 1.0)), r"points\[0\].effort"),
     ],
 )
@@ -221,6 +255,9 @@ def test_joints_of_messages_come_in_any_order():
     read, stamp = received.trajectory(trajectory(points, NAMES[::-1], stamp=3 * S + 5), NAMES)
     assert stamp == 3 * S + 5 and read.times.tolist() == [1.0, 2.0]
     assert read.positions.tolist() == [[3, 2, 1], [9, 8, 7]]
-    assert read.velocities.tolist() == [[6, 5, 4], [0, 0, 0]] and read.with_velocity.tolist() == [True, False]
+    assert read.velocities.tolist() == [[6, 5, 4], [0, 0, 0]] and read.with_velocity.tolist() == [
+        True,
+        False,
+    ]
     assert not read.with_acceleration.any()
     assert received.set_point(joint_state(NAMES[::-1], [1, 2, 3]), NAMES).tolist() == [3, 2, 1]

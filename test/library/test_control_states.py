@@ -37,7 +37,9 @@ RELEASED        STARTING       ACTIVE       RAMPING_DOWN   RAMPING_DOWN   RELEAS
 RESUMING        STARTING       ACTIVE       RAMPING_DOWN   RAMPING_DOWN   RAMPING_DOWN
 """
 ROWS = [line.split() for line in TABLE.strip().splitlines()[1:]]
-CASES = [(row[0], event, after) for row in ROWS for event, after in zip(EVENTS, row[1:], strict=True)]
+CASES = [
+    (row[0], event, after) for row in ROWS for event, after in zip(EVENTS, row[1:], strict=True)
+]
 
 PATHS = {
     "WAITING": [],
@@ -163,7 +165,9 @@ def test_commands_of_states(strong, name, compensated):
 
 def test_each_event_has_an_entry_in_the_table():
     """The table of the code has as many rows and columns as that of this test."""
-    assert {name.replace("RESUMING", "RAMPING_DOWN") for name, *_ in ROWS} == {state.name for state in State}
+    assert {name.replace("RESUMING", "RAMPING_DOWN") for name, *_ in ROWS} == {
+        state.name for state in State
+    }
     assert len(supervisor.Event) == len(EVENTS) and set(supervisor.TRANSITIONS) == set(State)
 
 
@@ -173,7 +177,12 @@ def test_each_event_has_an_entry_in_the_table():
 def test_a_start_lasts_until_the_efforts_carry_a_slow_arm(strong):
     """Not before they carry it; then until no joint is faster than a tenth of its limit, at most for a second."""
     limit = strong.velocity_limit
-    for factor, after in ((0.099, "ACTIVE"), (-0.099, "ACTIVE"), (0.101, "STARTING"), (-0.101, "STARTING")):
+    for factor, after in (
+        (0.099, "ACTIVE"),
+        (-0.099, "ACTIVE"),
+        (0.101, "STARTING"),
+        (-0.101, "STARTING"),
+    ):
         one = Driven(strong)
         one.carry()
         one.step(qd=factor * limit)
@@ -212,7 +221,11 @@ def test_a_start_goes_on_after_a_hold(strong):
     one.step(qd=fast)
     with pytest.raises(InputError, match="came during take-up"):
         one.loop.take_set_point(Q)
-    assert one.state == "STARTING" and one.sent.command.error is None and one.sent.lyapunov_rate is None
+    assert (
+        one.state == "STARTING"
+        and one.sent.command.error is None
+        and one.sent.lyapunov_rate is None
+    )
     for _ in range(998):
         one.carry()
         one.step(qd=fast)
@@ -270,10 +283,16 @@ def test_a_mode_chosen_without_a_state(strong, name):
     one = driven(strong, name)
     before = one.loop.efforts.sent.copy()
     one.loop.switch(TRACKING)
-    assert one.state == name and (one.loop.efforts.sent == before).all() and one.loop.mode == TRACKING
+    assert (
+        one.state == name and (one.loop.efforts.sent == before).all() and one.loop.mode == TRACKING
+    )
     one.carry(Q + 0.2)
     one.step(Q + 0.2)
-    assert one.state == "ACTIVE" and not one.sent.command.error.any() and one.sent.lyapunov_rate is None
+    assert (
+        one.state == "ACTIVE"
+        and not one.sent.command.error.any()
+        and one.sent.lyapunov_rate is None
+    )
 
 
 def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
@@ -327,30 +346,77 @@ VALID, NONE = True, False
     [
         ([(1000, VALID), (1020, NONE), (1319, NONE)], State.HOLDING),
         ([(1000, VALID), (1020, NONE), (1320, NONE)], State.RAMPING_DOWN),
-        ([(1000, VALID), (1500, NONE)], State.HOLDING),  # the hold begins with the first event without a state
-        # A valid state ends the hold, and shortens the outage by no more than its largest age.
-        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1361, NONE)], State.RAMPING_DOWN),
-        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1360, NONE)], State.HOLDING),
-        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2028, NONE)], State.HOLDING),
-        ([(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2029, NONE)], State.RAMPING_DOWN),
-        # Valid states in a row shorten it by their time.
         (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1611, VALID), (1612, NONE), (1911, NONE)],
+            [(1000, VALID), (1500, NONE)],
+            State.HOLDING,
+        ),  # the hold begins with the first event without a state
+        # A valid state ends the hold, and shortens the outage by no more than its largest age.
+        (
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1361, NONE)],
+            State.RAMPING_DOWN,
+        ),
+        (
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1360, NONE)],
             State.HOLDING,
         ),
         (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1611, VALID), (1612, NONE), (1912, NONE)],
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2028, NONE)],
+            State.HOLDING,
+        ),
+        (
+            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2029, NONE)],
+            State.RAMPING_DOWN,
+        ),
+        # Valid states in a row shorten it by their time.
+        (
+            [
+                (1000, VALID),
+                (1020, NONE),
+                (1310, NONE),
+                (1311, VALID),
+                (1611, VALID),
+                (1612, NONE),
+                (1911, NONE),
+            ],
+            State.HOLDING,
+        ),
+        (
+            [
+                (1000, VALID),
+                (1020, NONE),
+                (1310, NONE),
+                (1311, VALID),
+                (1611, VALID),
+                (1612, NONE),
+                (1912, NONE),
+            ],
             State.RAMPING_DOWN,
         ),
         # A clock that goes back adds nothing and removes nothing, in a hold and between valid states.
         ([(1000, VALID), (1020, NONE), (1300, NONE), (20, NONE), (39, NONE)], State.HOLDING),
         ([(1000, VALID), (1020, NONE), (1300, NONE), (20, NONE), (40, NONE)], State.RAMPING_DOWN),
         (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (11, VALID), (11, NONE), (21, NONE)],
+            [
+                (1000, VALID),
+                (1020, NONE),
+                (1310, NONE),
+                (1311, VALID),
+                (11, VALID),
+                (11, NONE),
+                (21, NONE),
+            ],
             State.RAMPING_DOWN,
         ),
         (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (11, VALID), (11, NONE), (20, NONE)],
+            [
+                (1000, VALID),
+                (1020, NONE),
+                (1310, NONE),
+                (1311, VALID),
+                (11, VALID),
+                (11, NONE),
+                (20, NONE),
+            ],
             State.HOLDING,
         ),
         # Nothing ends the ramp, and nothing before the first state begins a hold.
@@ -438,7 +504,8 @@ def test_an_outage_within_the_hold_keeps_the_target(strong):
 
 @pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize(
-    ("name", "carries"), [("ACTIVE", True), ("STARTING", True), ("HOLDING", True), ("RAMPING_DOWN", False)]
+    ("name", "carries"),
+    [("ACTIVE", True), ("STARTING", True), ("HOLDING", True), ("RAMPING_DOWN", False)],
 )
 def test_the_last_effort(strong, name, carries, compensated):
     """It is gravity compensation at once, zero for an arm with its own, or after the ramp; none before the first state."""
@@ -447,7 +514,11 @@ def test_the_last_effort(strong, name, carries, compensated):
     carries = carries and not (compensated and name != "STARTING")
     np.testing.assert_allclose(one.loop.leave(), gravity_of(Q) * carries, atol=1e-9)
     one.loop.forget()
-    assert one.state == "WAITING" and one.loop.state is None and one.loop.without_state(one.now, "late") is None
+    assert (
+        one.state == "WAITING"
+        and one.loop.state is None
+        and one.loop.without_state(one.now, "late") is None
+    )
 
 
 # --- Efforts
@@ -478,4 +549,6 @@ def test_joints_that_their_effort_rate_limits(strong):
 def test_the_effort_that_acts_has_the_compensation_of_the_robot(strong, compensated):
     one = driven(strong, "ACTIVE", compensated=compensated)
     one.loop.efforts.reset(np.ones(6))
-    np.testing.assert_allclose(one.loop.efforts.acting, 1.0 + compensated * gravity_of(Q), atol=1e-9)
+    np.testing.assert_allclose(
+        one.loop.efforts.acting, 1.0 + compensated * gravity_of(Q), atol=1e-9
+    )

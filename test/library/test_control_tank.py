@@ -29,7 +29,10 @@ def frame(q, link="panda_hand"):
     """Return the position of a link's origin and the Jacobian of its velocity, in the root's axes, by Pinocchio."""
     oracle = subject(ARM).oracle
     full = oracle.full
-    at, configured = full.model.getFrameId(link, pin.FrameType.BODY), full.configuration(oracle.q_full(q))
+    at, configured = (
+        full.model.getFrameId(link, pin.FrameType.BODY),
+        full.configuration(oracle.q_full(q)),
+    )
     pin.framesForwardKinematics(full.model, full.data, configured)
     J = pin.computeFrameJacobian(full.model, full.data, configured, at, pin.LOCAL_WORLD_ALIGNED)
     return full.data.oMf[at].translation.copy(), J[:3, full._order] @ oracle.G
@@ -48,11 +51,17 @@ class HeldArm:
 
     def __init__(self, rng, period):
         """Draw a person, and the motion of the arm."""
-        self.plant = frictionless(subject(ARM).model, READY, 0.2 * rng.normal(size=N), period / SUBSTEPS)
+        self.plant = frictionless(
+            subject(ARM).model, READY, 0.2 * rng.normal(size=N), period / SUBSTEPS
+        )
         self.step, self.extracted = period / SUBSTEPS, 0.0
         self.anchor = frame(READY)[0]
         self.x, self.v = self.anchor.copy(), np.zeros(3)
-        self.mass, self.spring, self.damper = rng.uniform(0.5, 3), rng.uniform(50, 400), rng.uniform(5, 40)
+        self.mass, self.spring, self.damper = (
+            rng.uniform(0.5, 3),
+            rng.uniform(50, 400),
+            rng.uniform(5, 40),
+        )
         self.coupling = rng.uniform(500, 2000)
 
     def advance(self, tau):
@@ -113,7 +122,11 @@ class Run(NamedTuple):
 def ledger_of(seed, period, device, tank, stiffness=60.0, ratio=0.1):
     """Run a device and a held arm, with a tank or without."""
     rng = np.random.default_rng(seed)
-    arm, law, tau = HeldArm(rng, period), dd.JointRegulation(subject(ARM).dyn, stiffness, ratio), None
+    arm, law, tau = (
+        HeldArm(rng, period),
+        dd.JointRegulation(subject(ARM).dyn, stiffness, ratio),
+        None,
+    )
     first, ledgers = kinetic_energy(arm.plant.q, arm.plant.qd), []
     device = device(rng, period)
     for k in range(round(2.0 / period)):
@@ -149,7 +162,9 @@ def test_nobody_extracts_more_than_the_tank_and_the_motion(device, period):
         run = ledger_of(seed, period, DEVICES[device], tank_of())
         assert run.excess < 1e-9 and run.least > -3e-3 * (period / 4e-3)
         assert 0.3 * CAPACITY < run.extracted <= run.first + CAPACITY + 3e-3 * (period / 4e-3)
-        assert ledger_of(seed, period, DEVICES[device], None).extracted > 4.0 * (run.first + CAPACITY)
+        assert ledger_of(seed, period, DEVICES[device], None).extracted > 4.0 * (
+            run.first + CAPACITY
+        )
     if device != "moving" and period > 2e-3:
         assert ledger_of(0, period, remote(0.0), None).extracted < 0.5
 
@@ -212,7 +227,14 @@ def commands(count):
     for _ in range(count):
         q, qd = configuration(subject(ARM).model, rng), rng.normal(size=N)
         command, epsilon = law.command(q, qd), np.exp(rng.uniform(-2, 6)) * rng.normal(size=N)
-        yield rng, q, qd, command._replace(tau=command.tau + subject(ARM).oracle.at(q, qd).m @ epsilon, epsilon=epsilon)
+        yield (
+            rng,
+            q,
+            qd,
+            command._replace(
+                tau=command.tau + subject(ARM).oracle.at(q, qd).m @ epsilon, epsilon=epsilon
+            ),
+        )
 
 
 @pytest.mark.parametrize("pushed", [False, True])
@@ -229,14 +251,20 @@ def test_commands_of_the_filter(pushed):
         allowed = power if power <= covered else max(covered, min(power, 0.0) - RATE * nu @ nu)
         braked = command.epsilon + nu * (allowed - power) / (nu @ nu)
         scale = (out.epsilon @ braked) / (braked @ braked)
-        np.testing.assert_allclose(out.epsilon, scale * braked, rtol=0, atol=1e-9 * np.abs(braked).max())
-        np.testing.assert_allclose(out.tau, t.m @ out.epsilon + t.g, rtol=0, atol=1e-8 * np.abs(command.tau).max())
+        np.testing.assert_allclose(
+            out.epsilon, scale * braked, rtol=0, atol=1e-9 * np.abs(braked).max()
+        )
+        np.testing.assert_allclose(
+            out.tau, t.m @ out.epsilon + t.g, rtol=0, atol=1e-8 * np.abs(command.tau).max()
+        )
         assert tank.refused == pytest.approx(power - nu @ out.epsilon, abs=1e-9 * (1 + abs(power)))
 
         def work(f, t=t, qd=qd, braked=braked, push=push):
             """Return the work [J] of a held effort by a step of second order."""
             effort = f * t.m @ braked
-            return effort @ (h * qd + 0.5 * h * h * np.linalg.solve(t.M, effort + push - t.C_s @ qd))
+            return effort @ (
+                h * qd + 0.5 * h * h * np.linalg.solve(t.M, effort + push - t.C_s @ qd)
+            )
 
         x = max(tank.energy, 0.0)
         if scale > 1.0 - 1e-12:
@@ -256,7 +284,11 @@ def test_an_empty_tank_brakes_and_holds(energy):
         for law in (dd.RateDamping(dyn, 100.0), dd.GravityCompensation(dyn)):
             command = law.command(q, qd if isinstance(law, dd.RateDamping) else 0.0 * qd)
             assert tank.filter(q, qd, command, h) is command
-    robot, law, tau = frictionless(subject(ARM).model, READY, np.full(N, 0.5)), dd.RateDamping(dyn, 10.0), None
+    robot, law, tau = (
+        frictionless(subject(ARM).model, READY, np.full(N, 0.5)),
+        dd.RateDamping(dyn, 10.0),
+        None,
+    )
     K = robot.kinetic_energy
     for k in range(700):
         tank.measure(robot.q, tau)
@@ -277,9 +309,16 @@ def test_an_empty_tank_brakes_and_holds(energy):
         (lambda d: dd.EnergyTank(d, 0.0, 1.0), "capacity is 0.0"),
         (lambda d: dd.EnergyTank(d, 1.0, np.inf), "rate is inf"),
         (lambda d: tank_of().measure(READY[:3]), "q has shape"),
-        (lambda d: (tank := tank_of()).measure(READY) and tank.measure(READY, np.full(N, np.nan)), "tau of joint"),
         (
-            lambda d: tank_of().filter(READY, READY, dd.GravityCompensation(d).command(READY, READY), 0.0),
+            lambda d: (
+                (tank := tank_of()).measure(READY) and tank.measure(READY, np.full(N, np.nan))
+            ),
+            "tau of joint",
+        ),
+        (
+            lambda d: tank_of().filter(
+                READY, READY, dd.GravityCompensation(d).command(READY, READY), 0.0
+            ),
             "period is 0.0",
         ),
     ],
@@ -295,7 +334,9 @@ def test_errors_name_the_argument(make, key):
 def loop_of(compensated=False, points=None, **values):
     """Return a loop of the arm, whose efforts have reached gravity compensation at READY."""
     defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-    loop = ControlLoop(subject(ARM).model, defaults | {"following_energy": 0.0} | values, compensated, points)
+    loop = ControlLoop(
+        subject(ARM).model, defaults | {"following_energy": 0.0} | values, compensated, points
+    )
     loop.efforts.reset(np.zeros(N) if compensated else subject(ARM).oracle.gravity_torque(READY))
     return loop
 
@@ -322,7 +363,9 @@ class Driven:
     def aim(self, size=0.8):
         """Choose another set-point."""
         model = subject(ARM).model
-        self.loop.take_set_point(np.clip(READY + size * self.rng.uniform(-1, 1, N), model.lower, model.upper))
+        self.loop.take_set_point(
+            np.clip(READY + size * self.rng.uniform(-1, 1, N), model.lower, model.upper)
+        )
 
 
 def test_the_loop_measures_what_it_sends():
@@ -362,7 +405,9 @@ def test_a_hold_gives_nothing_back():
         x = tank.energy
         driven.cycle(valid=False)
         moving = effort - subject(ARM).oracle.gravity_torque(q)
-        driven.plant.reset(q + sign * 1e-3 * np.sign(moving), driven.plant.qd)  # wherever the arm goes meanwhile
+        driven.plant.reset(
+            q + sign * 1e-3 * np.sign(moving), driven.plant.qd
+        )  # wherever the arm goes meanwhile
         model, U = subject(ARM).model, dd.simulation.potential_energy
         work = effort @ (driven.plant.q - q) - U(model, driven.plant.q) + U(model, q)
         driven.cycle()
@@ -383,7 +428,9 @@ def test_a_robot_with_gravity_compensation():
     assert K > 0.01
 
 
-LIMITS = dd.ContactLimits({"energy": {"energy": 0.3}, "force": {"mass": 4.0, "stiffness": 3e4, "force": 80.0}})
+LIMITS = dd.ContactLimits(
+    {"energy": {"energy": 0.3}, "force": {"mass": 4.0, "stiffness": 3e4, "force": 80.0}}
+)
 
 
 def used(q, qd):
@@ -393,7 +440,9 @@ def used(q, qd):
         J = frame(q, link)[1]
         v = J @ qd
         if v.any():
-            E = 0.5 * (v @ v) ** 2 / (v @ J @ np.linalg.solve(M, J.T @ v))  # ½m|v|², m = 1/(uᵀJM⁻¹Jᵀu)
+            E = (
+                0.5 * (v @ v) ** 2 / (v @ J @ np.linalg.solve(M, J.T @ v))
+            )  # ½m|v|², m = 1/(uᵀJM⁻¹Jᵀu)
             mass = 2.0 * E / (v @ v)
             parts += [E / 0.3, 3e4 / (1.0 / mass + 1.0 / 4.0) * (v @ v) / 80.0**2]
     return max(parts)
@@ -403,7 +452,9 @@ def test_known_pushes_keep_the_contact_limits():
     """With the force of a push known exactly, B ≤ 1 at every sample, by the tank before the contact limiter."""
     dyn, rng, h = subject(ARM).dyn, np.random.default_rng(2), 1e-3
     shapes = dd.link_geometry(subject(ARM).model, ARM.urdf, "frames").points
-    contact = dd.ContactLimiter(dyn, dd.ContactPoints(subject(ARM).model, shapes, LIMITS, "limit"), 30.0)
+    contact = dd.ContactLimiter(
+        dyn, dd.ContactPoints(subject(ARM).model, shapes, LIMITS, "limit"), 30.0
+    )
     law, tank, tau = dd.JointRegulation(dyn, 50.0, 0.7), tank_of(2.0), None
     plant, target, force, B = frictionless(subject(ARM).model, READY), READY, np.zeros(3), []
     for k in range(shortened(1500, 700)):

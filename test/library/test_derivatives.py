@@ -69,7 +69,9 @@ def case_of(dyn, oracle, q, qd, tau, seed) -> Case:
     x, y = rng.standard_normal((2, len(unit))) / unit
     names = dyn.model.link_names
     chosen = dict.fromkeys((names[0], names[-1], *map(str, rng.choice(names, 3))))
-    points = [(name, rng.uniform(-0.5, 0.5, 3), frame) for name in chosen for frame in ("link", "world")]
+    points = [
+        (name, rng.uniform(-0.5, 0.5, 3), frame) for name in chosen for frame in ("link", "world")
+    ]
     points.append((names[-1], np.zeros(3), "link"))
     points = tuple((*point, rng.standard_normal(3)) for point in points)
     numbers = bracket_scale(t), coriolis_scale(t), tolerance(t), tolerance_of_differences(t)
@@ -91,7 +93,9 @@ def load(robot: robots.Robot) -> list[Case]:
 OUTBOARD = NAMED["leader outboard of its follower"]._replace(mimic="embed")
 
 
-@pytest.fixture(scope="module", params=(*robots.robots_to_test(), OUTBOARD), ids=lambda robot: robot.id)
+@pytest.fixture(
+    scope="module", params=(*robots.robots_to_test(), OUTBOARD), ids=lambda robot: robot.id
+)
 def cases(request) -> list[Case]:
     """Return the cases of each robot in turn; module scope, so that all laws share one evaluation."""
     return load(request.param)
@@ -113,7 +117,9 @@ def test_coriolis_matrix_of_the_oracle(robot):
         if robot is not OUTBOARD:
             theirs = Oracle.coriolis_matrix(c.oracle, c.t.q, c.t.qd)
             assert_close(c.t.C_s / weigh, theirs / weigh, 2e-11, c.weight)
-        assert_close(c.t.C_s @ c.t.qd / c.unit, c.t.c / c.unit, 1e-13, c.weight * norm(c.unit * c.t.qd))
+        assert_close(
+            c.t.C_s @ c.t.qd / c.unit, c.t.c / c.unit, 1e-13, c.weight * norm(c.unit * c.t.qd)
+        )
         rate = c.oracle.mass_matrix_rate(c.t.q, c.t.qd)
         assert_close((c.t.C_s + c.t.C_s.T) / weigh, rate / weigh, 1e-13, 2 * c.weight)
 
@@ -219,7 +225,9 @@ def mass_matrix_rate_by_difference(c):
     """dM/dt from differences of Pinocchio's M along the motion."""
     weigh = np.outer(c.unit, c.unit)
     expected = c.oracle.derivative(c.oracle.mass_matrix, c.t.q, c.t.qd)
-    assert_close(c.dyn.mass_matrix_rate(c.t.q, c.t.qd) / weigh, expected / weigh, 1e-10, 2 * c.weight)
+    assert_close(
+        c.dyn.mass_matrix_rate(c.t.q, c.t.qd) / weigh, expected / weigh, 1e-10, 2 * c.weight
+    )
 
 
 def mass_matrix_rate_applied(c):
@@ -246,7 +254,9 @@ def mass_matrix_rate_sums_partial_derivatives(c):
 def outboard(oracle: RateOracle) -> np.ndarray:
     """Return [k, i]: whether dof i is outboard of dof k, or of the same joint."""
     dofs = np.arange(oracle.nv)
-    return np.array([np.isin(dofs, list(oracle.descendants(k) | oracle.joint_mates(k))) for k in dofs])
+    return np.array(
+        [np.isin(dofs, list(oracle.descendants(k) | oracle.joint_mates(k))) for k in dofs]
+    )
 
 
 def mass_matrix_ignores_what_is_inboard(c):
@@ -257,7 +267,9 @@ def mass_matrix_ignores_what_is_inboard(c):
     for i, e in enumerate(np.eye(c.dyn.model.nv)):
         rate = c.dyn.mass_matrix_rate(c.t.q, e) / weigh
         independent = ~(later[:, i][:, None] | later[:, i])
-        assert_close(rate[independent], 0 * rate[independent], 1e-13, norm(rate) + norm(c.t.M / weigh))
+        assert_close(
+            rate[independent], 0 * rate[independent], 1e-13, norm(rate) + norm(c.t.M / weigh)
+        )
 
 
 def coriolis_product(c):
@@ -283,7 +295,9 @@ def coriolis_product_is_skew(c):
     """Ṁ − 2C_s is skew: C_s + C_sᵀ = Ṁ, both of the library, C_s column by column."""
     weigh = np.outer(c.unit, c.unit)
     C_s = columns(lambda e: c.dyn.coriolis_product(c.t.q, c.t.qd, e), c.dyn.model.nv)
-    assert_close((C_s + C_s.T) / weigh, c.dyn.mass_matrix_rate(c.t.q, c.t.qd) / weigh, 1e-12, 2 * c.weight)
+    assert_close(
+        (C_s + C_s.T) / weigh, c.dyn.mass_matrix_rate(c.t.q, c.t.qd) / weigh, 1e-12, 2 * c.weight
+    )
 
 
 def rates_vanish_at_rest(c):
@@ -317,8 +331,15 @@ def log_determinant(c):
     """Ln det M = Σ ln D_k, of Pinocchio's M."""
     actual = c.dyn.log_det(c.t.q)
     assert isinstance(actual, float)
-    assert_close(actual, np.linalg.slogdet(c.t.M)[1], c.tolerance, c.dyn.model.nv + norm(np.log(c.t.D)))
-    assert_close(actual, np.log(c.s.articulated_inertia).sum(), c.tolerance, c.dyn.model.nv + norm(np.log(c.t.D)))
+    assert_close(
+        actual, np.linalg.slogdet(c.t.M)[1], c.tolerance, c.dyn.model.nv + norm(np.log(c.t.D))
+    )
+    assert_close(
+        actual,
+        np.log(c.s.articulated_inertia).sum(),
+        c.tolerance,
+        c.dyn.model.nv + norm(np.log(c.t.D)),
+    )
 
 
 def log_determinant_rate(c):
@@ -328,7 +349,9 @@ def log_determinant_rate(c):
     shares = np.diag(np.linalg.solve(c.t.m, np.linalg.solve(c.t.m, c.t.C_s + c.t.C_s.T).T))
     scale = max(norm(shares, 1), floor(c))
     assert_close(actual, shares.sum(), c.tolerance, scale)
-    assert_close(actual, (c.s.articulated_inertia_rate / c.s.articulated_inertia).sum(), c.tolerance, scale)
+    assert_close(
+        actual, (c.s.articulated_inertia_rate / c.s.articulated_inertia).sum(), c.tolerance, scale
+    )
 
 
 def log_determinant_rate_by_difference(c):
@@ -506,7 +529,9 @@ def test_bushes(shape):
 @given(trees.shapes(most=8, spread=8.0))
 def test_magnitudes(shape):
     """Masses from ten nanograms to a hundred thousand tonnes in one robot, where M is not refused as singular."""
-    with suppress(dd.MasslessLinkError, dd.SingularMassMatrixError):  # test_random_trees.py is about when that may be
+    with suppress(
+        dd.MasslessLinkError, dd.SingularMassMatrixError
+    ):  # test_random_trees.py is about when that may be
         check(shape)
 
 
@@ -517,11 +542,23 @@ def test_any_order_of_calls(panda):
     """One method after any other, in one workspace: the answers are those of a new one."""
     q, qd, x = panda.t.q, panda.t.qd, panda.x
     expected = everything(dd.DiagonalDynamics(panda.dyn.model), robots.Sample(q, qd, qd, x))
-    vectors = ("m_rate_transposed", "coriolis_bracket", "mass_matrix_rate_times", "coriolis_product")
+    vectors = (
+        "m_rate_transposed",
+        "coriolis_bracket",
+        "mass_matrix_rate_times",
+        "coriolis_product",
+    )
     arguments = dict.fromkeys((*vectors, "inverse_dynamics"), (q, qd, x))
-    arguments |= {"log_det": (q,), "log_det_rate": (q, qd), "mass_matrix_rate": (q, qd), "qd_from_nu": (q, qd)}
+    arguments |= {
+        "log_det": (q,),
+        "log_det_rate": (q, qd),
+        "mass_matrix_rate": (q, qd),
+        "qd_from_nu": (q, qd),
+    }
     for name in random.Random(1).choices(list(arguments), k=200):
-        assert (np.asarray(getattr(panda.dyn, name)(*arguments[name])) == expected[name]).all(), name
+        assert (np.asarray(getattr(panda.dyn, name)(*arguments[name])) == expected[name]).all(), (
+            name
+        )
 
 
 HAND = "panda_hand"
@@ -544,10 +581,19 @@ RIGHT = {
 }
 NUMBERS = ("abc", None, 0.3)
 WRONG = {
-    **dict.fromkeys(("q", "qd", "x"), (np.zeros(N - 1), np.zeros(N + 1), np.zeros((N, 1)), *NUMBERS)),
+    **dict.fromkeys(
+        ("q", "qd", "x"), (np.zeros(N - 1), np.zeros(N + 1), np.zeros((N, 1)), *NUMBERS)
+    ),
     "link": ("nowhere", "", "panda_joint1", None, 3, [HAND]),
     "wrench": (np.zeros(5), np.zeros((6, 1)), (0, 0, 0, np.nan, 0, 0), [np.inf] * 6, *NUMBERS),
-    "direction": ((0, 0, 0), (0, 0, 1, 0), (0, np.nan, 1), (np.inf, 0, 0), np.ones((3, 1)), *NUMBERS),
+    "direction": (
+        (0, 0, 0),
+        (0, 0, 1, 0),
+        (0, np.nan, 1),
+        (np.inf, 0, 0),
+        np.ones((3, 1)),
+        *NUMBERS,
+    ),
     "point": ((0, 0), (0, np.nan, 0), (np.inf, 0, 0), np.zeros((1, 3)), *NUMBERS),
     "frame": ("base", None, "Link"),
 }
@@ -594,8 +640,13 @@ def test_overflow_is_an_error(panda, method, large):
 @pytest.mark.parametrize("method", CALLS)
 def test_orientation_is_checked(method):
     """A quaternion of another length than 1 is none of a floating base."""
-    dyn = dd.DiagonalDynamics(dd.load_urdf(robots.robot_path(PANDA), mimic="free", floating_base=True))
-    q, others = dyn.model.neutral, dict.fromkeys({"qd", "x"} & set(CALLS[method]), np.ones(dyn.model.nv))
+    dyn = dd.DiagonalDynamics(
+        dd.load_urdf(robots.robot_path(PANDA), mimic="free", floating_base=True)
+    )
+    q, others = (
+        dyn.model.neutral,
+        dict.fromkeys({"qd", "x"} & set(CALLS[method]), np.ones(dyn.model.nv)),
+    )
     q[3:7] = 0.7
     with pytest.raises(dd.InputError, match=r"root_joint.*quaternion"):
         call(dyn, method, q=q, **others)

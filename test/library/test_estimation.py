@@ -31,7 +31,9 @@ FACES = [
 def stl(path, corners, faces):
     """Write a binary STL by hand."""
     triangles = np.asarray(corners, dtype="<f4")[np.array(faces)]
-    records = b"".join(struct.pack("<12f", 0, 0, 0, *triangle.ravel()) + b"\0\0" for triangle in triangles)
+    records = b"".join(
+        struct.pack("<12f", 0, 0, 0, *triangle.ravel()) + b"\0\0" for triangle in triangles
+    )
     path.write_bytes(bytes(80) + struct.pack("<I", len(triangles)) + records)
     return path
 
@@ -43,7 +45,9 @@ def placed(rpy, xyz):
 
 
 def solid(kind, numbers, placement=None, file="", folder=None):
-    return solid_of(Shape(kind, numbers, np.eye(4) if placement is None else placement, file), Meshes(folder))
+    return solid_of(
+        Shape(kind, numbers, np.eye(4) if placement is None else placement, file), Meshes(folder)
+    )
 
 
 def close(a, b, tolerance=1e-12):
@@ -57,7 +61,12 @@ PRIMITIVES = {
     "box": (pin.Inertia.FromBox, (0.2, 0.5, 0.9), 0.2 * 0.5 * 0.9, (0.1, 0.25, 0.45)),
     "sphere": (pin.Inertia.FromSphere, (0.3,), np.pi * 4 / 3 * 0.3**3, (0.3, 0.3, 0.3)),
     "cylinder": (pin.Inertia.FromCylinder, (0.2, 0.7), np.pi * 0.2**2 * 0.7, (0.2, 0.2, 0.35)),
-    "capsule": (pin.Inertia.FromCapsule, (0.2, 0.5), np.pi * 0.2**2 * (0.5 + 4 / 3 * 0.2), (0.2, 0.2, 0.45)),
+    "capsule": (
+        pin.Inertia.FromCapsule,
+        (0.2, 0.5),
+        np.pi * 0.2**2 * (0.5 + 4 / 3 * 0.2),
+        (0.2, 0.2, 0.45),
+    ),
 }
 
 
@@ -93,7 +102,10 @@ def test_meshes_against_closed_forms(tmp_path):
     size = np.array([0.2, 0.5, 1.0])
     stl(tmp_path / "box.stl", BOX * size, FACES)
     for scale in ((1.0, 1.0, 1.0), (2.0, 1.0, 0.5), (-1.0, 1.0, 1.0)):
-        found, expected = mesh(tmp_path, "box.stl", scale), solid("box", tuple(size * np.abs(scale)))
+        found, expected = (
+            mesh(tmp_path, "box.stl", scale),
+            solid("box", tuple(size * np.abs(scale))),
+        )
         assert found.volume == pytest.approx(expected.volume, rel=1e-6) and found.of == ("box.stl",)
         close(found.centre, 0.5 * size * scale, 1e-6)
         close(found.inertia, expected.inertia, 1e-6)
@@ -118,8 +130,15 @@ def test_open_and_damaged_meshes(tmp_path):
     stl(tmp_path / "flat.stl", BOX, FACES[:2])
     (tmp_path / "none.stl").write_bytes(b"no mesh")
     (tmp_path / "none.dae").write_bytes(b"no mesh")
-    (tmp_path / "lfs.stl").write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n")
-    keys = {"flat.stl": "no volume", "none.stl": "no surface", "none.dae": "cannot be read", "lfs.stl": "git lfs pull"}
+    (tmp_path / "lfs.stl").write_bytes(
+        b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n"
+    )
+    keys = {
+        "flat.stl": "no volume",
+        "none.stl": "no surface",
+        "none.dae": "cannot be read",
+        "lfs.stl": "git lfs pull",
+    }
     for name, key in keys.items():
         with pytest.raises(dd.UrdfError, match=f"{name}.* {key}"):
             mesh(tmp_path, name)
@@ -134,7 +153,9 @@ def test_collada_in_centimetres(tmp_path):
     geometry = collada.geometry.Geometry(document, "box", "box", [source])
     inputs = collada.source.InputList()
     inputs.addInput(0, "VERTEX", "#v")
-    geometry.primitives.append(geometry.createTriangleSet(np.array(FACES).ravel(), inputs, "material"))
+    geometry.primitives.append(
+        geometry.createTriangleSet(np.array(FACES).ravel(), inputs, "material")
+    )
     document.geometries.append(geometry)
     node = collada.scene.Node("node", children=[collada.scene.GeometryNode(geometry)])
     document.scenes.append(collada.scene.Scene("scene", [node]))
@@ -155,7 +176,9 @@ def test_collada_in_centimetres(tmp_path):
     ],
 )
 def test_wrong_shapes(shape, key):
-    link = etree.fromstring(f'<link name="arm"><visual><geometry>{shape}</geometry></visual></link>')
+    link = etree.fromstring(
+        f'<link name="arm"><visual><geometry>{shape}</geometry></visual></link>'
+    )
     with pytest.raises(dd.UrdfError, match="link 'arm': visual") as error:
         shapes_of(link, "visual")
     assert key in str(error.value)
@@ -165,10 +188,22 @@ def test_wrong_shapes(shape, key):
 
 VALID = (
     *("package://arm/meshes/a.stl", "package:///arm/meshes/a.stl", "model://arm/meshes/a.stl"),
-    *("package://robots/arm/meshes/a.stl", "../meshes/a.stl", "file://../meshes/a.stl", "file://{mesh}", "{mesh}"),
+    *(
+        "package://robots/arm/meshes/a.stl",
+        "../meshes/a.stl",
+        "file://../meshes/a.stl",
+        "file://{mesh}",
+        "{mesh}",
+    ),
 )
 LOST = (
-    *("package://leg/meshes/a.stl", "meshes/a.stl", "file:///meshes/a.stl", "https://x.org/a.stl", "package://arm"),
+    *(
+        "package://leg/meshes/a.stl",
+        "meshes/a.stl",
+        "file:///meshes/a.stl",
+        "https://x.org/a.stl",
+        "package://arm",
+    ),
 )
 
 
@@ -244,7 +279,11 @@ def test_models_keep_the_names_of_estimated_links(bare):
     model, (warning,) = estimating(bare, estimate_inertias=500.0)
     assert model.estimated_links == ("base", "upper", "lower")
     assert all(f"'{name}'" in warning for name in model.estimated_links) and "given" not in warning
-    changed = model.with_locked_joints({"b": 0.1}), model.with_payload("upper", 1.0), pickle.loads(pickle.dumps(model))
+    changed = (
+        model.with_locked_joints({"b": 0.1}),
+        model.with_payload("upper", 1.0),
+        pickle.loads(pickle.dumps(model)),
+    )
     assert all(other.estimated_links == model.estimated_links for other in changed)
     warnings_of_inertias = []
     with warnings.catch_warnings():
@@ -262,7 +301,10 @@ def test_written_estimates(bare, tmp_path):
     path.parent.mkdir()
     path.write_text(found.text)
     model, written = estimating(bare, estimate_inertias=500.0)[0], dd.load_urdf(path)
-    assert model.bodies.tobytes() == written.bodies.tobytes() and model.links.tobytes() == written.links.tobytes()
+    assert (
+        model.bodies.tobytes() == written.bodies.tobytes()
+        and model.links.tobytes() == written.links.tobytes()
+    )
     reference = pin.buildModelFromUrdf(str(path))
     for q in np.random.default_rng(0).uniform(-3, 3, (5, 2)):
         M = np.triu(pin.crba(reference, reference.createData(), q))
@@ -275,10 +317,14 @@ def test_written_estimates(bare, tmp_path):
         inertial = link.find("inertial")
         if inertial is not None and isinstance(inertial[0], etree._Comment):
             link.remove(inertial)
-    assert [e.attrib for e in tree.iter(etree.Element)] == [e.attrib for e in before.iter(etree.Element)]
+    assert [e.attrib for e in tree.iter(etree.Element)] == [
+        e.attrib for e in before.iter(etree.Element)
+    ]
     again = estimated(found.text, 500.0, bare.parent)
     assert again.estimates == () and again.text == found.text
-    for one, twice in zip(found.estimates, estimated(BARE, 1000.0, bare.parent).estimates, strict=True):
+    for one, twice in zip(
+        found.estimates, estimated(BARE, 1000.0, bare.parent).estimates, strict=True
+    ):
         assert twice.mass == pytest.approx(2.0 * one.mass)
         np.testing.assert_allclose(twice.inertia, 2.0 * one.inertia, rtol=1e-12)
 
@@ -291,7 +337,10 @@ def test_lost_meshes(tmp_path):
     model, (warning,) = estimating(path, estimate_inertias=500.0)
     assert model.estimated_links == ("base", "upper") and "'lower' (mesh 'b--ox" in warning
     found = estimated(text, 500.0, tmp_path)
-    assert [(one.link, one.source) for one in found.estimates] == [("base", "visual box"), ("upper", "visual sphere")]
+    assert [(one.link, one.source) for one in found.estimates] == [
+        ("base", "visual box"),
+        ("upper", "visual sphere"),
+    ]
     assert list(found.failed) == ["lower"]
 
 

@@ -40,7 +40,14 @@ def test_within_limits_from_rest_to_rest(arm, found):
     assert (abs(found.velocity) <= 0.6 * arm.velocity_limit + 1e-12).all()
     assert (abs(found.effort) <= 0.8 * arm.effort_limit).all()
     assert len(found.time) == 1001 and found.time[-1] == 20.0
-    assert max(abs(column[at]).max() for column in (found.velocity, found.acceleration) for at in (0, -1)) < 1e-12
+    assert (
+        max(
+            abs(column[at]).max()
+            for column in (found.velocity, found.acceleration)
+            for at in (0, -1)
+        )
+        < 1e-12
+    )
     dt = np.diff(found.time)[:, None]
     for value, slope in ((found.position, found.velocity), (found.velocity, found.acceleration)):
         middle = 0.5 * (slope[1:] + slope[:-1])
@@ -56,7 +63,12 @@ def test_effort_is_that_of_pinocchio(arm, found):
 
 def test_joints_ranges_and_seeds(arm):
     names = arm.dof_names
-    options = {"joints": names[2:5], "ranges": {names[2]: (0.0, 0.4)}, "trials": 5, "duration": 10.0}
+    options = {
+        "joints": names[2:5],
+        "ranges": {names[2]: (0.0, 0.4)},
+        "trials": 5,
+        "duration": 10.0,
+    }
     one, same = (excite(arm, "friction", **options) for _ in range(2))
     assert np.array_equal(one.position, same.position)
     assert excite(arm, "friction", **(options | {"trials": 30})).condition < one.condition
@@ -76,7 +88,8 @@ def two_joints(*limits, kind="revolute"):
     """Return the URDF of two joints, each with the attributes of its limit."""
     elements = [f"<limit {limit}/>" if limit else "" for limit in limits]
     pieces = [
-        PIECE.format(*one) for one in zip(("upper", "lower"), (kind,) * 2, ("base", "upper"), elements, strict=True)
+        PIECE.format(*one)
+        for one in zip(("upper", "lower"), (kind,) * 2, ("base", "upper"), elements, strict=True)
     ]
     return f'<robot name="two"><link name="base"/>{"".join(pieces)}</robot>'
 
@@ -109,7 +122,10 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
         assert (key in str(error.value)) == bool(names)
     fast, there = {"*": 0.3} if velocity else None, {"*": (-0.4, 0.2)} if position else None
     found = excite(model, trials=2, velocity=1.0, velocity_limits=fast, position_limits=there)
-    slow, narrow = (np.array([name in (names or "") for name in BOTH.split(", ")]) for names in (velocity, position))
+    slow, narrow = (
+        np.array([name in (names or "") for name in BOTH.split(", ")])
+        for names in (velocity, position)
+    )
     assert (abs(found.velocity).max(axis=0) <= np.where(slow, 0.3, 2.0) + 1e-12).all()
     assert (found.position >= np.where(narrow, -0.4, -1.6)).all()
     assert (found.position <= np.where(narrow, 0.2, 1.6)).all()
@@ -119,10 +135,16 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
 @pytest.mark.parametrize(
     ("options", "key"),
     [
-        ({"velocity_limits": {"upper_joint": 3.0}}, "Velocity limits of 'upper_joint' are .*3.0.* within 0 … 2"),
+        (
+            {"velocity_limits": {"upper_joint": 3.0}},
+            "Velocity limits of 'upper_joint' are .*3.0.* within 0 … 2",
+        ),
         ({"position_limits": {"upper_joint": (-2.0, 1.0)}}, "Position limits of 'upper_joint'"),
         ({"joints": ()}, "Move more joints"),
-        ({"ranges": {"upper_joint": (0.0, 1e-9)}}, "joint 'upper_joint' stands still: it moves over"),
+        (
+            {"ranges": {"upper_joint": (0.0, 1e-9)}},
+            "joint 'upper_joint' stands still: it moves over",
+        ),
         ({"what": "payload:tool"}, "'tool' is not a link of robot"),
         ({"joints": ["elbow"]}, "joints: one of them is 'elbow'"),
         ({"ranges": {"upper_joint": (-9, 1)}}, "Position limits of 'upper_joint' are .*-9"),
@@ -134,7 +156,10 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
 )
 def test_limits_above_those_of_the_robot_and_standstill(options, key):
     with pytest.raises(dd.InputError, match=key):
-        excite(dd.load_urdf(two_joints(FILLED, FILLED)), **({"what": "friction", "trials": 2} | options))
+        excite(
+            dd.load_urdf(two_joints(FILLED, FILLED)),
+            **({"what": "friction", "trials": 2} | options),
+        )
 
 
 def test_no_plan_exceeds_limits_between_its_points():
@@ -150,15 +175,32 @@ def test_command(arm, tmp_path, capsys):
     """The command writes the trajectory, and a message that the controller follows within the limits of velocity."""
     out, message = tmp_path / "out.json", tmp_path / "out.yaml"
     locks = "locked_joints=[panda_finger_joint1=0, panda_finger_joint2=0]"
-    options = ["--trials", "3", "--range", "panda_joint1=-0.5:0.5", "--set", locks, "--approach", "4"]
+    options = [
+        "--trials",
+        "3",
+        "--range",
+        "panda_joint1=-0.5:0.5",
+        "--set",
+        locks,
+        "--approach",
+        "4",
+    ]
     assert main(["excite", "panda", *options, "-o", str(out), "--trajectory", str(message)]) == 0
     content, sent = json.loads(out.read_text()), yaml.safe_load(message.read_text())
     points = sent["points"]
     assert sent["joint_names"] == content["joints"] == list(arm.dof_names)
-    times = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
+    times = [
+        point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"]
+        for point in points
+    ]
     assert np.allclose(times, 4.0 + np.array(content["time"]), atol=1e-9) and len(times) == 1001
-    columns = [np.array([point[name] for point in points]) for name in ("positions", "velocities", "accelerations")]
-    np.testing.assert_allclose(columns, [content[name] for name in ("position", "velocity", "acceleration")], atol=1e-9)
+    columns = [
+        np.array([point[name] for point in points])
+        for name in ("positions", "velocities", "accelerations")
+    ]
+    np.testing.assert_allclose(
+        columns, [content[name] for name in ("position", "velocity", "acceleration")], atol=1e-9
+    )
     assert abs(columns[0][:, 0]).max() <= 0.5 + 1e-9
     there = np.ones(len(points), dtype=bool)
     followed = Trajectory(Waypoints(np.array(times), *columns, there, there), arm.dof_names)

@@ -19,7 +19,9 @@ from examples import shortened
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 PANDA = robots.robot("panda_description/urdf/panda.urdf")
-ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02})
+ARM = PANDA._replace(
+    id="panda_arm", locked_joints={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
+)
 UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
 RANDOM = {one.id: one for one in robots.random_robots()}
 TEXTBOOK = {one.id: one for one in robots.textbook_robots()}
@@ -43,11 +45,16 @@ class Case:
 
     def __init__(self, one, seed=0):
         self.model = dd.load_urdf(one.urdf, mimic=one.mimic, **one.options)
-        self.oracle, self.dyn = oracle_of(one, self.model.dof_names), dd.DiagonalDynamics(self.model)
+        self.oracle, self.dyn = (
+            oracle_of(one, self.model.dof_names),
+            dd.DiagonalDynamics(self.model),
+        )
         rng = np.random.default_rng(seed)
         self.q, n = robots.samples(one.id, self.oracle)[0].q, self.model.nv
         size = np.exp(rng.uniform(-1.5, 1.0, n))
-        self.covariance = np.cov(rng.normal(size=(n, 4 * n + 4))) * np.outer(size, size) + 1e-3 * np.eye(n)
+        self.covariance = np.cov(rng.normal(size=(n, 4 * n + 4))) * np.outer(
+            size, size
+        ) + 1e-3 * np.eye(n)
         moving = [name for name in self.model.link_names if self.J(name).any()]
         self.links = [moving[0], moving[len(moving) // 2], moving[-1]]
         self.tau, self.push = rng.normal(size=n), rng.normal(size=6) * [20, 20, 20, 3, 3, 3]
@@ -72,7 +79,13 @@ def test_wrench_is_recovered(case, frame):
     for link in case.links:
         J = case.J(link, POINT, frame)
         found = case.dyn.wrench(
-            case.q, J.T @ case.push, link, case.covariance, point=POINT, frame=frame, max_deviation=WIDE
+            case.q,
+            J.T @ case.push,
+            link,
+            case.covariance,
+            point=POINT,
+            frame=frame,
+            max_deviation=WIDE,
         )
         d = found.directions[found.observed]
         assert found.observed.sum() == np.linalg.matrix_rank(J, 1e-9)
@@ -94,11 +107,19 @@ def test_estimate_and_covariance(case, frame):
             inverse = S @ (vector[:, observed] / value[observed]) @ vector[:, observed].T @ S
             expected = inverse @ J @ np.linalg.solve(case.covariance, case.tau)
             found = case.dyn.wrench(
-                case.q, case.tau, link, case.covariance, point=POINT, frame=frame, max_deviation=scale
+                case.q,
+                case.tau,
+                link,
+                case.covariance,
+                point=POINT,
+                frame=frame,
+                max_deviation=scale,
             )
             size = np.abs(expected).max() + 1.0
             np.testing.assert_allclose(found.wrench, expected, rtol=1e-8, atol=1e-9 * size)
-            np.testing.assert_allclose(found.covariance, inverse, rtol=1e-8, atol=1e-9 * (np.abs(inverse).max() + 1))
+            np.testing.assert_allclose(
+                found.covariance, inverse, rtol=1e-8, atol=1e-9 * (np.abs(inverse).max() + 1)
+            )
             np.testing.assert_array_equal(found.observed, observed[::-1])
             unexplained = case.tau - J.T @ expected
             chi_square = unexplained @ np.linalg.solve(case.covariance, unexplained)
@@ -132,13 +153,20 @@ def test_force_alone(case):
         J = case.J(link, POINT)[:3]
         tau = J.T @ case.push[:3] + 0.1 * case.tau
         A = J @ np.linalg.solve(case.covariance, J.T)
-        found = case.dyn.wrench(case.q, tau, link, case.covariance, point=POINT, force_only=True, max_deviation=WIDE)
+        found = case.dyn.wrench(
+            case.q, tau, link, case.covariance, point=POINT, force_only=True, max_deviation=WIDE
+        )
         np.testing.assert_array_equal(found.wrench[3:], 0.0)
-        assert not found.observed[3:].any() and found.observed.sum() == np.linalg.matrix_rank(J, 1e-9)
+        assert not found.observed[3:].any() and found.observed.sum() == np.linalg.matrix_rank(
+            J, 1e-9
+        )
         assert not found.covariance[3:].any() and not found.covariance[:, 3:].any()
         inverse = np.linalg.pinv(A, rcond=1e-12, hermitian=True)
         np.testing.assert_allclose(
-            J.T @ found.wrench[:3], J.T @ inverse @ J @ np.linalg.solve(case.covariance, tau), rtol=1e-6, atol=1e-7
+            J.T @ found.wrench[:3],
+            J.T @ inverse @ J @ np.linalg.solve(case.covariance, tau),
+            rtol=1e-6,
+            atol=1e-7,
         )
 
 
@@ -146,32 +174,45 @@ def test_axes_and_units():
     """World axes rotate the result of link axes; a unit of torque scales wrench, deviation and max_deviation alike."""
     case = Case(UR5)
     link = case.links[-1]
-    own, world = (case.dyn.wrench(case.q, case.tau, link, case.covariance, frame=f) for f in ("link", "world"))
+    own, world = (
+        case.dyn.wrench(case.q, case.tau, link, case.covariance, frame=f) for f in ("link", "world")
+    )
     R = np.kron(np.eye(2), link_placement(case.oracle, case.q, link).rotation)
     np.testing.assert_allclose(world.wrench, R @ own.wrench, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(world.covariance, R @ own.covariance @ R.T, rtol=1e-8, atol=1e-8)
     assert 0 < own.observed.sum() < 6
-    scaled = case.dyn.wrench(case.q, 1e3 * case.tau, link, 1e6 * case.covariance, max_deviation=(1e4, 1e3))
+    scaled = case.dyn.wrench(
+        case.q, 1e3 * case.tau, link, 1e6 * case.covariance, max_deviation=(1e4, 1e3)
+    )
     np.testing.assert_allclose(scaled.wrench, 1e3 * own.wrench, rtol=1e-9)
     np.testing.assert_allclose(scaled.deviation, own.deviation, rtol=1e-9)
     unweighted = case.dyn.wrench(case.q, case.tau, link)
-    np.testing.assert_array_equal(unweighted.wrench, case.dyn.wrench(case.q, case.tau, link, np.eye(6)).wrench)
+    np.testing.assert_array_equal(
+        unweighted.wrench, case.dyn.wrench(case.q, case.tau, link, np.eye(6)).wrench
+    )
 
 
 def test_batch_has_the_same_bits():
     """Many states in one thread or two have the bits of single states; results are read-only."""
     case, rng = Case(PANDA), np.random.default_rng(3)
-    Q, TAU = np.array([case.model.random(rng) for _ in range(600)]), rng.normal(size=(600, case.model.nv))
+    Q, TAU = (
+        np.array([case.model.random(rng) for _ in range(600)]),
+        rng.normal(size=(600, case.model.nv)),
+    )
     options = {"point": POINT, "frame": "world"}
     for threads in (1, 2):
-        many = case.dyn.wrench_batch(Q, TAU, "panda_hand", case.covariance, threads=threads, **options)
+        many = case.dyn.wrench_batch(
+            Q, TAU, "panda_hand", case.covariance, threads=threads, **options
+        )
         assert many.wrench.shape == (600, 6) and many.chi_square.shape == (600,)
         for t in range(0, 600, 37):
             one = case.dyn.wrench(Q[t], TAU[t], "panda_hand", case.covariance, **options)
             for a, b in zip(one, many, strict=True):
                 np.testing.assert_array_equal(a, b[t])
     assert not any(array.flags.writeable for array in many)
-    with pytest.raises(InputError, match=r"state 5: external_torque of joint 'panda_joint2' is nan"):
+    with pytest.raises(
+        InputError, match=r"state 5: external_torque of joint 'panda_joint2' is nan"
+    ):
         TAU[5, 1] = np.nan
         case.dyn.wrench_batch(Q, TAU, "panda_hand")
 
@@ -180,7 +221,10 @@ def test_batch_has_the_same_bits():
     "change, message",
     [
         ({"covariance": np.eye(5)}, r"covariance is .*; expected finite numbers, shape \(6, 6\)"),
-        ({"covariance": np.diag([1, 1, 1, 0, 1, 1.0])}, r"covariance has the eigenvalue 0; expected all of them > 0"),
+        (
+            {"covariance": np.diag([1, 1, 1, 0, 1, 1.0])},
+            r"covariance has the eigenvalue 0; expected all of them > 0",
+        ),
         ({"covariance": np.eye(6) + np.eye(6, k=1)}, r"covariance is not symmetric"),
         ({"covariance": np.full((6, 6), np.nan)}, r"covariance is .*; expected finite numbers"),
         ({"max_deviation": (1.0, 0.0)}, r"max_deviation is \(1.0, 0.0\), expected two numbers > 0"),
@@ -188,14 +232,22 @@ def test_batch_has_the_same_bits():
         ({"point": (1.0, 2.0)}, r"point is \(1.0, 2.0\), expected three finite numbers"),
         ({"link": "arm"}, r"arm"),
         ({"link": "base_link"}, r"link is 'base_link'; expected a link that a joint moves"),
-        ({"external_torque": [np.inf] * 6}, r"external_torque of joint 'shoulder_pan_joint' is inf"),
+        (
+            {"external_torque": [np.inf] * 6},
+            r"external_torque of joint 'shoulder_pan_joint' is inf",
+        ),
         ({"external_torque": [1e300] * 6}, r"external_torque are too large"),
     ],
     ids=lambda value: None if isinstance(value, str) else next(iter(value)),
 )
 def test_errors_name_the_argument(change, message):
     case = Case(UR5)
-    arguments = {"q": case.q, "external_torque": case.tau, "link": "wrist_3_link", "covariance": case.covariance}
+    arguments = {
+        "q": case.q,
+        "external_torque": case.tau,
+        "link": "wrist_3_link",
+        "covariance": case.covariance,
+    }
     with pytest.raises(InputError, match=message):
         case.dyn.wrench(**arguments | change)
 
@@ -219,7 +271,9 @@ def test_errors_of_touched_link(change, message):
 
 
 def test_a_robot_without_joints():
-    model = dd.load_urdf(robots.description("post", robots.link("base", 1.0, inertia=(1, 0, 0, 1, 0, 1))))
+    model = dd.load_urdf(
+        robots.description("post", robots.link("base", 1.0, inertia=(1, 0, 0, 1, 0, 1)))
+    )
     with pytest.raises(InputError, match="robot 'post' has no moving joint"):
         dd.DiagonalDynamics(model).wrench([], [], "base")
 
@@ -236,7 +290,11 @@ def candidates(model, oracle):
         own = [f for f in frames if f.parentJoint == joint]
         link = min(own, key=lambda f: model.link_names.index(f.name))
         points = [f.placement.translation for f in own]
-        points += [X.translation for k, X in enumerate(full.model.jointPlacements) if full.model.parents[k] == joint]
+        points += [
+            X.translation
+            for k, X in enumerate(full.model.jointPlacements)
+            if full.model.parents[k] == joint
+        ]
         body = full.model.inertias[joint]
         points += [body.lever] if body.mass else []
         points = np.array([link.placement.actInv(p) for p in points])
@@ -270,10 +328,16 @@ def test_probability_of_each_link(case):
     L = np.linalg.cholesky(case.covariance)
     for forces in ((4.0, 12.0, 36.0), (20.0,)):
         for link in case.links:
-            tau = case.J(link, POINT)[:3].T @ (10.0 * rng.normal(size=3)) + L @ rng.normal(size=case.model.nv)
-            found = case.dyn.touched_link(case.q, tau, case.covariance, significance=0.0, forces=forces)
+            tau = case.J(link, POINT)[:3].T @ (10.0 * rng.normal(size=3)) + L @ rng.normal(
+                size=case.model.nv
+            )
+            found = case.dyn.touched_link(
+                case.q, tau, case.covariance, significance=0.0, forces=forces
+            )
             links, p = posterior(case, tau, forces)
-            assert found.chi_square == pytest.approx(tau @ np.linalg.solve(case.covariance, tau), rel=1e-9)
+            assert found.chi_square == pytest.approx(
+                tau @ np.linalg.solve(case.covariance, tau), rel=1e-9
+            )
             if not found.link:
                 continue
             assert sorted(found.links) == sorted(links)
@@ -296,7 +360,11 @@ def test_noise_alone_touches_no_link():
     np.testing.assert_array_equal(found.confidence == 0.0, found.link == "")
     for t in (0, 17, int(np.argmax(found.chi_square))):
         one = case.dyn.touched_link(Q[t], noise[t], case.covariance)
-        assert (one.link, one.confidence, one.chi_square) == (found.link[t], found.confidence[t], found.chi_square[t])
+        assert (one.link, one.confidence, one.chi_square) == (
+            found.link[t],
+            found.confidence[t],
+            found.chi_square[t],
+        )
         np.testing.assert_array_equal(one.probability, found.probability[t])
 
 
@@ -308,7 +376,10 @@ def test_confidence_is_a_probability():
     L = np.linalg.cholesky(case.covariance)
     for link, (low, high) in boxes.items():
         for _ in range(count):
-            q, force = case.model.random(rng), rng.choice([4.0, 12.0, 36.0]) / np.sqrt(3.0) * rng.normal(size=3)
+            q, force = (
+                case.model.random(rng),
+                rng.choice([4.0, 12.0, 36.0]) / np.sqrt(3.0) * rng.normal(size=3),
+            )
             J = jacobian(case.oracle, q, link, rng.uniform(low, high))
             Q.append(q), true.append(link), TAU.append(J[:3].T @ force + L @ rng.normal(size=7))
     found = case.dyn.touched_link_batch(np.array(Q), np.array(TAU), case.covariance)
@@ -355,10 +426,17 @@ class Contacts:
         model, n, oracle = self.case.model, len(deviation), self.case.oracle
         self.covariance = PANDA_CORRELATION[:n, :n] * np.outer(deviation, deviation)
         L = np.linalg.cholesky(self.covariance)
-        shapes = {p.link: np.atleast_2d(p.points) for p in dd.link_geometry(model, one.source, "meshes").points}
+        shapes = {
+            p.link: np.atleast_2d(p.points)
+            for p in dd.link_geometry(model, one.source, "meshes").points
+        }
         self.links, self.rows = list(candidates(model, oracle)), []
         for link in self.links:
-            bodies = [name for name in shapes if model.placement_in_body(name)[0] == model.placement_in_body(link)[0]]
+            bodies = [
+                name
+                for name in shapes
+                if model.placement_in_body(name)[0] == model.placement_in_body(link)[0]
+            ]
             for _ in range(count):
                 q, force = model.random(rng), rng.normal(size=3)
                 force *= np.exp(rng.uniform(*np.log([5.0, 40.0]))) / np.linalg.norm(force)
@@ -377,13 +455,17 @@ class Contacts:
         """f̂ at each link's origin, and its deviation, in the order of the contacts."""
         rows = {link: [row for row in self.rows if row[0] == link] for link in self.links}
         return [
-            self.case.dyn.wrench_batch(np.array([r[1] for r in some]), np.array([r[3] for r in some]), link, covariance)
+            self.case.dyn.wrench_batch(
+                np.array([r[1] for r in some]), np.array([r[3] for r in some]), link, covariance
+            )
             for link, some in rows.items()
         ]
 
     def force_errors(self, wrenches):
         """Median |f̂ − f| of each link [N]; `wrenches` in the order of the contacts."""
-        errors = np.linalg.norm(np.array(wrenches)[:, :3] - np.array([row[2][:3] for row in self.rows]), axis=1)
+        errors = np.linalg.norm(
+            np.array(wrenches)[:, :3] - np.array([row[2][:3] for row in self.rows]), axis=1
+        )
         return {link: float(np.median(errors[self.true == link])) for link in self.links}
 
 
@@ -396,8 +478,12 @@ def contacts(request):
 def test_force_against_kdl(contacts):
     """Median error of the force at each link by KDL's estimator, with equal weights, and weighted by Σ."""
     c = contacts
-    kdl = [kdl_wrench(J, sorted(carriers(c.case.oracle, link)), tau) for link, _, _, tau, J in c.rows]
-    plain, weighted = (np.concatenate([w.wrench for w in c.wrenches(x)]) for x in (c.alike, c.covariance))
+    kdl = [
+        kdl_wrench(J, sorted(carriers(c.case.oracle, link)), tau) for link, _, _, tau, J in c.rows
+    ]
+    plain, weighted = (
+        np.concatenate([w.wrench for w in c.wrenches(x)]) for x in (c.alike, c.covariance)
+    )
     errors = [c.force_errors(wrenches) for wrenches in (kdl, plain, weighted)]
     for link in c.links:
         print(c.case.model.name, link, *(round(x[link], 2) for x in errors))
@@ -421,7 +507,9 @@ def test_force_at_a_known_point(contacts):
         plain, weighted = (
             np.median(
                 np.linalg.norm(
-                    c.case.dyn.wrench_batch(np.array([row[1] for row in some]), TAU, link, x, **options).wrench[:, :3]
+                    c.case.dyn.wrench_batch(
+                        np.array([row[1] for row in some]), TAU, link, x, **options
+                    ).wrench[:, :3]
                     - force,
                     axis=1,
                 )
@@ -448,7 +536,9 @@ def test_deviations_are_honest(contacts):
     for part in (along, *along.T):
         part = part[np.isfinite(part)]
         if len(part) > 150:
-            assert (np.abs(part) < 1.0).mean() == pytest.approx(0.683, abs=max(0.05, 1.5 / len(part) ** 0.5))
+            assert (np.abs(part) < 1.0).mean() == pytest.approx(
+                0.683, abs=max(0.05, 1.5 / len(part) ** 0.5)
+            )
             assert part.std() == pytest.approx(1.0, abs=max(0.05, 2.5 / len(part) ** 0.5))
     # From all six directions, as a covariance: the Mahalanobis distance has the mean 6.
     last, rows = c.wrenches(c.covariance)[-1], c.rows[-len(parts[-1]) :]
@@ -457,7 +547,9 @@ def test_deviations_are_honest(contacts):
         for w, C, seen, row in zip(last.wrench, last.covariance, last.observed, rows, strict=True)
         if seen.all()
     ]
-    assert len(distances) < 20 or np.mean(distances) == pytest.approx(6.0, abs=12.0 / len(distances) ** 0.5)
+    assert len(distances) < 20 or np.mean(distances) == pytest.approx(
+        6.0, abs=12.0 / len(distances) ** 0.5
+    )
 
 
 def test_share_of_right_links(contacts):
@@ -470,7 +562,10 @@ def test_share_of_right_links(contacts):
     stands_out = found.link != ""
     right, confidence = (found.link == c.true)[stands_out], found.confidence[stands_out]
     by_thresholds = (order[last] == c.true)[stands_out]
-    print(c.case.model.name, *(round(float(x.mean()), 3) for x in (stands_out, by_thresholds, right, confidence)))
+    print(
+        c.case.model.name,
+        *(round(float(x.mean()), 3) for x in (stands_out, by_thresholds, right, confidence)),
+    )
     assert right.mean() > by_thresholds.mean() + 0.1
     assert right.mean() > {"panda": 0.6, "ur5": 0.42}[c.case.model.name.removesuffix("_robot")]
     assert right.mean() == pytest.approx(confidence.mean(), abs=0.12)

@@ -35,7 +35,13 @@ BAD = "tuesday/broken.mcap", "tuesday/idle.mcap"
 NUMBERS = {
     "int64": {"states", "collisions", "rejected", "unread", "warnings"},
     "string": {"recording", "robot", "wrong", "error"},
-    "double": {"hours", "kinetic_energy_max", "kinetic_energy_max_at", "kinetic_energy_mean", "explained"}
+    "double": {
+        "hours",
+        "kinetic_energy_max",
+        "kinetic_energy_max_at",
+        "kinetic_energy_mean",
+        "explained",
+    }
     | {"explained_with_potential", "residual_power", "external_torque_max"},
 }
 
@@ -62,7 +68,13 @@ def archive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("archive")
     panda, ur5 = dd.load_robot("panda"), dd.load_robot("ur5")
     elsewhere = [(serialized(START, ["elsewhere"], [0.0]), START)]
-    pairs = good(panda, 3.0), good(panda, 6.0, seed=2), good(ur5, 3.0, seed=3), hostile(panda, 4), elsewhere
+    pairs = (
+        good(panda, 3.0),
+        good(panda, 6.0, seed=2),
+        good(ur5, 3.0, seed=3),
+        hostile(panda, 4),
+        elsewhere,
+    )
     for name, sent in zip((*GOOD, BAD[1]), pairs, strict=True):
         (folder / name).parent.mkdir(exist_ok=True)
         urdf = Path(find_urdf("ur5" if name == GOOD[2] else "panda")).read_text(encoding="utf-8")
@@ -75,7 +87,12 @@ def archive(tmp_path_factory):
 @pytest.fixture(scope="module")
 def scheduler():
     """Address of a scheduler whose worker is a thread of this process."""
-    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    options = {
+        "n_workers": 1,
+        "threads_per_worker": 1,
+        "processes": False,
+        "dashboard_address": None,
+    }
     with distributed.LocalCluster(**options) as cluster:
         yield cluster.scheduler_address
 
@@ -109,11 +126,21 @@ def check(report, out, expected, archive):
         ends = columns["stamp"].to_numpy()[[0, -1]].tolist()
         assert ends == pytest.approx([whole["begin"] * S, whole["end"] * S])
         assert np.max(columns["kinetic_energy"].to_numpy()) == whole["kinetic_energy"]["max"]
-    assert {path.suffix for path in out.iterdir()} == {".json", ".parquet", ".html"}  # and nothing unfinished
-    assert json.loads((out / "fleet.json").read_text(encoding="utf-8")) == json.loads(json.dumps(report))
+    assert {path.suffix for path in out.iterdir()} == {
+        ".json",
+        ".parquet",
+        ".html",
+    }  # and nothing unfinished
+    assert json.loads((out / "fleet.json").read_text(encoding="utf-8")) == json.loads(
+        json.dumps(report)
+    )
     table = parquet.read_table(out / "fleet.parquet")
-    assert {str(f.type): {g.name for g in table.schema if g.type == f.type} for f in table.schema} == NUMBERS
-    failed = [{"recording": path, "error": text, "hours": None} for path, text in report["failed"].items()]
+    assert {
+        str(f.type): {g.name for g in table.schema if g.type == f.type} for f in table.schema
+    } == NUMBERS
+    failed = [
+        {"recording": path, "error": text, "hours": None} for path, text in report["failed"].items()
+    ]
     for row, given in zip(table.to_pylist(), [*report["recordings"], *failed], strict=True):
         assert {name: row[name] for name in given} == given
 
@@ -122,7 +149,10 @@ def check(report, out, expected, archive):
 def analysed(archive, scheduler, tmp_path_factory):
     """Report and folder of an archive that is analysed in the test's process."""
     out, told, count = tmp_path_factory.mktemp("out"), [], len(GOOD) + len(BAD)
-    patterns, progress = [str(archive / "**" / "*.mcap")], lambda done, all, path: told.append((done, all))
+    patterns, progress = (
+        [str(archive / "**" / "*.mcap")],
+        lambda done, all, path: told.append((done, all)),
+    )
     report = dd.analyse_fleet(patterns, out, scheduler=scheduler, progress=progress)
     assert told == [(k + 1, count) for k in range(count)]
     return report, out
@@ -137,22 +167,34 @@ def test_a_fleet_is_its_recordings(analysed, archive, expected):
 
 def test_robots_are_reported_together(analysed, expected):
     panda, ur5 = analysed[0]["robots"]
-    assert (panda["robot"], panda["recordings"], ur5["robot"], ur5["recordings"]) == ("panda", 3, "ur5", 1)
+    assert (panda["robot"], panda["recordings"], ur5["robot"], ur5["recordings"]) == (
+        "panda",
+        3,
+        "ur5",
+        1,
+    )
     of = [summary for summary in expected.values() if summary["robot"] == "panda"]
     energy, energies = panda["kinetic_energy"], [one["kinetic_energy"] for one in of]
     states = [one["states"] for one in of]
     assert energy["max"] == max(one["max"] for one in energies)
     assert expected[energy["recording"]]["kinetic_energy"]["at"] == energy["at"]
     assert panda["states"] == sum(states) == sum(one["states"] for one in energy["histogram"])
-    assert energy["mean"] == pytest.approx(np.average([one["mean"] for one in energies], weights=states), rel=1e-12)
+    assert energy["mean"] == pytest.approx(
+        np.average([one["mean"] for one in energies], weights=states), rel=1e-12
+    )
     lows = {part["from"] for one in energies for part in one["histogram"]}
     assert [part["from"] for part in energy["histogram"]] == sorted(lows)
     assert panda["rejected"] == dict(sum((Counter(one["rejected"]) for one in of), Counter()))
     assert sum(panda["rejected"].values()) > 10
     kinetic, residual = (pooled(of, name) for name in ("kinetic", "residual"))
     assert panda["explained"] == pytest.approx(1.0 - residual[1] / kinetic[1], rel=1e-9)
-    assert panda["residual_power"] == pytest.approx(math.sqrt(residual[1] + residual[0] ** 2), rel=1e-9)
-    assert [(robot["collisions"], robot["unjudged"]) for robot in (panda, ur5)] == [(None, 3), (None, 1)]
+    assert panda["residual_power"] == pytest.approx(
+        math.sqrt(residual[1] + residual[0] ** 2), rel=1e-9
+    )
+    assert [(robot["collisions"], robot["unjudged"]) for robot in (panda, ur5)] == [
+        (None, 3),
+        (None, 1),
+    ]
 
 
 def pooled(summaries, name):
@@ -160,7 +202,9 @@ def pooled(summaries, name):
     lots = [one["balance"]["moments"][name] for one in summaries]
     count = sum(one["count"] for one in lots)
     mean = sum(one["count"] * one["mean"] for one in lots) / count
-    return mean, sum(one["squares"] + one["count"] * one["mean"] ** 2 for one in lots) / count - mean**2
+    return mean, sum(
+        one["squares"] + one["count"] * one["mean"] ** 2 for one in lots
+    ) / count - mean**2
 
 
 def test_restart(analysed, archive, scheduler, tmp_path):
@@ -172,8 +216,15 @@ def test_restart(analysed, archive, scheduler, tmp_path):
         before = {path: path.stat().st_mtime_ns for path in out.glob("*-*.json")}
         report = dd.analyse_fleet(patterns, out, scheduler=scheduler, **options)
         assert list(report["failed"]) == patterns[-1:]
-        written = {path.stem for path in out.glob("*-*.json") if path.stat().st_mtime_ns != before.get(path)}
-        assert (report["computed"], report["kept"]) == (len(written), len(patterns) - 1 - len(written))
+        written = {
+            path.stem
+            for path in out.glob("*-*.json")
+            if path.stat().st_mtime_ns != before.get(path)
+        }
+        assert (report["computed"], report["kept"]) == (
+            len(written),
+            len(patterns) - 1 - len(written),
+        )
         return {name.rpartition("-")[0] for name in written}
 
     assert again() == set()
@@ -186,7 +237,11 @@ def test_restart(analysed, archive, scheduler, tmp_path):
     os.utime(touched, ns=(touched.stat().st_atime_ns, touched.stat().st_mtime_ns + S))
     assert again() == {"tuesday-arm"}
     patterns, options = [str(archive / GOOD[0]), *patterns[-1:]], {}
-    for more in ({"parameters": {"plausibility.jump": 0.5}}, {"gain": 30.0}, {"model": dd.load_robot("panda")}):
+    for more in (
+        {"parameters": {"plausibility.jump": 0.5}},
+        {"gain": 30.0},
+        {"model": dd.load_robot("panda")},
+    ):
         options |= more
         assert [again(**options) for _ in range(2)] == [{"monday-arm"}, set()]
 
@@ -197,13 +252,25 @@ def test_topics_and_names_of_joints(tmp_path, scheduler):
     path = write_mcap(tmp_path / "x.mcap", few(["left_a", "left_b"], topics))
     options = {"topic": topics, "scheduler": scheduler, "parquet": False}
     for joint_names, computed, states in ((names, 1, 79), (names, 0, 79), (None, 0, 0)):
-        report = dd.analyse_fleet([path], tmp_path / "out", arm("a", "b"), joint_names=joint_names, **options)
-        assert report["computed"] == computed and sum(row["states"] for row in report["recordings"]) == states
+        report = dd.analyse_fleet(
+            [path], tmp_path / "out", arm("a", "b"), joint_names=joint_names, **options
+        )
+        assert (
+            report["computed"] == computed
+            and sum(row["states"] for row in report["recordings"]) == states
+        )
     assert "--joint-names 'left_*=*'" in report["failed"][str(path)]
 
 
 def test_the_command(tmp_path, archive, scheduler, capsys):
-    arguments = ["analyse", "--fleet", str(archive / "tuesday" / "*.mcap"), "--out", str(tmp_path), "--no-parquet"]
+    arguments = [
+        "analyse",
+        "--fleet",
+        str(archive / "tuesday" / "*.mcap"),
+        "--out",
+        str(tmp_path),
+        "--no-parquet",
+    ]
     run = [*arguments, "--scheduler", scheduler]
     assert main(run) == 1  # there are bad ones
     told = capsys.readouterr()
@@ -212,10 +279,15 @@ def test_the_command(tmp_path, archive, scheduler, capsys):
     assert re.search(r"50% of states below [\d.e-]+ J, 99% of states below [\d.e-]+ J", told.out)
     assert "4 of 4 recordings" in told.err and not list(tmp_path.glob("*.parquet"))
     run[2] = str(archive / GOOD[3])  # all are analysed, and messages were rejected
-    assert main(["analyse", run[2], "--fleet", *run[3:], "--quiet"]) == 1  # before --fleet as well as behind it
+    assert (
+        main(["analyse", run[2], "--fleet", *run[3:], "--quiet"]) == 1
+    )  # before --fleet as well as behind it
     assert capsys.readouterr() == ("", "")
     for wrong, what in (
-        (["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)], "there is no recording 'nothing.mcap'"),
+        (
+            ["analyse", "--fleet", "nothing.mcap", "--out", str(tmp_path)],
+            "there is no recording 'nothing.mcap'",
+        ),
         (["analyse", "--fleet", str(archive)], "--fleet requires --out"),
         ([*arguments, "--csv", "x.csv"], "--csv cannot be combined with --fleet"),
     ):
@@ -224,7 +296,8 @@ def test_the_command(tmp_path, archive, scheduler, capsys):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "failed", "status"), [("", {}, 0), ("messages were rejected", {}, 1), ("", {"x.mcap": "damage"}, 1)]
+    ("wrong", "failed", "status"),
+    [("", {}, 0), ("messages were rejected", {}, 1), ("", {"x.mcap": "damage"}, 1)],
 )
 def test_exit_status(monkeypatch, wrong, failed, status):
     """Findings in one recording, or a recording that failed, are status 1."""
@@ -244,9 +317,13 @@ def page_of(folder):
 def test_the_page(analysed, expected):
     """A row for each recording, which leads to its summary; what is wrong with it and with others is below."""
     page, links, rows = page_of(analysed[1])
-    assert sorted(links) == sorted(analysed[1].glob("*-*.json")) and {row[8] for row in rows} == {""}
+    assert sorted(links) == sorted(analysed[1].glob("*-*.json")) and {row[8] for row in rows} == {
+        ""
+    }
     shown = [(row[0], int(row[3]), float(row[4])) for row in rows]
-    assert shown == [(path, one["states"], one["kinetic_energy"]["max"]) for path, one in expected.items()]
+    assert shown == [
+        (path, one["states"], one["kinetic_energy"]["max"]) for path, one in expected.items()
+    ]
     assert "collisions unknown" in page and "0 collisions" not in page
     notes = dict(re.findall("<li><b>(.*?)</b>: (.*?)</li>", page))
     assert set(notes) == {*BAD, *GOOD} and "rejected messages" in notes[GOOD[3]]
@@ -258,16 +335,24 @@ def test_strange_names(tmp_path, scheduler, capsys):
     folder, out, urdf = tmp_path / strange, tmp_path / "out", tmp_path / "arm.urdf"
     folder.mkdir()
     urdf.write_text(re.sub('name="[^"]*"', f'name="{html.escape(strange)}"', urdf_of("a"), count=1))
-    paths = [write_mcap(folder / os.fsdecode(name), few(["a"])) for name in (b"caf\xe9.mcap", b"<b>&amp;.mcap")]
+    paths = [
+        write_mcap(folder / os.fsdecode(name), few(["a"]))
+        for name in (b"caf\xe9.mcap", b"<b>&amp;.mcap")
+    ]
     (folder / "<u>.mcap").write_bytes(b"nothing")
     command = ["analyse", "--fleet", str(folder / "*.mcap"), "--urdf", str(urdf), "--out", str(out)]
-    for said in (f"Robot '{strange}': 2 recordings", "0 recordings analysed, 2 unchanged, 1 failed"):
+    for said in (
+        f"Robot '{strange}': 2 recordings",
+        "0 recordings analysed, 2 unchanged, 1 failed",
+    ):
         assert main([*command, "--scheduler", scheduler]) == 1
         assert said in capsys.readouterr().out
     page, links, rows = page_of(out)
     assert not {"<i>", "<u>"} & set(re.findall("<[^>]*>", page)) and len(links) == 2
     shown = {os.fspath(path).encode(errors="backslashreplace").decode() for path in paths}
-    assert {html.unescape(row[0]) for row in rows} == shown and {html.unescape(row[1]) for row in rows} == {strange}
+    assert {html.unescape(row[0]) for row in rows} == shown and {
+        html.unescape(row[1]) for row in rows
+    } == {strange}
     assert set(parquet.read_table(out / "fleet.parquet")["recording"].to_pylist()[:2]) == shown
     assert set(summaries_of(out)) == set(map(str, paths))
 
@@ -277,7 +362,9 @@ def test_reports(tmp_path, archive, scheduler, expected):
     """The page leads to the report of each recording, which has its summary; a lost one is made again."""
     options = {"scheduler": scheduler, "parquet": False, "reports": True}
     for computed in (2, 0, 1):
-        report = dd.analyse_fleet([archive / GOOD[0], archive / GOOD[2], archive / BAD[1]], tmp_path, **options)
+        report = dd.analyse_fleet(
+            [archive / GOOD[0], archive / GOOD[2], archive / BAD[1]], tmp_path, **options
+        )
         assert (report["computed"], len(report["failed"])) == (computed, 1)
         reports = sorted(path for path in page_of(tmp_path)[1] if path.suffix == ".html")
         assert reports == sorted(tmp_path.glob("*-*.html")) and len(reports) == 2
@@ -289,7 +376,9 @@ def test_reports(tmp_path, archive, scheduler, expected):
 
 
 def test_wrong_arguments(tmp_path, monkeypatch):
-    with pytest.raises(dd.InputError, match="expected a list of paths"):  # its letters would be the patterns
+    with pytest.raises(
+        dd.InputError, match="expected a list of paths"
+    ):  # its letters would be the patterns
         dd.analyse_fleet("a.mcap", tmp_path)
     with pytest.raises(dd.InputError, match="no parameter 'max_agge'"):
         dd.analyse_fleet(["a.mcap"], tmp_path, parameters={"max_agge": 1.0})

@@ -58,7 +58,9 @@ def state(dynamics, seed, stretch=1e-3):
     """Return q, θ, q̇, θ̇ and τ."""
     rng, own = np.random.default_rng(seed), dynamics.model
     q, qd = own.random(rng), rng.normal(size=own.nv)
-    theta = q[places(dynamics.names, own.coordinate_names)] + stretch * rng.normal(size=len(dynamics.names))
+    theta = q[places(dynamics.names, own.coordinate_names)] + stretch * rng.normal(
+        size=len(dynamics.names)
+    )
     return q, theta, qd, rng.normal(size=len(dynamics.names)), 5.0 * rng.normal(size=own.nv)
 
 
@@ -66,16 +68,22 @@ def with_rotors(urdf, names):
     """Return a URDF in which rotors are links beside those of flexible joints."""
     robot = ET.fromstring(urdf)
     for name in names:
-        rotor = copy.deepcopy(next(one for one in robot.findall("joint") if one.get("name") == name))
+        rotor = copy.deepcopy(
+            next(one for one in robot.findall("joint") if one.get("name") == name)
+        )
         rotor.set("name", f"{name}_rotor")
         rotor.find("child").set("link", f"{name}_rotor")
         robot.append(rotor)
-        robot.append(ET.fromstring(link(f"{name}_rotor", EMPTY, inertia=(EMPTY, 0, 0, EMPTY, 0, EMPTY))))
+        robot.append(
+            ET.fromstring(link(f"{name}_rotor", EMPTY, inertia=(EMPTY, 0, 0, EMPTY, 0, EMPTY)))
+        )
     return ET.tostring(robot, encoding="unicode")
 
 
 def inertias(dynamics):
-    return {f"{name}_rotor": B for name, B in zip(dynamics.names, dynamics.rotor_inertia, strict=True)}
+    return {
+        f"{name}_rotor": B for name, B in zip(dynamics.names, dynamics.rotor_inertia, strict=True)
+    }
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +98,15 @@ def twin(panda):
             tendon.wrap_joint(name, 1.0)
             tendon.wrap_joint(name.removesuffix("_rotor"), -1.0)
             own = FLEXIBLE[name.removesuffix("_rotor")]
-            tendon.stiffness[0], tendon.damping[0], tendon.springlength = own["stiffness"], own["damping"], [0.0, 0.0]
+            tendon.stiffness[0], tendon.damping[0], tendon.springlength = (
+                own["stiffness"],
+                own["damping"],
+                [0.0, 0.0],
+            )
 
-    return Mujoco(with_rotors(URDF, NAMES), (*panda.model.dof_names, *inertias(panda)), change=add_springs)
+    return Mujoco(
+        with_rotors(URDF, NAMES), (*panda.model.dof_names, *inertias(panda)), change=add_springs
+    )
 
 
 # --- equations
@@ -110,7 +124,9 @@ def test_accelerations_against_mujoco(panda, twin, seed):
     wanted = twin.data.qacc[twin.dof]
     assert_close(qdd, wanted[: len(q)], 1e-11)
     assert_close(thetadd, wanted[len(q) :], 1e-11)
-    assert_close(panda.evaluate(q, theta, qd, thetad, tau).nu, twin.mul_m2(np.append(qd, thetad)), 1e-12)
+    assert_close(
+        panda.evaluate(q, theta, qd, thetad, tau).nu, twin.mul_m2(np.append(qd, thetad)), 1e-12
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -122,7 +138,11 @@ def test_terms_against_pinocchio(panda, seed):
         (*panda.model.dof_names, *inertias(panda)),
         armature=inertias(panda),
     )
-    e, at, rates = panda.evaluate(q, theta, qd, thetad, tau), places(NAMES, oracle.dof_names), np.append(qd, thetad)
+    e, at, rates = (
+        panda.evaluate(q, theta, qd, thetad, tau),
+        places(NAMES, oracle.dof_names),
+        np.append(qd, thetad),
+    )
     q_all = np.append(q, theta)
     m = oracle.factor(q_all)
     C_s, c = oracle.coriolis_matrix(q_all, rates), oracle.bias(q_all, rates)
@@ -134,7 +154,8 @@ def test_terms_against_pinocchio(panda, seed):
     assert_close(e.gravity, np.linalg.solve(m, oracle.gravity_torque(q_all)), 1e-12)
     own = [FLEXIBLE[name] for name in NAMES]
     torque = [
-        one["stiffness"] * (theta[i] - q[at[i]]) + one["damping"] * (thetad[i] - qd[at[i]]) for i, one in enumerate(own)
+        one["stiffness"] * (theta[i] - q[at[i]]) + one["damping"] * (thetad[i] - qd[at[i]])
+        for i, one in enumerate(own)
     ]
     effort = np.append(tau, tau[at] - torque)
     effort[at] = torque
@@ -159,8 +180,12 @@ def test_power_balance(panda):
     dt = 1e-6
     later = panda.evaluate(q + dt * qd, theta + dt * thetad, qd, thetad, tau)
     earlier = panda.evaluate(q - dt * qd, theta - dt * thetad, qd, thetad, tau)
-    np.testing.assert_allclose((later.spring_energy - earlier.spring_energy) / (2 * dt), e.spring_power, rtol=1e-6)
-    assert (later.gravity_energy - earlier.gravity_energy) / (2 * dt) == pytest.approx(oracle.gravity_torque(q) @ qd)
+    np.testing.assert_allclose(
+        (later.spring_energy - earlier.spring_energy) / (2 * dt), e.spring_power, rtol=1e-6
+    )
+    assert (later.gravity_energy - earlier.gravity_energy) / (2 * dt) == pytest.approx(
+        oracle.gravity_torque(q) @ qd
+    )
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -172,7 +197,9 @@ def test_frequencies_against_a_dense_eigenproblem(panda, held):
         spread = np.zeros(nv + nf)
         spread[panda.model.dof_names.index(name)], spread[nv + i] = 1.0, -1.0
         k += FLEXIBLE[name]["stiffness"] * np.outer(spread, spread)
-    M = scipy.linalg.block_diag(Oracle(URDF, panda.model.dof_names).mass_matrix(q), np.diag(panda.rotor_inertia))
+    M = scipy.linalg.block_diag(
+        Oracle(URDF, panda.model.dof_names).mass_matrix(q), np.diag(panda.rotor_inertia)
+    )
     n = nv if held else nv + nf
     wanted = scipy.linalg.eigh(k[:n, :n], M[:n, :n], eigvals_only=True)
     found = panda.squared_frequencies(q, motors_held=held)
@@ -197,7 +224,11 @@ def test_implicit_step_against_a_dense_solve(panda, h):
     sim = simulation(panda.model, q, order=1, step=h, damping=damping)
     sim.reset(q, qd, theta, thetad)
     sim.advance(tau)
-    oracle, k, d = Oracle(URDF, panda.model.dof_names), np.diag(panda.stiffness), np.diag(panda.damping)
+    oracle, k, d = (
+        Oracle(URDF, panda.model.dof_names),
+        np.diag(panda.stiffness),
+        np.diag(panda.damping),
+    )
     S = np.eye(nv)[at]  # of flexible joints
     G = np.hstack([-S, np.eye(len(at))])  # stretch
     M = scipy.linalg.block_diag(oracle.mass_matrix(q), np.diag(panda.rotor_inertia))
@@ -205,7 +236,11 @@ def test_implicit_step_against_a_dense_solve(panda, h):
     force = np.append(np.where(np.isin(np.arange(nv), at), 0.0, tau) - oracle.bias(q, qd), tau[at])
     force[:nv] -= oracle.gravity_torque(q)
     force -= G.T @ k @ (theta - q[at])
-    A = M + h * G.T @ (d + h * k) @ G + h * scipy.linalg.block_diag(np.diag(damping), np.zeros((len(at), len(at))))
+    A = (
+        M
+        + h * G.T @ (d + h * k) @ G
+        + h * scipy.linalg.block_diag(np.diag(damping), np.zeros((len(at), len(at))))
+    )
     wanted = np.linalg.solve(A, M @ rates + h * force)
     assert_close(np.append(sim.qd, sim.thetad), wanted, 1e-13)
     assert_close(sim.q, q + h * wanted[:nv], 1e-13)
@@ -245,7 +280,9 @@ def test_rigid_limit(order):
     rigid = end(dd.load_urdf(URDF, mimic="free", armature=B))
     away = []
     for k in (1e3, 1e4, 1e5, 1e6):
-        own = {name: one | {"stiffness": k, "damping": 0.01 * k**0.5} for name, one in FLEXIBLE.items()}
+        own = {
+            name: one | {"stiffness": k, "damping": 0.01 * k**0.5} for name, one in FLEXIBLE.items()
+        }
         away.append(norm(end(model(own)) - rigid))
     ratios = np.array(away[:-1]) / away[1:]
     assert (ratios > 7).all() and (ratios < 14).all(), (away, ratios)
@@ -267,18 +304,30 @@ def test_energy_ledger(panda, seconds):
     spent = audit.effort - audit.damping
     assert abs(audit.residual) < 1e-5 * spent, audit
     end = panda.evaluate(sim.q, sim.theta, sim.qd, sim.thetad, np.zeros(9))
-    kinetic = end.link.kinetic_energy + end.motor_energy.sum() - start.link.kinetic_energy - start.motor_energy.sum()
+    kinetic = (
+        end.link.kinetic_energy
+        + end.motor_energy.sum()
+        - start.link.kinetic_energy
+        - start.motor_energy.sum()
+    )
     assert audit.kinetic == pytest.approx(kinetic, rel=1e-9)
-    assert audit.elastic == pytest.approx((end.spring_energy - start.spring_energy).sum(), rel=1e-6, abs=1e-9)
+    assert audit.elastic == pytest.approx(
+        (end.spring_energy - start.spring_energy).sum(), rel=1e-6, abs=1e-9
+    )
     assert audit.potential == pytest.approx(end.gravity_energy - start.gravity_energy, rel=1e-9)
-    assert end.motor_energy.sum() > 0 and spent > 10 * abs(audit.kinetic + audit.potential) / seconds**0.5 / 10
+    assert (
+        end.motor_energy.sum() > 0
+        and spent > 10 * abs(audit.kinetic + audit.potential) / seconds**0.5 / 10
+    )
 
 
 @pytest.mark.parametrize("order", [1, 4])
 def test_friction_and_limits_act_on_the_link(order):
     """A link that sticks lets its motor swing; at a hard limit it stops, and the audit has the loss."""
     spring = {"stiffness": 400.0, "rotor_inertia": 0.25}
-    pendulum = dd.load_urdf(PENDULUM, parameters={"flexible_joints": {"hinge": spring}}, gravity=(0, 0, 0))
+    pendulum = dd.load_urdf(
+        PENDULUM, parameters={"flexible_joints": {"hinge": spring}}, gravity=(0, 0, 0)
+    )
     sim = dd.Simulation(pendulum, [0.0], order=order, friction=5.0)
     sim.reset([0.0], [0.0], [0.01], [0.0])
     angles = []
@@ -289,10 +338,16 @@ def test_friction_and_limits_act_on_the_link(order):
     error = np.abs(angles - 0.01 * np.cos(np.sqrt(400.0 / 0.25) * t)).max()
     assert sim.q[0] == sim.qd[0] == 0.0 and error < {1: 1.5e-3, 4: 1e-6}[order]
     bounded = PENDULUM.replace('"continuous"', '"revolute"').replace('upper="10"', 'upper="0.1"')
-    sim = dd.Simulation(dd.load_urdf(bounded, parameters={"flexible_joints": {"hinge": spring}}), [0.0], order=order)
+    sim = dd.Simulation(
+        dd.load_urdf(bounded, parameters={"flexible_joints": {"hinge": spring}}), [0.0], order=order
+    )
     sim.reset([0.0], [2.0], [0.0], [2.0])
     sim.advance(steps=500)
-    assert sim.q[0] <= 0.1 and sim.audit.limits < -0.1 and abs(sim.audit.residual) < {1: 0.2, 4: 2e-3}[order]
+    assert (
+        sim.q[0] <= 0.1
+        and sim.audit.limits < -0.1
+        and abs(sim.audit.residual) < {1: 0.2, 4: 2e-3}[order]
+    )
 
 
 def test_copies_models_and_resets(panda):
@@ -300,7 +355,9 @@ def test_copies_models_and_resets(panda):
     q = state(panda, 7)[0]
     sim = dd.Simulation(panda.model, 0.3 * q + 0.7 * np.clip(q, -1, 1), limits=False)
     tau = panda.link.gravity_torque(sim.q)
-    np.testing.assert_allclose(sim.spring_torque, tau[places(NAMES, panda.model.dof_names)], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        sim.spring_torque, tau[places(NAMES, panda.model.dof_names)], rtol=1e-9, atol=1e-9
+    )
     sim.advance(tau, steps=3)
     assert norm(sim.qd) < 1e-9
     twin = copy.copy(sim)
@@ -355,7 +412,10 @@ def test_link_positions_and_external_torque(position):
 def rigid_wave(seconds):
     """Return where the waves of the rigid robot with armature B are."""
     B = {name: one["gear"] ** 2 * one["rotor_inertia"] for name, one in FLEXIBLE.items()}
-    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"motion": "wave", "rate": 1000.0}
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {
+        "motion": "wave",
+        "rate": 1000.0,
+    }
     robot = Plant(dd.load_urdf(URDF, armature=B), values)
     robot.advance(round(1e3 * seconds))
     return robot.simulation.q
@@ -369,9 +429,16 @@ def plant(flexible, **values):
 @pytest.mark.parametrize("motion", ["free", "wave"])
 def test_simulated_joint_states(motion):
     """The simulator measures what the file says; the links' positions follow from motor and spring."""
-    kinds = [("motor", "spring"), ("link", "spring"), ("motor", "motor"), ("link", "motor"), ("motor", "spring")]
+    kinds = [
+        ("motor", "spring"),
+        ("link", "spring"),
+        ("motor", "motor"),
+        ("link", "motor"),
+        ("motor", "spring"),
+    ]
     own = {
-        name: one | {"position": position, "effort": effort, "damping": 0.0 if motion == "free" else 1.0}
+        name: one
+        | {"position": position, "effort": effort, "damping": 0.0 if motion == "free" else 1.0}
         for (name, one), (position, effort) in zip(FLEXIBLE.items(), kinds, strict=True)
     }
     robot = plant(own, motion=motion, rate=1000.0)
@@ -382,15 +449,29 @@ def test_simulated_joint_states(motion):
     sim, (measured,) = robot.simulation, robot.known()
     for i, name in enumerate(NAMES):
         k = robot.names.index(name)
-        assert measured.position[k] == (sim.theta[i] if own[name]["position"] == "motor" else sim.q[k])
-        assert measured.velocity[k] == (sim.thetad[i] if own[name]["position"] == "motor" else sim.qd[k])
-        assert measured.effort[k] == (sim.spring_torque[i] if own[name]["effort"] == "spring" else sim.effort[k])
+        assert measured.position[k] == (
+            sim.theta[i] if own[name]["position"] == "motor" else sim.q[k]
+        )
+        assert measured.velocity[k] == (
+            sim.thetad[i] if own[name]["position"] == "motor" else sim.qd[k]
+        )
+        assert measured.effort[k] == (
+            sim.spring_torque[i] if own[name]["effort"] == "spring" else sim.effort[k]
+        )
         assert sim.theta[i] != sim.q[k]
     nv = sim.model.nv
     columns = measured.position[:nv], measured.velocity[:nv], measured.effort[:nv]
-    q, _ = LinkPositions(sim.model).convert(np.array([1]), *(column[None] for column in columns), [False])
-    both = [k for k, name in enumerate(robot.names) if own.get(name, {}).get("effort", "spring") == "spring"]
-    tolerance = {"free": 1e-13, "wave": 1e-4}[motion]  # with damping the stretch also depends on its rate
+    q, _ = LinkPositions(sim.model).convert(
+        np.array([1]), *(column[None] for column in columns), [False]
+    )
+    both = [
+        k
+        for k, name in enumerate(robot.names)
+        if own.get(name, {}).get("effort", "spring") == "spring"
+    ]
+    tolerance = {"free": 1e-13, "wave": 1e-4}[
+        motion
+    ]  # with damping the stretch also depends on its rate
     np.testing.assert_allclose(q[0, both[:-1]], sim.q[both[:-1]], atol=tolerance)
     if motion == "wave":
         robot.advance(2000)
@@ -399,13 +480,17 @@ def test_simulated_joint_states(motion):
 
 
 def test_brakes():
-    with pytest.raises(UnsupportedError, match=r"'without_command' is 'brake'.*'panda_joint1' is flexible"):
+    with pytest.raises(
+        UnsupportedError, match=r"'without_command' is 'brake'.*'panda_joint1' is flexible"
+    ):
         plant(FLEXIBLE, without_command="brake")
 
 
 def test_link_positions_without_a_state_before():
     """Gaps, jumps and unknown efforts give no rate of the stretch; an unknown effort gives the motor's position."""
-    robot = dd.load_urdf(PENDULUM, parameters={"flexible_joints": {"hinge": FLEXIBLE["panda_joint1"]}})
+    robot = dd.load_urdf(
+        PENDULUM, parameters={"flexible_joints": {"hinge": FLEXIBLE["panda_joint1"]}}
+    )
     links, k = LinkPositions(robot), FLEXIBLE["panda_joint1"]["stiffness"]
     ms = np.array([0, 1, 2, 3, 4, 300, 301]) * 1_000_000
     torque = np.array([[1.0, 2.0, np.nan, 4.0, 6.0, 7.0, 8.0]]).T * k * 1e-6
@@ -414,7 +499,9 @@ def test_link_positions_without_a_state_before():
     q, qd = links.convert(ms, np.zeros((7, 1)), np.zeros((7, 1)), torque, jumped)
     rate = 1e-6 * np.array([0, 1, 0, 0, 2, 0, 0]) / 1e-3
     np.testing.assert_allclose(-qd[:, 0], rate, atol=1e-15)
-    np.testing.assert_allclose(-q[:, 0], 1e-6 * np.array([1, 2, 0, 4, 6, 7, 8]) - d / k * rate, atol=1e-15)
+    np.testing.assert_allclose(
+        -q[:, 0], 1e-6 * np.array([1, 2, 0, 4, 6, 7, 8]) - d / k * rate, atol=1e-15
+    )
 
 
 # --- parameters
@@ -429,10 +516,14 @@ def test_sources(tmp_path):
     others = [dd.load_urdf(URDF, mimic="free", parameters=path), plain.with_parameters(path)]
     others += [pickle.loads(pickle.dumps(robot)), robot.with_payload("panda_hand", 0.0)]
     assert all(other.flexible_joints == robot.flexible_joints for other in others)
-    assert robot.flexible_joints["panda_joint2"] == dd.FlexibleJoint(1e4, 7 * 1e-5, 1.5, 70.0, effort="spring")
+    assert robot.flexible_joints["panda_joint2"] == dd.FlexibleJoint(
+        1e4, 7 * 1e-5, 1.5, 70.0, effort="spring"
+    )
     softer = {"panda_joint2": FLEXIBLE["panda_joint2"] | {"stiffness": 1.0}}
     later = parameters.merged_with(dd.Parameters.from_dict({"flexible_joints": softer}))
-    assert later.flexible_joints["panda_joint2"].stiffness == 1.0 and len(later.flexible_joints) == len(FLEXIBLE)
+    assert later.flexible_joints["panda_joint2"].stiffness == 1.0 and len(
+        later.flexible_joints
+    ) == len(FLEXIBLE)
     locked = robot.with_locked_joints({"panda_joint2": 0.1})
     assert set(locked.flexible_joints) == set(NAMES) - {"panda_joint2"}
 
@@ -448,7 +539,10 @@ def test_armature():
     assert dd.load_urdf(urdf).armature[0] == pytest.approx(8.1)
     for effort, B in (("motor", 0.09), ("spring", 0.0)):
         parameters = {"flexible_joints": {"hinge": entry | {"effort": effort}}}
-        for robot in (dd.load_urdf(urdf, parameters=parameters), dd.load_urdf(urdf).with_parameters(parameters)):
+        for robot in (
+            dd.load_urdf(urdf, parameters=parameters),
+            dd.load_urdf(urdf).with_parameters(parameters),
+        ):
             assert robot.armature[0] == pytest.approx(B)
             assert dd.FlexibleDynamics(robot).link.model.armature[0] == 0.0
 
@@ -459,14 +553,34 @@ WRONG = {
     "unknown joint": ({"elbow": ENTRY}, {}, "'elbow' is no joint"),
     "fixed joint": ({"panda_joint8": ENTRY}, {}, "'panda_joint8' is fixed"),
     "mimic joint": ({LEADER: ENTRY}, {}, f"'{LEADER}' follows other joints"),
-    "stiffness": ({"panda_joint1": ENTRY | {"stiffness": 0.0}}, {}, "'panda_joint1': stiffness is 0.0"),
+    "stiffness": (
+        {"panda_joint1": ENTRY | {"stiffness": 0.0}},
+        {},
+        "'panda_joint1': stiffness is 0.0",
+    ),
     "damping": ({"panda_joint1": ENTRY | {"damping": -1.0}}, {}, "'panda_joint1': damping is -1.0"),
-    "rotor": ({"panda_joint1": ENTRY | {"rotor_inertia": "x"}}, {}, "'panda_joint1': rotor_inertia is 'x'"),
+    "rotor": (
+        {"panda_joint1": ENTRY | {"rotor_inertia": "x"}},
+        {},
+        "'panda_joint1': rotor_inertia is 'x'",
+    ),
     "missing": ({"panda_joint1": {"stiffness": 1.0}}, {}, "'panda_joint1' has no rotor_inertia"),
     "key": ({"panda_joint1": ENTRY | {"spring": 1.0}}, {}, "'panda_joint1' has 'spring'"),
-    "position": ({"panda_joint1": ENTRY | {"position": "both"}}, {}, "'panda_joint1': position is 'both'"),
-    "armature": ({"panda_joint1": ENTRY}, {"armature": {"panda_joint1": 0.1}}, "'panda_joint1' has armature 0.1"),
-    "all armatures": ({"panda_joint1": ENTRY}, {"armature": 0.1}, "'panda_joint1' has armature 0.1"),
+    "position": (
+        {"panda_joint1": ENTRY | {"position": "both"}},
+        {},
+        "'panda_joint1': position is 'both'",
+    ),
+    "armature": (
+        {"panda_joint1": ENTRY},
+        {"armature": {"panda_joint1": 0.1}},
+        "'panda_joint1' has armature 0.1",
+    ),
+    "all armatures": (
+        {"panda_joint1": ENTRY},
+        {"armature": 0.1},
+        "'panda_joint1' has armature 0.1",
+    ),
 }
 
 

@@ -65,7 +65,10 @@ def moved(link, station, eta):
     R = np.eye(3)
     for k in (2, 1, 0):
         R = R @ turn(k, Dual(slope.value[k], slope.rate[k]))
-    short = 0.5 * (eta @ station.shortening @ eta).value, 0.5 * (eta @ station.shortening @ eta).rate
+    short = (
+        0.5 * (eta @ station.shortening @ eta).value,
+        0.5 * (eta @ station.shortening @ eta).rate,
+    )
     e = np.eye(3)[0]
     p = station.at + (station.shape @ eta) + Dual(-e * short[0], -e * short[1])
     return link.axes @ R @ link.axes.T, link.axes @ p
@@ -115,9 +118,23 @@ def compare(evaluation, oracle, nu=1e-13, C=1e-12):
 
 # --- A robot of two flexible links, the second with a motor, and bodies at its tip and beside ---------------------
 
-TIP = np.array([[0.2, 0.01, 0.0, 0.05], [0.1, -0.03, 0.02, 0.0], [0.15, 0.02, 0.05, 0.1], [0.05, 0.0, -0.04, 0.06]])
+TIP = np.array(
+    [
+        [0.2, 0.01, 0.0, 0.05],
+        [0.1, -0.03, 0.02, 0.0],
+        [0.15, 0.02, 0.05, 0.1],
+        [0.05, 0.0, -0.04, 0.06],
+    ]
+)
 SIDE = np.array([[0.3, 0.1, 0.0, 0.0], [0.2, 0.0, 0.1, 0.05], [0.1, 0.05, 0.0, 0.1]])
-MOTOR = np.array([[0.4, 0.03, 0.0, 0.05], [0.3, 0.0, -0.04, 0.02], [0.2, -0.02, 0.01, 0.08], [0.1, 0.0, 0.05, 0.0]])
+MOTOR = np.array(
+    [
+        [0.4, 0.03, 0.0, 0.05],
+        [0.3, 0.0, -0.04, 0.02],
+        [0.2, -0.02, 0.01, 0.08],
+        [0.1, 0.0, 0.05, 0.0],
+    ]
+)
 
 
 def inertial(points, rod=0.0, vector=(0.0, 0.0, 0.0), polar=0.0):
@@ -130,11 +147,13 @@ def inertial(points, rod=0.0, vector=(0.0, 0.0, 0.0), polar=0.0):
         moment += m * (np.dot(p, p) * np.eye(3) - np.outer(p, p))
     if rod:
         axis = np.outer(vector, vector) / (vector @ vector)
-        moment += rod * (vector @ vector * np.eye(3) - np.outer(vector, vector)) / 3.0 + 0.5 * polar * (
-            np.eye(3) + axis
-        )
+        moment += rod * (
+            vector @ vector * np.eye(3) - np.outer(vector, vector)
+        ) / 3.0 + 0.5 * polar * (np.eye(3) + axis)
     moment -= mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    entries = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{float(moment[i, j])!r}"' for i in range(3) for j in range(i, 3))
+    entries = " ".join(
+        f'i{"xyz"[i]}{"xyz"[j]}="{float(moment[i, j])!r}"' for i in range(3) for j in range(i, 3)
+    )
     xyz = " ".join(map(repr, centre.tolist()))
     return f'<inertial><origin xyz="{xyz}"/><mass value="{float(mass)!r}"/><inertia {entries}/></inertial>'
 
@@ -220,8 +239,14 @@ def arm():
 def test_points(arm, seed):
     """Energy, ν, C and ε_g are those of points that move by the displacement field."""
     rng = np.random.default_rng(seed)
-    q, qd = arm.random(rng), rng.normal(size=arm.nv) * np.where(np.isfinite(arm.upper), arm.upper, 1.0)
-    evaluation, oracle = dd.DiagonalDynamics(arm).evaluate(q, qd, np.zeros(arm.nv)), Points(points_of_arm(arm), q, qd)
+    q, qd = (
+        arm.random(rng),
+        rng.normal(size=arm.nv) * np.where(np.isfinite(arm.upper), arm.upper, 1.0),
+    )
+    evaluation, oracle = (
+        dd.DiagonalDynamics(arm).evaluate(q, qd, np.zeros(arm.nv)),
+        Points(points_of_arm(arm), q, qd),
+    )
     assert abs(evaluation.kinetic_energy - oracle.kinetic) < 1e-14 * oracle.kinetic
     compare(evaluation, oracle)
 
@@ -267,7 +292,10 @@ def test_one_mode_held(arm):
 def test_pinocchio():
     """Nodes of finite elements without foreshortening are virtual joints that follow the modes by constant ratios."""
     rng = np.random.default_rng(5)
-    nodes = [{"mass": 0.3, "xyz": [0.2 + 0.2 * k, 0.0, 0.05], "shape": rng.normal(size=(3, 3)) * 0.3} for k in range(3)]
+    nodes = [
+        {"mass": 0.3, "xyz": [0.2 + 0.2 * k, 0.0, 0.05], "shape": rng.normal(size=(3, 3)) * 0.3}
+        for k in range(3)
+    ]
     tip = {"shape": rng.normal(size=(3, 3)) * 0.5, "slope": rng.normal(size=(3, 3))}
     text = (
         f'<robot name="arm"><link name="base"/><link name="a">{inertial(np.array([[0.9, 0.4, 0, 0.05]]))}</link>'
@@ -298,17 +326,24 @@ def test_pinocchio():
                 (pin.JointModelRX(), slope[:, 0]),
             ]
         for k, (kind, ratios) in enumerate(kinds):
-            parent, placement = cut.addJoint(parent, kind, placement, f"{name}{k}"), pin.SE3.Identity()
+            parent, placement = (
+                cut.addJoint(parent, kind, placement, f"{name}{k}"),
+                pin.SE3.Identity(),
+            )
             rows.append(np.array([0.0, *ratios, 0.0]))
         return parent
 
     for k, node in enumerate(nodes):
         end = chain(f"n{k}_", node["xyz"], node["shape"])
-        cut.appendBodyToJoint(end, pin.Inertia(node["mass"], np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity())
+        cut.appendBodyToJoint(
+            end, pin.Inertia(node["mass"], np.zeros(3), np.zeros((3, 3))), pin.SE3.Identity()
+        )
     end = cut.addJoint(chain("t", [0.8, 0, 0], **tip), pin.JointModelRY(), pin.SE3.Identity(), "j2")
     rows.append(np.eye(5)[4])
     for m, *p in TIP:
-        cut.appendBodyToJoint(end, pin.Inertia(m, np.zeros(3), np.zeros((3, 3))), pin.SE3(np.eye(3), np.array(p)))
+        cut.appendBodyToJoint(
+            end, pin.Inertia(m, np.zeros(3), np.zeros((3, 3))), pin.SE3(np.eye(3), np.array(p))
+        )
     ratios, data = np.array(rows), cut.createData()
     q, qd = rng.normal(size=5) * [1, 0.1, 0.1, 0.1, 1], rng.normal(size=5)
     M = pin.crba(cut, data, ratios @ q)
@@ -316,7 +351,11 @@ def test_pinocchio():
     C = pin.computeCoriolisMatrix(cut, data, ratios @ q, ratios @ qd)
     gravity = ratios.T @ pin.computeGeneralizedGravity(cut, data, ratios @ q)
     oracle = Points.__new__(Points).set(
-        ratios.T @ M @ ratios, ratios.T @ (C + C.T) @ ratios, ratios.T @ (C @ (ratios @ qd)), gravity, qd
+        ratios.T @ M @ ratios,
+        ratios.T @ (C + C.T) @ ratios,
+        ratios.T @ (C @ (ratios @ qd)),
+        gravity,
+        qd,
     )
     compare(dd.DiagonalDynamics(model).evaluate(q, qd, np.zeros(5)), oracle, 1e-12, 1e-11)
 
@@ -329,19 +368,32 @@ UNIT = np.sqrt(EI / MASS / LENGTH**3)
 
 def beam(modes, payload=0.0, hub=None, polar=1e-3, **entry):
     """Return a beam along x; clamped in the world, or on a hub that turns about an axis."""
-    payload_link = f"<link name='end'>{inertial(np.array([[payload, 0, 0, 0]])) if payload else ''}</link>"
-    beam_link = f'<link name="beam">{inertial(np.zeros((0, 4)), MASS, [LENGTH, 0, 0], polar)}</link>'
-    text = '<robot name="beam">' + beam_link + payload_link + joint("end", "beam", "end", f"{LENGTH} 0 0", kind="fixed")
+    payload_link = (
+        f"<link name='end'>{inertial(np.array([[payload, 0, 0, 0]])) if payload else ''}</link>"
+    )
+    beam_link = (
+        f'<link name="beam">{inertial(np.zeros((0, 4)), MASS, [LENGTH, 0, 0], polar)}</link>'
+    )
+    text = (
+        '<robot name="beam">'
+        + beam_link
+        + payload_link
+        + joint("end", "beam", "end", f"{LENGTH} 0 0", kind="fixed")
+    )
     if hub:
         text += '<link name="base"/>' + joint("hub", "base", "beam", axis=hub)
     entry = {"tip": "end", "EI": [EI, 2.0 * EI], "modes": modes, "GJ": 7.0} | entry
-    return dd.load_urdf(text + "</robot>", loops={"flexible_links": {"beam": entry}}, gravity=(0, 0, 0))
+    return dd.load_urdf(
+        text + "</robot>", loops={"flexible_links": {"beam": entry}}, gravity=(0, 0, 0)
+    )
 
 
 def roots(characteristic, count):
     x = np.arange(0.2, 20.0, 0.01)
     y = characteristic(x)
-    return np.array([brentq(characteristic, x[k], x[k + 1]) for k in np.flatnonzero(y[1:] * y[:-1] < 0)][:count])
+    return np.array(
+        [brentq(characteristic, x[k], x[k + 1]) for k in np.flatnonzero(y[1:] * y[:-1] < 0)][:count]
+    )
 
 
 @pytest.mark.parametrize("payload", [0.0, 0.5, 1.0])
@@ -386,9 +438,13 @@ def test_static_deflection(payload):
     flexibility = LENGTH**3 / 3.0 / EI * np.array([0.0, 1.0, 0.5])
     assert np.abs(moved[1:3, 3] - (flexibility * force)[1:]).max() < 1e-9 * LENGTH
     slope = np.array([0.0, -0.5 * force[2], force[1]]) * LENGTH**2 / 2.0 / EI
-    rotation = 0.5 * np.array([moved[2, 1] - moved[1, 2], moved[0, 2] - moved[2, 0], moved[1, 0] - moved[0, 1]])
+    rotation = 0.5 * np.array(
+        [moved[2, 1] - moved[1, 2], moved[0, 2] - moved[2, 0], moved[1, 0] - moved[0, 1]]
+    )
     assert np.abs(rotation - slope).max() < 1e-6
-    assert moved[0, 3] == pytest.approx(-0.6 * ((flexibility * force) ** 2).sum() / LENGTH, rel=1e-6)
+    assert moved[0, 3] == pytest.approx(
+        -0.6 * ((flexibility * force) ** 2).sum() / LENGTH, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("spin", "exact"), [(6.0, 7.3604), (12.0, 13.1702)])
@@ -410,11 +466,15 @@ def test_spinning_beam(spin, exact, count):
 
         K = np.diag(link.frequencies**2)
         for k in range(count):
-            K[:, k] += (effort(step * np.eye(count)[k]) - effort(-step * np.eye(count)[k])) / (2.0 * step)
+            K[:, k] += (effort(step * np.eye(count)[k]) - effort(-step * np.eye(count)[k])) / (
+                2.0 * step
+            )
         M = d.mass_matrix(still)[1:, 1:]
         found = np.sqrt(eigh(0.5 * (K + K.T), M, eigvals_only=True))[0] / rate * spin
         expected = exact if plane == 1 else np.sqrt(exact**2 - spin**2)
-        assert abs(found / expected - 1.0) < (2e-3 if count == 4 and plane else 8e-3 if count == 4 else 2e-4)
+        assert abs(found / expected - 1.0) < (
+            2e-3 if count == 4 and plane else 8e-3 if count == 4 else 2e-4
+        )
 
 
 def test_large_bending():
@@ -438,7 +498,10 @@ def test_large_bending():
     for k, one in enumerate(np.eye(6)):
         values = [link.energy(eta + x * step * one) for x in (-2, -1, 1, 2)]
         slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
-        assert abs(link.effort(eta, np.zeros(6))[k] + slope) < 1e-9 * np.abs(link.effort(eta, np.zeros(6))).max()
+        assert (
+            abs(link.effort(eta, np.zeros(6))[k] + slope)
+            < 1e-9 * np.abs(link.effort(eta, np.zeros(6))).max()
+        )
 
 
 # --- Motion ---------------------------------------------------------------------------------------------------------
@@ -456,10 +519,15 @@ def test_energy_in_motion(arm):
     assert residuals[0] / residuals[1] > 8.0
     assert sim.audit.limits == pytest.approx(0.0, abs=1e-15)
     assert sim.elastic_energy == pytest.approx(
-        sum(link.energy(sim.q[[arm.dof_names.index(m) for m in link.modes]]) for link in arm.flexible_links.values())
+        sum(
+            link.energy(sim.q[[arm.dof_names.index(m) for m in link.modes]])
+            for link in arm.flexible_links.values()
+        )
     )
     for order, most in ((4, 1e-5), (1, 0.2)):
-        model = dd.load_urdf(ARM, loops={"flexible_links": {"a": LINKS["a"] | {"damping_ratio": 0.05}}}, gravity=G)
+        model = dd.load_urdf(
+            ARM, loops={"flexible_links": {"a": LINKS["a"] | {"damping_ratio": 0.05}}}, gravity=G
+        )
         sim = dd.Simulation(model, step=1e-4, order=order)
         sim.advance(steps=1000)
         assert sim.audit.limits < -1e-4
@@ -469,7 +537,10 @@ def test_energy_in_motion(arm):
 @pytest.mark.parametrize("order", [4, 1])
 def test_rest(arm, order):
     """A damped arm comes to rest where stiffness carries gravity; modes pull from either side."""
-    entry = {name: one | {"damping_ratio": [0.7] * len(arm.flexible_links[name].modes)} for name, one in LINKS.items()}
+    entry = {
+        name: one | {"damping_ratio": [0.7] * len(arm.flexible_links[name].modes)}
+        for name, one in LINKS.items()
+    }
     model = dd.load_urdf(ARM, loops={"flexible_links": entry}, gravity=G)
     model = model.with_locked_joints({"j1": 0.3, "j2": -0.4, "j3": 0.5, "k": 0.0})
     sim = dd.Simulation(model, step=1e-2, order=order)
@@ -495,7 +566,10 @@ def test_decay(order, error, ratio):
         expected = 1e-4 * omega / rate * np.exp(-ratio * omega * sim.time) * np.sin(rate * sim.time)
         assert abs(sim.q[0] - expected) < error * 1e-4
     start = 0.5 * (1e-4 * omega) ** 2
-    assert abs(sim.audit.limits - (sim.kinetic_energy + sim.elastic_energy - start)) < 5.0 * error * start
+    assert (
+        abs(sim.audit.limits - (sim.kinetic_energy + sim.elastic_energy - start))
+        < 5.0 * error * start
+    )
 
 
 @pytest.mark.parametrize("held", [{}, {"a/y1": 0.03, "b/y1": 0.01}])
@@ -550,7 +624,9 @@ def test_chain_of_segments():
     def torque(t):
         return 12.0 * np.sin(2.0 * np.pi * t)
 
-    model = beam([5, 0, 0], 0.5, "0 0 1", polar=0.0).with_parameters({"joints": {"hub": {"armature": 0.3}}})
+    model = beam([5, 0, 0], 0.5, "0 0 1", polar=0.0).with_parameters(
+        {"joints": {"hub": {"armature": 0.3}}}
+    )
     slope = model.flexible_links["beam"].tips["end"].slope[2]
     sim, rows, tau = dd.Simulation(model, step=5e-4), [], np.zeros(6)
     for k in range(2000):
@@ -570,7 +646,10 @@ WRONG = [
     ({"ghost": {}}, "'ghost' is not a link"),
     ({"a": {"tip": "j2"}}, "flexible link 'a' has no EI"),
     ({"a": LINKS["a"] | {"stiff": 1}}, "flexible link 'a' has 'stiff', expected one of tip"),
-    ({"a": LINKS["a"] | {"tip": "j3"}}, "tip 'j3' is not a joint of this link; its joints are j2, k"),
+    (
+        {"a": LINKS["a"] | {"tip": "j3"}},
+        "tip 'j3' is not a joint of this link; its joints are j2, k",
+    ),
     ({"a": LINKS["a"] | {"tip": "k"}}, "joint 'k' is at its origin"),
     ({"a": LINKS["a"] | {"modes": [7, 0, 0]}}, "modes are"),
     ({"a": LINKS["a"] | {"modes": [0, 0, 0]}}, "modes are"),
@@ -579,8 +658,14 @@ WRONG = [
     ({"a": LINKS["a"] | {"EI": 60.0}}, "EI is 60.0, expected two numbers"),
     ({"a": LINKS["a"] | {"GJ": 0.0}}, "GJ"),
     ({"a": LINKS["a"] | {"damping_ratio": -0.1}}, "damping_ratio"),
-    ({"a": LINKS["a"] | {"mass": 2.0}}, "the mass of its modes is 2 kg, expected no more than its 1.2 kg"),
-    ({"b": {key: x for key, x in LINKS["b"].items() if key != "mass"}}, "Give the mass of the beam"),
+    (
+        {"a": LINKS["a"] | {"mass": 2.0}},
+        "the mass of its modes is 2 kg, expected no more than its 1.2 kg",
+    ),
+    (
+        {"b": {key: x for key, x in LINKS["b"].items() if key != "mass"}},
+        "Give the mass of the beam",
+    ),
     ({"base": LINKS["a"] | {"tip": "j1"}}, "'base' has no mass"),
     ({"a": {"nodes": [NODE], "frequencies": [-1.0], "tips": {"j2": {}}}}, "frequencies [-1.0]"),
     ({"a": {"nodes": 3, "frequencies": [1.0], "tips": {"j2": {}}}}, "a list of nodes"),
@@ -591,9 +676,18 @@ WRONG = [
         {"a": {"nodes": [NODE | {"m": 1}], "frequencies": [1.0], "tips": {"j2": {}}}},
         "node 0 has 'm', expected one of mass",
     ),
-    ({"a": {"nodes": [NODE | {"slope": [[0, 0, 1]]}], "frequencies": [1.0], "tips": {"j2": {}}}}, "node 0 has 'slope'"),
-    ({"a": {"nodes": [NODE], "frequencies": [1.0], "tips": {"j2": {"mass": 1.0}}}}, "tip 'j2' has 'mass'"),
-    ({"a": {"nodes": [{"mass": 0.1}], "frequencies": [1.0], "tips": {"j2": {}}}}, "xyz of node 0 is None"),
+    (
+        {"a": {"nodes": [NODE | {"slope": [[0, 0, 1]]}], "frequencies": [1.0], "tips": {"j2": {}}}},
+        "node 0 has 'slope'",
+    ),
+    (
+        {"a": {"nodes": [NODE], "frequencies": [1.0], "tips": {"j2": {"mass": 1.0}}}},
+        "tip 'j2' has 'mass'",
+    ),
+    (
+        {"a": {"nodes": [{"mass": 0.1}], "frequencies": [1.0], "tips": {"j2": {}}}},
+        "xyz of node 0 is None",
+    ),
 ]
 
 
@@ -624,10 +718,16 @@ def test_what_is_rejected(arm):
     with pytest.raises(dd.InputError, match="link 'b' is flexible"):
         arm.with_parameters({"links": {"b": body}})
     assert arm.perturbed(0.1, 1).total_mass != arm.total_mass
-    given = dd.load_urdf(ARM, loops={"flexible_links": LINKS}, parameters={"links": {"b": body | {"com": [0, 0, 0.3]}}})
+    given = dd.load_urdf(
+        ARM,
+        loops={"flexible_links": LINKS},
+        parameters={"links": {"b": body | {"com": [0, 0, 0.3]}}},
+    )
     assert given.total_mass == pytest.approx(dd.load_urdf(ARM).total_mass - 1.6 + 1.0)
     with pytest.raises(dd.InputError, match="'a/tip/y' follows modes"):
         arm.with_locked_joints({"a/tip/y": 0.0})
     loop = {"name": "rope", "a": {"link": "side"}, "b": {"link": "tip"}}
-    with pytest.raises(LoopError, match="loop 'rope': joint 'a/tip/rx' in it is of a flexible link"):
+    with pytest.raises(
+        LoopError, match="loop 'rope': joint 'a/tip/rx' in it is of a flexible link"
+    ):
         dd.load_urdf(ARM, loops={"flexible_links": LINKS, "loops": [loop]})

@@ -38,7 +38,13 @@ def test_example_robots():
 @pytest.mark.parametrize(
     ("name", "key"),
     [
-        *(("pnada", "pnada"), ("ur", "any of"), ("pand", "panda.*panda_collision"), ("", "expected"), (3, "expected")),
+        *(
+            ("pnada", "pnada"),
+            ("ur", "any of"),
+            ("pand", "panda.*panda_collision"),
+            ("", "expected"),
+            (3, "expected"),
+        ),
         *(
             (f"r5_robot{suffix}", "no such file") for suffix in (".urdf", ".xml", ".xacro")
         ),  # a path is no part of a name
@@ -143,7 +149,9 @@ def test_xacro_errors(xacro_file, monkeypatch):
     assert_error(dd.InputError, "xacro_args is 3", xacro_file, xacro_args=3)
     xacro_file.write_text(XACRO.replace("${0.1 * 2}", "${nothing}"))
     assert_error(dd.UrdfError, "xacro cannot expand .*nothing", xacro_file)
-    xacro_file.write_text(XACRO.replace('<link name="base"/>', '<xacro:include filename="$(find arm)/x.xacro"/>'))
+    xacro_file.write_text(
+        XACRO.replace('<link name="base"/>', '<xacro:include filename="$(find arm)/x.xacro"/>')
+    )
     packages = types.ModuleType("ament_index_python.packages")
     monkeypatch.setitem(sys.modules, "ament_index_python", types.ModuleType("ament_index_python"))
     monkeypatch.setitem(sys.modules, "ament_index_python.packages", packages)
@@ -248,7 +256,9 @@ class Reference:
             x = [at[f"{name}/{suffix}"] for suffix in ("x", "y", "z", "qw", "qx", "qy", "qz")]
             d.qpos[p : p + 7], R = x, np.zeros(9)
             self.mujoco.mju_quat2Mat(R, x[3:])
-            columns = [dof[f"{name}/{suffix}"] for suffix in ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z")]
+            columns = [
+                dof[f"{name}/{suffix}"] for suffix in ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z")
+            ]
             self.transform[v : v + 3, columns[:3]] = R.reshape(3, 3)
             self.transform[v + 3 : v + 6, columns[3:]] = np.eye(3)
         d.qvel[:] = self.transform @ qd
@@ -278,7 +288,11 @@ def compare(mujoco, text, seed=5, omits=False):
     With `omits`, MuJoCo has forces that the model omits: forward dynamics is MuJoCo's where these are among the torques.
     """
     model = quiet(text)
-    reference, dyn, rng = Reference(mujoco, text, model), dd.DiagonalDynamics(model), np.random.default_rng(seed)
+    reference, dyn, rng = (
+        Reference(mujoco, text, model),
+        dd.DiagonalDynamics(model),
+        np.random.default_rng(seed),
+    )
     assert model.nv == reference.m.nv
     for _ in range(3):
         q, qd = model.random(rng), rng.normal(size=model.nv)
@@ -295,16 +309,25 @@ def compare(mujoco, text, seed=5, omits=False):
             acceleration = dyn.forward_dynamics(q, qd, tau)
             np.testing.assert_allclose(acceleration, qacc, rtol=0, atol=1e-8 * np.abs(qacc).max())
         for k in range(1, reference.m.nbody):
-            if (name := mujoco.mj_id2name(reference.m, mujoco.mjtObj.mjOBJ_BODY, k)) in ("target", "arrow"):
+            if (name := mujoco.mj_id2name(reference.m, mujoco.mjtObj.mjOBJ_BODY, k)) in (
+                "target",
+                "arrow",
+            ):
                 continue  # of a mocap body, whose place is not the file's
             placement = dyn.placement(q, name)
             np.testing.assert_allclose(placement[:3, 3], reference.d.xpos[k], atol=1e-12)
             np.testing.assert_allclose(placement[:3, :3].ravel(), reference.d.xmat[k], atol=1e-12)
-        if not any(name.endswith("/qw") for name in model.coordinate_names):  # else rates are not the same
-            np.testing.assert_allclose(dyn.bias(q, qd) + dyn.gravity_torque(q), reference.bias(), rtol=0, atol=1e-10)
+        if not any(
+            name.endswith("/qw") for name in model.coordinate_names
+        ):  # else rates are not the same
+            np.testing.assert_allclose(
+                dyn.bias(q, qd) + dyn.gravity_torque(q), reference.bias(), rtol=0, atol=1e-10
+            )
         reference.set(q, np.zeros(model.nv))
         g = reference.bias()
-        np.testing.assert_allclose(dyn.gravity_torque(q), g, rtol=0, atol=1e-10 * max(1.0, np.abs(g).max()))
+        np.testing.assert_allclose(
+            dyn.gravity_torque(q), g, rtol=0, atol=1e-10 * max(1.0, np.abs(g).max())
+        )
     return reference, model
 
 
@@ -318,26 +341,43 @@ def test_mjcf_joints(mujoco):
     dof = {name: k for k, name in enumerate(model.dof_names)}
     assert set(dof) == {"turn", "shift", "about x", "joint3", "other"}
     k = dof["turn"]
-    assert (model.lower[k], model.upper[k], model.effort_limit[k], model.damping[k]) == (-2.0, 2.0, 80.0, 0.5)
+    assert (model.lower[k], model.upper[k], model.effort_limit[k], model.damping[k]) == (
+        -2.0,
+        2.0,
+        80.0,
+        0.5,
+    )
     assert model.friction[dof["shift"]] == 0.7 and model.armature[dof["joint3"]] == 0.3
     assert list(model.gravity) == [0.3, -0.2, -9.5]
     assert dd.load_mjcf(FREE).floating_base and not dd.load_mjcf(TWO_FREE).floating_base
-    equality = '<equality><joint joint1="other" joint2="turn" polycoef="0.2 -1.5 0 0 0"/></equality>'
+    equality = (
+        '<equality><joint joint1="other" joint2="turn" polycoef="0.2 -1.5 0 0 0"/></equality>'
+    )
     coupled = dd.load_mjcf(changed(END, equality + END)).mimics["other"]
     assert (coupled.leader, coupled.multiplier) == ("turn", -1.5)
     assert coupled.offset == pytest.approx(0.2 + 1.5 * 0.4)  # the source's ref is 0.4
 
 
-OTHER, TENDON = '<joint name="other"/>', '<tendon><fixed name="wire"><joint joint="turn" coef="1"/></fixed></tendon>'
-TWICE = "".join(
-    f'<joint name="{name}" joint1="other" joint2="{on}"/>' for name, on in (("e1", "turn"), ("e2", "shift"))
+OTHER, TENDON = (
+    '<joint name="other"/>',
+    '<tendon><fixed name="wire"><joint joint="turn" coef="1"/></fixed></tendon>',
 )
-TOOL, BODY_C = 'name="tool"><site name="tip"/>', f'<body name="c" pos="-0.5 0 0">{OTHER}<geom size="0.1"/></body>'
+TWICE = "".join(
+    f'<joint name="{name}" joint1="other" joint2="{on}"/>'
+    for name, on in (("e1", "turn"), ("e2", "shift"))
+)
+TOOL, BODY_C = (
+    'name="tool"><site name="tip"/>',
+    f'<body name="c" pos="-0.5 0 0">{OTHER}<geom size="0.1"/></body>',
+)
 
 
 def with_tendon(attributes, kind="fixed"):
     """Return the end of an MJCF with a tendon that has these attributes."""
-    path = {"fixed": '<joint joint="turn" coef="1"/>', "spatial": '<site site="stand"/><site site="tip"/>'}[kind]
+    path = {
+        "fixed": '<joint joint="turn" coef="1"/>',
+        "spatial": '<site site="stand"/><site site="tip"/>',
+    }[kind]
     return f'<tendon><{kind} name="wire" {attributes}>{path}</{kind}></tendon>{END}'
 
 
@@ -346,7 +386,9 @@ UNSUPPORTED = {
     "one joint twice": (END, f"<equality>{TWICE}</equality>{END}", "equality 'e2'"),
     "equality of a tendon": (
         END,
-        with_tendon("", "spatial").replace(END, '<equality><tendon name="rope" tendon1="wire"/></equality>' + END),
+        with_tendon("", "spatial").replace(
+            END, '<equality><tendon name="rope" tendon1="wire"/></equality>' + END
+        ),
         "equality 'rope'",
     ),
     "armature of a tendon": (END, with_tendon('armature="0.1"'), "tendon 'wire' has armature"),
@@ -360,7 +402,11 @@ UNSUPPORTED = {
 PULL = f'{TENDON}<actuator><motor name="pull" tendon="wire" '
 
 UNSUPPORTED_SINCE_3_4 = {
-    "armature at a tendon": ("<actuator>", PULL + 'armature="0.1"/>', "actuator 'pull' has armature"),
+    "armature at a tendon": (
+        "<actuator>",
+        PULL + 'armature="0.1"/>',
+        "actuator 'pull' has armature",
+    ),
 }
 """Attributes that older versions of MuJoCo do not read."""
 
@@ -374,7 +420,10 @@ def test_unsupported_features(mujoco, case):
         dd.load_mjcf(changed(old, new))
 
 
-RIGID = {'body1="c"': "leaves none of its joints free", 'site1="stand" site2="tip"': "cannot be closed"}
+RIGID = {
+    'body1="c"': "leaves none of its joints free",
+    'site1="stand" site2="tip"': "cannot be closed",
+}
 
 
 @pytest.mark.parametrize("ends", RIGID)
@@ -385,8 +434,16 @@ def test_rigid_weld(mujoco, ends):
 
 MARKER = '<body name="target" mocap="true" pos="1 0 1"><geom size="0.1"/><body name="arrow"><geom size="0.02"/></body></body>'
 OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
-    "spring": (OTHER, '<joint name="other" stiffness="3" springref="20"/>', ["spring of joint 'other'"]),
-    "springdamper": (OTHER, '<joint name="other" springdamper="0.2 1"/>', ["spring of joint 'other'"]),
+    "spring": (
+        OTHER,
+        '<joint name="other" stiffness="3" springref="20"/>',
+        ["spring of joint 'other'"],
+    ),
+    "springdamper": (
+        OTHER,
+        '<joint name="other" springdamper="0.2 1"/>',
+        ["spring of joint 'other'"],
+    ),
     "two springs": (
         OTHER,
         '<joint name="other" stiffness="3"/><joint name="r" stiffness="2" type="slide"/>',
@@ -399,11 +456,27 @@ OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
         with_tendon('stiffness="5" damping="2" frictionloss="0.4" limited="true" range="0 0.1"'),
         ["tendon 'wire'"],
     ),
-    "spatial tendon": (END, with_tendon('stiffness="5" springlength="0.1"', "spatial"), ["tendon 'wire'"]),
-    "gravity compensation": ('<body name="c"', '<body name="c" gravcomp="1"', ["gravity compensation of body 'c'"]),
+    "spatial tendon": (
+        END,
+        with_tendon('stiffness="5" springlength="0.1"', "spatial"),
+        ["tendon 'wire'"],
+    ),
+    "gravity compensation": (
+        '<body name="c"',
+        '<body name="c" gravcomp="1"',
+        ["gravity compensation of body 'c'"],
+    ),
     "more than gravity": (TOOL, 'gravcomp="1.5" ' + TOOL, ["gravity compensation of body 'tool'"]),
-    "density": ("<option gravity", '<option density="1.2" wind="0 3 0" gravity', ["fluid (density 1.2, viscosity 0)"]),
-    "viscosity": ("<option gravity", '<option viscosity="0.1" gravity', ["fluid (density 0, viscosity 0.1)"]),
+    "density": (
+        "<option gravity",
+        '<option density="1.2" wind="0 3 0" gravity',
+        ["fluid (density 1.2, viscosity 0)"],
+    ),
+    "viscosity": (
+        "<option gravity",
+        '<option viscosity="0.1" gravity',
+        ["fluid (density 0, viscosity 0.1)"],
+    ),
     "marker": ("</worldbody>", MARKER + "</worldbody>", ["mocap body 'target'"]),
     "marker without geometry": (
         "<worldbody>",
@@ -422,14 +495,24 @@ OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
     ),
     "all": (
         END,
-        with_tendon('stiffness="5"').replace("<tendon>", f"<worldbody>{MARKER}</worldbody><tendon>"),
+        with_tendon('stiffness="5"').replace(
+            "<tendon>", f"<worldbody>{MARKER}</worldbody><tendon>"
+        ),
         ["mocap body 'target'", "tendon 'wire'"],
     ),
 }
 
 OMITTED_SINCE_3_4 = {
-    "polynomial of a spring": (OTHER, '<joint name="other" stiffness="0 3"/>', ["spring of joint 'other'"]),
-    "polynomial of damping": (OTHER, '<joint name="other" damping="0 0 3"/>', ["nonlinear damping of joint 'other'"]),
+    "polynomial of a spring": (
+        OTHER,
+        '<joint name="other" stiffness="0 3"/>',
+        ["spring of joint 'other'"],
+    ),
+    "polynomial of damping": (
+        OTHER,
+        '<joint name="other" damping="0 0 3"/>',
+        ["nonlinear damping of joint 'other'"],
+    ),
     "polynomial of an actuator": (
         "<motor ",
         '<motor name="drive" damping="0 3" ',
@@ -461,18 +544,23 @@ def test_omitted_forces(mujoco, case):
 
 @pytest.mark.parametrize("text", [FREE, TWO_FREE], ids=["free", "two free"])
 @pytest.mark.parametrize(
-    ("attribute", "key"), [("armature", None), ("damping", "damping"), ("frictionloss", "friction loss")]
+    ("attribute", "key"),
+    [("armature", None), ("damping", "damping"), ("frictionloss", "friction loss")],
 )
 def test_resistance_of_free_joints(mujoco, text, attribute, key):
     """MuJoCo applies a default to <joint type="free"> but not to <freejoint>. Armature changes M, and is refused."""
     as_joint = '<joint name="flight" type="free"/>'
-    default = changed("<worldbody>", f'<default><joint {attribute}="0.3"/></default><worldbody>', text)
+    default = changed(
+        "<worldbody>", f'<default><joint {attribute}="0.3"/></default><worldbody>', text
+    )
     for without in (changed(FREE_JOINT, as_joint, text), default):
         assert dd.load_mjcf(without).omitted == ()
     own = changed(FREE_JOINT, f'<joint name="flight" type="free" {attribute}="0.3"/>', text)
     for resisting in (own, changed(FREE_JOINT, as_joint, default)):
         if key is None:
-            with pytest.raises(dd.UnsupportedError, match="joint 'flight' is free and has armature"):
+            with pytest.raises(
+                dd.UnsupportedError, match="joint 'flight' is free and has armature"
+            ):
                 dd.load_mjcf(resisting)
             continue
         with pytest.warns(dd.ModelWarning, match=f"omit: {key} of free joint 'flight'"):
@@ -505,7 +593,10 @@ def test_flexible_bodies(mujoco):
 
 def test_markers_beside_a_floating_robot(mujoco):
     """A mocap body is no part of the robot: its mass does not count, and the base stays a floating one."""
-    plain, marked = dd.load_mjcf(FREE), quiet(changed("</worldbody>", MARKER + "</worldbody>", FREE))
+    plain, marked = (
+        dd.load_mjcf(FREE),
+        quiet(changed("</worldbody>", MARKER + "</worldbody>", FREE)),
+    )
     assert marked.floating_base and marked.link_names == plain.link_names
     assert marked.total_mass == plain.total_mass and marked.omitted == ("mocap body 'target'",)
 
@@ -523,7 +614,9 @@ def test_markers_beside_a_floating_robot(mujoco):
 def test_disabled_forces_are_not_omitted(mujoco, flags, old, new):
     """The model omits no force that MuJoCo does not compute either."""
     if not hasattr(mujoco.mjtDisableBit, "mjDSBL_DAMPER"):
-        flags = list(dict.fromkeys("passive" if flag in ("spring", "damper") else flag for flag in flags))
+        flags = list(
+            dict.fromkeys("passive" if flag in ("spring", "damper") else flag for flag in flags)
+        )
     text = changed(old, new)
     assert quiet(text).omitted and quiet(with_flags(text, *flags)).omitted == ()
     compare(mujoco, with_flags(text, *flags))
@@ -544,7 +637,9 @@ GEARED = {
 
 
 @pytest.mark.parametrize("case", GEARED)
-@pytest.mark.parametrize("flags", [(), ("damper",), ("actuation",)], ids=["", "no damper", "no actuation"])
+@pytest.mark.parametrize(
+    "flags", [(), ("damper",), ("actuation",)], ids=["", "no damper", "no actuation"]
+)
 def test_armature_and_damping_of_actuators(mujoco, case, flags):
     needs(mujoco, "nactuator" if "several" in case else "actuator_armature")
     text = with_actuators(GEARED[case])
@@ -554,7 +649,9 @@ def test_armature_and_damping_of_actuators(mujoco, case, flags):
 EQUALITIES = f'{TWICE}<connect body1="tool" anchor="0 0 0"/>'
 
 
-@pytest.mark.parametrize("flag", ["gravity", "damper", "spring", "equality", "frictionloss", "limit", "constraint"])
+@pytest.mark.parametrize(
+    "flag", ["gravity", "damper", "spring", "equality", "frictionloss", "limit", "constraint"]
+)
 def test_disabled_features(mujoco, flag):
     """MuJoCo counts its rows of constraints beyond the ranges, where each limit would be one."""
     newer = hasattr(mujoco.mjtDisableBit, "mjDSBL_DAMPER")
@@ -568,31 +665,57 @@ def test_disabled_features(mujoco, flag):
         with pytest.raises(dd.UnsupportedError):
             dd.load_mjcf(text)
     reference, model = compare(mujoco, with_flags(text, name))
-    assert np.any(model.gravity) != (flag == "gravity") and np.any(model.damping) != (name in ("damper", "passive"))
+    assert np.any(model.gravity) != (flag == "gravity") and np.any(model.damping) != (
+        name in ("damper", "passive")
+    )
     reference.d.qpos[:] = 5.0
     mujoco.mj_forward(reference.m, reference.d)
     assert not model.mimics and reference.d.ne == 0
-    assert np.count_nonzero(model.friction) == reference.d.nf == (flag not in ("frictionloss", "constraint"))
-    assert np.isfinite(model.upper).sum() == reference.d.nl == 2 * (flag not in ("limit", "constraint"))
+    assert (
+        np.count_nonzero(model.friction)
+        == reference.d.nf
+        == (flag not in ("frictionloss", "constraint"))
+    )
+    assert (
+        np.isfinite(model.upper).sum()
+        == reference.d.nl
+        == 2 * (flag not in ("limit", "constraint"))
+    )
 
 
 OF_JOINT = 'actuatorfrcrange="-3 5"'
 
 EFFORTS = {  # actuators, attributes of the joint, its limit
     "force range": ('<motor joint="turn" gear="-2" forcerange="-30 40"/>', "", 80.0),
-    "two": ('<motor joint="turn" gear="2" forcerange="-3 3"/><motor joint="turn" ctrlrange="-1 1"/>', "", 7.0),
+    "two": (
+        '<motor joint="turn" gear="2" forcerange="-3 3"/><motor joint="turn" ctrlrange="-1 1"/>',
+        "",
+        7.0,
+    ),
     "one without": ('<motor joint="turn" forcerange="-3 3"/><motor joint="turn"/>', "", np.inf),
     "in parent": ('<motor jointinparent="turn" gear="2" forcerange="-3 3"/>', "", 6.0),
     "control range": ('<motor joint="turn" gear="-3" ctrlrange="-1 2"/>', "", 6.0),
     "gain": ('<general joint="turn" gear="3" gainprm="-4" ctrlrange="-1 2"/>', "", 24.0),
     "both": ('<motor joint="turn" gear="3" ctrlrange="-1 2" forcerange="-1 1"/>', "", 3.0),
     "position": ('<position joint="turn" kp="2" ctrlrange="-1 1"/>', "", np.inf),
-    "activation": ('<general joint="turn" dyntype="filter" dynprm="0.1" ctrlrange="-1 1"/>', "", np.inf),
+    "activation": (
+        '<general joint="turn" dyntype="filter" dynprm="0.1" ctrlrange="-1 1"/>',
+        "",
+        np.inf,
+    ),
     "no gear": ('<motor joint="turn" gear="0"/>', "", 0.0),
-    "no gear, and another": ('<motor joint="turn" gear="0"/><motor joint="turn" ctrlrange="-1 1"/>', "", 1.0),
+    "no gear, and another": (
+        '<motor joint="turn" gear="0"/><motor joint="turn" ctrlrange="-1 1"/>',
+        "",
+        1.0,
+    ),
     "of the joint": ('<motor joint="turn"/>', OF_JOINT, 5.0),
     "of the joint is less": ('<motor joint="turn" forcerange="-9 9"/>', OF_JOINT, 5.0),
-    "after several controls": (PID.format("shift") + '<motor joint="turn" gear="3" ctrlrange="-2 2"/>', "", 6.0),
+    "after several controls": (
+        PID.format("shift") + '<motor joint="turn" gear="3" ctrlrange="-2 2"/>',
+        "",
+        6.0,
+    ),
 }
 
 
@@ -621,7 +744,9 @@ def test_effort_limits(mujoco, case):
     actuators, of_joint, limit = EFFORTS[case]
     if "<pid" in actuators:
         needs(mujoco, "nactuator")
-    text = changed('<joint name="turn"', f'<joint name="turn" {of_joint}', with_actuators(actuators))
+    text = changed(
+        '<joint name="turn"', f'<joint name="turn" {of_joint}', with_actuators(actuators)
+    )
     found = largest_effort(mujoco, text)
     assert effort_limit(text) == limit
     assert found == pytest.approx(limit) if np.isfinite(limit) else found > 1e8
@@ -662,7 +787,9 @@ def test_recording_of_an_mjcf(mujoco, tmp_path):
         (0.9, read(parameters_file=str(beside), armature=["turn=0.9"])),
     ):
         assert changed_model.armature[k] == value
-        assert dict(zip(model.dof_names, changed_model.armature, strict=True)) == expected | {"turn": value}
+        assert dict(zip(model.dof_names, changed_model.armature, strict=True)) == expected | {
+            "turn": value
+        }
     with pytest.raises(dd.InputError, match="'floating_base' is true; expected false"):
         read(floating_base=True)
 
@@ -692,7 +819,9 @@ GIVEN = dd.Parameters(
         "panda_finger_joint1": dd.JointParameters(friction=0.7),
     },
     links={
-        "panda_link2": dd.Payload(2.5, (0.01, -0.1, 0.02), ((0.04, 0.001, 0.0), (0.001, 0.03, 0.002), (0, 0.002, 0.05)))
+        "panda_link2": dd.Payload(
+            2.5, (0.01, -0.1, 0.02), ((0.04, 0.001, 0.0), (0.001, 0.03, 0.002), (0, 0.002, 0.05))
+        )
     },
     payloads={
         "panda_link8": dd.Payload(0.4, (0.0, 0.05, 0.1), np.diag((2e-3, 2e-3, 1e-3))),
@@ -726,7 +855,9 @@ def test_other_elements_stay():
     before, after = PANDA.read_text(), urdf_with(PANDA.read_text(), GIVEN)
 
     def rest(text):
-        root = etree.fromstring(text.encode(), etree.XMLParser(remove_comments=True, remove_blank_text=True))
+        root = etree.fromstring(
+            text.encode(), etree.XMLParser(remove_comments=True, remove_blank_text=True)
+        )
         for element in root.iter("inertial", "dynamics"):
             element.getparent().remove(element)
         return etree.tostring(root, method="c14n")

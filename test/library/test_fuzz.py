@@ -54,26 +54,144 @@ SEEDS = (
 )
 
 NUMBERS = (
-    *("0", "-0", "1e-300", "1e-308", "5e-324", "1e308", "-1e308", "1e200", "1e999", "-1", "1", "nan", "inf", "-inf"),
-    *("", " ", "x", "0x10", "1_0", "1,5", "٣", "1e", "--1", "1 2", "0 0 0", "nan nan nan", "1e200 1e200 1e200"),
-    *("1 2 3", "0 0 1e-200", "-1 -1 -1", "${x}", "$(arg x)", "\t1\n", "1\u00a02\u00a03", "9" * 400, "1 " * 300),
+    *(
+        "0",
+        "-0",
+        "1e-300",
+        "1e-308",
+        "5e-324",
+        "1e308",
+        "-1e308",
+        "1e200",
+        "1e999",
+        "-1",
+        "1",
+        "nan",
+        "inf",
+        "-inf",
+    ),
+    *(
+        "",
+        " ",
+        "x",
+        "0x10",
+        "1_0",
+        "1,5",
+        "٣",
+        "1e",
+        "--1",
+        "1 2",
+        "0 0 0",
+        "nan nan nan",
+        "1e200 1e200 1e200",
+    ),
+    *(
+        "1 2 3",
+        "0 0 1e-200",
+        "-1 -1 -1",
+        "${x}",
+        "$(arg x)",
+        "\t1\n",
+        "1\u00a02\u00a03",
+        "9" * 400,
+        "1 " * 300,
+    ),
 )
 WORDS = (
-    *("", " ", "base", "revolute", "continuous", "prismatic", "planar", "floating", "fixed", "ball", "Fixed"),
-    *("é", "\u202e", "\U0001f916", "a/v_x", "root_joint", "root_joint/qw", "x" * 1000, "${name}", "\n", "{0}", "%s"),
+    *(
+        "",
+        " ",
+        "base",
+        "revolute",
+        "continuous",
+        "prismatic",
+        "planar",
+        "floating",
+        "fixed",
+        "ball",
+        "Fixed",
+    ),
+    *(
+        "é",
+        "\u202e",
+        "\U0001f916",
+        "a/v_x",
+        "root_joint",
+        "root_joint/qw",
+        "x" * 1000,
+        "${name}",
+        "\n",
+        "{0}",
+        "%s",
+    ),
     *("link_0", "root", "world", "panda_joint1", "panda_link0", "elbow", "upper", "lower"),
 )
 CONTROL = map(chr, (0, 1, 7, 8, 11, 27, 127, 0x85, 0xFFFE, 0xFFFF, 0xD800, 0xFEFF))
 BITS = (
-    *("<", ">", "&", '"', "'", "&amp;", "&#0;", "&#xD800;", "&lt;", "&x;", "]]>", "<![CDATA[", "<!--", "-->", "<?x?>"),
-    *("<link>", "</link>", '<link name="a"/>', "<joint/>", "<robot>", "</robot>", "<x:y/>", ' xmlns="u"'),
-    *("<!-- -- -->", "<!----", "--->", "<loop_joint/>", "<xacro:arg/>", "<xacro:m/>", "<drake:joint/>", "<mass/>"),
+    *(
+        "<",
+        ">",
+        "&",
+        '"',
+        "'",
+        "&amp;",
+        "&#0;",
+        "&#xD800;",
+        "&lt;",
+        "&x;",
+        "]]>",
+        "<![CDATA[",
+        "<!--",
+        "-->",
+        "<?x?>",
+    ),
+    *(
+        "<link>",
+        "</link>",
+        '<link name="a"/>',
+        "<joint/>",
+        "<robot>",
+        "</robot>",
+        "<x:y/>",
+        ' xmlns="u"',
+    ),
+    *(
+        "<!-- -- -->",
+        "<!----",
+        "--->",
+        "<loop_joint/>",
+        "<xacro:arg/>",
+        "<xacro:m/>",
+        "<drake:joint/>",
+        "<mass/>",
+    ),
     *("<a b='1' b='2'>", "<!DOCTYPE robot>", '<!DOCTYPE r [<!ENTITY x "y">]>', "\ufeff", "\r"),
     *('<?xml version="1.0" encoding="utf-16"?>', *CONTROL),
 )
 ENCODINGS = (
-    *("utf-8", "utf-16", "utf-32", "latin-1", "ascii", "cp1252", "big5", "idna", "punycode", "hex", "rot13"),
-    *("undefined", "unicode_escape", "raw_unicode_escape", "zlib", "base64", "mbcs", "x" * 100, "utf-8-sig"),
+    *(
+        "utf-8",
+        "utf-16",
+        "utf-32",
+        "latin-1",
+        "ascii",
+        "cp1252",
+        "big5",
+        "idna",
+        "punycode",
+        "hex",
+        "rot13",
+    ),
+    *(
+        "undefined",
+        "unicode_escape",
+        "raw_unicode_escape",
+        "zlib",
+        "base64",
+        "mbcs",
+        "x" * 100,
+        "utf-8-sig",
+    ),
 )
 
 
@@ -91,7 +209,9 @@ def mutated_tree(rng, root):
     elif action == 5 and element in parent_of:
         parent_of[element].remove(element)
     elif action == 6 and element in parent_of:  # doubled, next to itself or elsewhere
-        rng.choice(elements if rng.random() < 0.3 else [parent_of[element]]).append(copy.deepcopy(element))
+        rng.choice(elements if rng.random() < 0.3 else [parent_of[element]]).append(
+            copy.deepcopy(element)
+        )
     elif action == 7:  # two elements swap their attributes
         other = rng.choice(elements)
         element.attrib, other.attrib = other.attrib, element.attrib
@@ -142,7 +262,9 @@ def mutant(seed):
         for _ in range(rng.choice((1, 2, 5))):
             source = mutated_text(rng, source)
     if rng.random() < 0.2:
-        return mutated_bytes(rng, source.encode(rng.choice(("utf-8", "utf-16", "latin-1")), errors="replace"))
+        return mutated_bytes(
+            rng, source.encode(rng.choice(("utf-8", "utf-16", "latin-1")), errors="replace")
+        )
     return source
 
 
@@ -163,7 +285,16 @@ def load_and_use(source, **options):
             s = dyn.evaluate(model.neutral, one, one)
         except dd.SingularMassMatrixError:
             return model
-        for value in (s.nu, s.xi, s.epsilon, s.kappa, s.coriolis, s.coriolis_unnormalized, s.gravity, s.link_energy):
+        for value in (
+            s.nu,
+            s.xi,
+            s.epsilon,
+            s.kappa,
+            s.coriolis,
+            s.coriolis_unnormalized,
+            s.gravity,
+            s.link_energy,
+        ):
             assert np.isfinite(value).all()
         assert (s.articulated_inertia > 0).all()
         return model

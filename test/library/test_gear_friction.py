@@ -30,12 +30,18 @@ def test_friction_is_that_of_its_equation(v0, tmp_path):
     joints = {name: dd.JointParameters(0.5, 1.5, -0.1, None, *pair) for name, *pair in pairs}
     dd.Parameters(joints, friction_velocity=v0).save(tmp_path / "arm.yaml")
     model = dd.load_urdf(UR5, parameters=tmp_path / "arm.yaml")
-    oracle, rng, dyn = Oracle(UR5, model.dof_names), np.random.default_rng(4), dd.DiagonalDynamics(model)
+    oracle, rng, dyn = (
+        Oracle(UR5, model.dof_names),
+        np.random.default_rng(4),
+        dd.DiagonalDynamics(model),
+    )
     Q, QD, QDD = rng.uniform(-2.0, 2.0, (3, 7, 6))
     QD[0], QD[1] = 0.0, 1e-3 * QD[1]  # at rest, and within v₀
     expected = []
     for q, qd in zip(Q, QD, strict=True):
-        g = oracle.from_pin(pin.computeGeneralizedGravity(oracle.model, oracle.data, oracle.configuration(q)))
+        g = oracle.from_pin(
+            pin.computeGeneralizedGravity(oracle.model, oracle.data, oracle.configuration(q))
+        )
         sign = np.tanh(qd / v0) if v0 else np.sign(qd)
         slow = np.abs(qd) < v0
         root = np.where(slow, qd / np.sqrt(v0 or 1.0), np.sign(qd) * np.sqrt(np.abs(qd)))
@@ -72,7 +78,9 @@ def test_a_falling_pendulum_with_gears(order):
 
     def rates(_, x):
         g = weight * np.sin(x[0])
-        return x[1], (-g - mu * abs(g) * np.sign(x[1]) - s * np.sign(x[1]) * np.sqrt(abs(x[1]))) / inertia
+        return x[1], (
+            -g - mu * abs(g) * np.sign(x[1]) - s * np.sign(x[1]) * np.sqrt(abs(x[1]))
+        ) / inertia
 
     truth = solve_ivp(rates, (0.0, 0.5), (-1.2, 0.5), rtol=1e-10, atol=1e-12).y[:, -1]
     errors = []

@@ -49,10 +49,15 @@ def motion(model, seed, duration, rate):
     return t, *fourier(np.random.default_rng(seed), t, model.lower, model.upper)
 
 
-def recording(model, oracle, seed, duration=20.0, rate=250.0, noise=0.0, rotors=0.0, resist=friction):
+def recording(
+    model, oracle, seed, duration=20.0, rate=250.0, noise=0.0, rotors=0.0, resist=friction
+):
     """Return a motion with Pinocchio's efforts; noise 1 is 1e-4 rad, 1e-2 rad/s, 0.5 and 0.15 N m."""
     t, q, qd, qdd = motion(model, seed, duration, rate)
-    tau, rng = efforts(oracle, q, qd, qdd) + rotors * qdd + resist(qd), np.random.default_rng(1000 + seed)
+    tau, rng = (
+        efforts(oracle, q, qd, qdd) + rotors * qdd + resist(qd),
+        np.random.default_rng(1000 + seed),
+    )
     q_noise, qd_noise, tau_noise = noise * rng.normal(size=(3, *q.shape))
     return recorded(model, t, q + 1e-4 * q_noise, qd + 1e-2 * qd_noise, tau + NOISE * tau_noise)
 
@@ -79,7 +84,9 @@ def test_inertias_and_friction_predict_another_motion_exactly(panda):
     model, oracle = panda
     start = model.perturbed(0.35, 3)
     assert residual(start, model, oracle, seed=78)[0] > 4.0
-    found = dd.identify(recording(start, oracle, 2, shortened(20.0, 6.0), rate=1000.0), start, WITH_ALL)
+    found = dd.identify(
+        recording(start, oracle, 2, shortened(20.0, 6.0), rate=1000.0), start, WITH_ALL
+    )
     assert {"friction", "inertias"} <= set(found.quality["taken"])
     assert max(residual(found.model, model, oracle, seed=78)) < 1e-3
     refuse_unphysical(found.model)
@@ -88,27 +95,45 @@ def test_inertias_and_friction_predict_another_motion_exactly(panda):
 
 def test_rotors_and_friction_are_recovered(panda):
     model, oracle = panda
-    found = dd.identify(recording(model, oracle, 4, shortened(20.0, 6.0), 1000.0, rotors=ROTORS), model)
+    found = dd.identify(
+        recording(model, oracle, 4, shortened(20.0, 6.0), 1000.0, rotors=ROTORS), model
+    )
     assert found.quality["taken"] == ["friction", "rotors"]
-    for key, truth in (("armature", ROTORS), ("damping", DAMPING), ("friction", FRICTION), ("effort_offset", OFFSET)):
+    for key, truth in (
+        ("armature", ROTORS),
+        ("damping", DAMPING),
+        ("friction", FRICTION),
+        ("effort_offset", OFFSET),
+    ):
         np.testing.assert_allclose(getattr(found.model, key), truth, atol=1e-3)
     assert any("kinetic energy is" in text for text in found.quality["warnings"])
 
 
-@pytest.mark.parametrize(("what", "felt"), [("friction", 0.0), ("friction", 1.0), (("friction", "rotors"), 0.0)])
+@pytest.mark.parametrize(
+    ("what", "felt"), [("friction", 0.0), ("friction", 1.0), (("friction", "rotors"), 0.0)]
+)
 def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
     """Torque sensors behind the gears do not feel the rotors of a URDF: no effort is left with armature 0."""
     model, oracle = panda
-    joints = {name: {"armature": inertia} for name, inertia in zip(model.dof_names, ROTORS, strict=True)}
+    joints = {
+        name: {"armature": inertia} for name, inertia in zip(model.dof_names, ROTORS, strict=True)
+    }
     known = model.with_parameters({"joints": joints})
-    found = dd.identify(recording(known, oracle, 4, 6.0, noise=0.02, rotors=felt * ROTORS), known, what)
+    found = dd.identify(
+        recording(known, oracle, 4, 6.0, noise=0.02, rotors=felt * ROTORS), known, what
+    )
     np.testing.assert_allclose(found.model.armature, felt * ROTORS, atol=2e-3)
     np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.03)
-    left_out = [text for text in found.quality["warnings"] if "rotor inertias of the model are omitted" in text]
+    left_out = [
+        text
+        for text in found.quality["warnings"]
+        if "rotor inertias of the model are omitted" in text
+    ]
     assert len(left_out) == (felt == 0.0)
     quality = found.quality
     assert felt or (
-        "rotors" not in quality["kept"] and not any("rotors" in rung["steps"] for rung in quality["ladder"])
+        "rotors" not in quality["kept"]
+        and not any("rotors" in rung["steps"] for rung in quality["ladder"])
     )
 
 
@@ -116,10 +141,17 @@ def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
     """Beside rotors of 3 kg m² friction alone explains next to nothing; once they are known, it does."""
     model, oracle = panda
     found = dd.identify(
-        recording(model, oracle, 4, shortened(20.0, 16.0), noise=1.0, rotors=3.0), model, ("friction", "rotors")
+        recording(model, oracle, 4, shortened(20.0, 16.0), noise=1.0, rotors=3.0),
+        model,
+        ("friction", "rotors"),
     )
     steps = [(rung["steps"], rung["taken"]) for rung in found.quality["ladder"]]
-    assert steps == [([], True), (["friction"], False), (["rotors"], True), (["friction", "rotors"], True)]
+    assert steps == [
+        ([], True),
+        (["friction"], False),
+        (["rotors"], True),
+        (["friction", "rotors"], True),
+    ]
     np.testing.assert_allclose(found.model.armature, 3.0, atol=0.02)
     np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.05)
     assert not any("the model's values are kept" in text for text in found.quality["warnings"])
@@ -133,18 +165,26 @@ def loaded(oracle):
     other = Oracle(PANDA, oracle.dof_names, locked_joints=HELD)
     frame = other.model.frames[other.model.getFrameId("panda_hand", pin.FrameType.BODY)]
     mass, centre, about = LOAD
-    other.model.appendBodyToJoint(frame.parentJoint, pin.Inertia(mass, centre, about), frame.placement)
+    other.model.appendBodyToJoint(
+        frame.parentJoint, pin.Inertia(mass, centre, about), frame.placement
+    )
     other.data = other.model.createData()
     return other
 
 
-@pytest.mark.parametrize(("known", "seed"), list(some_of([(True, 11), (True, 12), (False, 12), (False, 11)], 2)))
+@pytest.mark.parametrize(
+    ("known", "seed"), list(some_of([(True, 11), (True, 12), (False, 12), (False, 11)], 2))
+)
 def test_payload(panda, known, seed):
     """Ten seconds of noise: mass and centre, within their standard deviations; against a wrong robot by a reference run."""
     model, oracle = panda
     start = model if known else model.perturbed(0.35, seed)
     data = recording(start, loaded(oracle), seed, 10.0, noise=1.0, resist=np.zeros_like)
-    reference = None if known else recording(start, oracle, 100 + seed, 20.0, noise=1.0, resist=np.zeros_like)
+    reference = (
+        None
+        if known
+        else recording(start, oracle, 100 + seed, 20.0, noise=1.0, resist=np.zeros_like)
+    )
     found = dd.identify(data, start, "payload:panda_hand", reference=reference)
     told, (mass, centre, _) = found.quality["payload"], LOAD
     assert told["mass"] == pytest.approx(mass, rel=6e-3)
@@ -156,7 +196,10 @@ def test_payload(panda, known, seed):
     assert found.parameters.payloads["panda_hand"].mass == told["mass"]
     assert not found.parameters.links and not found.parameters.joints
     assert found.model.total_mass == pytest.approx(start.total_mass + told["mass"])
-    assert any("assume a correct model of the robot" in text for text in found.quality["warnings"]) == known
+    assert (
+        any("assume a correct model of the robot" in text for text in found.quality["warnings"])
+        == known
+    )
 
 
 def test_a_negative_payload(panda):
@@ -165,7 +208,9 @@ def test_a_negative_payload(panda):
     bare = without_hand(PANDA)
     missing = model.total_mass - dd.load_urdf(bare, locked_joints=HELD).total_mass
     oracle = Oracle(bare, model.dof_names, locked_joints=HELD)
-    found = dd.identify(recording(model, oracle, 5, noise=1.0, resist=np.zeros_like), model, "payload:panda_link7")
+    found = dd.identify(
+        recording(model, oracle, 5, noise=1.0, resist=np.zeros_like), model, "payload:panda_link7"
+    )
     assert missing > 0.5 and found.quality["payload"]["mass"] == pytest.approx(-missing, abs=0.02)
     refuse_unphysical(found.model)
     assert found.parameters.origin["locked_joints"] == HELD
@@ -192,19 +237,26 @@ def in_pieces(data, size):
     def pieces():
         for first in range(0, len(data), size):
             states = data.states[first : first + size]
-            yield dd.Recording(data.model, states, data.offset, data.counts, data.findings, data.path)
+            yield dd.Recording(
+                data.model, states, data.offset, data.counts, data.findings, data.path
+            )
 
     return pieces
 
 
 def changed(model, data, **columns):
-    return recorded(model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau")))
+    return recorded(
+        model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau"))
+    )
 
 
 @pytest.mark.parametrize(
     ("factors", "message"),
     [
-        (dict.fromkeys(range(7), 180.0 / np.pi), r"velocities of joint 'panda_joint\d' reach .* degrees"),
+        (
+            dict.fromkeys(range(7), 180.0 / np.pi),
+            r"velocities of joint 'panda_joint\d' reach .* degrees",
+        ),
         ({2: -1.0}, r"'panda_joint3' change by -1 times .* the wrong sign"),
         ({4: 1.3}, r"'panda_joint5' change by 0.769\d* times"),
     ],
@@ -212,7 +264,10 @@ def changed(model, data, **columns):
 def test_units_are_judged_first(panda, noisy, factors, message):
     """Units of efforts are judged in test_identification_efforts.py."""
     with pytest.raises(dd.InputError, match=message):
-        dd.identify(changed(panda[0], noisy, qd=noisy.qd * [factors.get(k, 1.0) for k in range(7)]), panda[0])
+        dd.identify(
+            changed(panda[0], noisy, qd=noisy.qd * [factors.get(k, 1.0) for k in range(7)]),
+            panda[0],
+        )
 
 
 def test_a_joint_that_does_not_move_keeps_its_friction(panda):
@@ -225,7 +280,9 @@ def test_a_joint_that_does_not_move_keeps_its_friction(panda):
     assert "panda_joint5" not in found.parameters.joints and len(found.parameters.joints) == 6
     assert any("'panda_joint5' moves 0 s forward" in text for text in found.quality["findings"])
     with pytest.raises(dd.InputError, match=r"^recordings\[0\]: no joint moves enough"):
-        dd.identify(recorded(model, t, np.tile(q[:1], (len(t), 1)), 0.0 * qd, tau), model, "friction")
+        dd.identify(
+            recorded(model, t, np.tile(q[:1], (len(t), 1)), 0.0 * qd, tau), model, "friction"
+        )
 
 
 def test_a_joint_keeps_its_friction_where_blocks_left_out_speak_against_another(panda, noisy):
@@ -240,20 +297,36 @@ def test_a_joint_keeps_its_friction_where_blocks_left_out_speak_against_another(
     assert found.model.friction[6] == found.model.effort_offset[6] == 0.0
     before, after = found.quality["row_residual"]["panda_joint7"]
     assert after == pytest.approx(before)
-    assert any("friction of panda_joint7: the model's values" in text for text in found.quality["warnings"])
+    assert any(
+        "friction of panda_joint7: the model's values" in text for text in found.quality["warnings"]
+    )
 
 
 HAND = "payload:panda_hand"
 WRONG = {
-    r"what is .*mass.*; expected one or more of": lambda data: (data, data.model, ("friction", "mass")),
+    r"what is .*mass.*; expected one or more of": lambda data: (
+        data,
+        data.model,
+        ("friction", "mass"),
+    ),
     r"what is \(\); expected": lambda data: (data, data.model, ()),
     "no joint moves link 'panda_link0'": lambda data: (data, data.model, "payload:panda_link0"),
     "expected one payload at most": lambda data: (data, data.model, (HAND, "payload:panda_link7")),
-    "reference is missing. Give a recording without": lambda data: (data, data.model, (HAND, "inertias")),
+    "reference is missing. Give a recording without": lambda data: (
+        data,
+        data.model,
+        (HAND, "inertias"),
+    ),
     "floating base": lambda data: (data, dd.load_urdf(PANDA, floating_base=True)),
     r"recordings\[0\] is of robot": lambda data: (data, dd.load_robot("ur5")),
-    "efforts of all joints": lambda data: (recorded(data.model, data.t, data.q, data.qd, None), data.model),
-    "recordings is <generator .* such as lambda": lambda data: (in_pieces(data, 1000)(), data.model),
+    "efforts of all joints": lambda data: (
+        recorded(data.model, data.t, data.q, data.qd, None),
+        data.model,
+    ),
+    "recordings is <generator .* such as lambda": lambda data: (
+        in_pieces(data, 1000)(),
+        data.model,
+    ),
     r"a piece of recordings\[0\] is 'my_bag'": lambda data: (lambda: ["my_bag"], data.model),
 }
 
@@ -274,8 +347,12 @@ def eventful(panda):
     columns = [q, qd, efforts(oracle, q, qd, qdd) + friction(qd)]
     fine = np.arange(0.0, 44.9, 1e-3)
     rng = np.random.default_rng(31)
-    q, qd, tau = (np.column_stack([np.interp(fine, t, one) for one in column.T]) for column in columns)
-    qd = np.column_stack([np.interp(fine - 0.012, fine, one) for one in qd.T]) + 1e-2 * rng.normal(size=qd.shape)
+    q, qd, tau = (
+        np.column_stack([np.interp(fine, t, one) for one in column.T]) for column in columns
+    )
+    qd = np.column_stack([np.interp(fine - 0.012, fine, one) for one in qd.T]) + 1e-2 * rng.normal(
+        size=qd.shape
+    )
     tau = tau + NOISE * rng.normal(size=qd.shape)
     qd[7000], tau[9000:9003] = 25.0, np.nan
     fine[500] = fine[499]
@@ -294,7 +371,13 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
     texts = " ".join(whole.quality["findings"])
     assert all(
         cause in texts
-        for cause in ("too fast", "incomplete state", "repeated time stamp", "restart of time", "scattered")
+        for cause in (
+            "too fast",
+            "incomplete state",
+            "repeated time stamp",
+            "restart of time",
+            "scattered",
+        )
     )
     assert whole.quality["velocity_delay"][0] == pytest.approx(0.012, abs=1e-3)
     assert residual(whole.model, model, oracle)[0] < 0.1
@@ -307,7 +390,9 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
     assert thinned.parameters.origin["recordings"] == whole.parameters.origin["recordings"]
     assert thinned.quality["velocity_delay"][0] == pytest.approx(0.012, abs=1e-3)
     for name in ("damping", "friction", "effort_offset"):
-        np.testing.assert_allclose(getattr(thinned.model, name), getattr(whole.model, name), atol=0.03)
+        np.testing.assert_allclose(
+            getattr(thinned.model, name), getattr(whole.model, name), atol=0.03
+        )
 
 
 def test_held_out_part_of_delayed_velocities(panda):
@@ -333,5 +418,7 @@ def test_a_file_gives_the_same_model(panda, noisy, tmp_path):
         np.testing.assert_array_equal(getattr(again, name), getattr(found.model, name))
     np.testing.assert_array_equal(again.bodies, found.model.bodies)
     origin = dd.Parameters.load(tmp_path / "arm.yaml").origin
-    assert origin["method"].endswith("friction, inertias") and origin["recordings"][0]["states"] == len(noisy)
+    assert origin["method"].endswith("friction, inertias") and origin["recordings"][0][
+        "states"
+    ] == len(noisy)
     assert set(found.quality["torque_rms"]) == set(model.dof_names)

@@ -48,7 +48,13 @@ def recording(arm, seed, duration=20.0, missing=(), gains=1.0):
     weight = np.abs(efforts(oracle, q, 0.0 * qd, 0.0 * qd))
     coulomb = (TRUTH["friction"] + TRUTH["load_friction"] * weight) * np.tanh(qd / V0)
     root = TRUTH["root_friction"] * qd / np.sqrt(np.maximum(np.abs(qd), V0))
-    tau = efforts(oracle, q, qd, qdd) + TRUTH["damping"] * qd + coulomb + root + TRUTH["effort_offset"]
+    tau = (
+        efforts(oracle, q, qd, qdd)
+        + TRUTH["damping"] * qd
+        + coulomb
+        + root
+        + TRUTH["effort_offset"]
+    )
     tau += TRUTH["armature"] * qdd
     late = np.column_stack([np.interp(t - DELAY, t, column) for column in qd.T])
     noise = rng.normal(size=(3, *q.shape))
@@ -79,7 +85,12 @@ def require_coverage(errors, count, share, largest):
     """Fail unless a share of errors is within 2 σ, and the rms shows that σ is not too large."""
     errors = np.abs(errors)
     within = np.mean(errors < 2.0)
-    assert len(errors) >= count and within >= share and np.median(errors) > 0.2 and errors.max() < largest, (
+    assert (
+        len(errors) >= count
+        and within >= share
+        and np.median(errors) > 0.2
+        and errors.max() < largest
+    ), (
         f"{within:.1%} of {len(errors)} within 2 σ, median {np.median(errors):.2f}, largest {errors.max():.1f}"
     )
 
@@ -87,7 +98,10 @@ def require_coverage(errors, count, share, largest):
 @SEEDS
 def test_intervals_contain_the_parameters(arm, seeds):
     """Load and root friction, late velocities, no efforts of the last joint. Joints without a rejected step."""
-    found = [dd.identify(recording(arm, seed, missing=[5]), arm[0], ("friction", "rotors", "gears")) for seed in seeds]
+    found = [
+        dd.identify(recording(arm, seed, missing=[5]), arm[0], ("friction", "rotors", "gears"))
+        for seed in seeds
+    ]
     own = []
     for one in found:
         require_hidden(one.quality["base_parameters"])  # beside an unknown rotor of that joint
@@ -119,13 +133,17 @@ FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 
 
 @pytest.mark.parametrize(
-    ("path", "locked", "rank"), [("ur_description/urdf/ur5_robot.urdf", {}, 36), (PANDA, FINGERS, 43)]
+    ("path", "locked", "rank"),
+    [("ur_description/urdf/ur5_robot.urdf", {}, 36), (PANDA, FINGERS, 43)],
 )
 def test_base_parameters_are_those_of_pinocchios_regressor(path, locked, rank):
     """As many as its rank at random states; with the columns of their first symbols they give its torques."""
     text, rng = robot(path).urdf, np.random.default_rng(1)
     model = dd.load_urdf(text, locked_joints=locked)
-    oracle, layout = Oracle(text, model.dof_names, locked_joints=locked), Layout(model, Regressors(model))
+    oracle, layout = (
+        Oracle(text, model.dof_names, locked_joints=locked),
+        Layout(model, Regressors(model)),
+    )
     base, rows, torques = BaseParameters(layout), [], []
     for q, qd, qdd in rng.uniform(-2.0, 2.0, (40, 3, model.nv)):
         state = oracle.configuration(q), oracle.to_pin(qd), oracle.to_pin(qdd)
@@ -140,7 +158,9 @@ def test_base_parameters_are_those_of_pinocchios_regressor(path, locked, rank):
         assert f"({model.link_names[body['link']]})" in name.split()[0]
         joint = oracle.model.getJointId(model.dof_names[body["dof"]])
         columns.append(10 * (joint - 1) + kept % 10)
-    np.testing.assert_allclose(Y[:, columns] @ (base.matrix @ layout.known[: layout.robot]), tau, atol=1e-11)
+    np.testing.assert_allclose(
+        Y[:, columns] @ (base.matrix @ layout.known[: layout.robot]), tau, atol=1e-11
+    )
 
 
 def test_a_motion_that_excites_a_part_of_the_base_parameters(arm):
@@ -156,11 +176,17 @@ def test_a_motion_that_excites_a_part_of_the_base_parameters(arm):
     require_hidden(described)
     assert described["singular_values"][-1] < 1e-4 and 1.0 < described["condition"] < 1e4
     curves = found.curves
-    for k, error in enumerate((curves.error_before, curves.error_after)):  # of so few states, none is left out
+    for k, error in enumerate(
+        (curves.error_before, curves.error_after)
+    ):  # of so few states, none is left out
         rms = [pair[k] for pair in found.quality["torque_rms"].values()]
         np.testing.assert_allclose(np.sqrt(np.nanmean(error**2, axis=0)), rms, rtol=1e-9)
-        np.testing.assert_allclose(curves.measured - (curves.before, curves.after)[k], error, atol=1e-9)
-    assert np.nanmax(np.abs(curves.measured[:, 1])) == pytest.approx(np.abs(tau[:, 1]).max(), rel=0.02)
+        np.testing.assert_allclose(
+            curves.measured - (curves.before, curves.after)[k], error, atol=1e-9
+        )
+    assert np.nanmax(np.abs(curves.measured[:, 1])) == pytest.approx(
+        np.abs(tau[:, 1]).max(), rel=0.02
+    )
     whole = dd.identify(recording(arm, 0, 8.0), model, "friction").quality["base_parameters"]
     assert all(one["from_data"] for one in whole["parameters"])
 

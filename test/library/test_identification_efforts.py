@@ -31,22 +31,54 @@ def noise(tau, size, seed=5):
 
 
 CAUSES = {
-    "mN m": (DOWN, lambda tau: 1000.0 * tau, r"another unit: they are [\d.e+]+ times .* as in mN m"),
-    "motor current": (DOWN, lambda tau: -640.0 * tau, r"another unit and the opposite sign: they are -6\d\d times"),
+    "mN m": (
+        DOWN,
+        lambda tau: 1000.0 * tau,
+        r"another unit: they are [\d.e+]+ times .* as in mN m",
+    ),
+    "motor current": (
+        DOWN,
+        lambda tau: -640.0 * tau,
+        r"another unit and the opposite sign: they are -6\d\d times",
+    ),
     "kgf cm": (DOWN, lambda tau: 10.2 * tau, r"another unit: they are 10.* as in kgf cm"),
-    "each joint's own unit": (DOWN, lambda tau: tau * [900.0, 400.0, 30.0], r"is (9|4)\d\d ± .* Check unit"),
-    "sign of all": (DOWN, lambda tau: -tau, r"all joints seem to have the opposite sign \(effort_scale: '\*=-1'\)"),
-    "sign of one": (DOWN, lambda tau: tau * [1.0, 1.0, -1.0], r"joint 'elbow' has the opposite sign: .*'elbow=-1'\)"),
+    "each joint's own unit": (
+        DOWN,
+        lambda tau: tau * [900.0, 400.0, 30.0],
+        r"is (9|4)\d\d ± .* Check unit",
+    ),
+    "sign of all": (
+        DOWN,
+        lambda tau: -tau,
+        r"all joints seem to have the opposite sign \(effort_scale: '\*=-1'\)",
+    ),
+    "sign of one": (
+        DOWN,
+        lambda tau: tau * [1.0, 1.0, -1.0],
+        r"joint 'elbow' has the opposite sign: .*'elbow=-1'\)",
+    ),
     "no relation": (DOWN, lambda tau: noise(tau, 1.0), "does not follow the motion"),
     "exchanged": (DOWN, lambda tau: tau[:, [0, 2, 1]], "lift and elbow seem to be exchanged"),
-    "order": (DOWN, lambda tau: tau[:, [1, 2, 0]], "another order: those of pan, lift, elbow .* elbow, pan, lift"),
+    "order": (
+        DOWN,
+        lambda tau: tau[:, [1, 2, 0]],
+        "another order: those of pan, lift, elbow .* elbow, pan, lift",
+    ),
     "no gravity": (
         (0.0, 0.0, 0.0),
         lambda tau: tau,
         r"gravity seems to be missing in the efforts \(effort_includes_gravity",
     ),
-    "ceiling": (UP, lambda tau: tau, r"gravity seems to point along .*1(79|80)° from .* on a ceiling"),
-    "wall": ((9.81, 0.0, 0.0), lambda tau: tau, r"gravity .* along \[(9|10)[\d.]*, .*(8[5-9]|9[0-5])° .* on a wall"),
+    "ceiling": (
+        UP,
+        lambda tau: tau,
+        r"gravity seems to point along .*1(79|80)° from .* on a ceiling",
+    ),
+    "wall": (
+        (9.81, 0.0, 0.0),
+        lambda tau: tau,
+        r"gravity .* along \[(9|10)[\d.]*, .*(8[5-9]|9[0-5])° .* on a wall",
+    ),
     "slope": ((0.0, -6.94, -6.94), lambda tau: tau, r"gravity seems to point along .* on a slope"),
 }
 
@@ -94,13 +126,17 @@ def test_slow_motion_does_not_tell_the_other_sign_from_a_ceiling(arm):
     t, q, qd, _ = motion()
     tau = 1e-3 * np.sin(t)[:, None] - dd.DiagonalDynamics(arm).gravity_torque_batch(q)
     with pytest.raises(
-        dd.InputError, match=r"opposite sign.* or gravity points the other way, as for a robot on a ceiling"
+        dd.InputError,
+        match=r"opposite sign.* or gravity points the other way, as for a robot on a ceiling",
     ):
         dd.identify(recording(10.0 * t, q, qd / 10.0, tau), arm, "friction")
 
 
 FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
-ARMS = {"ur5": ("ur_description/urdf/ur5_robot.urdf", {}), "panda": ("panda_description/urdf/panda.urdf", FINGERS)}
+ARMS = {
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", {}),
+    "panda": ("panda_description/urdf/panda.urdf", FINGERS),
+}
 
 
 @functools.cache
@@ -110,7 +146,9 @@ def large_arm(name):
     text = re.sub("<dynamics[^>]*>", "", robot(name).urdf)
     model = dd.load_urdf(text, locked_joints=locked)
     t = np.arange(0.0, 20.0, 0.02)
-    q, qd, qdd = fourier(np.random.default_rng(7), t, np.maximum(model.lower, -2.5), np.minimum(model.upper, 2.5))
+    q, qd, qdd = fourier(
+        np.random.default_rng(7), t, np.maximum(model.lower, -2.5), np.minimum(model.upper, 2.5)
+    )
     tau = efforts(Oracle(text, model.dof_names, locked_joints=locked), q, qd, qdd)
     largest = abs(tau).max(axis=0)
     tau = tau + 0.1 * largest * np.tanh(qd / 5e-3) + noise(tau, 0.01)
@@ -122,12 +160,16 @@ LIGHT_JOINTS = {
     "sign of the last": ({-1: -1.0}, r"joint '{-1}' has the opposite sign: .*'{-1}=-1'\)"),
     "unit of the last": ({-1: 10.0}, r"joint '{-1}' is (9\.\d+|10) ± .* Check unit"),
     "unit of wrist 2": ({-2: 0.01}, r"joint '{-2}' is 0\.0(10?|09\d*) ± .* Check unit"),
-    "signs and unit": ({-3: -1.0, -2: -1.0, -1: 10.0}, r"'{-3}=-1'\); .*'{-2}=-1'\); .* '{-1}' is "),
+    "signs and unit": (
+        {-3: -1.0, -2: -1.0, -1: 10.0},
+        r"'{-3}=-1'\); .*'{-2}=-1'\); .* '{-1}' is ",
+    ),
 }
 
 
 @pytest.mark.parametrize(
-    ("name", "case"), [*(("ur5", case) for case in LIGHT_JOINTS), ("panda", "right"), ("panda", "signs and unit")]
+    ("name", "case"),
+    [*(("ur5", case) for case in LIGHT_JOINTS), ("panda", "right"), ("panda", "signs and unit")],
 )
 def test_light_joints_are_judged_by_their_own_errors(name, case):
     """What a model may miss at a large joint hides no sign and no unit of a wrist; parameters are found all the same."""
@@ -138,7 +180,9 @@ def test_light_joints_are_judged_by_their_own_errors(name, case):
         scale[k] = factor
     found = dd.identify(recorded(model, t, q, qd, scale * tau), model, "friction")
     said = " ".join(text for text in found.quality["findings"] if "effort doubtful" in text)
-    assert found.quality["taken"] == ["friction"] and found.quality["efforts_judged"] == (key is None)
+    assert found.quality["taken"] == ["friction"] and found.quality["efforts_judged"] == (
+        key is None
+    )
     for k in factors:
         key = key.replace(f"{{{k}}}", model.dof_names[k])
     assert re.search(key, said) if key else not said
@@ -148,7 +192,9 @@ def test_a_small_factor_of_a_lighter_joint_may_be_the_models_fault(arm):
     """Of a joint with less than half the torque of another one; another sign of it is no fault of the model."""
     t, q, qd, tau = motion(seed=4)
     found = dd.identify(recording(t, q, qd, tau * [1.0, 1.0, 0.01]), arm, "friction")
-    assert any("effort doubtful: the effort of joint 'elbow'" in text for text in found.quality["findings"])
+    assert any(
+        "effort doubtful: the effort of joint 'elbow'" in text for text in found.quality["findings"]
+    )
     with pytest.raises(dd.InputError, match="joint 'elbow' has the opposite sign"):
         dd.identify(recording(t, q, qd, tau * [1.0, 1.0, -1.0]), arm, "friction")
 
@@ -172,7 +218,12 @@ def axes_alone(kind):
 @pytest.mark.parametrize("kind", AXES)
 @pytest.mark.parametrize(
     ("factor", "key"),
-    [(1.0, None), (-1.0, "has the opposite sign"), (1000.0, r"is 1e\+03 .* Check unit"), (0.0, "does not follow")],
+    [
+        (1.0, None),
+        (-1.0, "has the opposite sign"),
+        (1000.0, r"is 1e\+03 .* Check unit"),
+        (0.0, "does not follow"),
+    ],
 )
 def test_axes_whose_gravity_does_not_change(kind, factor, key):
     """Inertia tells unit and sign, though a rotor may be part of it; efforts in closed form: mass or inertia times q̈."""
@@ -180,7 +231,10 @@ def test_axes_whose_gravity_does_not_change(kind, factor, key):
     count, weight = model.nv, (0.0, 0.0, 9.81 * MASSES[2])[: model.nv]
     carried = np.cumsum(MASSES[::-1])[::-1] if kind == "prismatic" else np.array([0.2])
     q, qd = q[:, :count], qd[:, :count]
-    efforts = factor * (carried * np.gradient(qd, t, axis=0) + weight) + (factor == 0.0) * noise(tau, 1.0)[:, :count]
+    efforts = (
+        factor * (carried * np.gradient(qd, t, axis=0) + weight)
+        + (factor == 0.0) * noise(tau, 1.0)[:, :count]
+    )
     data = recorded(model, t, q, qd, efforts)
     if key is None:
         assert dd.identify(data, model, "friction").quality["efforts_judged"]
@@ -193,7 +247,9 @@ def commanded(tmp_path, capsys, command, columns, *options):
     """Run a command on a table; return its status and what it said."""
     urdf = tmp_path / "desk.urdf"
     urdf.write_text(URDF)
-    status = main([command, str(write_table(tmp_path / "log.csv", *columns)), "--urdf", str(urdf), *options])
+    status = main(
+        [command, str(write_table(tmp_path / "log.csv", *columns)), "--urdf", str(urdf), *options]
+    )
     return status, " ".join("".join(capsys.readouterr()).split())
 
 
@@ -204,7 +260,10 @@ UNMEASURED = {
         lambda tau: tau * [1.0, 0.0, 0.0] + [0.0, 1.5, 2.5],
         "efforts of lift, elbow are constant throughout",
     ),
-    "one constant": (lambda tau: tau * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.5], "efforts of elbow are 1.5 throughout"),
+    "one constant": (
+        lambda tau: tau * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.5],
+        "efforts of elbow are 1.5 throughout",
+    ),
 }
 
 
@@ -220,13 +279,23 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
         ("calibrate", 1 if "constant" in case else 2, *alarms),
     ):
         status, said = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)), *options)
-        assert status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
+        assert (
+            status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
+        )
 
 
 FAULTS = {
-    "raw units of each joint": (lambda t, q, qd, tau: (t, q, qd, tau * [900.0, 400.0, 30.0]), "--what gains,friction"),
+    "raw units of each joint": (
+        lambda t, q, qd, tau: (t, q, qd, tau * [900.0, 400.0, 30.0]),
+        "--what gains,friction",
+    ),
     "implausible": (
-        lambda t, q, qd, tau: (t, q, qd, np.where((np.arange(len(t))[:, None] - [0, 1, 2]) % 3, 1e7, 1.0) * tau),
+        lambda t, q, qd, tau: (
+            t,
+            q,
+            qd,
+            np.where((np.arange(len(t))[:, None] - [0, 1, 2]) % 3, 1e7, 1.0) * tau,
+        ),
         "no plausible efforts of pan, lift, elbow: those",
     ),
     "one implausible": (
@@ -234,8 +303,14 @@ FAULTS = {
         "efforts of lift are missing or implausible throughout",
     ),
     "raw units": (lambda t, q, qd, tau: (t, q, qd, 20.0 * tau), "--what gains,friction"),
-    "velocities in degrees": (lambda t, q, qd, tau: (t, q, qd * [1.0, 1.0, 20.0], tau), "joint 'elbow'"),
-    "velocities of half the rate": (lambda t, q, qd, tau: (t, q, qd * [1.0, 0.5, 1.0], tau), "joint 'lift'"),
+    "velocities in degrees": (
+        lambda t, q, qd, tau: (t, q, qd * [1.0, 1.0, 20.0], tau),
+        "joint 'elbow'",
+    ),
+    "velocities of half the rate": (
+        lambda t, q, qd, tau: (t, q, qd * [1.0, 0.5, 1.0], tau),
+        "joint 'lift'",
+    ),
     "no run without a gap": (lambda *columns: [one[:8] for one in columns], "no run of 10 states"),
 }
 
@@ -259,14 +334,19 @@ def test_findings_of_several_recordings(tmp_path, capsys):
     for tables, owner in ((paths, f"'{paths[1]}': "), (2 * paths[1:], "")):
         assert main(["identify", *tables, *options]) == 0
         said = capsys.readouterr().out
-        assert said.count("effort unknown") == 1 and f"\n  {owner}effort unknown: efforts of elbow" in said
+        assert (
+            said.count("effort unknown") == 1
+            and f"\n  {owner}effort unknown: efforts of elbow" in said
+        )
         assert "friction" in said and "effort scale" not in said
 
 
 def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     t, q, qd, tau = motion()
     columns = t, 0.0 * q + 0.3, 0.0 * qd, 0.1 + noise(tau, 0.01)
-    status, said = commanded(tmp_path, capsys, "calibrate", columns, "-o", str(tmp_path / "alarms.yaml"))
+    status, said = commanded(
+        tmp_path, capsys, "calibrate", columns, "-o", str(tmp_path / "alarms.yaml")
+    )
     assert status == 1 and "no joint moves: the thresholds hold for a robot at rest" in said
 
 
@@ -277,18 +357,24 @@ def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
     assert (
-        status == 1 and "no power balance, because efforts exceed the plausibility limits (plausibility.effort)" in said
+        status == 1
+        and "no power balance, because efforts exceed the plausibility limits (plausibility.effort)"
+        in said
     )
 
 
 def nothing_seen(tau, qd):
     """Noise hides a torque of any unit."""
-    return 0.7 * noise(tau, 15.0) / 15.0 / tau.std(axis=0) + 0.5 * np.tanh(qd / 5e-3) + [0.2, 0.1, 0.3]
+    return (
+        0.7 * noise(tau, 15.0) / 15.0 / tau.std(axis=0) + 0.5 * np.tanh(qd / 5e-3) + [0.2, 0.1, 0.3]
+    )
 
 
 def nothing_explained(tau, qd):
     """Friction several times the torque hides that efforts are in another order; the balance still shows a fault."""
-    return (tau + 3.0 * tau.std(axis=0).max() * (np.tanh(qd / 5e-3) + qd))[:, [1, 0, 2]] + noise(tau, 0.01)
+    return (tau + 3.0 * tau.std(axis=0).max() * (np.tanh(qd / 5e-3) + qd))[:, [1, 0, 2]] + noise(
+        tau, 0.01
+    )
 
 
 @pytest.mark.parametrize(
@@ -301,6 +387,10 @@ def nothing_explained(tau, qd):
 def test_results_of_exit_status_1(tmp_path, capsys, changed, key):
     t, q, qd, tau = motion()
     columns, out = (t, q, qd, changed(tau, qd)), tmp_path / "quality.json"
-    status, said = commanded(tmp_path, capsys, "identify", columns, "--what", "friction", "--json", str(out))
+    status, said = commanded(
+        tmp_path, capsys, "identify", columns, "--what", "friction", "--json", str(out)
+    )
     quality = json.loads(out.read_text())
-    assert status == 1 and quality["taken"] and not quality["efforts_judged"] and re.search(key, said)
+    assert (
+        status == 1 and quality["taken"] and not quality["efforts_judged"] and re.search(key, said)
+    )

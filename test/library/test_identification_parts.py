@@ -37,8 +37,12 @@ def test_parameters_are_pinocchios():
         ours = inertias.of_body(body.mass, body.lever, body.inertia)
         np.testing.assert_allclose(ours, body.toDynamicParameters(), atol=1e-12)
         placed = M.act(body).toDynamicParameters()
-        np.testing.assert_allclose(inertias.moved(ours, M.homogeneous), placed, rtol=1e-11, atol=1e-11)
-        for found, truth in zip(inertias.about_centre(ours), (body.mass, body.lever, body.inertia), strict=True):
+        np.testing.assert_allclose(
+            inertias.moved(ours, M.homogeneous), placed, rtol=1e-11, atol=1e-11
+        )
+        for found, truth in zip(
+            inertias.about_centre(ours), (body.mass, body.lever, body.inertia), strict=True
+        ):
             np.testing.assert_allclose(found, truth, atol=1e-10)
 
 
@@ -74,15 +78,21 @@ def choose_inertias(model, oracle, rng):
     for body, record in enumerate(model.bodies[1:]):
         if record["rank"] == record["dofs"] - 1:  # others have no inertia
             link = model.link_names[record["link"]]
-            joint = oracle.model.frames[oracle.model.getFrameId(link, pin.FrameType.BODY)].parentJoint
-            inertia = pin.Inertia(rng.uniform(0.1, 5.0), rng.normal(size=3), pin.Inertia.Random().inertia)
+            joint = oracle.model.frames[
+                oracle.model.getFrameId(link, pin.FrameType.BODY)
+            ].parentJoint
+            inertia = pin.Inertia(
+                rng.uniform(0.1, 5.0), rng.normal(size=3), pin.Inertia.Random().inertia
+            )
             oracle.model.inertias[joint] = inertia
             x[body] = pin.SE3(model.placement_in_body(link)[1]).act(inertia).toDynamicParameters()
     return x.ravel()
 
 
 @pytest.mark.parametrize(
-    "one", [(PANDA, "embed"), *((one, "free") for one in some_of(ROBOTS, 2))], ids=lambda one: f"{one[0].id}-{one[1]}"
+    "one",
+    [(PANDA, "embed"), *((one, "free") for one in some_of(ROBOTS, 2))],
+    ids=lambda one: f"{one[0].id}-{one[1]}",
 )
 def test_rows_are_pinocchios(one):
     """Y_p and Y_g − Y_∂ times parameters are M q̇ and g − Cᵀq̇; joints of an embedded mimic joint G are Gᵀ times these."""
@@ -93,20 +103,36 @@ def test_rows_are_pinocchios(one):
     if free.nv > model.nv:
         leaders = [model.mimics.get(name, (name, 1.0, 0.0)) for name in free.dof_names]
         start = np.array([offset for _, _, offset in leaders])
-        G = np.array([[factor * (name == leader) for name in model.dof_names] for leader, factor, _ in leaders])
+        G = np.array(
+            [
+                [factor * (name == leader) for name in model.dof_names]
+                for leader, factor, _ in leaders
+            ]
+        )
     regressors = Regressors(model, range(1, len(model.bodies)))
     for _ in range(3):
         x = np.append(choose_inertias(model, oracle, rng), np.zeros(6 * model.nv))
         q, qd = model.random(rng), rng.normal(size=model.nv)
         q_free = q if len(G) == model.nv else G @ q + start
-        state, v, none = oracle.configuration(q_free), oracle.to_pin(G @ qd), np.zeros(oracle.model.nv)
+        state, v, none = (
+            oracle.configuration(q_free),
+            oracle.to_pin(G @ qd),
+            np.zeros(oracle.model.nv),
+        )
         gravity = pin.rnea(oracle.model, oracle.data, state, none, none).copy()
         momentum = pin.rnea(oracle.model, oracle.data, state, none, v) - gravity
-        bias = gravity - pin.computeCoriolisMatrix(oracle.model, oracle.model.createData(), state, v).T @ v
-        for rows, expected in zip(regressors.evaluate(q[None], qd[None]), (momentum, bias), strict=True):
+        bias = (
+            gravity
+            - pin.computeCoriolisMatrix(oracle.model, oracle.model.createData(), state, v).T @ v
+        )
+        for rows, expected in zip(
+            regressors.evaluate(q[None], qd[None]), (momentum, bias), strict=True
+        ):
             pairs = zip(regressors.rows, regressors.columns, strict=True)
             found = np.array([rows[0, part][:-1] @ x[columns] for part, columns in pairs])
-            limit = 1e-12 * (1.0 + np.abs(momentum).max() + np.abs(gravity).max() + np.abs(bias).max())
+            limit = 1e-12 * (
+                1.0 + np.abs(momentum).max() + np.abs(gravity).max() + np.abs(bias).max()
+            )
             np.testing.assert_allclose(found, G.T @ oracle.from_pin(expected), rtol=0, atol=limit)
 
 
@@ -115,7 +141,9 @@ def test_filtered_rows_hold_for_the_true_parameters():
 
     The stamps are irregular; rotors and friction are included.
     """
-    model = dd.load_urdf(PANDA.urdf, mimic="free", armature=0.2, parameters={"friction_velocity": 0.5})
+    model = dd.load_urdf(
+        PANDA.urdf, mimic="free", armature=0.2, parameters={"friction_velocity": 0.5}
+    )
     oracle = Oracle(PANDA.urdf, model.dof_names)
     errors = []
     for interval in (4e-3, 1e-3):
@@ -124,13 +152,21 @@ def test_filtered_rows_hold_for_the_true_parameters():
         w, phase = rng.uniform(2.0, 4.0, model.nv), rng.uniform(0.0, 6.0, model.nv)
         mean = np.where(np.isfinite(model.lower), 0.5 * (model.lower + model.upper), 0.0)
         angles = t[:, None] * w + phase
-        q, qd, qdd = mean + 0.3 * np.sin(angles), 0.3 * w * np.cos(angles), -0.3 * w**2 * np.sin(angles)
+        q, qd, qdd = (
+            mean + 0.3 * np.sin(angles),
+            0.3 * w * np.cos(angles),
+            -0.3 * w**2 * np.sin(angles),
+        )
         tau = efforts(oracle, q, qd, qdd) + 0.2 * qdd + 0.7 * qd + 0.4 * np.tanh(qd / 0.5) - 0.1
         regressors = Regressors(model)
         sums = regressors.sum_segment(t, q, qd, tau)
         known = [inertias.parameters_of_record(model.bodies[body]) for body in regressors.bodies]
         x = np.concatenate([*known, np.tile([0.7, 0.4, -0.1, 0.2, 0.0, 0.0], model.nv)])
-        errors.append(np.sqrt(regressors.residual_squares(sums, x) / regressors.residual_squares(sums, 0.0 * x)).max())
+        errors.append(
+            np.sqrt(
+                regressors.residual_squares(sums, x) / regressors.residual_squares(sums, 0.0 * x)
+            ).max()
+        )
     assert errors[0] < 1e-3
     assert errors[1] < errors[0] / 8.0
 
@@ -140,7 +176,10 @@ def test_rows_of_unknown_efforts_say_nothing():
     model, rng = dd.load_urdf(PANDA.urdf, mimic="free"), np.random.default_rng(0)
     t, (q, qd, tau) = 0.01 * np.arange(200), rng.normal(size=(3, 200, model.nv))
     known, regressors = np.arange(model.nv) != 3, Regressors(model)
-    whole, part = regressors.sum_segment(t, q, qd, tau), regressors.sum_segment(t, q, qd, tau, known)
+    whole, part = (
+        regressors.sum_segment(t, q, qd, tau),
+        regressors.sum_segment(t, q, qd, tau, known),
+    )
     assert whole[3].any() and not part[3].any()
     for k in np.flatnonzero(known):
         np.testing.assert_array_equal(part[k], whole[k])

@@ -23,7 +23,9 @@ from motions import fourier
 from robots import robot_path, without_hand
 
 RECORDINGS = Path(
-    os.environ.get("DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings")
+    os.environ.get(
+        "DIAG_DYNAMICS_RECORDINGS", Path(__file__).parents[2].parent / "shared" / "recordings"
+    )
 )
 FULL = pytest.mark.full
 HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
@@ -61,7 +63,9 @@ def measured(tmp_path_factory):
 def panda(measured):
     text = without_hand(Path(find_urdf("panda")).read_text(encoding="utf-8"))
     model = dd.load_urdf(text, locked_joints=HELD)
-    return model, lambda start, end: dd.read_recording(measured, model, COLUMNS, start=start, end=end)
+    return model, lambda start, end: dd.read_recording(
+        measured, model, COLUMNS, start=start, end=end
+    )
 
 
 def torque_error(model, recording):
@@ -86,7 +90,11 @@ def torque_error(model, recording):
 def without_friction(model):
     names = model.dof_names
     return model.with_parameters(
-        {"joints": {name: {"damping": 0.0, "friction": 0.0, "effort_offset": 0.0} for name in names}}
+        {
+            "joints": {
+                name: {"damping": 0.0, "friction": 0.0, "effort_offset": 0.0} for name in names
+            }
+        }
     )
 
 
@@ -100,7 +108,10 @@ def test_second_half_by_the_first(request, arm, middle, urdf, friction, inertias
     model, read = request.getfixturevalue(arm)
     first, second = read(None, middle), read(middle, None)
     assert urdf[0] < torque_error(without_friction(model), second) < urdf[1]
-    for options, taken, limit in (((("friction", "rotors"),), {"friction"}, friction), ((), {"inertias"}, inertias)):
+    for options, taken, limit in (
+        ((("friction", "rotors"),), {"friction"}, friction),
+        ((), {"inertias"}, inertias),
+    ):
         found = dd.identify(first, model, *options)
         assert (
             taken <= set(found.quality["taken"]) and "rotors" not in found.quality["taken"]
@@ -115,10 +126,18 @@ def test_the_wrist_whose_torque_goes_with_its_posture(kuka):
     model, read = kuka
     found = dd.identify(read(None, None), model, ("friction", "inertias"))
     assert list(found.quality["kept"]["friction"]) == ["lwr_6_joint"]
-    assert found.parameters.joints["lwr_6_joint"] == dd.JointParameters(armature=0.0)  # sensors feel no rotor
+    assert found.parameters.joints["lwr_6_joint"] == dd.JointParameters(
+        armature=0.0
+    )  # sensors feel no rotor
     before, after = np.transpose(list(found.quality["torque_rms"].values()))
     assert (after <= 1.1 * before).all() and after.mean() < 0.29
-    assert sum("friction of lwr_6_joint: the model's values are kept" in one for one in found.quality["warnings"]) == 1
+    assert (
+        sum(
+            "friction of lwr_6_joint: the model's values are kept" in one
+            for one in found.quality["warnings"]
+        )
+        == 1
+    )
 
 
 @FULL
@@ -140,7 +159,9 @@ def test_the_hand_that_the_panda_lacks(measured):
 
 
 @FULL
-@pytest.mark.parametrize("hand", [False, True], ids=["without the hand", "with a hand that is not mounted"])
+@pytest.mark.parametrize(
+    "hand", [False, True], ids=["without the hand", "with a hand that is not mounted"]
+)
 def test_balance_of_the_panda(tmp_path, hand):
     """The model without the hand explains what it should; with the hand, a payload is missing."""
     path, urdf, out = path_of("panda"), tmp_path / "panda.urdf", tmp_path / "summary.json"
@@ -148,7 +169,10 @@ def test_balance_of_the_panda(tmp_path, hand):
     urdf.write_text(text if hand else without_hand(text), encoding="utf-8")
     locked = f"locked_joints={[f'{name}={position}' for name, position in HELD.items()]}"
     options = ["--set", locked, "mimic=free", "--quiet", "--json", str(out)]
-    status, summary = main(["analyse", str(path), "--urdf", str(urdf), *options]), json.loads(out.read_text())
+    status, summary = (
+        main(["analyse", str(path), "--urdf", str(urdf), *options]),
+        json.loads(out.read_text()),
+    )
     assert summary["states"] == 20544 and status == hand
     assert summary["explained"] == pytest.approx(0.29 if hand else 0.95, abs=0.02)
     assert ("payload" in summary["balance"]["says"]) == hand
@@ -164,7 +188,10 @@ def test_balance_of_the_kuka(tmp_path):
     urdf = str(path.with_name("kuka_lwr4.urdf"))
     main(["analyse", str(path), "--urdf", urdf, "--quiet", "--json", str(out)])
     summary = json.loads(out.read_text())
-    assert summary["states"] == 5027 and summary["explained"] < 0.0 < 0.95 < summary["explained_with_potential"]
+    assert (
+        summary["states"] == 5027
+        and summary["explained"] < 0.0 < 0.95 < summary["explained_with_potential"]
+    )
     with np.load(path) as arrays:  # not what was commanded
         np.testing.assert_array_equal(dd.read_recording(path, urdf).q, arrays["positions"])
 
@@ -183,7 +210,10 @@ def arm():
 
 
 def table(path, names, t, *columns):
-    header = ["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau")[: len(columns)] for name in names)]
+    header = [
+        "t",
+        *(f"{kind}_{name}" for kind in ("q", "qd", "tau")[: len(columns)] for name in names),
+    ]
     values = np.column_stack([t, *columns])
     np.savetxt(path, values, delimiter=",", comments="", fmt="%.17g", header=",".join(header))
     return path
@@ -204,9 +234,14 @@ def units(data):
 def test_commands_name_degrees_and_how_to_read_them(arm, command, which, scale, tmp_path, capsys):
     """With the column map that they name the recording is read, in radians."""
     model, t, q, qd, tau = arm
-    in_degrees = q * (DEGREES if "position" in scale else 1.0), qd * (DEGREES if "velocity" in scale else 1.0)
+    in_degrees = (
+        q * (DEGREES if "position" in scale else 1.0),
+        qd * (DEGREES if "velocity" in scale else 1.0),
+    )
     path = table(tmp_path / "degrees.csv", model.dof_names, t, *in_degrees, tau)
-    options = ["--gain", "25", "-o", str(tmp_path / "alarms.yaml")] if command == "calibrate" else []
+    options = (
+        ["--gain", "25", "-o", str(tmp_path / "alarms.yaml")] if command == "calibrate" else []
+    )
     assert main([command, str(path), "--urdf", str(UR5), *options]) != 0
     printed = " ".join("".join(capsys.readouterr()).split())
     assert f"{which} seem to be in degrees" in printed
@@ -226,7 +261,12 @@ def test_commands_name_degrees_and_how_to_read_them(arm, command, which, scale, 
         (slice(50, None), None, 150.0, 950),
         (slice(100, 300), "deg", None, 200),
     ],
-    ids=["one number in every field", "implausible numbers", "one number as velocity", "some rows in degrees"],
+    ids=[
+        "one number in every field",
+        "implausible numbers",
+        "one number as velocity",
+        "some rows in degrees",
+    ],
 )
 def test_garbage_is_not_taken_for_degrees(arm, rows, position, velocity, rejected, tmp_path):
     model, t, q, qd, tau = arm

@@ -18,7 +18,10 @@ from robots import robot
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 UR5 = robot("ur_description/urdf/ur5_robot.urdf").urdf
-DAMPING, FRICTION = np.array([3.0, 3.0, 2.0, 0.5, 0.5, 0.3]), np.array([4.0, 5.0, 3.0, 1.0, 0.8, 0.5])
+DAMPING, FRICTION = (
+    np.array([3.0, 3.0, 2.0, 0.5, 0.5, 0.3]),
+    np.array([4.0, 5.0, 3.0, 1.0, 0.8, 0.5]),
+)
 LADDER = "friction", "rotors", "inertias"
 
 
@@ -42,11 +45,15 @@ def friction(qd, g):
 
 
 @pytest.mark.parametrize("seed", some_of(range(5), 4))
-@pytest.mark.parametrize("resist", [lambda qd, g: 0.0 * qd, friction], ids=["a perfect model", "friction alone"])
+@pytest.mark.parametrize(
+    "resist", [lambda qd, g: 0.0 * qd, friction], ids=["a perfect model", "friction alone"]
+)
 def test_steps_that_do_not_help_are_not_taken(arm, seed, resist):
     """Columns of efforts that are not there are random ones: rotors, inertias, and friction of a robot without any."""
     model, oracle = arm
-    quality = dd.identify(recording(model, oracle, seed, noise=1.0, resist=resist), model, LADDER).quality
+    quality = dd.identify(
+        recording(model, oracle, seed, noise=1.0, resist=resist), model, LADDER
+    ).quality
     assert quality["taken"] == (["friction"] if resist is friction else [])
     assert [rung["taken"] for rung in quality["ladder"]].count(True) == 1 + len(quality["taken"])
 
@@ -54,13 +61,25 @@ def test_steps_that_do_not_help_are_not_taken(arm, seed, resist):
 def test_inertias_that_help_one_joint_of_six_by_files_in_any_order(arm):
     """The wrist loses a fifth of its error, the other five nothing: 3 % of the geometric mean over joints."""
     model, oracle = arm
-    start = model.with_parameters({"links": {"wrist_3_link": {"mass": 0.19, "com": [0.02, 0.0, 0.0]}}})
-    files = [recording(start, oracle, seed, 8.0 + seed, noise=np.array([1.0] * 5 + [0.03])) for seed in range(2)]
+    start = model.with_parameters(
+        {"links": {"wrist_3_link": {"mass": 0.19, "com": [0.02, 0.0, 0.0]}}}
+    )
+    files = [
+        recording(start, oracle, seed, 8.0 + seed, noise=np.array([1.0] * 5 + [0.03]))
+        for seed in range(2)
+    ]
     one, other = (dd.identify(some, start, ("rotors", "inertias")) for some in (files, files[::-1]))
     before, after = (rung["score"] for rung in one.quality["ladder"] if rung["taken"])
-    assert one.quality["taken"] == ["inertias"] and one.parameters.links and 0.02 < 1.0 - after / before < 0.05
+    assert (
+        one.quality["taken"] == ["inertias"]
+        and one.parameters.links
+        and 0.02 < 1.0 - after / before < 0.05
+    )
     pairs = np.array(list(one.quality["row_residual"].values()))
-    assert 0.7 < pairs[5, 1] / pairs[5, 0] < 0.85 and np.abs(pairs[:5, 1] / pairs[:5, 0] - 1.0).max() < 0.05
+    assert (
+        0.7 < pairs[5, 1] / pairs[5, 0] < 0.85
+        and np.abs(pairs[:5, 1] / pairs[:5, 0] - 1.0).max() < 0.05
+    )
     assert other.quality["ladder"] == one.quality["ladder"]
     np.testing.assert_array_equal(other.model.bodies, one.model.bodies)
 
@@ -109,7 +128,9 @@ def test_friction_of_gears(geared):
     for found in results:
         assert found.quality["taken"] == ["friction", "gears"]
         deviations = found.parameters.origin["quality"]["deviations"]
-        assert {"elbow_joint", "shoulder_lift_joint"} <= {name for name in names if "root_friction" in deviations[name]}
+        assert {"elbow_joint", "shoulder_lift_joint"} <= {
+            name for name in names if "root_friction" in deviations[name]
+        }
         without_load = deviations["shoulder_pan_joint"]  # its axis is vertical
         assert "load_friction" not in without_load
         joints = [k for k, name in enumerate(names) if "root_friction" in deviations[name]]
@@ -130,24 +151,37 @@ def worn(arm):
 
 
 def changed(data, **columns):
-    return recorded(data.model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau")))
+    return recorded(
+        data.model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau"))
+    )
 
 
 @pytest.mark.parametrize("kind", ["missing", "constant", "constant in pieces"])
 def test_efforts_of_some_joints_only(worn, kind):
     """Nothing is fitted to an effort that no sensor measured; the others are identified, and the joint is named."""
     tau, model = worn.tau.copy(), worn.model
-    tau[:, 3] = {"missing": np.nan, "constant": 2.5, "constant in pieces": np.where(worn.t < 8.0, 2.5, -1.0)}[kind]
+    tau[:, 3] = {
+        "missing": np.nan,
+        "constant": 2.5,
+        "constant in pieces": np.where(worn.t < 8.0, 2.5, -1.0),
+    }[kind]
     found = dd.identify(changed(worn, tau=tau), model, ("friction", "inertias"))
     quality, others = found.quality, np.array([0, 1, 2, 4, 5])
     assert "friction" in quality["taken"] and model.dof_names[3] not in found.parameters.joints
     np.testing.assert_allclose(found.model.friction[others], FRICTION[others], rtol=0.15)
     assert any("efforts of wrist_1_joint are" in text for text in quality["findings"])
-    assert quality["torque_rms"]["wrist_1_joint"] == [None, None] and quality["explained"] == [None, None]
+    assert quality["torque_rms"]["wrist_1_joint"] == [None, None] and quality["explained"] == [
+        None,
+        None,
+    ]
     assert None not in quality["torque_rms"]["elbow_joint"]
-    masses = [dd.DiagonalDynamics(one).mass_matrix(np.zeros(6))[3, 3] for one in (model, found.model)]
+    masses = [
+        dd.DiagonalDynamics(one).mass_matrix(np.zeros(6))[3, 3] for one in (model, found.model)
+    ]
     assert 0.5 < masses[1] / masses[0] < 1.5
-    with pytest.raises(dd.InputError, match=r"recordings\[0\] has no efforts: efforts of .*elbow_joint"):
+    with pytest.raises(
+        dd.InputError, match=r"recordings\[0\] has no efforts: efforts of .*elbow_joint"
+    ):
         dd.identify(changed(worn, tau=np.tile(np.where(worn.t < 8.0, 1.0, 2.0)[:, None], 6)), model)
 
 
@@ -155,7 +189,9 @@ def test_efforts_that_one_of_two_recordings_lacks(worn):
     """Errors of the joint are those of the recording that has them."""
     tau = worn.tau.copy()
     tau[:, 3] = np.nan
-    both, alone = (dd.identify(one, worn.model, "friction") for one in ([worn, changed(worn, tau=tau)], worn))
+    both, alone = (
+        dd.identify(one, worn.model, "friction") for one in ([worn, changed(worn, tau=tau)], worn)
+    )
     for key in ("torque_rms", "observer_spread", "explained"):
         assert str(both.quality[key]).count("None") == 0
     for key in ("torque_rms", "observer_spread"):
@@ -165,7 +201,9 @@ def test_efforts_that_one_of_two_recordings_lacks(worn):
 
 def late(data, delay):
     t = data.t
-    return changed(data, qd=np.column_stack([np.interp(t - delay, t, column) for column in data.qd.T]))
+    return changed(
+        data, qd=np.column_stack([np.interp(t - delay, t, column) for column in data.qd.T])
+    )
 
 
 @pytest.mark.parametrize("delay", [0.173, -0.06])
@@ -198,21 +236,30 @@ def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
     monkeypatch.setattr(quality, "validate", validate_with_one_quiet_joint)
     warnings = dd.identify(worn, worn.model, "friction").quality["warnings"]
     said = [text for text in warnings if "external torque" in text]
-    assert len(said) == 1 and "external torque of joint 'elbow_joint' increased from 0 to" in said[0]
+    assert (
+        len(said) == 1 and "external torque of joint 'elbow_joint' increased from 0 to" in said[0]
+    )
 
 
 def with_late_efforts(data, delay):
     t = data.t
-    return changed(data, tau=np.column_stack([np.interp(t - delay, t, column) for column in data.tau.T]))
+    return changed(
+        data, tau=np.column_stack([np.interp(t - delay, t, column) for column in data.tau.T])
+    )
 
 
-@pytest.mark.parametrize(("delay", "wrong"), [(0.04, False), (0.17, True), (-0.04, True), (0.0, True)])
+@pytest.mark.parametrize(
+    ("delay", "wrong"), [(0.04, False), (0.17, True), (-0.04, True), (0.0, True)]
+)
 def test_delays_of_efforts_are_removed(worn, delay, wrong):
     """Beside friction, also of a model whose inertias are wrong by up to a third."""
     model = worn.model.perturbed(0.3, 1) if wrong else worn.model
     found = dd.identify(with_late_efforts(worn, delay), model, "friction")
     assert found.quality["effort_delay"] == [pytest.approx(delay, abs=5e-3)]
-    size, late = f"{1e3 * abs(found.quality['effort_delay'][0]):.1f}", "later" if delay > 0.0 else "earlier"
+    size, late = (
+        f"{1e3 * abs(found.quality['effort_delay'][0]):.1f}",
+        "later" if delay > 0.0 else "earlier",
+    )
     text = f"effort delay: efforts are {size} ms {late} than positions; the delay was removed"
     assert (text in found.quality["findings"]) == bool(delay)
     assert wrong or np.abs(found.model.friction / FRICTION - 1.0).max() < 0.15
@@ -221,11 +268,16 @@ def test_delays_of_efforts_are_removed(worn, delay, wrong):
 def test_the_end_of_the_search_is_no_delay_of_efforts(worn):
     quality = dd.identify(with_late_efforts(worn, 0.4), worn.model, "friction").quality
     assert quality["effort_delay"] == [0.0] and not quality["efforts_judged"]
-    assert any("efforts seem to be 300 ms or more later than positions" in text for text in quality["findings"])
+    assert any(
+        "efforts seem to be 300 ms or more later than positions" in text
+        for text in quality["findings"]
+    )
 
 
 def test_the_end_of_the_search_is_no_delay(worn):
-    with pytest.raises(dd.InputError, match=r"recordings\[0\]: velocities are 300 ms or more later .* joint '\w+'"):
+    with pytest.raises(
+        dd.InputError, match=r"recordings\[0\]: velocities are 300 ms or more later .* joint '\w+'"
+    ):
         dd.identify(late(worn, 0.45), worn.model, "friction")
 
 
@@ -240,7 +292,10 @@ def test_a_joint_that_stands_is_not_judged_by_its_velocity(worn):
 @pytest.mark.parametrize("seed", some_of(range(5), 2))
 def test_friction_of_joints_that_stick(seed):
     """A simulated desk arm stands a quarter of the time, where stiction holds it: its friction is within 2σ of the truth."""
-    model, true = dd.load_urdf(desk_arm.URDF), {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]}
+    model, true = (
+        dd.load_urdf(desk_arm.URDF),
+        {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]},
+    )
     simulation, dynamics = dd.Simulation(model, order=1, **true), dd.DiagonalDynamics(model)
     t, q, qd, _ = desk_arm.motion(20.0, 1000.0, seed=seed)
     stands, states = t % 4.0 > 3.0, []
@@ -286,12 +341,22 @@ def test_friction_of_a_coupled_wrist(wrist):
         model = data.model.with_parameters(COUPLING)
         found = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "friction")
         motor, deviations = found.model.couplings["wrist_3_joint"], found.quality["deviations"]
-        for value, truth, key in ((motor.damping, 0.4, "motor_damping"), (motor.friction, 0.9, "motor_friction")):
+        for value, truth, key in (
+            (motor.damping, 0.4, "motor_damping"),
+            (motor.friction, 0.9, "motor_friction"),
+        ):
             assert abs(value - truth) < 3.0 * deviations["wrist_3_joint"][key] < 0.4 * truth
         for k, name in ((4, "wrist_2_joint"), (5, "wrist_3_joint")):
-            assert abs(found.model.friction[k] - FRICTION[k]) < 3.0 * deviations[name]["friction"] < 0.4 * FRICTION[k]
+            assert (
+                abs(found.model.friction[k] - FRICTION[k])
+                < 3.0 * deviations[name]["friction"]
+                < 0.4 * FRICTION[k]
+            )
         without = dd.identify(data, data.model, "friction")
-        left = [[one.quality["torque_rms"][name][1] for name in data.model.dof_names[4:]] for one in (found, without)]
+        left = [
+            [one.quality["torque_rms"][name][1] for name in data.model.dof_names[4:]]
+            for one in (found, without)
+        ]
         assert (np.array(left[0]) < 0.9 * np.array(left[1])).all()
 
 
@@ -316,14 +381,24 @@ def test_efforts_of_coupled_motors(wrist, tmp_path):
     rate, unit = np.array([0, 0, 0, 0, 2.0, -0.5]), {"damping": 0.4, "friction": 0.9}
     coupled = {"couplings": {"wrist_3_joint": COUPLING["couplings"]["wrist_3_joint"] | unit}}
     torque = dd.DiagonalDynamics(data.model.with_parameters(coupled)).friction_torque(rate)
-    np.testing.assert_allclose(torque, np.array([0, 0, 0, 0, RATIO, 1.0]) * (0.4 * -1.9 - 0.9), atol=1e-12)
-    kept = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "rotors").parameters
+    np.testing.assert_allclose(
+        torque, np.array([0, 0, 0, 0, RATIO, 1.0]) * (0.4 * -1.9 - 0.9), atol=1e-12
+    )
+    kept = dd.identify(
+        recorded(model, data.t, data.q, data.qd, data.tau), model, "rotors"
+    ).parameters
     assert kept.motor_efforts and kept.couplings == model.couplings
-    with pytest.raises(dd.InputError, match="gains of joints cannot be identified with motor_efforts"):
+    with pytest.raises(
+        dd.InputError, match="gains of joints cannot be identified with motor_efforts"
+    ):
         dd.identify(data, model, ("gains", "friction"))
     with pytest.raises(dd.InputError, match="motor_efforts is true, but couplings are missing"):
         data.model.with_parameters({"motor_efforts": True})
-    for wrong in ({"joints": {"elbow": 1.0}}, {"joints": {}}, {"damping": -1.0, "joints": {"elbow_joint": 1.0}}):
+    for wrong in (
+        {"joints": {"elbow": 1.0}},
+        {"joints": {}},
+        {"damping": -1.0, "joints": {"elbow_joint": 1.0}},
+    ):
         with pytest.raises(dd.InputError, match="coupling 'wrist_3_joint'"):
             data.model.with_parameters({"couplings": {"wrist_3_joint": wrong}})
 
@@ -335,14 +410,23 @@ GAINS = np.array([0.02, 0.05, 0.08, -0.5, 0.4, 0.3, 0.2])  # N m by unit
 @pytest.mark.parametrize("seed", SEEDS)
 def test_gains_of_raw_efforts(seed):
     """Efforts in units of drives: gains of joints that carry weight are within 3σ, others unknown, and friction in N m."""
-    model = dd.load_urdf(PANDA, locked_joints={"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0})
+    model = dd.load_urdf(
+        PANDA, locked_joints={"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+    )
     oracle = Oracle(PANDA, model.dof_names, locked_joints=dict(model.locked_joints))
     t, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(seed)
     q, qd, qdd = fourier(rng, t, model.lower, model.upper)
-    tau = efforts(oracle, q, qd, qdd) + 0.5 * qd + 1.0 * np.tanh(qd / 5e-3) + 0.3 * rng.normal(size=q.shape)
+    tau = (
+        efforts(oracle, q, qd, qdd)
+        + 0.5 * qd
+        + 1.0 * np.tanh(qd / 5e-3)
+        + 0.3 * rng.normal(size=q.shape)
+    )
     found = dd.identify(recorded(model, t, q, qd, tau / GAINS), model, ("gains", "friction"))
     told = found.quality["effort_gain"]
-    assert told["panda_joint1"] is None and np.isnan(found.parameters.joints["panda_joint1"].effort_scale)
+    assert told["panda_joint1"] is None and np.isnan(
+        found.parameters.joints["panda_joint1"].effort_scale
+    )
     known = [k for k, name in enumerate(model.dof_names) if told[name]]
     assert {1, 3} <= set(known) and found.quality["taken"] == ["gains", "friction"]
     for k in known:

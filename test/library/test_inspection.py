@@ -58,7 +58,13 @@ def moments(old, *new):
 
 
 def masses(*values):
-    return arm(*(f'mass value="{one}"' for pair in zip((10, 3.2, 1.2), values, strict=True) for one in pair))
+    return arm(
+        *(
+            f'mass value="{one}"'
+            for pair in zip((10, 3.2, 1.2), values, strict=True)
+            for one in pair
+        )
+    )
 
 
 def more(elements):
@@ -74,7 +80,9 @@ def ball(name, mass, ixx, radius, izz=None):
 
 
 def welded(name, *numbers):
-    joint = f'<joint name="to_{name}" type="fixed"><parent link="base"/><child link="{name}"/></joint>'
+    joint = (
+        f'<joint name="to_{name}" type="fixed"><parent link="base"/><child link="{name}"/></joint>'
+    )
     return ball(name, *numbers) + joint
 
 
@@ -106,7 +114,13 @@ LIGHT = arm(LOWER, 'ixx="0" iyy="1e-11" izz="1e-11"', '"1.2"', '"1e-9"')
 
 # check, severity, links or joints, number of the first (None: there is none), the arm with the mistake
 MISTAKES = (
-    ("possible_inertias", "warning", "left_upper", 100 * 0.0098 / 0.0588, moments(UPPER, 0.0042, 0.0448, 0.0588)),
+    (
+        "possible_inertias",
+        "warning",
+        "left_upper",
+        100 * 0.0098 / 0.0588,
+        moments(UPPER, 0.0042, 0.0448, 0.0588),
+    ),
     ("possible_inertias", "warning", "left_lower", -0.01, moments(LOWER, -0.01, 0.0093, 0.0093)),
     ("possible_inertias", "note", "dot", 100 / 3, more(welded("dot", 1e-6, 1e-9, 0.1, 3e-9))),
     ("possible_inertias", "note", "left_upper", 20.0, moments(UPPER, 0.02, 0.02, 0.05)),
@@ -124,9 +138,21 @@ MISTAKES = (
     ("uniform_density", "warning", ALL, 7200.0, masses(64.8, 25.9, 6.62)),
     ("uniform_density", "note", ALL, 1000.0, masses(9, 3.24, 0.848)),
     ("centre_of_mass", "warning", "left_upper", 0.2, arm('"0.2 0 0"/><mass', '"0.6 0 0"/><mass')),
-    ("gyration", "warning", "left_lower", np.sqrt(9300 / 1.2) / REACH_LOWER, moments(LOWER, 600, 9300, 9300)),
+    (
+        "gyration",
+        "warning",
+        "left_lower",
+        np.sqrt(9300 / 1.2) / REACH_LOWER,
+        moments(LOWER, 600, 9300, 9300),
+    ),
     ("gyration", "note", "left_upper", 0.5 / REACH_UPPER, moments(UPPER, 0.8, 0.0448, 0.8)),
-    ("gyration", "note", "left_lower", np.sqrt(6e-6 / 1.2) / REACH_LOWER, moments(LOWER, 6e-6, 6e-6, 6e-6)),
+    (
+        "gyration",
+        "note",
+        "left_lower",
+        np.sqrt(6e-6 / 1.2) / REACH_LOWER,
+        moments(LOWER, 6e-6, 6e-6, 6e-6),
+    ),
     ("gyration", "note", "base", 0.9**0.5 / np.hypot(0.15 * 2**0.5, 0.05), moments(BASE, 9, 9, 9)),
     ("inertia_axes", "warning", "left_lower", None, moments(LOWER, 0.0093, 0.0093, 0.0006)),
     ("placeholders", "warning", "left_upper", 2 * np.sqrt(2.5 / 3.2), moments(UPPER, 1, 1, 1)),
@@ -139,11 +165,23 @@ MISTAKES = (
     ("attributes", "warning", "elbow", None, arm('lower="-2.5"', 'Lower="-2.5"')),
     ("attributes", "warning", "flange", 90.0, arm('"0.3 0 0"', '"0.3 0 0" rpy="0 90 0"')),
     ("transmissions", "note", "elbow", 0.02, more(ROTOR)),
-    ("axes", "note", "elbow", np.sqrt(2), arm('"0.4 0 0"/><axis xyz="0 1 0"', '"0.4 0 0"/><axis xyz="0 1 1"')),
+    (
+        "axes",
+        "note",
+        "elbow",
+        np.sqrt(2),
+        arm('"0.4 0 0"/><axis xyz="0 1 0"', '"0.4 0 0"/><axis xyz="0 1 1"'),
+    ),
     ("position_limits", "warning", "elbow", None, arm(LIMIT, "")),
     ("position_limits", "warning", "elbow", 2.5, arm('"-2.5"', '"2.5"')),
     ("position_limits", "warning", "elbow", 170.0, arm('"-2.5"', '"-170"')),
-    ("position_limits", "note", "elbow", 300.0, arm('"-2.5"', '"-300"', ELBOW, 'elbow" type="prismatic"')),
+    (
+        "position_limits",
+        "note",
+        "elbow",
+        300.0,
+        arm('"-2.5"', '"-300"', ELBOW, 'elbow" type="prismatic"'),
+    ),
     ("position_limits", "note", "elbow", None, arm(ELBOW, 'elbow" type="continuous"')),
     ("effort_limits", "warning", "elbow", None, arm('effort="20"', 'effort="0"')),
     ("effort_limits", "note", "elbow", 1e6, arm('effort="20"', 'effort="1e6"')),
@@ -160,7 +198,11 @@ MISTAKES = (
 
 
 def findings_of(report, check, severity):
-    return [finding for finding in report.findings if (finding.check, finding.severity) == (check, severity)]
+    return [
+        finding
+        for finding in report.findings
+        if (finding.check, finding.severity) == (check, severity)
+    ]
 
 
 def test_arm_without_mistakes():
@@ -173,11 +215,15 @@ def test_arm_without_mistakes():
 def test_attached_links_are_one_body():
     """Geometry at a link that a fixed joint attaches is compared with the mass of the other one."""
     shape = changed('"0.15 0 0"', '"-0.15 0 0"', LOWER_SHAPE)
-    (finding,) = inspect_robot(arm(LOWER_SHAPE, "", TOOL, f'<link name="tool">{shape}</link>')).findings
+    (finding,) = inspect_robot(
+        arm(LOWER_SHAPE, "", TOOL, f'<link name="tool">{shape}</link>')
+    ).findings
     assert (finding.severity, finding.links) == ("note", ("tool",)) and "<inertial>" in finding.what
 
 
-@pytest.mark.parametrize("mistake", range(len(MISTAKES)), ids=lambda k: "{}-{}-{}".format(*MISTAKES[k]))
+@pytest.mark.parametrize(
+    "mistake", range(len(MISTAKES)), ids=lambda k: "{}-{}-{}".format(*MISTAKES[k])
+)
 def test_mistakes(mistake):
     """A check finds its mistake with severity, place and number."""
     check, severity, where, number, text = MISTAKES[mistake]
@@ -210,7 +256,11 @@ def test_facts_against_pinocchio():
         condition.append(np.linalg.cond(M))
         energy.append(0.5 * qd @ M @ qd)
         mass.append(1.0 / np.linalg.eigvalsh(J @ np.linalg.solve(M, J.T))[-1])
-    numbers = {"condition_of_mass_matrix": condition, "kinetic_energy_at_velocity_limits": energy, "ee_link": mass[:50]}
+    numbers = {
+        "condition_of_mass_matrix": condition,
+        "kinetic_energy_at_velocity_limits": energy,
+        "ee_link": mass[:50],
+    }
     for name, values in numbers.items():
         expected = {"least": min(values), "median": np.median(values), "greatest": max(values)}
         assert (facts | facts["tips"])[name] == pytest.approx(expected, rel=1e-6)
@@ -242,9 +292,15 @@ def test_rejected_joints_are_left_out():
     assert "massless='lock'" in finding.remedy and "--estimate-inertias" in finding.remedy
     assert report.facts["locked_joints"] == ["elbow"] and report.facts["degrees_of_freedom"] == 1
     assert report.checks["gravity"] == "ok" and report.status == 2
-    report = inspect_robot(changed('mimic joint="elbow"', 'mimic joint="knee"', mimic("", -4, 4, 9)))
+    report = inspect_robot(
+        changed('mimic joint="elbow"', 'mimic joint="knee"', mimic("", -4, 4, 9))
+    )
     (finding,) = findings_of(report, "loading", "error")
-    assert "'knee'" in finding.what and finding.joints == ("follows",) and report.facts["degrees_of_freedom"] == 3
+    assert (
+        "'knee'" in finding.what
+        and finding.joints == ("follows",)
+        and report.facts["degrees_of_freedom"] == 3
+    )
 
 
 def test_sources_that_are_hardly_a_robot():
@@ -293,7 +349,11 @@ ILL_MADE = {
 def test_real_robots(name):
     """Well-made ones have notes at most; each mistake of others is found where it is known to be."""
     report, expected = inspect_robot(find_urdf(name)), ILL_MADE.get(name, {})
-    assert report.status == bool(expected) and set(report.checks.values()) <= {"ok", "note", "warning"}
+    assert report.status == bool(expected) and set(report.checks.values()) <= {
+        "ok",
+        "note",
+        "warning",
+    }
     for check, where in expected.items():
         (finding,) = findings_of(report, check, "warning")
         assert where in (*finding.links, *finding.joints), check
@@ -302,6 +362,9 @@ def test_real_robots(name):
 def test_facts_of_a_humanoid():
     path = robot_path("talos_data/robots/talos_reduced.urdf")
     model, facts = dd.load_urdf(path), inspect_robot(path, floating_base=True).facts
-    assert facts["total_mass"] == pytest.approx(model.total_mass, rel=1e-12) and facts["root_link"] == "base_link"
+    assert (
+        facts["total_mass"] == pytest.approx(model.total_mass, rel=1e-12)
+        and facts["root_link"] == "base_link"
+    )
     assert (facts["links"], facts["degrees_of_freedom"]) == (len(model.link_names), model.nv + 6)
     assert {"left_sole_link", "right_sole_link"} <= set(facts["tips"])

@@ -29,10 +29,13 @@ def accept(assembler, names, stamp, position, velocity=()):
 
 def estimates(times, positions, time, *, turns=False, longest=LONG, fastest=0.0):
     """Return the estimate after each position of one joint, NaN before there is one; times in nanoseconds."""
-    options = Options(1e-9 * longest, estimate_velocity=True, velocity_filter_time=time, max_velocity=fastest)
+    options = Options(
+        1e-9 * longest, estimate_velocity=True, velocity_filter_time=time, max_velocity=fastest
+    )
     assembler = StateAssembler(Joints(("joint",), continuous=frozenset(["joint"] * turns)), options)
     found = [
-        accept(assembler, ("joint",), *one, [NAN]) for one in zip(times, np.reshape(positions, (-1, 1)), strict=True)
+        accept(assembler, ("joint",), *one, [NAN])
+        for one in zip(times, np.reshape(positions, (-1, 1)), strict=True)
     ]
     return np.array([NAN if one.state is None else one.state.velocity[0] for one in found])
 
@@ -61,7 +64,9 @@ def test_irregular_samples(samples, time):
         ages = (stamps[n] - stamps[1 : n + 1]) * 1e-9
         weights = np.exp(-ages / time) * -np.expm1(-dt / time) if time else np.arange(n) == n - 1
         size = np.abs(quotients).max()
-        assert estimate == pytest.approx(weights @ quotients / weights.sum(), rel=1e-9, abs=1e-9 * size)
+        assert estimate == pytest.approx(
+            weights @ quotients / weights.sum(), rel=1e-9, abs=1e-9 * size
+        )
 
 
 @pytest.mark.parametrize("velocity", [2.0, -2.0, 25.0])
@@ -69,7 +74,9 @@ def test_wrapped_angles(velocity):
     """Whole turns of a continuous joint are no motion."""
     stamps, t = grid(0.01, 400)
     wrapped = np.remainder(velocity * t + math.pi, 2.0 * math.pi) - math.pi
-    np.testing.assert_allclose(estimates(stamps, wrapped, 0.03, turns=True)[10:], velocity, rtol=1e-9)
+    np.testing.assert_allclose(
+        estimates(stamps, wrapped, 0.03, turns=True)[10:], velocity, rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize(("beyond", "goes_on"), [(0, True), (1, False)])
@@ -83,7 +90,9 @@ def test_pause(period, longest, gap, beyond, goes_on):
     stamps, _ = grid(period, 4)
     stamps = np.append(stamps, stamps[-1] + round(gap * S) + beyond)
     stamps = np.append(stamps, stamps[-1] + round(period * S))
-    estimate = estimates(stamps, np.array([0.0, 1.0, 2.0, 3.0, 99.0, 98.0]) * period, 0.0, longest=longest * S)
+    estimate = estimates(
+        stamps, np.array([0.0, 1.0, 2.0, 3.0, 99.0, 98.0]) * period, 0.0, longest=longest * S
+    )
     first = 96.0 * period / gap if goes_on else NAN
     np.testing.assert_allclose(estimate, [NAN, 1, 1, 1, first, -1], rtol=1e-9)
 
@@ -92,7 +101,9 @@ def test_pause(period, longest, gap, beyond, goes_on):
 def test_first_two_positions(beyond, estimate):
     """They may be ten seconds apart, because the period is not known yet."""
     stamps = [100 * S, 110 * S + beyond]
-    np.testing.assert_allclose(estimates(stamps, [0.0, 5.0], 0.0, longest=0.0), [NAN, estimate], rtol=1e-9)
+    np.testing.assert_allclose(
+        estimates(stamps, [0.0, 5.0], 0.0, longest=0.0), [NAN, estimate], rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 10])
@@ -115,7 +126,13 @@ def texts(period, count, position, velocity, timeout=0.5):
     names, found = ("shoulder", "elbow"), []
     assembler = StateAssembler(Joints(names), Options(stuck_timeout=timeout))
     for k in range(count):
-        accept(assembler, names, S + k * period, position(1e-9 * k * period), velocity(1e-9 * k * period))
+        accept(
+            assembler,
+            names,
+            S + k * period,
+            position(1e-9 * k * period),
+            velocity(1e-9 * k * period),
+        )
         found.append(assembler.stuck_text)
     return found
 
@@ -146,7 +163,10 @@ def test_stuck(period, position, velocity, text):
         (lambda t: (0.3 + 1e-15 * round(1e3 * t), t), lambda t: (1.0, 1.0)),  # a bit changes
         (lambda t: (0.09 * t, -0.09 * t), lambda t: (0.0, 0.0)),  # creeps
         (lambda t: (round(t / 0.4), t), lambda t: (1.0, 1.0)),  # a coarse encoder
-        (lambda t: (0.3, 0.3), lambda t: (float(round(1e3 * t) % 400 < 200), 0.0)),  # stands still now and then
+        (
+            lambda t: (0.3, 0.3),
+            lambda t: (float(round(1e3 * t) % 400 < 200), 0.0),
+        ),  # stands still now and then
     ],
 )
 def test_not_stuck(position, velocity):

@@ -47,7 +47,11 @@ def test_table(rule, reader):
 
 def first_of_each(steps, count=20):
     """Return the first steps of each outcome."""
-    return [step for k, step in enumerate(steps) if [s.outcome for s in steps[:k]].count(step.outcome) < count]
+    return [
+        step
+        for k, step in enumerate(steps)
+        if [s.outcome for s in steps[:k]].count(step.outcome) < count
+    ]
 
 
 def assert_equal(actual, expected, what):
@@ -63,9 +67,13 @@ def test_efforts_without_gravity():
     lacking = {"effort_includes_gravity": ["*=false"]}
     drive = Message(joint_state(("drive",), [0.7], [0.0], [2.0]), NOW)
     (state,) = read_columns(model("wheel"), lacking, [drive]).states
-    assert state.effort == pytest.approx([2.0 + 2.0 * 9.81 * 0.5 * np.sin(0.7)])  # with the mimic joint's link
+    assert state.effort == pytest.approx(
+        [2.0 + 2.0 * 9.81 * 0.5 * np.sin(0.7)]
+    )  # with the mimic joint's link
     joint = Message(joint_state(("shoulder",), [0.3], [0.0], [2.0]), NOW)
-    (state,) = read_columns(model("floating"), lacking, [Message(odometry(), NOW, True), joint]).states
+    (state,) = read_columns(
+        model("floating"), lacking, [Message(odometry(), NOW, True), joint]
+    ).states
     assert state.effort == pytest.approx([0.0] * 6 + [2.0 + 9.81 * 0.5 * np.sin(0.3)])
 
 
@@ -74,7 +82,14 @@ def test_efforts_without_gravity():
 ACCEPTED = ("stale joint", "stale odometry", "stuck")
 """Causes of states that are rejected, while the message itself is accepted."""
 
-SUSPECTS = ("late", "stamp from the past", "stamp from the future", "foreign time", "jump", "interleaved sources")
+SUSPECTS = (
+    "late",
+    "stamp from the past",
+    "stamp from the future",
+    "foreign time",
+    "jump",
+    "interleaved sources",
+)
 """Causes of messages that time, a clock or the robot may turn out to have followed."""
 
 TURNED = ("time jumped back", "positions jumped")
@@ -112,7 +127,9 @@ def assert_no_trace(reader, robot, parameters, messages, rejected):
             return
     found, found_counts = read(messages[:end])
     assert found == states
-    found_counts.subtract([name for name in found_counts if name.endswith(f"rejected: {cause}")][:1])
+    found_counts.subtract(
+        [name for name in found_counts if name.endswith(f"rejected: {cause}")][:1]
+    )
     assert +found_counts == counts
 
 
@@ -122,7 +139,9 @@ def test_rejected_messages_leave_no_trace(reader):
     for cases in TABLE.values():
         for name, steps, parameters, robot in cases:
             messages = [Message(step.raw, step.now, step.odometry) for step in steps[:30]]
-            found = {cause: (k, cause) for k, cause in reversed(rejections(robot, parameters, messages))}
+            found = {
+                cause: (k, cause) for k, cause in reversed(rejections(robot, parameters, messages))
+            }
             for rejected in found.values():
                 try:
                     assert_no_trace(reader, robot, parameters, messages, rejected)
@@ -148,21 +167,27 @@ def test_parameters_that_change(kind):
         return found
 
     assert [outcome(0), outcome(1)] == ["awaiting velocity", "published"]
-    assert outcome(2, [0.0], names=("shoulder",), missing_velocity="reject") == "rejected: no velocity"
+    assert (
+        outcome(2, [0.0], names=("shoulder",), missing_velocity="reject") == "rejected: no velocity"
+    )
     assert outcome(3, [0.6] * 3) == outcome(4, [0.6] * 3) == "published"
     assert outcome(5, [0.6] * 3, plausibility__velocity=0.5) == "rejected: implausible value"
     assert outcome(6, [0.6] * 3, plausibility__velocity=0.0) == "published"
     assert outcome(7, [0.6] * 3, [0, 0, 3], plausibility__jump=0.1) == "rejected: jump"
     assert outcome(8, [0.6] * 3, [0, 0, 3], plausibility__jump=0.0) == "published"
     assert outcome(400, [0.6], names=("shoulder",), joint_timeout=0.3) == "rejected: stale joint"
-    assert outcome(401, missing_velocity="estimate", velocity_filter_time=0.0) == "awaiting velocity"
+    assert (
+        outcome(401, missing_velocity="estimate", velocity_filter_time=0.0) == "awaiting velocity"
+    )
     assert outcome(402) == "published"
 
 
 @pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
 def test_start_anew(kind):
     """After a pause all joints have to arrive, and nothing of before is a jump, a step or a late stamp."""
-    reader = kind(model("arm"), {"plausibility.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0})
+    reader = kind(
+        model("arm"), {"plausibility.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0}
+    )
 
     def read(stamp, names=NAMES, position=0.0, velocity=(0.0, 0.0, 0.0)):
         values = [position] * len(names), velocity[: len(names)], [1.0] * len(names)
@@ -172,7 +197,9 @@ def test_start_anew(kind):
         read(NOW + 10 * k * MS, velocity=())
     assembler = reader.assembler
     assert assembler.estimated == list(NAMES) and assembler.newest == NOW + 20 * MS
-    assert assembler.stale(NOW + 520 * MS) == [] and assembler.stale(NOW + 520 * MS + 1) == list(NAMES)
+    assert assembler.stale(NOW + 520 * MS) == [] and assembler.stale(NOW + 520 * MS + 1) == list(
+        NAMES
+    )
     assembler.forget()
     assert assembler.missing == list(NAMES) and assembler.newest == 0
     assert assembler.estimated == assembler.stale(NOW + S) == assembler.without_effort == []
@@ -227,7 +254,11 @@ def test_states_are_copies(kind):
 
 def test_interleaved_layouts_of_one_length_are_read_once():
     """Two publishers with other orders of names: each message is in one part."""
-    raw = [joint_state(names, *[[k] * 3] * 3, NOW + k) for k in range(4) for names in (NAMES, NAMES[::-1])]
+    raw = [
+        joint_state(names, *[[k] * 3] * 3, NOW + k)
+        for k in range(4)
+        for names in (NAMES, NAMES[::-1])
+    ]
     size = np.array([len(one) for one in raw])
     data = np.frombuffer(b"".join(raw), np.uint8)
     parts, errors = decoding.Decoder().decode(data, np.cumsum(size) - size, size, np.arange(8))
@@ -238,7 +269,9 @@ def test_interleaved_layouts_of_one_length_are_read_once():
 def test_the_text_of_a_displaced_robot_has_both_positions():
     assembler = StateAssembler(Joints(("hip",)), Options(jump=0.1))
     for k, position in enumerate((0.0, 2.0, 2.0, 2.0)):
-        assembler.accept_values(("hip",), 1, k * MS, [np.array([position]), np.zeros(1), np.zeros(0)], 0)
+        assembler.accept_values(
+            ("hip",), 1, k * MS, [np.array([position]), np.zeros(1), np.zeros(0)], 0
+        )
     assert assembler.last_texts == {"positions jumped": "joint 'hip': position went from 0 to 2"}
 
 
@@ -253,7 +286,11 @@ def test_long_messages_fill_no_memory():
     for k in range(50):
         read(f"joint {k:04}", decoding.MAX_BYTES // 5)
         read(f"joint {k:04}", 2 * decoding.MAX_BYTES)
-    kept = [one for one in gc.get_objects() if type(one) is decoding.Places and len(one.names[-1]) > 1000]
+    kept = [
+        one
+        for one in gc.get_objects()
+        if type(one) is decoding.Places and len(one.names[-1]) > 1000
+    ]
     assert 0 < sum(one.length for one in kept) <= 2 * decoding.MAX_BYTES
     lists = [one for one in gc.get_objects() if type(one) is tuple and len(one) == 4]
     texts = [one[3] for one in lists if all(type(name) is str for name in one) and one[:3] == NAMES]

@@ -35,7 +35,10 @@ def close(found, expected, scale=1.0):
 
 
 def some_links(model, rng):
-    return [model.root_link, *rng.choice(model.link_names, min(6, len(model.link_names)), replace=False)]
+    return [
+        model.root_link,
+        *rng.choice(model.link_names, min(6, len(model.link_names)), replace=False),
+    ]
 
 
 @pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
@@ -55,13 +58,23 @@ def test_jacobian_and_motion_of_links(one):
                 arguments = oracle.model, oracle.data, frame_id, reference
                 J = dyn.jacobian(q, name, frame=frame)
                 assert J.shape == (6, model.nv)
-                close(J, np.stack([oracle.from_pin(row) for row in pin.getFrameJacobian(*arguments)]))
-                close(dyn.link_velocity(q, qd, name, frame=frame), pin.getFrameVelocity(*arguments).vector, 10.0)
+                close(
+                    J, np.stack([oracle.from_pin(row) for row in pin.getFrameJacobian(*arguments)])
+                )
+                close(
+                    dyn.link_velocity(q, qd, name, frame=frame),
+                    pin.getFrameVelocity(*arguments).vector,
+                    10.0,
+                )
                 close(J @ qd, dyn.link_velocity(q, qd, name, frame=frame), 10.0)
                 classical = pin.getFrameClassicalAcceleration(*arguments).vector
                 close(dyn.link_acceleration(q, qd, qdd, name, frame=frame), classical, 100.0)
                 spatial = pin.getFrameAcceleration(*arguments).vector
-                close(dyn.link_acceleration(q, qd, qdd, name, frame=frame, spatial=True), spatial, 100.0)
+                close(
+                    dyn.link_acceleration(q, qd, qdd, name, frame=frame, spatial=True),
+                    spatial,
+                    100.0,
+                )
 
 
 def test_point_of_a_link():
@@ -118,7 +131,9 @@ def test_difference_takes_the_shorter_way():
     q = model.neutral
     around = q.copy()
     for k, name in enumerate(model.coordinate_names):
-        around[k] += 2 * math.pi if name in model.continuous_joints or name.endswith("/theta") else 0.0
+        around[k] += (
+            2 * math.pi if name in model.continuous_joints or name.endswith("/theta") else 0.0
+        )
     np.testing.assert_allclose(model.difference(q, around), 0.0, atol=1e-14)
 
 
@@ -139,18 +154,24 @@ def test_random_positions_without_limits():
     """Angles are within a turn, positions within a metre."""
     body = {"mass": 1.0, "inertia": (1, 0, 0, 1, 0, 1)}
     joints = joint("wheel", "continuous", "base", "a"), joint("slide", "planar", "a", "b")
-    model = dd.load_urdf(description("free", link("base"), link("a", **body), link("b", **body), *joints))
+    model = dd.load_urdf(
+        description("free", link("base"), link("a", **body), link("b", **body), *joints)
+    )
     largest = np.abs([model.random(seed) for seed in range(50)]).max(axis=0)
     at = dict(zip(model.coordinate_names, largest, strict=True))
     assert all(2.0 < at[name] <= math.pi for name in ("wheel", "slide/theta"))
     assert all(0.5 < at[name] <= 1.0 for name in ("slide/x", "slide/y"))
 
 
-@pytest.mark.parametrize(("limit", "other"), [("lower", 2.0 + 2.0 * math.pi), ("upper", 2.0 - 2.0 * math.pi)])
+@pytest.mark.parametrize(
+    ("limit", "other"), [("lower", 2.0 + 2.0 * math.pi), ("upper", 2.0 - 2.0 * math.pi)]
+)
 def test_random_positions_with_one_limit(limit, other):
     """Angles are within a turn of the limit, and all over it."""
     body = link("a", mass=1.0, inertia=(1, 0, 0, 1, 0, 1))
-    wheel = joint("wheel", "revolute", "base", "a").replace('lower="-10" upper="10"', f'{limit}="2"')
+    wheel = joint("wheel", "revolute", "base", "a").replace(
+        'lower="-10" upper="10"', f'{limit}="2"'
+    )
     model = dd.load_urdf(description("one", link("base"), body, wheel))
     q = np.sort([*(model.random(seed)[0] for seed in range(50)), 2.0, other])
     assert {q[0], q[-1]} == {2.0, other} and np.diff(q).max() < 1.0
@@ -164,7 +185,10 @@ def test_wrong_arguments_are_named():
         ("'hand' is not a link", lambda: dyn.jacobian(q, "hand")),
         ("frame is 'body'", lambda: dyn.jacobian(q, "panda_hand", frame="body")),
         ("point", lambda: dyn.link_velocity(q, zero, "panda_hand", (1, 2))),
-        ("v of joint 'panda_joint2' is nan", lambda: model.integrate(q, [0, math.nan, 0, 0, 0, 0, 0, 0])),
+        (
+            "v of joint 'panda_joint2' is nan",
+            lambda: model.integrate(q, [0, math.nan, 0, 0, 0, 0, 0, 0]),
+        ),
         ("q has shape", lambda: dyn.placement(np.stack([q, q]), "panda_hand")),
         ("q1 of joint 'root_joint'", lambda: free.difference(free.neutral, np.zeros(free.nq))),
     ):
@@ -187,7 +211,9 @@ def test_a_screw_is_no_angle_that_turns_round():
     model = dd.load_urdf(urdf)
     assert model.difference([0.0], [20 * math.pi]) == pytest.approx(20 * math.pi)
     turned = dd.load_urdf(
-        urdf.replace('joint="turn" multiplier="0.01"', 'joint="turn"').replace('"prismatic"', '"revolute"')
+        urdf.replace('joint="turn" multiplier="0.01"', 'joint="turn"').replace(
+            '"prismatic"', '"revolute"'
+        )
     )
     assert np.abs(turned.random(1)).max() <= math.pi
 
@@ -200,7 +226,9 @@ def test_quaternions_near_unit_length_are_normalized(squared):
     scaled = q.copy()
     scaled[3:7] *= np.sqrt(squared)
     if abs(squared - 1.0) < 1e-3:
-        np.testing.assert_allclose(dyn.nu_from_qd(scaled, qd), dyn.nu_from_qd(q, qd), rtol=1e-11, atol=1e-12)
+        np.testing.assert_allclose(
+            dyn.nu_from_qd(scaled, qd), dyn.nu_from_qd(q, qd), rtol=1e-11, atol=1e-12
+        )
     else:
         with pytest.raises(dd.InputError):
             dyn.nu_from_qd(scaled, qd)

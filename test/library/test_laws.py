@@ -64,7 +64,9 @@ def test_names(robot):
         assert model.dof_names[:6] == tuple(f"root_joint/{suffix}" for suffix in FLOATING)
         assert oracle.ancestors(5) == set(range(5))
     assert all(j < k for k in range(model.nv) for j in oracle.ancestors(k))
-    assert sorted(model.link_names) == sorted(link.get("name") for link in oracle.xml.findall("link"))
+    assert sorted(model.link_names) == sorted(
+        link.get("name") for link in oracle.xml.findall("link")
+    )
 
 
 def test_energy_of_a_joint_does_not_depend_on_the_order_of_its_dofs(robot):
@@ -82,20 +84,29 @@ def test_energy_of_a_joint_does_not_depend_on_the_order_of_its_dofs(robot):
 
 def test_coulomb_friction_is_smooth_at_rest():
     """Odd, rising and continuous, f sign(q̇) but for 1e-4 beyond 25 mrad/s; its rate stays with the model."""
-    urdf = re.sub('damping="[^"]*" friction="[^"]*"', 'damping="0" friction="1.5"', robots.robot(PANDA).urdf)
+    urdf = re.sub(
+        'damping="[^"]*" friction="[^"]*"', 'damping="0" friction="1.5"', robots.robot(PANDA).urdf
+    )
     model = dd.load_urdf(urdf)
     torque, rubbing = dd.DiagonalDynamics(model).friction_torque, model.friction > 0.0
     assert model.friction_velocity == 5e-3 and rubbing.sum() == 7
     rates = np.concatenate([[0.0], np.logspace(-9, 3, 400)])
     along, backward = (
-        np.array([torque(np.full(model.nv, sign * rate))[rubbing] for rate in rates]) / 1.5 for sign in (1.0, -1.0)
+        np.array([torque(np.full(model.nv, sign * rate))[rubbing] for rate in rates]) / 1.5
+        for sign in (1.0, -1.0)
     )
     assert (along == -backward).all() and (along[0] == 0.0).all()
-    assert (np.diff(along, axis=0) >= 0.0).all() and (np.diff(along[rates < 0.01], axis=0) > 0.0).all()
+    assert (np.diff(along, axis=0) >= 0.0).all() and (
+        np.diff(along[rates < 0.01], axis=0) > 0.0
+    ).all()
     assert (np.diff(along, axis=0) <= np.diff(rates)[:, None] / 5e-3 * (1 + 1e-9) + 1e-15).all()
     assert (np.abs(along[rates > 0.025] - 1.0) < 1e-4).all()
     other = dd.load_urdf(urdf, friction_velocity=0.02)
-    copies = other.with_gravity((0, 0, 0)), other.with_payload("panda_hand", 1.0), pickle.loads(pickle.dumps(other))
+    copies = (
+        other.with_gravity((0, 0, 0)),
+        other.with_payload("panda_hand", 1.0),
+        pickle.loads(pickle.dumps(other)),
+    )
     assert [copy.friction_velocity for copy in copies] == 3 * [0.02]
     jumping = dd.DiagonalDynamics(dd.load_urdf(urdf, friction_velocity=0))
     qd = np.linspace(-1e-9, 1e-9, model.nv)
@@ -150,7 +161,9 @@ def test_reduced_manipulator(robot):
         q, _, _ = others(robot, case, set(range(nv)) - kept)
         f, node = case.dyn.factors(q), list(node)
         assert (f.D[node] == case.f.D[node]).all()
-        assert (case.dyn.evaluate(q, case.sample.qd).articulated_inertia[node] == case.f.D[node]).all()
+        assert (
+            case.dyn.evaluate(q, case.sample.qd).articulated_inertia[node] == case.f.D[node]
+        ).all()
         block = np.ix_(sorted(outboard | set(node)), sorted(outboard | set(node)))
         assert (f.m[block] == case.f.m[block]).all()
         assert (f.unit[block] == case.f.unit[block]).all()
@@ -171,7 +184,9 @@ def test_at_rest(robot):
     """Without rates there is no ν, no C, no K; gravity and ε are what they were."""
     case, zero = robot.cases[0], np.zeros(robot.model.nv)
     s = case.dyn.evaluate(case.sample.q, zero, case.sample.tau)
-    assert_same(fields(s, "kinetic_energy", "power"), {"epsilon": case.s.epsilon, "gravity": case.s.gravity})
+    assert_same(
+        fields(s, "kinetic_energy", "power"), {"epsilon": case.s.epsilon, "gravity": case.s.gravity}
+    )
     for name in ("nu", "xi", "coriolis", "coriolis_unnormalized", "energy_share", "link_energy"):
         assert (getattr(s, name) == 0).all(), name
     assert s.kinetic_energy == 0 and s.power == 0
@@ -182,7 +197,9 @@ def test_continuous_joint_has_one_angle(robot):
     """Full turns of an angle that no other joint follows change nothing but rounding."""
     case, model = robot.cases[0], robot.model
     sources = {mimic.leader for mimic in model.mimics.values()}
-    turning = {name for k, name in enumerate(model.dof_names) if not robot.oracle.is_prismatic(k)} - sources
+    turning = {
+        name for k, name in enumerate(model.dof_names) if not robot.oracle.is_prismatic(k)
+    } - sources
     turning |= {name for name in model.coordinate_names if name.endswith("/theta")}
     turns = np.array([2 * np.pi * (name in turning) for name in model.coordinate_names])
     s = case.dyn.evaluate(case.sample.q + turns, case.sample.qd)
@@ -230,7 +247,9 @@ def test_answers_share_no_memory(panda):
     sample = panda.cases[0].sample
     given = [x.copy() for x in sample]
     answers = [*everything(panda.dyn, sample).items(), *everything(panda.dyn, sample).items()]
-    arrays = [(name, a) for name, a in answers if isinstance(a, np.ndarray)] + [("argument", x) for x in sample]
+    arrays = [(name, a) for name, a in answers if isinstance(a, np.ndarray)] + [
+        ("argument", x) for x in sample
+    ]
     assert len(arrays) > 60
     for (name, a), (other, b) in combinations(arrays, 2):
         assert not np.shares_memory(a, b), (name, other)
@@ -240,10 +259,15 @@ def test_answers_share_no_memory(panda):
 def test_any_array_will_do(panda):
     """Lists, strided views and integers give what contiguous floats give; wrong sizes do not pass."""
     q, qd, tau, _ = panda.cases[0].sample
-    for arguments in ([np.repeat(x, 3)[::3] for x in (q, qd, tau)], [list(x) for x in (q, qd, tau)]):
+    for arguments in (
+        [np.repeat(x, 3)[::3] for x in (q, qd, tau)],
+        [list(x) for x in (q, qd, tau)],
+    ):
         assert (panda.dyn.evaluate(*arguments).coriolis == panda.cases[0].s.coriolis).all()
     whole = np.arange(panda.model.nv)
-    assert (panda.dyn.evaluate(whole, whole).nu == panda.dyn.evaluate(whole * 1.0, whole * 1.0).nu).all()
+    assert (
+        panda.dyn.evaluate(whole, whole).nu == panda.dyn.evaluate(whole * 1.0, whole * 1.0).nu
+    ).all()
     for wrong in (q[:-1], np.append(q, 0), q[:, None]):
         for arguments in ((wrong, qd), (q, wrong), (q, qd, wrong)):
             with pytest.raises(dd.InputError):
@@ -251,7 +275,9 @@ def test_any_array_will_do(panda):
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (1.5, -2.5, 3.0)], ids=str)
-@pytest.mark.parametrize("robot", [robots.robot(PANDA), NAMED["parallel gripper"]._replace(mimic="embed")])
+@pytest.mark.parametrize(
+    "robot", [robots.robot(PANDA), NAMED["parallel gripper"]._replace(mimic="embed")]
+)
 def test_gravity_argument(robot, gravity):
     """Gravity is an argument or a change of the model, reaches everything it belongs to, and never C."""
     moved, earth = load(robot, gravity=gravity), load(robot)

@@ -62,8 +62,13 @@ def write_dataset(root, version, episodes, features, fps=FPS):
     is_new = version == "v3.0"
     path = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     path = path if is_new else "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
-    own = {name: {"dtype": "float32" if name == "timestamp" else "int64", "shape": [1], "names": None} for name in OWN}
-    video = {"observation.images.top": {"dtype": "video", "shape": [3, 4, 4], "names": ["c", "h", "w"]}}
+    own = {
+        name: {"dtype": "float32" if name == "timestamp" else "int64", "shape": [1], "names": None}
+        for name in OWN
+    }
+    video = {
+        "observation.images.top": {"dtype": "video", "shape": [3, 4, 4], "names": ["c", "h", "w"]}
+    }
     info = {"codebase_version": version, "fps": fps, "chunks_size": 2, "data_path": path}
     info["features"] = features | video | own
     tables = [columns(k, one, features) for k, one in enumerate(episodes)]
@@ -76,17 +81,27 @@ def write_dataset(root, version, episodes, features, fps=FPS):
         where = [(0, 0), (0, 0), (0, 1)][: len(tables)]
         for place in sorted(set(where)):
             some = [table for table, one in zip(tables, where, strict=True) if one == place]
-            save(pa.concat_tables(some), root / path.format(chunk_index=place[0], file_index=place[1]))
+            save(
+                pa.concat_tables(some),
+                root / path.format(chunk_index=place[0], file_index=place[1]),
+            )
         meta = {"episode_index": range(len(tables)), "length": map(len, tables)}
-        meta |= {f"data/{name}_index": [one[k] for one in where] for k, name in enumerate(("chunk", "file"))}
+        meta |= {
+            f"data/{name}_index": [one[k] for one in where]
+            for k, name in enumerate(("chunk", "file"))
+        }
         save(
-            pa.table({name: list(one) for name, one in meta.items()}), root / "meta/episodes/chunk-000/file-000.parquet"
+            pa.table({name: list(one) for name, one in meta.items()}),
+            root / "meta/episodes/chunk-000/file-000.parquet",
         )
         (root / "meta" / "stats.json").write_text(json.dumps(stats))
     else:
         for k, table in enumerate(tables):
             save(table, root / path.format(episode_chunk=k // 2, episode_index=k))
-        lines = [json.dumps({"episode_index": k, "tasks": ["move"], "length": len(t)}) for k, t in enumerate(tables)]
+        lines = [
+            json.dumps({"episode_index": k, "tasks": ["move"], "length": len(t)})
+            for k, t in enumerate(tables)
+        ]
         (root / "meta" / "episodes.jsonl").write_text("\n".join(lines) + "\n")
         lines = [json.dumps({"episode_index": k, "stats": stats}) for k in range(len(tables))]
         (root / "meta" / "episodes_stats.jsonl").write_text("\n".join(lines) + "\n")
@@ -113,7 +128,11 @@ def dataset(request, tmp_path, motion):
 
 
 def contents(root):
-    return {path.relative_to(root): path.read_bytes() for path in sorted(Path(root).rglob("*")) if path.is_file()}
+    return {
+        path.relative_to(root): path.read_bytes()
+        for path in sorted(Path(root).rglob("*"))
+        if path.is_file()
+    }
 
 
 def test_episodes_are_recordings(dataset, arm, motion):
@@ -122,9 +141,14 @@ def test_episodes_are_recordings(dataset, arm, motion):
         recording = dd.read_recording(f"{dataset}#{k}", arm)
         for found, expected in ((recording.q, q), (recording.qd, qd), (recording.tau, tau)):
             np.testing.assert_array_equal(found, expected)
-        np.testing.assert_array_equal(recording.stamp - recording.offset, np.arange(len(q)) * 20_000_000)
+        np.testing.assert_array_equal(
+            recording.stamp - recording.offset, np.arange(len(q)) * 20_000_000
+        )
         assert any(f"episode {k} of 3" in one.text for one in recording.findings)
-    for path, what in ((dataset, "is one of 3 episodes; expected a number"), (f"{dataset}#3", "is one of 3 episodes")):
+    for path, what in (
+        (dataset, "is one of 3 episodes; expected a number"),
+        (f"{dataset}#3", "is one of 3 episodes"),
+    ):
         with pytest.raises(dd.InputError, match=what):
             dd.read_recording(path, arm)
 
@@ -139,29 +163,52 @@ def test_an_analysed_copy(dataset, arm, tmp_path, capsys):
     assert [one["states"] for one in summaries] == list(LENGTHS) and contents(dataset) == before
     assert contents(out).keys() == before.keys()
     info, dynamics = json.loads((out / "meta/info.json").read_text()), dd.DiagonalDynamics(arm)
-    assert info["features"]["dynamics.nu"] == {"dtype": "float32", "shape": [7], "names": list(JOINTS)}
+    assert info["features"]["dynamics.nu"] == {
+        "dtype": "float32",
+        "shape": [7],
+        "names": list(JOINTS),
+    }
     assert "dynamics.collision" not in info["features"]  # unknown without thresholds
     for k in range(3):
         recording = dd.read_recording(f"{out}#{k}", arm)
         tables = [parquet.read_table(path) for path in sorted(out.glob("data/**/*.parquet"))]
         rows = pa.concat_tables(tables).filter(pa.compute.field("episode_index") == k).to_pydict()
-        batch, seen = dynamics.evaluate_batch(recording.q, recording.qd, recording.tau), dd.observe(dynamics, recording)
-        expected = {"nu": batch.nu, "kinetic_energy": batch.kinetic_energy, "external_torque": seen.external_torque}
+        batch, seen = (
+            dynamics.evaluate_batch(recording.q, recording.qd, recording.tau),
+            dd.observe(dynamics, recording),
+        )
+        expected = {
+            "nu": batch.nu,
+            "kinetic_energy": batch.kinetic_energy,
+            "external_torque": seen.external_torque,
+        }
         for name, values in expected.items():
-            np.testing.assert_allclose(rows[f"dynamics.{name}"], values, rtol=1e-6, atol=1e-6, equal_nan=True)
+            np.testing.assert_allclose(
+                rows[f"dynamics.{name}"], values, rtol=1e-6, atol=1e-6, equal_nan=True
+            )
         assert np.isnan(rows["dynamics.external_torque"][0]).all()
     assert parquet.read_schema(next(out.glob("data/**/*.parquet"))).metadata[b"huggingface"]
     if (path := out / "meta/stats.json").is_file():
-        stats, values = json.loads(path.read_text()), np.concatenate([t["dynamics.kinetic_energy"] for t in tables])
+        stats, values = (
+            json.loads(path.read_text()),
+            np.concatenate([t["dynamics.kinetic_energy"] for t in tables]),
+        )
     else:
         lines = (out / "meta/episodes_stats.jsonl").read_text().splitlines()
         stats, values = json.loads(lines[2])["stats"], np.array(rows["dynamics.kinetic_energy"])
     found = stats["dynamics.kinetic_energy"]
     expected = values.min(), values.max(), values.mean(), values.std(), len(values)
-    assert [found[one][0] for one in ("min", "max", "mean", "std", "count")] == pytest.approx(expected, rel=1e-6)
-    assert np.isfinite(np.concatenate([stats["dynamics.residual"][one] for one in ("min", "max", "mean", "std")])).all()
+    assert [found[one][0] for one in ("min", "max", "mean", "std", "count")] == pytest.approx(
+        expected, rel=1e-6
+    )
+    assert np.isfinite(
+        np.concatenate([stats["dynamics.residual"][one] for one in ("min", "max", "mean", "std")])
+    ).all()
     assert "observation.state" in stats
-    assert main(arguments) == 2 and "exists; expected the name of a new folder" in capsys.readouterr().err
+    assert (
+        main(arguments) == 2
+        and "exists; expected the name of a new folder" in capsys.readouterr().err
+    )
     assert main(["analyse", str(tmp_path / "all.json"), "--lerobot", str(tmp_path / "new")]) == 2
     assert "expected one folder with meta/info.json" in capsys.readouterr().err
 
@@ -171,7 +218,9 @@ DESK = ("shoulder_pan", "elbow_flex", "gripper")
 
 def test_units_and_names_are_never_guessed(tmp_path):
     """Degrees and units of the range need a scale; names that are no joints of the robot need a map."""
-    q = np.column_stack([np.linspace(5, 40, 60), np.linspace(0, -30, 60), np.linspace(0, 100, 60)]).astype(np.float32)
+    q = np.column_stack(
+        [np.linspace(5, 40, 60), np.linspace(0, -30, 60), np.linspace(0, 100, 60)]
+    ).astype(np.float32)
     names = feature([f"{name}.pos" for name in DESK])
     root = write_dataset(tmp_path / "desk", "v3.0", [[q]], {"observation.state": names})
     text = "".join(
@@ -179,20 +228,28 @@ def test_units_and_names_are_never_guessed(tmp_path):
         "<limit lower='-9' upper='9' effort='9' velocity='900'/></joint>"
         f"<link name='l{k + 1}'><inertial><mass value='1'/><origin xyz='0 0 .1'/><inertia ixx='.1' iyy='.1' izz='.1' "
         "ixy='0' ixz='0' iyz='0'/></inertial></link>"
-        for k, (name, kind) in enumerate((("a1", "revolute"), ("a2", "revolute"), ("jaw", "prismatic")))
+        for k, (name, kind) in enumerate(
+            (("a1", "revolute"), ("a2", "revolute"), ("jaw", "prismatic"))
+        )
     )
     model = dd.load_urdf(f"<robot name='desk'><link name='l0'/>{text}</robot>")
     joints = dict(zip(DESK, ("a1", "a2", "jaw"), strict=True))
     options = {"parameters": {"missing_velocity": "estimate"}}
-    with pytest.raises(dd.InputError, match=r"reaches 40; expected rad or m.*scale: \{position: deg\}"):
+    with pytest.raises(
+        dd.InputError, match=r"reaches 40; expected rad or m.*scale: \{position: deg\}"
+    ):
         dd.read_recording(root, model, {"joint_names": joints}, **options)
     with pytest.raises(dd.InputError, match="none of which is one of the 3 joints: a1, a2, jaw"):
         dd.read_recording(root, model, {"scale": {"position": "deg"}}, **options)
     scale = {"position": {"*": "deg", "gripper": 1e-3}}
     recording = dd.read_recording(root, model, {"joint_names": joints, "scale": scale}, **options)
     np.testing.assert_allclose(recording.q, (q * [np.pi / 180, np.pi / 180, 1e-3])[1:], rtol=1e-12)
-    bare = write_dataset(tmp_path / "bare", "v2.1", [[q / 100]], {"observation.state": feature(None, 3)})
-    with pytest.raises(dd.InputError, match=r"no column is recognized as position; columns: .*observation\.state"):
+    bare = write_dataset(
+        tmp_path / "bare", "v2.1", [[q / 100]], {"observation.state": feature(None, 3)}
+    )
+    with pytest.raises(
+        dd.InputError, match=r"no column is recognized as position; columns: .*observation\.state"
+    ):
         dd.read_recording(bare, model, **options)
     by_map = {"position": "observation.state", "joints": ["jaw", "a2", "a1"]}
     assert dd.read_recording(bare, model, by_map, **options).q[:, 2].tolist() == pytest.approx(
@@ -207,7 +264,11 @@ def test_damaged_datasets_are_named(dataset, arm):
             path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(dd.InputError, match=r"\.parquet' cannot be read"):
         dd.read_recording(f"{dataset}#0", arm)
-    for text in ("{", '{"fps": 30}', json.dumps(json.loads(info.read_text()) | {"data_path": "data/{other}"})):
+    for text in (
+        "{",
+        '{"fps": 30}',
+        json.dumps(json.loads(info.read_text()) | {"data_path": "data/{other}"}),
+    ):
         info.write_text(text)
         with pytest.raises(dd.InputError, match="is no LeRobot dataset of version 2 or 3"):
             dd.read_recording(f"{dataset}#0", arm)

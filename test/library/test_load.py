@@ -29,7 +29,10 @@ def no_inertia(mass, center=CENTER):
 def estimates(estimator, motion, seen):
     """The results for states STEP apart, of which the observer has no result for the first."""
     torques = [None, *seen[1:]]
-    return [estimator.update(k * STEP, q, qd, torques[k]) for k, (q, qd) in enumerate(zip(*motion[:2], strict=True))]
+    return [
+        estimator.update(k * STEP, q, qd, torques[k])
+        for k, (q, qd) in enumerate(zip(*motion[:2], strict=True))
+    ]
 
 
 def estimator_of(arm, **options):
@@ -40,7 +43,11 @@ def check_counts(count, seed=0):
     """Of loads and pushes of both arms, 95 % of the loads and no push of 0.3 s are recognized as loads in time."""
     for name in ("panda", "ur5"):
         arm, rng = Arm(name), np.random.default_rng(seed)
-        moving = [link for link in arm.dynamics.model.link_names if arm.dynamics.model.placement_in_body(link)[0] > 1]
+        moving = [
+            link
+            for link in arm.dynamics.model.link_names
+            if arm.dynamics.model.placement_in_body(link)[0] > 1
+        ]
         loads, pushes, errors = [], [], []
         for _ in range(count):
             mass, center = rng.uniform(0.2, 3.0), rng.uniform(-0.1, 0.1, 3)
@@ -53,7 +60,9 @@ def check_counts(count, seed=0):
             time, force = np.arange(0.0, 2.0, STEP), rng.normal(size=3)
             force *= rng.uniform(10.0, 60.0) / np.linalg.norm(force)
             motion, during = arm.motion(rng, time), (time >= 0.5) & (time < 0.8)
-            push = arm.push_torque(motion[0], rng.choice(moving), rng.uniform(-0.1, 0.1, 3), during[:, None] * force)
+            push = arm.push_torque(
+                motion[0], rng.choice(moving), rng.uniform(-0.1, 0.1, 3), during[:, None] * force
+            )
             found = estimates(estimator_of(arm), motion, arm.observed(rng, push))
             pushes.append(any(one.is_load for one in found))
         assert np.mean(loads) >= 0.95, (name, np.mean(loads))
@@ -93,13 +102,21 @@ def test_any_tree_carries_a_load(id):
     """Mimic joints, planar joints and a floating base, at constant rates."""
     s, rng = subject(TREES[id]), np.random.default_rng(3)
     model, oracle = s.dyn.model, s.oracle
-    link = max(model.link_names, key=lambda name: (is_mimic(model, name), model.placement_in_body(name)[0]))
-    start, rate = oracle.moved(oracle.neutral, rng.uniform(-0.8, 0.8, model.nv)), rng.normal(size=model.nv)
+    link = max(
+        model.link_names, key=lambda name: (is_mimic(model, name), model.placement_in_body(name)[0])
+    )
+    start, rate = (
+        oracle.moved(oracle.neutral, rng.uniform(-0.8, 0.8, model.nv)),
+        rng.normal(size=model.nv),
+    )
     still, count, step = np.zeros(model.nv), 400, 0.5 * STEP
     q = np.array([oracle.moved(start, k * step * rate) for k in range(count)])
     torque = np.array([oracle.inverse_dynamics(one, rate, still) for one in q])
     loaded = Coupled(
-        TREES[id].urdf, model.dof_names, payloads={link: (0.8, CENTER, no_inertia(0.8))}, **TREES[id].options
+        TREES[id].urdf,
+        model.dof_names,
+        payloads={link: (0.8, CENTER, no_inertia(0.8))},
+        **TREES[id].options,
     )
     torque -= [loaded.inverse_dynamics(one, rate, still) for one in q]
     estimator = dd.LoadEstimator(s.dyn, link, GAIN, 1e-8 * np.eye(model.nv))
@@ -138,7 +155,9 @@ def test_accepted_payload_takes_the_load_off():
     estimates(estimator, motion, seen)
     mass, center, _ = estimator.payload()
     assert mass == pytest.approx(2.5, rel=1e-3)
-    np.testing.assert_allclose(center, np.multiply(CENTER, 0.8) + np.array([0.0, 0.0, 0.004]), atol=1e-3)
+    np.testing.assert_allclose(
+        center, np.multiply(CENTER, 0.8) + np.array([0.0, 0.0, 0.004]), atol=1e-3
+    )
     after = dd.DiagonalDynamics(model.with_payload(arm.link, *estimator.payload()))
     q, still = motion[0][-1], np.zeros(6)  # at rest, where the inertia does not matter
     added = after.gravity_torque(q) - dynamics.gravity_torque(q)
@@ -179,7 +198,9 @@ def test_payload_that_is_put_down():
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     seen = arm.observed(rng, -arm.load_torque(motion, 1.0, CENTER))
     assert not any(one.is_load for one in estimates(estimator_of(arm), motion, seen))
-    carrying = dd.DiagonalDynamics(arm.dynamics.model.with_payload(arm.link, 1.0, CENTER, 1e-3 * np.eye(3)))
+    carrying = dd.DiagonalDynamics(
+        arm.dynamics.model.with_payload(arm.link, 1.0, CENTER, 1e-3 * np.eye(3))
+    )
     estimator = dd.LoadEstimator(carrying, arm.link, GAIN, np.diag(arm.deviation**2))
     last = estimates(estimator, motion, seen)[-1]
     assert last.is_load and last.mass == pytest.approx(-1.0, abs=3.0 * last.mass_deviation)
@@ -195,10 +216,15 @@ def test_gravity_that_turns_keeps_the_estimate():
     arm, rng = Arm("ur5"), np.random.default_rng(8)
     motion = arm.motion(rng, np.arange(0.0, 1.0, STEP))
     estimator = estimator_of(arm)
-    before = estimates(estimator, motion, arm.observed(rng, arm.load_torque(motion, 2.0, CENTER)))[-1]
+    before = estimates(estimator, motion, arm.observed(rng, arm.load_torque(motion, 2.0, CENTER)))[
+        -1
+    ]
     turned = dd.DiagonalDynamics(arm.dynamics.model.with_gravity(TILTED))
     estimator.use(turned)
-    assert estimator.last is before and estimator.update(1.0, motion[0][-1], motion[1][-1], np.zeros(6)).valid
+    assert (
+        estimator.last is before
+        and estimator.update(1.0, motion[0][-1], motion[1][-1], np.zeros(6)).valid
+    )
     estimator.use(dd.DiagonalDynamics(arm.dynamics.model.with_payload(arm.link, 1.0)))
     assert not estimator.last.valid
 
@@ -245,7 +271,9 @@ def test_far_centre_is_no_load():
     for distance, expected in ((0.37, True), (0.43, False)):
         center = (0.0, 0.0, distance)
         torque = low_pass(arm.load_torque(motion, 1.5, center, no_inertia(1.5, center)))
-        last = estimates(dd.LoadEstimator(arm.dynamics, arm.link, GAIN, 1e-6 * np.eye(6)), motion, torque)[-1]
+        last = estimates(
+            dd.LoadEstimator(arm.dynamics, arm.link, GAIN, 1e-6 * np.eye(6)), motion, torque
+        )[-1]
         assert last.center[2] == pytest.approx(distance, abs=0.01) and last.is_load == expected
 
 
@@ -253,8 +281,13 @@ def test_energy_near_that_of_the_noise_is_no_load():
     arm, rng = Arm("panda"), np.random.default_rng(14)
     motion = arm.motion(rng, np.arange(0.0, 3.0, STEP))
     seen = low_pass(arm.load_torque(motion, 1.0, CENTER))
-    square, weights = np.mean((seen / arm.deviation) ** 2, axis=1), np.exp(-np.arange(len(seen)) * STEP / 0.5)
-    mean = np.convolve(square, weights)[: len(seen)] / np.cumsum(weights)  # of energy in that of the noise
+    square, weights = (
+        np.mean((seen / arm.deviation) ** 2, axis=1),
+        np.exp(-np.arange(len(seen)) * STEP / 0.5),
+    )
+    mean = np.convolve(square, weights)[: len(seen)] / np.cumsum(
+        weights
+    )  # of energy in that of the noise
     for level, expected in ((1.9 / mean.max(), False), (2.1 / mean[300:].min(), True)):
         last = estimates(estimator_of(arm), motion, np.sqrt(level) * seen)[-1]
         assert last.is_significant and last.explained > 0.9 and last.is_load == expected
@@ -268,7 +301,9 @@ def test_error_of_the_mass_that_is_put_down():
     for mass, remaining in ((1.2, None), (1.08, 0.0), (0.92, 0.0), (0.8, 0.2)):
         estimator = dd.LoadEstimator(carrying, arm.link, GAIN, 1e-6 * np.eye(6))
         last = estimates(estimator, motion, low_pass(-arm.load_torque(motion, mass, CENTER)))[-1]
-        assert last.mass == pytest.approx(-mass, abs=1e-2) and last.is_load == (remaining is not None)
+        assert last.mass == pytest.approx(-mass, abs=1e-2) and last.is_load == (
+            remaining is not None
+        )
         if remaining is not None:
             assert estimator.payload().mass == pytest.approx(remaining, abs=1e-2)
 

@@ -27,7 +27,9 @@ Y, ORIGIN = (0, 1, 0), (0, 0, 0)
 def body(name, k):
     """Return a link that has an inertia of no symmetry."""
     com = (0.1 + 0.02 * k, 0.03 * (-1) ** k, 0.05)
-    return link(name, mass=1.0 + 0.3 * k, com=com, inertia=(0.02, 0.002, -0.001, 0.03, 0.0015, 0.025))
+    return link(
+        name, mass=1.0 + 0.3 * k, com=com, inertia=(0.02, 0.002, -0.001, 0.03, 0.0015, 0.025)
+    )
 
 
 def hinge(name, parent, child, xyz, axis=Y):
@@ -81,10 +83,20 @@ SPATIAL = description(
     joint("b3", "prismatic", "b2", "b3", xyz=(-0.2, 0, 0.1), axis=(1, 0, 0.1)),
     hinge("t", "a3", "tip", (0.2, 0.1, 0), (1, 0, 0)),
 )
-BALL = {"name": "ball", "a": {"link": "a3", "xyz": [0.3, 0, 0.05]}, "b": {"link": "b3", "xyz": [0.05, 0.02, 0]}}
+BALL = {
+    "name": "ball",
+    "a": {"link": "a3", "xyz": [0.3, 0, 0.05]},
+    "b": {"link": "b3", "xyz": [0.05, 0.02, 0]},
+}
 REVOLUTE = BAR | {"type": "revolute", "axis": list(Y)}
-WELD = BAR | {"type": "weld", "a": {"link": "coupler", "xyz": [0.5, 0, 0]}, "b": {"link": "end", "xyz": [0.0, 0, 0]}}
-WELDED = FOUR_BAR.replace("</robot>", body("end", 4) + hinge("j5", "rocker", "end", (0.4, 0, 0)) + "</robot>")
+WELD = BAR | {
+    "type": "weld",
+    "a": {"link": "coupler", "xyz": [0.5, 0, 0]},
+    "b": {"link": "end", "xyz": [0.0, 0, 0]},
+}
+WELDED = FOUR_BAR.replace(
+    "</robot>", body("end", 4) + hinge("j5", "rocker", "end", (0.4, 0, 0)) + "</robot>"
+)
 CORNERS = [((0.5 + x, y, 0), (x, y, 0)) for x, y in ((0, 0), (0.3, 0), (0, 0.3))]
 TABLE = [[-1.0, 0.3], [0.0, 0.1], [0.7, 0.6], [1.5, 1.4]]
 """Positions of j1 and of a joint that follows it."""
@@ -94,7 +106,12 @@ def table(source):
     """Return the spline of TABLE at a hyper-dual number."""
     spline = CubicSpline(*np.transpose(TABLE), bc_type="natural")
     value, slope, bend = (float(spline(source[0], k)) for k in range(3))
-    return value, slope * source[1], slope * source[2], slope * source[3] + bend * source[1] * source[2]
+    return (
+        value,
+        slope * source[1],
+        slope * source[2],
+        slope * source[3] + bend * source[1] * source[2],
+    )
 
 
 P = [0.2, 0.7, 0.3, -0.1]
@@ -110,8 +127,18 @@ CASES = {  # URDF, loops, pairs of points and curves of the oracle
         {},
     ),
     "spatial": (SPATIAL, [BALL], [("a3", (0.3, 0, 0.05), "b3", (0.05, 0.02, 0))], {}),
-    "polynomial": (FOUR_BAR, {"mimics": {"j3": {"source": "j1", "polynomial": P}}}, [], {"j3": ("j1", polynomial(P))}),
-    "table": (FOUR_BAR, {"mimics": {"j2": {"source": "j1", "table": TABLE}}}, [], {"j2": ("j1", table)}),
+    "polynomial": (
+        FOUR_BAR,
+        {"mimics": {"j3": {"source": "j1", "polynomial": P}}},
+        [],
+        {"j3": ("j1", polynomial(P))},
+    ),
+    "table": (
+        FOUR_BAR,
+        {"mimics": {"j2": {"source": "j1", "table": TABLE}}},
+        [],
+        {"j2": ("j1", table)},
+    ),
     "mimic of a mimic": (
         FOUR_BAR.replace(
             '<joint name="j4" type="continuous">',
@@ -128,7 +155,9 @@ CASES = {  # URDF, loops, pairs of points and curves of the oracle
         {"j4": ("j2", polynomial(P))},
     ),
     "cam": (
-        FOUR_BAR.replace("</robot>", body("cam", 4) + hinge("j0", "base", "cam", (0, 0.1, 0)) + "</robot>"),
+        FOUR_BAR.replace(
+            "</robot>", body("cam", 4) + hinge("j0", "base", "cam", (0, 0.1, 0)) + "</robot>"
+        ),
         {"loops": [BAR | {"independent": ["j0"]}], "mimics": {"j1": Q | {"source": "j0"}}},
         [BAR_PAIR],
         {"j1": ("j0", polynomial(P))},
@@ -145,7 +174,9 @@ class Case:
         self.armature = {name: 0.02 + 0.01 * k for k, name in enumerate(cut.dof_names)}
         self.model = dd.load_urdf(urdf, loops=loops, armature=self.armature)
         self.dynamics = dd.DiagonalDynamics(self.model)
-        start = dict.fromkeys(cut.dof_names, 0.0) | closed(FollowerMotion(self.model), self.model.start)
+        start = dict.fromkeys(cut.dof_names, 0.0) | closed(
+            FollowerMotion(self.model), self.model.start
+        )
         self.oracle = PointMasses(urdf, self.model.dof_names, pairs, start, self.armature, curves)
 
     def states(self, count, seed=0, spread=0.2):
@@ -166,7 +197,9 @@ def ratios(model, q):
     """Return G of all joints, (joints, nv), and all positions, both by joint."""
     found = model.followers_at(q)
     at = zip((*model.coordinate_names, *found.names), (*q, *found.position), strict=True)
-    return dict(zip((*model.dof_names, *found.names), (*np.eye(model.nv), *found.ratios), strict=True)), dict(at)
+    return dict(
+        zip((*model.dof_names, *found.names), (*np.eye(model.nv), *found.ratios), strict=True)
+    ), dict(at)
 
 
 @cache
@@ -183,7 +216,11 @@ def case(name):
         for one in own
         for p, q in one.points[: 1 if one.type != "weld" else 3]
     ]
-    mimic = {"right_crank_joint": ("left_crank_joint", polynomial([0.0, -1.0]))} if "gripper" in name else {}
+    mimic = (
+        {"right_crank_joint": ("left_crank_joint", polynomial([0.0, -1.0]))}
+        if "gripper" in name
+        else {}
+    )
     return Case(urdf, loops, pairs, mimic)
 
 
@@ -200,11 +237,16 @@ def test_point_masses(name):
         assert np.abs(s.nu - nu).max() <= 1e-12 * np.linalg.norm(nu)
         assert np.abs(s.coriolis - coriolis).max() <= 1e-12 * max(np.linalg.norm(coriolis), scale)
         assert np.abs(s.gravity - gravity).max() <= 1e-12 * np.linalg.norm(gravity)
-        assert abs(s.nu @ s.coriolis) <= 1e-13 * np.linalg.norm(s.nu) * max(np.linalg.norm(s.coriolis), scale)
+        assert abs(s.nu @ s.coriolis) <= 1e-13 * np.linalg.norm(s.nu) * max(
+            np.linalg.norm(s.coriolis), scale
+        )
         assert s.kinetic_energy == pytest.approx(0.5 * qd @ M @ qd, rel=1e-12)
         assert np.abs(it.dynamics.bias(q, qd) - c).max() <= 1e-12 * (np.abs(c) + np.abs(g)).max()
         expected = np.linalg.solve(M, tau - c - g)
-        assert np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max() <= 1e-11 * np.abs(expected).max()
+        assert (
+            np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max()
+            <= 1e-11 * np.abs(expected).max()
+        )
 
 
 @pytest.mark.parametrize("name", ["four-bar", "five-bar", "spatial"])
@@ -220,14 +262,21 @@ def test_pinocchio(name):
         own = model.frames[model.getFrameId(frame, pin.FrameType.BODY)]
         ends += [own.parentJoint, own.placement * pin.SE3(np.eye(3), np.array(point, float))]
     closure = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends)
-    models, memories, data = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData(), model.createData()
+    models, memories, data = (
+        pin.StdVec_RigidConstraintModel(),
+        pin.StdVec_RigidConstraintData(),
+        model.createData(),
+    )
     models.append(closure)
     memories.append(closure.createData())
     pin.initConstraintDynamics(model, data, models, memories)
     for q, qd, tau in it.states(5):
         G, at = ratios(it.model, q)
         x = np.concatenate(
-            [[at[j]] if model.joints[k + 1].nq == 1 else [np.cos(at[j]), np.sin(at[j])] for k, j in enumerate(names)]
+            [
+                [at[j]] if model.joints[k + 1].nq == 1 else [np.cos(at[j]), np.sin(at[j])]
+                for k, j in enumerate(names)
+            ]
         )
         v = np.array([G[j] @ qd for j in names])
         own = dict(zip(it.model.dof_names, tau, strict=True))
@@ -235,13 +284,19 @@ def test_pinocchio(name):
         settings = pin.ProximalSettings(1e-13, 1e-8, 200)
         a = pin.constraintDynamics(model, data, x, v, forces, models, memories, settings)
         expected = np.array([a[names.index(j)] for j in it.model.dof_names])
-        assert np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max() <= 1e-11 * np.abs(expected).max()
+        assert (
+            np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max()
+            <= 1e-11 * np.abs(expected).max()
+        )
 
 
 def test_choice_of_independent_joints():
     """It turns ν of the group; nothing else changes, and a group of one degree of freedom keeps C but for its sign."""
     rng = np.random.default_rng(1)
-    for name, others in (("five-bar", [["p2", "r2"], ["p1", "p2"]]), ("four-bar", [["j2"], ["j3"]])):
+    for name, others in (
+        ("five-bar", [["p2", "r2"], ["p1", "p2"]]),
+        ("four-bar", [["j2"], ["j3"]]),
+    ):
         it = case(name)
         q, own = it.model.start + 0.1, list(it.model.dof_names)
         G, at = ratios(it.model, q)
@@ -250,20 +305,29 @@ def test_choice_of_independent_joints():
         for joints in others:
             loop = it.loops[0] | {"independent": joints, "start": at}
             model = dd.load_urdf(it.urdf, loops=[loop], armature=it.armature)
-            other, mapped = dd.DiagonalDynamics(model), np.array([G[joint_name] for joint_name in model.dof_names])
+            other, mapped = (
+                dd.DiagonalDynamics(model),
+                np.array([G[joint_name] for joint_name in model.dof_names]),
+            )
             p = np.array([at[joint_name] for joint_name in model.coordinate_names])
             turn = np.array([other.nu_from_qd(p, mapped @ e) for e in np.eye(len(own))]).T
-            turn = turn @ np.linalg.inv(np.array([it.dynamics.nu_from_qd(q, e) for e in np.eye(len(own))]).T)
+            turn = turn @ np.linalg.inv(
+                np.array([it.dynamics.nu_from_qd(q, e) for e in np.eye(len(own))]).T
+            )
             moved = [k for k, joint_name in enumerate(model.dof_names) if joint_name in joints]
             kept = np.setdiff1d(range(len(own)), moved)
             assert np.abs(turn @ turn.T - np.eye(len(own))).max() <= 1e-12
             assert np.abs(turn[np.ix_(kept, rest)] - np.eye(len(rest))).max() <= 1e-12
             qd = rng.normal(size=len(own))
             a, b = it.dynamics.evaluate(q, qd), other.evaluate(p, mapped @ qd)
-            assert np.abs(b.coriolis[kept] - a.coriolis[rest]).max() <= 1e-12 * np.linalg.norm(a.coriolis)
+            assert np.abs(b.coriolis[kept] - a.coriolis[rest]).max() <= 1e-12 * np.linalg.norm(
+                a.coriolis
+            )
             if len(group) == 1:
                 sign = turn[moved[0], group[0]]
-                assert abs(b.coriolis[moved[0]] - sign * a.coriolis[group[0]]) <= 1e-12 * np.linalg.norm(a.coriolis)
+                assert abs(
+                    b.coriolis[moved[0]] - sign * a.coriolis[group[0]]
+                ) <= 1e-12 * np.linalg.norm(a.coriolis)
 
 
 def test_energy():
@@ -293,7 +357,12 @@ def test_branches():
     starts = {"j1": 0.5, "j2": -0.8, "j3": -1.5}, {"j1": 0.5, "j2": 1.0, "j3": 1.5}
     up, down = (dd.load_urdf(FOUR_BAR, loops=[BAR | {"start": start}]) for start in starts)
     assert up.start[0] == pytest.approx(down.start[0])
-    assert closed(FollowerMotion(up), up.start)["j3"] < -0.5 < 0.5 < closed(FollowerMotion(down), down.start)["j3"]
+    assert (
+        closed(FollowerMotion(up), up.start)["j3"]
+        < -0.5
+        < 0.5
+        < closed(FollowerMotion(down), down.start)["j3"]
+    )
 
 
 def parallelogram(angle):
@@ -305,9 +374,14 @@ def parallelogram(angle):
         hinge("j1", "base", "crank", ORIGIN),
         *(hinge(f"j{k}", parent, child, at) for k, (child, parent, at) in enumerate(rods, 2)),
     )
-    ends = {"a": {"link": "coupler", "xyz": [0.5, 0, 0]}, "b": {"link": "rocker", "xyz": [0.3, 0, 0]}}
+    ends = {
+        "a": {"link": "coupler", "xyz": [0.5, 0, 0]},
+        "b": {"link": "rocker", "xyz": [0.3, 0, 0]},
+    }
     start = {"j1": angle, "j2": -angle, "j3": angle}
-    return dd.load_urdf(urdf, loops=[{"name": "bars", "independent": ["j1"], "start": start} | ends])
+    return dd.load_urdf(
+        urdf, loops=[{"name": "bars", "independent": ["j1"], "start": start} | ends]
+    )
 
 
 def test_change_point():
@@ -316,7 +390,9 @@ def test_change_point():
     motion = FollowerMotion(model)
     for angle in np.arange(0.5, -0.6, -0.07):
         at = closed(motion, np.array([angle]))
-        assert at["j2"] == pytest.approx(-angle, abs=1e-9) and at["j3"] == pytest.approx(angle, abs=1e-9)
+        assert at["j2"] == pytest.approx(-angle, abs=1e-9) and at["j3"] == pytest.approx(
+            angle, abs=1e-9
+        )
     with pytest.raises(dd.LoopError, match=r"'bars': the start is singular"):
         parallelogram(0.0)
 
@@ -334,7 +410,11 @@ def test_far_positions():
 def test_choice_among_many_joints(monkeypatch):
     """Driven joints are independent, and loops can be closed, also where not all choices are compared."""
     monkeypatch.setattr(reader, "MAX_CHOICES", 0)
-    for urdf, own in ((SPATIAL, [BALL]), (FIVE_BAR, [FIVE]), (with_element(HINGE + driven("j3")), None)):
+    for urdf, own in (
+        (SPATIAL, [BALL]),
+        (FIVE_BAR, [FIVE]),
+        (with_element(HINGE + driven("j3")), None),
+    ):
         model = dd.load_urdf(urdf, loops=own)
         assert min(model.followers_at(model.start).singularity) > 0.01
     assert model.followers == {"j1": ("j3",), "j2": ("j3",)}
@@ -345,7 +425,10 @@ def test_batch():
         it = case(name)
         Q, QD, _ = (np.array(x) for x in zip(*it.states(12, spread=0.05), strict=True))
         batch = it.dynamics.evaluate_batch(Q, QD)
-        rows = [dd.DiagonalDynamics(it.model).evaluate(q, qd).coriolis for q, qd in zip(Q, QD, strict=True)]
+        rows = [
+            dd.DiagonalDynamics(it.model).evaluate(q, qd).coriolis
+            for q, qd in zip(Q, QD, strict=True)
+        ]
         assert np.abs(batch.coriolis - rows).max() <= 1e-11 * np.abs(rows).max()
 
 
@@ -355,8 +438,14 @@ def test_batch():
 BROKEN = {
     "unknown link": ({"a": "elbow"}, "'elbow' is not a link"),
     "unknown joint": ({"start": {"j9": 0.0}}, "'j9' is not a joint"),
-    "foreign joint": ({"independent": ["j4"]}, "independent joint 'j4' is not in it; its joints are j1, j2, j3"),
-    "too many": ({"independent": ["j1", "j2"]}, "2 independent joints are given, j1, j2; it has 1 degree of freedom"),
+    "foreign joint": (
+        {"independent": ["j4"]},
+        "independent joint 'j4' is not in it; its joints are j1, j2, j3",
+    ),
+    "too many": (
+        {"independent": ["j1", "j2"]},
+        "2 independent joints are given, j1, j2; it has 1 degree of freedom",
+    ),
     "open": (
         {"b": {"link": "rocker", "xyz": [2.0, 0, 0]}},
         "'bar' cannot be closed from the start values: the ends stay",
@@ -364,7 +453,11 @@ BROKEN = {
     "one link": ({"b": {"link": "coupler"}, "start": {}}, "the ends stay 0.5 m apart"),
     "degrees": ({"start": {"j2": -45.0}}, "start of 'j2' is -45, expected radians"),
     "axes": (
-        {"b": {"link": "rocker", "xyz": [0.4, 0, 0], "rpy": [np.pi, 0, 0]}, "type": "revolute", "axis": list(Y)},
+        {
+            "b": {"link": "rocker", "xyz": [0.4, 0, 0], "rpy": [np.pi, 0, 0]},
+            "type": "revolute",
+            "axis": list(Y),
+        },
         "the axes of the ends differ by 2",
     ),
     "rigid": ({"b": {"link": "base", "xyz": [0.6, 0, 0.1]}}, "leaves none of its joints free"),
@@ -384,18 +477,27 @@ WRONG = {
     "type of type": ([BAR | {"type": ["point"]}], "loops: loop 'bar': type"),
     "twice": ([BAR, BAR], "two loops have the name 'bar'"),
     "independent": ([BAR | {"independent": 3}], "independent is 3, expected a list of joints"),
-    "object": ([dd.Loop("bar", dd.LoopEnd("coupler"), dd.LoopEnd("rocker"), "screw")], "loops: loop 'bar': type"),
+    "object": (
+        [dd.Loop("bar", dd.LoopEnd("coupler"), dd.LoopEnd("rocker"), "screw")],
+        "loops: loop 'bar': type",
+    ),
     "key": ([BAR | {"c": 1}], "loop 'bar' has 'c', expected one of name, a, b"),
     "end": ([{"name": "bar", "a": "crank"}], "loop 'bar' has no b"),
     "no list": ({"loops": "bar"}, "loops is 'bar', expected a list"),
     "keys": ({"loop": []}, "loops has 'loop', expected one of loops, mimics, flexible_links"),
     "table": ({"mimics": {"j2": {"source": "j1", "table": [[0, 0], [1, 1], [1, 2]]}}}, "ascending"),
     "row": ({"mimics": {"j2": {"source": "j1", "table": [[0, 0]]}}}, "two rows or more"),
-    "polynomial": ({"mimics": {"j2": {"source": "j1", "polynomial": [0.0, np.nan]}}}, "expected coefficients"),
+    "polynomial": (
+        {"mimics": {"j2": {"source": "j1", "polynomial": [0.0, np.nan]}}},
+        "expected coefficients",
+    ),
     "text": ({"mimics": {"j2": {"source": "j1", "polynomial": "0 1"}}}, "expected coefficients"),
     "ragged": ({"mimics": {"j2": {"source": "j1", "table": [[0, 1], [1]]}}}, "two rows or more"),
     "both": ({"mimics": {"j2": {"source": "j1"}}}, "expected source, and polynomial or table"),
-    "source": ({"mimics": {"j2": {"source": "j9", "polynomial": [1]}}}, "'j9' is not a joint of robot 'four'"),
+    "source": (
+        {"mimics": {"j2": {"source": "j9", "polynomial": [1]}}},
+        "'j9' is not a joint of robot 'four'",
+    ),
 }
 
 
@@ -442,7 +544,10 @@ def test_elements(element, tmp_path):
         for own in (model, pickle.loads(pickle.dumps(model))):
             found = dd.DiagonalDynamics(own).evaluate(q, qd)
             assert np.abs(found.coriolis - expected.evaluate(q, qd).coriolis).max() <= 1e-12
-    assert dd.load_urdf(with_element(element)).nv == 2 and dd.load_urdf(with_element(element), loops=[]).nv == 4
+    assert (
+        dd.load_urdf(with_element(element)).nv == 2
+        and dd.load_urdf(with_element(element), loops=[]).nv == 4
+    )
 
 
 def driven(joint):
@@ -450,7 +555,10 @@ def driven(joint):
 
 
 def test_driven_joint_is_independent():
-    assert dd.load_urdf(with_element(HINGE + driven("j3"))).followers == {"j1": ("j3",), "j2": ("j3",)}
+    assert dd.load_urdf(with_element(HINGE + driven("j3"))).followers == {
+        "j1": ("j3",),
+        "j2": ("j3",),
+    }
 
 
 MJCF = """<mujoco><compiler angle="radian"/><option jacobian="dense"/><worldbody>
@@ -488,4 +596,7 @@ def test_mjcf(name):
         mujoco.mj_forward(m, d)
         rows = np.reshape(d.efc_J, (-1, m.nv))[: d.ne]
         assert d.ne >= 1 and np.abs(d.efc_pos[: d.ne]).max() <= 1e-12
-        assert np.abs(rows @ np.array([G[joint_name] for joint_name in names])).max() <= 1e-13 * np.abs(rows).max()
+        assert (
+            np.abs(rows @ np.array([G[joint_name] for joint_name in names])).max()
+            <= 1e-13 * np.abs(rows).max()
+        )

@@ -73,7 +73,9 @@ def test_followers_of_a_four_bar(bar, crank):
     np.testing.assert_allclose(found.rate, 1.7 * rates_of(crank), atol=1e-8)
     second = (rates_of(crank + 1e-4) - rates_of(crank - 1e-4)) / 2e-4
     np.testing.assert_allclose(found.ratio_rates[:, 0], 1.7 * second, atol=1e-5)
-    np.testing.assert_allclose(found.reflected([2.0, -3.0]), [rates_of(crank) @ [2.0, -3.0], 0.0], atol=1e-8)
+    np.testing.assert_allclose(
+        found.reflected([2.0, -3.0]), [rates_of(crank) @ [2.0, -3.0], 0.0], atol=1e-8
+    )
 
 
 def test_followers_of_mimic_joints():
@@ -124,18 +126,27 @@ def test_open_loop():
             call()
     rows = np.tile(model.start, (7, 1))
     rows[4] = apart
-    for call in (lambda: dynamics.evaluate_batch(rows, 0.0 * rows), lambda: dynamics.mass_matrix_batch(rows)):
+    for call in (
+        lambda: dynamics.evaluate_batch(rows, 0.0 * rows),
+        lambda: dynamics.mass_matrix_batch(rows),
+    ):
         with pytest.raises(LoopError, match=f"state 4: {text}"):
             call()
     with pytest.raises(dd.InputError, match="'p1' is nan"):
         dynamics.evaluate([0.0, np.nan, 0.0], np.zeros(3))
-    np.testing.assert_allclose(dynamics.mass_matrix(model.start), dd.DiagonalDynamics(model).mass_matrix(model.start))
+    np.testing.assert_allclose(
+        dynamics.mass_matrix(model.start), dd.DiagonalDynamics(model).mass_matrix(model.start)
+    )
 
 
 def test_last_state_after_an_open_one():
     """A state that is not on the straight line from the start is found again after one in which the loop is open."""
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
-    dynamics, corner, goal = dd.DiagonalDynamics(model), np.array([0.0, 0.75, 2.75]), np.array([0.0, -0.604, 3.509])
+    dynamics, corner, goal = (
+        dd.DiagonalDynamics(model),
+        np.array([0.0, 0.75, 2.75]),
+        np.array([0.0, -0.604, 3.509]),
+    )
     for q in (*np.linspace(model.start, corner, 60), *np.linspace(corner, goal, 60)):
         mass = dynamics.mass_matrix(q)
     for _ in range(2):
@@ -175,7 +186,11 @@ def test_rounded_axes():
 def test_cut_tree(bar):
     """It stays open where it is copied, or gets other parameters."""
     cut = bar.cut_tree()
-    for own in (pickle.loads(pickle.dumps(cut)), cut.with_parameters({}), cut.with_payload("arm", 1.0)):
+    for own in (
+        pickle.loads(pickle.dumps(cut)),
+        cut.with_parameters({}),
+        cut.with_payload("arm", 1.0),
+    ):
         assert own.nv == 4 and not own.followers
     assert cut.with_locked_joints({"arm": 0.0}).nv == 3
 
@@ -197,7 +212,9 @@ def test_nearly_singular_loop():
             q[k] = dead - distance
             dynamics.evaluate(q, np.zeros(2))
     q[k] = dead - 1e-14
-    with pytest.warns(dd.LoopWarning, match=r"loop 'bar' \(crank, coupler, rocker\) .* nearly singular") as found:
+    with pytest.warns(
+        dd.LoopWarning, match=r"loop 'bar' \(crank, coupler, rocker\) .* nearly singular"
+    ) as found:
         dynamics.evaluate(q, np.zeros(2))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -239,7 +256,9 @@ def test_limits_by_the_loop():
     urdf = five_bar('<limit lower="-1" upper="1" effort="1" velocity="1"/>').replace(
         '"p2" type="continuous"', '"p2" type="revolute"'
     )
-    assert dd.load_urdf(urdf, loops=[FIVE_BAR]).omitted == ("limits of joint 'p2', which follows p1, r1",)
+    assert dd.load_urdf(urdf, loops=[FIVE_BAR]).omitted == (
+        "limits of joint 'p2', which follows p1, r1",
+    )
 
 
 # --- Friction
@@ -265,7 +284,9 @@ def test_friction_of_followers():
     with pytest.raises(dd.InputError, match="q is missing"):
         dynamics.friction_torque(QD[0])
     s = dynamics.evaluate(Q[2], QD[2], friction=True)
-    np.testing.assert_allclose(s.friction, dynamics.epsilon_from_tau(Q[2], np.array(expected[2])), atol=1e-6)
+    np.testing.assert_allclose(
+        s.friction, dynamics.epsilon_from_tau(Q[2], np.array(expected[2])), atol=1e-6
+    )
     batch = dynamics.evaluate_batch(Q, QD, friction=True)
     np.testing.assert_allclose(batch.friction[2], s.friction, atol=1e-12)
     rejected = {"joints": {"rocker": {"load_friction": 0.1}}}
@@ -310,7 +331,11 @@ def test_simulated_friction():
         simulation.advance(steps=round(3.0 / step))
         residuals.append(abs(simulation.audit.residual))
         assert simulation.audit.friction < -0.1 and simulation.audit.damping < -0.1
-    assert residuals[2] < 1e-4 and residuals[1] < residuals[0] / 3.0 and residuals[2] < residuals[1] / 3.0
+    assert (
+        residuals[2] < 1e-4
+        and residuals[1] < residuals[0] / 3.0
+        and residuals[2] < residuals[1] / 3.0
+    )
     two = dd.load_urdf(five_bar(RUBBING), loops=[FIVE_BAR])
     with pytest.raises(dd.UnsupportedError, match="'p2' follows several joints and has friction"):
         dd.Simulation(two)
@@ -320,7 +345,8 @@ def test_simulated_stop():
     """A crank stops where its rocker reaches its limit, and rests there."""
     limit = '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>'
     model = dd.load_urdf(
-        four_bar(limit, limit.replace("-2.3", "-3").replace("-1.6", "3"), "revolute"), loops=[FOUR_BAR]
+        four_bar(limit, limit.replace("-2.3", "-3").replace("-1.6", "3"), "revolute"),
+        loops=[FOUR_BAR],
     )
     simulation = dd.Simulation(model, q=model.start, effort_limits=False)
     simulation.advance([40.0, 0.0], steps=2000)
@@ -364,7 +390,16 @@ def test_payload_and_wrench_on_a_follower(bar):
 # --- Joint states
 
 
-def send(assembler, crank, *, names=("crank", "arm", "coupler", "rocker"), off=0.0, effort=(), stamp=1, base=()):
+def send(
+    assembler,
+    crank,
+    *,
+    names=("crank", "arm", "coupler", "rocker"),
+    off=0.0,
+    effort=(),
+    stamp=1,
+    base=(),
+):
     """Send a joint state of a four-bar whose rocker is `off` from where it should be."""
     coupler, rocker = four_bar_followers(crank)
     values = {"crank": (crank, 1.0), "arm": (0.2, -0.5)}
@@ -388,7 +423,9 @@ def test_joint_states_with_followers(bar):
     assert isinstance(send(assembler, 1.6, off=0.02, stamp=6), Accepted)
     assert assembler.counts["mimic disagreement"] == 1
     expected = four_bar_followers(1.6)[1]
-    text = f"position of joint 'rocker' is {expected + 0.02:.9g}, expected {expected:.9g} from 'crank'"
+    text = (
+        f"position of joint 'rocker' is {expected + 0.02:.9g}, expected {expected:.9g} from 'crank'"
+    )
     assert text in assembler.last_texts["mimic disagreement"]
 
 
@@ -397,7 +434,9 @@ def test_joint_states_of_an_open_loop():
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
     assembler, found = StateAssembler(joints_of(model), Options()), []
     for k, position in enumerate(((0.1, -0.3, 0.4), (0.1, -1.5, 1.5), (0.1, -0.31, 0.41)), 1):
-        found.append(assembler.accept_values(("c", "p1", "r1"), k, 0, (position, np.zeros(3), ()), 0))
+        found.append(
+            assembler.accept_values(("c", "p1", "r1"), k, 0, (position, np.zeros(3), ()), 0)
+        )
     assert [type(one) for one in found] == [Accepted, Rejected, Accepted]
     assert found[1].cause == "open loop"
     assert found[1].text.startswith("loop 'five' (p1, p2, r1, r2) cannot be closed")
@@ -408,7 +447,9 @@ def test_joint_states_on_a_floating_base():
     model = dd.load_urdf(four_bar(), loops=[FOUR_BAR], floating_base=True)
     assembler = StateAssembler(joints_of(model), Options(mimic_tolerance=0.01))
     accepted = send(assembler, 0.9, effort=(2.0, 0.3, -1.0, 4.0))
-    np.testing.assert_allclose(accepted.state.effort, [2.0 + rates_of(0.9) @ [-1.0, 4.0], 0.3], atol=1e-8)
+    np.testing.assert_allclose(
+        accepted.state.effort, [2.0 + rates_of(0.9) @ [-1.0, 4.0], 0.3], atol=1e-8
+    )
     assert not assembler.counts["mimic disagreement"]
 
 
@@ -422,9 +463,16 @@ def test_energy_that_breaks_a_loop(bar):
         followers = four_bar_followers(crank)
         position = {"crank": crank, "arm": 0.4, "coupler": followers[0], "rocker": followers[1]}
         rate = {"crank": qd[0], "arm": qd[1], "coupler": off[0], "rocker": off[1]}
-        M = pin.crba(tree, data, np.ravel([[np.cos(position[name]), np.sin(position[name])] for name in names]))
+        M = pin.crba(
+            tree,
+            data,
+            np.ravel([[np.cos(position[name]), np.sin(position[name])] for name in names]),
+        )
         M = np.triu(M) + np.triu(M, 1).T
-        ratios = dict(zip(("coupler", "rocker"), rates_of(crank), strict=True)) | {"crank": 1.0, "arm": 0.0}
+        ratios = dict(zip(("coupler", "rocker"), rates_of(crank), strict=True)) | {
+            "crank": 1.0,
+            "arm": 0.0,
+        }
         G = np.array([[ratios[name], float(name == "arm")] for name in names])
         rates = np.array([rate[name] for name in names])
         apart = rates - G @ np.linalg.solve(G.T @ M @ G, G.T @ M @ rates)
@@ -461,7 +509,9 @@ def test_page(bar):
 def test_set_point():
     """The controller brings a four-bar to a set-point and rejects one beyond the limits of a follower."""
     strong = '<limit lower="-3" upper="3" effort="200" velocity="9"/>'
-    urdf = four_bar('<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>', strong, "revolute")
+    urdf = four_bar(
+        '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>', strong, "revolute"
+    )
     urdf = urdf.replace('"arm" type="continuous"', '"arm" type="revolute"')
     urdf = urdf.replace('<axis xyz="1 0 0"/>', f'<axis xyz="1 0 0"/>{strong}')
     model = dd.load_urdf(urdf, loops=[FOUR_BAR])
@@ -497,9 +547,13 @@ def test_many_joint_states(bar, listed):
     """A batch of messages, as recordings are read, may have followers: efforts are reflected at each state."""
     crank, count = np.linspace(-1.0, 1.0, 50), 4 if listed else 2
     names = ("crank", "arm", "coupler", "rocker")[:count]
-    position = np.column_stack([crank, 0.0 * crank, [four_bar_followers(x) for x in crank]])[:, :count]
+    position = np.column_stack([crank, 0.0 * crank, [four_bar_followers(x) for x in crank]])[
+        :, :count
+    ]
     stamps = np.arange(1, 51)
-    part = JointStates(stamps - 1, names, stamps, 0 * stamps, position, 0.0 * position, 0.0 * position + 2.0)
+    part = JointStates(
+        stamps - 1, names, stamps, 0 * stamps, position, 0.0 * position, 0.0 * position + 2.0
+    )
     assembler = StateAssembler(joints_of(bar), Options(timeout=5.0, mimic_tolerance=0.01))
     found = assembler.assemble([part], stamps * 10**9)
     assert (found.outcome["code"] == 0).all() and not assembler.counts["mimic disagreement"]

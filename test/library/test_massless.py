@@ -30,7 +30,9 @@ DOT = {"mass": 1.0, "com": (0, 0, 0.5), "inertia": (0, 0, 0, 0, 0, 0)}
 
 def robot(*elements):
     """Return a description with a first joint that moves a box, and more beyond it."""
-    return description("r", link("base"), link("box", **BOX), joint("first", "revolute", "base", "box"), *elements)
+    return description(
+        "r", link("base"), link("box", **BOX), joint("first", "revolute", "base", "box"), *elements
+    )
 
 
 # --- who is named
@@ -40,12 +42,29 @@ NOTHING = "has no <inertial>"
 LITTLE = "has little or negative inertia about that axis"
 CASES = {
     "no inertial": ([link("a"), joint("j", "revolute", "box", "a")], {"j": ("a", NOTHING)}),
-    "no inertial, continuous": ([link("a"), joint("j", "continuous", "box", "a")], {"j": ("a", NOTHING)}),
-    "no inertial, prismatic": ([link("a"), joint("j", "prismatic", "box", "a")], {"j": ("a", NOTHING)}),
-    "rod turning about itself": ([link("a", **ROD), joint("j", "revolute", "box", "a")], {"j": ("a", LITTLE)}),
-    "point on the axis": ([link("a", **DOT), joint("j", "revolute", "box", "a")], {"j": ("a", LITTLE)}),
+    "no inertial, continuous": (
+        [link("a"), joint("j", "continuous", "box", "a")],
+        {"j": ("a", NOTHING)},
+    ),
+    "no inertial, prismatic": (
+        [link("a"), joint("j", "prismatic", "box", "a")],
+        {"j": ("a", NOTHING)},
+    ),
+    "rod turning about itself": (
+        [link("a", **ROD), joint("j", "revolute", "box", "a")],
+        {"j": ("a", LITTLE)},
+    ),
+    "point on the axis": (
+        [link("a", **DOT), joint("j", "revolute", "box", "a")],
+        {"j": ("a", LITTLE)},
+    ),
     "frames behind a fixed joint": (
-        [link("a"), link("b"), joint("j", "revolute", "box", "a"), joint("weld", "fixed", "a", "b")],
+        [
+            link("a"),
+            link("b"),
+            joint("j", "revolute", "box", "a"),
+            joint("weld", "fixed", "a", "b"),
+        ],
         {"j": ("a", NOTHING)},
     ),
     "two tips and the joint that carries them": (
@@ -58,11 +77,21 @@ CASES = {
         {"arm": ("a", NOTHING), "left": ("b", NOTHING), "right": ("c", NOTHING)},
     ),
     "the inner one of two joints about one axis": (
-        [link("a"), link("b", **BOX), joint("inner", "revolute", "box", "a"), joint("outer", "revolute", "a", "b")],
+        [
+            link("a"),
+            link("b", **BOX),
+            joint("inner", "revolute", "box", "a"),
+            joint("outer", "revolute", "a", "b"),
+        ],
         {"inner": ("a", NOTHING)},
     ),
     "a cart on a cart": (
-        [link("a"), link("b", **BOX), joint("inner", "prismatic", "box", "a"), joint("outer", "prismatic", "a", "b")],
+        [
+            link("a"),
+            link("b", **BOX),
+            joint("inner", "prismatic", "box", "a"),
+            joint("outer", "prismatic", "a", "b"),
+        ],
         {"inner": ("a", NOTHING)},
     ),
     "nearly nothing": (
@@ -78,7 +107,10 @@ CASES = {
         [link("a"), joint("j", "planar", "box", "a")],
         {"j/v_x": ("a", NOTHING), "j/v_y": ("a", NOTHING), "j/w_z": ("a", NOTHING)},
     ),
-    "planar that cannot turn": ([link("a", **ROD), joint("j", "planar", "box", "a")], {"j/w_z": ("a", LITTLE)}),
+    "planar that cannot turn": (
+        [link("a", **ROD), joint("j", "planar", "box", "a")],
+        {"j/w_z": ("a", LITTLE)},
+    ),
     "floating rod": (
         [link("a", **ROD), joint("j", "floating", "box", "a")],
         {"j/w_z": ("a", LITTLE)},
@@ -103,7 +135,9 @@ def test_every_massless_joint_is_named(case):
     assert [cure in message for cure in cures] == 3 * [bool(single)]
 
 
-@pytest.mark.parametrize("case", [case for case, (_, joints) in CASES.items() if not any("/" in j for j in joints)])
+@pytest.mark.parametrize(
+    "case", [case for case, (_, joints) in CASES.items() if not any("/" in j for j in joints)]
+)
 def test_cures(case):
     """What the message offers works: armature, locks, and all of them locked at once."""
     elements, expected = CASES[case]
@@ -141,7 +175,9 @@ def test_payload_cures_and_without_it_the_joint_is_named_again():
 
 def test_locked_at_zero_or_at_the_limit_next_to_it():
     def limited(lower, upper):
-        tip = joint("j", "revolute", "box", "a").replace('lower="-10" upper="10"', f'lower="{lower}" upper="{upper}"')
+        tip = joint("j", "revolute", "box", "a").replace(
+            'lower="-10" upper="10"', f'lower="{lower}" upper="{upper}"'
+        )
         return dict(dd.load_urdf(robot(link("a"), tip), massless="lock").locked_joints)["j"]
 
     assert [limited(-1, 2), limited(0.5, 2), limited(-3, -1)] == [0.0, 0.5, -1.0]
@@ -167,16 +203,22 @@ def test_singular_robots_of_the_wheel(id, floating):
         M = oracle.mass_matrix(sample.q)
         D = articulated_inertias(M)
         assert np.linalg.cond(M) > 1e13
-        assert {name for name, d in zip(oracle.dof_names, D, strict=True) if d < 1e-13} == set(names)
+        assert {name for name, d in zip(oracle.dof_names, D, strict=True) if d < 1e-13} == set(
+            names
+        )
         assert min(d for d in D if d >= 1e-13) > 1e-6  # none is on the edge
     with pytest.raises(dd.MasslessLinkError) as caught:
         dd.load_urdf(source, mimic="free", floating_base=floating)
     assert set(caught.value.joints) == set(names)
     locked = dd.load_urdf(source, mimic="free", massless="lock", floating_base=floating)
-    held = dd.load_urdf(source, mimic="free", locked_joints=dict.fromkeys(names, 0.0), floating_base=floating)
+    held = dd.load_urdf(
+        source, mimic="free", locked_joints=dict.fromkeys(names, 0.0), floating_base=floating
+    )
     assert dict(locked.locked_joints) == dict.fromkeys(names, 0.0)
     assert locked.bodies.tobytes() == held.bodies.tobytes()
-    geared = dd.load_urdf(source, mimic="free", armature=dict.fromkeys(names, 1e-3), floating_base=floating)
+    geared = dd.load_urdf(
+        source, mimic="free", armature=dict.fromkeys(names, 1e-3), floating_base=floating
+    )
     assert geared.nv == locked.nv + len(names)
 
 
@@ -233,7 +275,10 @@ def test_singular_at_one_configuration(turn):
     source = robots.robot_path(ICUB) if turn is None else GIMBAL
     dyn = dd.DiagonalDynamics(dd.load_urdf(source, mimic="free"))
     q = np.zeros(dyn.model.nv) if turn is None else np.array([0.3, 0.4, turn * np.pi / 2, 0.5])
-    x, name = np.random.default_rng(2).standard_normal(len(q)), "neck_roll" if turn is None else "roll"
+    x, name = (
+        np.random.default_rng(2).standard_normal(len(q)),
+        "neck_roll" if turn is None else "roll",
+    )
     for call in calls_that_need_the_factor(dyn, q, x):
         with pytest.raises(dd.SingularMassMatrixError, match=f"'{name}'") as caught:
             call()
@@ -272,7 +317,11 @@ def test_gimbal_is_cured_by_armature():
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.id)
 def test_no_false_alarm(robot):
     """Grams or micrograms, millimetres or kilometres: what counts is one inertia relative to another."""
-    options = {"mimic": "free", "floating_base": robot.floating_base, "locked_joints": robot.locked_joints}
+    options = {
+        "mimic": "free",
+        "floating_base": robot.floating_base,
+        "locked_joints": robot.locked_joints,
+    }
     nv = dd.load_urdf(robot.urdf, **options).nv
     for mass, length in ((1e-3, 1), (1e-6, 1), (1e-9, 1e-3), (1e6, 1e3)):
         assert dd.load_urdf(in_other_units(robot.urdf, mass, length), **options).nv == nv
@@ -309,7 +358,9 @@ def concurrent_wrist(joints):
     """Return an arm whose axes meet in the centre of mass of its only heavy link."""
     parts = [link("l0")]
     for k in range(joints):
-        parts.append(joint(f"j{k + 1}", "revolute", f"l{k}", f"l{k + 1}", axis=((0, 0, 1), (0, 1, 0))[k % 2]))
+        parts.append(
+            joint(f"j{k + 1}", "revolute", f"l{k}", f"l{k + 1}", axis=((0, 0, 1), (0, 1, 0))[k % 2])
+        )
         heavy = (2.0, (0, 0, 0), (0.01, 0, 0, 0.012, 0, 0.009)) if k == joints - 1 else ()
         parts.append(link(f"l{k + 1}", *heavy))
     return description("wrist", *parts)
@@ -330,7 +381,11 @@ def test_rounding_that_joints_outboard_leave_is_no_inertia(joints):
         q, qd, tau = rng.uniform(-1.0, 1.0, (3, held.nv))
         M = dyn.mass_matrix(q)
         assert np.linalg.cond(M) < 1e6
-        assert_close(M @ dyn.forward_dynamics(q, qd, tau), tau - dyn.bias(q, qd) - dyn.gravity_torque(q), 1e-10)
+        assert_close(
+            M @ dyn.forward_dynamics(q, qd, tau),
+            tau - dyn.bias(q, qd) - dyn.gravity_torque(q),
+            1e-10,
+        )
 
 
 # --- the other robots that no law runs over
@@ -350,7 +405,13 @@ def test_motionless(id):
     assert Oracle(robots.robot(id).urdf).nv == 0
     model = dd.load_urdf(robots.robot_path(id), mimic="free")
     assert (model.nv, model.nq, model.dof_names, model.joint_names) == (0, 0, (), ())
-    scalars = {"kinetic_energy": 0.0, "power": 0.0, "log_det": 0.0, "log_det_rate": 0.0, "reflected_mass": np.inf}
+    scalars = {
+        "kinetic_energy": 0.0,
+        "power": 0.0,
+        "log_det": 0.0,
+        "log_det_rate": 0.0,
+        "reflected_mass": np.inf,
+    }
     answers = everything(dd.DiagonalDynamics(model), robots.Sample(*np.zeros((4, 0))))
     for name, value in answers.items():
         if name in scalars:
@@ -390,7 +451,9 @@ def test_negative_moments_are_named(options):
     assert D["j"] < 0.0 and f"joint 'j' (D = {D['j']:.3g}): link 'a'" in str(caught.value)
     first, second, *_ = inspect_robot(text, **options).findings
     assert first.links == ("a",) and "negative principal moments" in first.what
-    assert first.values["a"] == pytest.approx(-0.04) and first.severity == second.severity == "error"
+    assert (
+        first.values["a"] == pytest.approx(-0.04) and first.severity == second.severity == "error"
+    )
     assert "with D" in second.what
 
 

@@ -20,7 +20,16 @@ import diag_dynamics as dd
 import laws
 import robots
 from accuracy import assert_close, norm
-from coupling import NAMED, ROMEO, UNKNOWN_SOURCES, Coupled, Coupling, coupled_tree, mimic_tags, mimicking
+from coupling import (
+    NAMED,
+    ROMEO,
+    UNKNOWN_SOURCES,
+    Coupled,
+    Coupling,
+    coupled_tree,
+    mimic_tags,
+    mimicking,
+)
 from diag_dynamics.model.mimic import Followers
 from examples import examples, some_of
 from laws import assert_same, everything, load, wrenches_on
@@ -68,7 +77,13 @@ def check_names(robot):
     nodes = [o._node(k) for k in range(model.nv)]
     changes = 1 + sum(a != b for a, b in pairwise(nodes))
     assert changes == len(set(nodes))
-    for array in (model.velocity_limit, model.effort_limit, model.damping, model.friction, model.armature):
+    for array in (
+        model.velocity_limit,
+        model.effort_limit,
+        model.damping,
+        model.friction,
+        model.armature,
+    ):
         assert array.shape == (model.nv,)
     assert model.lower.shape == model.upper.shape == (model.nq,)
 
@@ -91,11 +106,18 @@ def check_mimics(robot):
 def check_coupled_groups(robot):
     """The joints of each aggregate, base to tip, the aggregates too."""
     model, c = robot.model, robot.oracle.coupling
-    assert isinstance(model.coupled_groups, tuple) and all(isinstance(g, tuple) for g in model.coupled_groups)
+    assert isinstance(model.coupled_groups, tuple) and all(
+        isinstance(g, tuple) for g in model.coupled_groups
+    )
     assert sorted(map(sorted, model.coupled_groups)) == sorted(map(sorted, c.aggregates))
     for k, group in enumerate(model.coupled_groups):
         place = {name: k for k, name in enumerate(group)}
-        assert all(place[other] < place[name] for name in group for other in c.path(name)[:-1] if other in place)
+        assert all(
+            place[other] < place[name]
+            for name in group
+            for other in c.path(name)[:-1]
+            if other in place
+        )
         for later in model.coupled_groups[k:]:
             assert not set(c.path(group[0])[:-1]) & set(later) - set(group)
 
@@ -145,14 +167,22 @@ def test_random_trees(seed, floating, mass):
 def test_free_joints_that_move_alike(robot):
     """The robot with free joints, moved as the mimics say, has the same energy, and its efforts add up to τ."""
     o, c = robot.oracle, robot.oracle.coupling
-    options = {"armature": dict(zip(o.full.dof_names, o.full.armature, strict=True)), "locked_joints": c.locked}
+    options = {
+        "armature": dict(zip(o.full.dof_names, o.full.armature, strict=True)),
+        "locked_joints": c.locked,
+    }
     options["armature"] = {name: a for name, a in options["armature"].items() if a}
     try:
         model = dd.load_urdf(
-            ET.tostring(o.xml, encoding="unicode"), mimic="free", floating_base=robot.model.floating_base, **options
+            ET.tostring(o.xml, encoding="unicode"),
+            mimic="free",
+            floating_base=robot.model.floating_base,
+            **options,
         )
     except dd.MasslessLinkError as error:
-        assert {name.split("/")[0] for name in error.joints} & ({*c.mimics} | {m.leader for m in c.mimics.values()})
+        assert {name.split("/")[0] for name in error.joints} & (
+            {*c.mimics} | {m.leader for m in c.mimics.values()}
+        )
         return
     assert model.dof_names == o.full.dof_names
     free = dd.DiagonalDynamics(model)
@@ -181,7 +211,12 @@ def with_dynamics(urdf, seed):
         for present in element.findall("dynamics"):
             element.remove(present)
         ET.SubElement(element, "dynamics", numbers)
-        for name, low, high in (("lower", -9, -5), ("upper", 5, 9), ("effort", 10, 99), ("velocity", 10, 99)):
+        for name, low, high in (
+            ("lower", -9, -5),
+            ("upper", 5, 9),
+            ("effort", 10, 99),
+            ("velocity", 10, 99),
+        ):
             if element.find("limit") is not None:
                 element.find("limit").set(name, repr(float(rng.uniform(low, high))))
     return ET.tostring(robot, encoding="unicode")
@@ -198,11 +233,16 @@ def test_friction_and_limits(spec):
         return 0.0 if element is None else float(element.find(tag).get(attribute))
 
     names = o.full.joint_of_dof
-    damping, friction = (np.array([of_joint(n, "dynamics", a) for n in names]) for a in ("damping", "friction"))
+    damping, friction = (
+        np.array([of_joint(n, "dynamics", a) for n in names]) for a in ("damping", "friction")
+    )
     assert_close(model.damping, (o.G**2).T @ damping, 1e-14)
     assert_close(model.friction, np.abs(o.G).T @ friction, 1e-14)
     for k, name in enumerate(o.joint_of_dof):
-        if o.coupling.joints.get(name) is not None and o.coupling.joints[name].find("limit") is not None:
+        if (
+            o.coupling.joints.get(name) is not None
+            and o.coupling.joints[name].find("limit") is not None
+        ):
             assert model.velocity_limit[k] == of_joint(name, "limit", "velocity")
             assert model.effort_limit[k] == of_joint(name, "limit", "effort")
             if o.coupling.kind(name) in ("revolute", "prismatic"):
@@ -212,13 +252,22 @@ def test_friction_and_limits(spec):
     for case in robot.cases[:2]:
         (q, qd, tau, _), t = case.sample, case.t
         full = o.G @ qd
-        resisting = o.G.T @ (damping * full) + model.friction * np.tanh(qd / model.friction_velocity)
-        assert_close(case.dyn.friction_torque(qd), resisting, 1e-13, norm(np.abs(o.G).T @ np.abs(damping * full)))
+        resisting = o.G.T @ (damping * full) + model.friction * np.tanh(
+            qd / model.friction_velocity
+        )
+        assert_close(
+            case.dyn.friction_torque(qd),
+            resisting,
+            1e-13,
+            norm(np.abs(o.G).T @ np.abs(damping * full)),
+        )
         s = case.dyn.evaluate(q, qd, tau, friction=True)
         assert_close(s.friction, np.linalg.solve(t.m, resisting), case.tolerance)
         slowed = o.at(q, qd, tau - resisting).acceleration * case.unit
         actual = case.dyn.forward_dynamics(q, qd, tau, friction=True) * case.unit
-        assert_close(actual, slowed, case.tolerance, norm(slowed) + norm(s.friction) + norm(s.epsilon))
+        assert_close(
+            actual, slowed, case.tolerance, norm(slowed) + norm(s.friction) + norm(s.epsilon)
+        )
 
 
 @pytest.mark.parametrize("spec", FEW, ids=lambda robot: robot.id)
@@ -226,15 +275,22 @@ def test_order_of_the_description_and_copies(spec):
     """Joints and links may be written down in any order; a pickled model is the same to the bit."""
     xml = ET.fromstring(spec.urdf)
     xml[:] = list(xml)[::-1]
-    model, back = (dd.load_urdf(urdf, **spec.options) for urdf in (spec.urdf, ET.tostring(xml, encoding="unicode")))
+    model, back = (
+        dd.load_urdf(urdf, **spec.options)
+        for urdf in (spec.urdf, ET.tostring(xml, encoding="unicode"))
+    )
     sample = robots.samples(spec.id, Coupled(spec.urdf, model.dof_names, **spec.options))[1]
     expected = everything(dd.DiagonalDynamics(model), sample)
     for other in (back, pickle.loads(pickle.dumps(model))):
         assert other.dof_names == model.dof_names and other.coupled_groups == model.coupled_groups
-        assert dict(other.mimics) == dict(model.mimics) and dict(other.locked_joints) == dict(model.locked_joints)
+        assert dict(other.mimics) == dict(model.mimics) and dict(other.locked_joints) == dict(
+            model.locked_joints
+        )
         answers = everything(dd.DiagonalDynamics(other), sample)
         if other is back:  # the order of links is that of the description
-            assert (answers["nu"] == expected["nu"]).all() and (answers["coriolis"] == expected["coriolis"]).all()
+            assert (answers["nu"] == expected["nu"]).all() and (
+                answers["coriolis"] == expected["coriolis"]
+            ).all()
         else:
             assert_same(answers, expected)
 
@@ -242,11 +298,15 @@ def test_order_of_the_description_and_copies(spec):
 LOCKED = [NAMED[name]._replace(mimic="embed") for name in some_of(sorted(NAMED), 5)]
 
 
-@pytest.mark.parametrize("spec", [*LOCKED, *(spec.floating for spec in LOCKED)], ids=lambda robot: robot.id)
+@pytest.mark.parametrize(
+    "spec", [*LOCKED, *(spec.floating for spec in LOCKED)], ids=lambda robot: robot.id
+)
 def test_locked_joints(spec):
     """A leader holds its followers where it has them stand; a follower is held alone, with what follows it."""
     free = Coupling(ET.fromstring(spec.urdf), {})
-    leaders = {name for name in mimic_tags(spec.urdf).values() if free.kind(name) != "fixed"} - set(free.mimics)
+    leaders = {name for name in mimic_tags(spec.urdf).values() if free.kind(name) != "fixed"} - set(
+        free.mimics
+    )
     for name in (*sorted(leaders), *free.mimics):
         held = spec._replace(locked_joints={name: 0.7 if name in leaders else -0.4})
         c = Coupling(ET.fromstring(spec.urdf), held.locked_joints)
@@ -270,7 +330,10 @@ def chain(mimics, branches=()):
     parents = {name: names[k - 1] if k else "base" for k, name in enumerate(names)} | dict(branches)
     body = {"mass": 1.0, "inertia": (1, 0, 0, 1, 0, 1)}
     links = link("base"), *(link(name, **body) for name in parents)
-    joints = {name: joint(name, "revolute", parent, name, xyz=(0.1, 0.2, 0.3)) for name, parent in parents.items()}
+    joints = {
+        name: joint(name, "revolute", parent, name, xyz=(0.1, 0.2, 0.3))
+        for name, parent in parents.items()
+    }
     joints |= {name: mimicking(joints[name], source) for name, source in mimics.items()}
     return dd.load_urdf(description("chain", *links, *joints.values()))
 
@@ -292,11 +355,21 @@ def test_locked_on_the_way():
     model = dd.load_urdf(urdf, locked_joints={"b": 0.3})
     assert dict(model.locked_joints) == {"b": 0.3} and set(model.mimics) == {"b2", "c"}
     model = dd.load_urdf(urdf, locked_joints={"b2": 0.3})
-    assert dict(model.locked_joints) == {"b2": 0.3, "c": 0.3} and not model.mimics and not model.coupled_groups
+    assert (
+        dict(model.locked_joints) == {"b2": 0.3, "c": 0.3}
+        and not model.mimics
+        and not model.coupled_groups
+    )
     model = dd.load_urdf(urdf, locked_joints={"a": 0.5})
-    assert dict(model.locked_joints) == pytest.approx({"a": 0.5, "b2": -0.15, "c": -0.15}) and model.nv == 1
+    assert (
+        dict(model.locked_joints) == pytest.approx({"a": 0.5, "b2": -0.15, "c": -0.15})
+        and model.nv == 1
+    )
     released = model.with_locked_joints({})
-    assert released.dof_names == dd.load_urdf(urdf).dof_names and set(released.mimics) == {"b2", "c"}
+    assert released.dof_names == dd.load_urdf(urdf).dof_names and set(released.mimics) == {
+        "b2",
+        "c",
+    }
     again = released.with_locked_joints({"a": 0.5})
     assert again.bodies.tobytes() == model.bodies.tobytes()
 
@@ -341,13 +414,18 @@ def test_rack_and_pinion():
     dyn = dd.DiagonalDynamics(model)
     D = wheel_inertia + mass * r**2 + 0.01 + 0.4 * r**2
     s = dyn.evaluate([2.0], [3.0], [1.2])
-    assert model.dof_names == ("turn",) and model.coupled_groups in ((("turn", "slide"),), (("slide", "turn"),))
+    assert model.dof_names == ("turn",) and model.coupled_groups in (
+        (("turn", "slide"),),
+        (("slide", "turn"),),
+    )
     assert s.articulated_inertia == pytest.approx([D], rel=1e-14)
     assert s.nu == pytest.approx([3 * np.sqrt(D)], rel=1e-14)
     assert np.abs([s.coriolis, s.coriolis_unnormalized]).max() < 1e-15
     weight = mass * 9.81 * r
     assert dyn.gravity_torque([2.0]) == pytest.approx([weight], rel=1e-14)
-    assert dyn.forward_dynamics([2.0], [3.0], [1.2]) == pytest.approx([(1.2 - weight) / D], rel=1e-14)
+    assert dyn.forward_dynamics([2.0], [3.0], [1.2]) == pytest.approx(
+        [(1.2 - weight) / D], rel=1e-14
+    )
     pushed = dyn.forward_dynamics([2.0], [3.0], [1.2], {"rack": [0, 0, 5.0, 0, 0, 0]})
     assert pushed == pytest.approx([(1.2 - weight + 5.0 * r) / D], rel=1e-14)
     energy = dict(zip(model.link_names, s.link_energy, strict=True))
@@ -364,7 +442,9 @@ def test_parallelogram():
         link("bar", m1, (r, 0, 0), (1e-3, 0, 0, I1, 0, I1)),
         link("tip", m2, (0.3, 0.1, 0.2), (0.2, 0, 0, 0.3, 0, 0.4)),
         joint("swing", "revolute", "base", "bar", axis=(0, 1, 0)),
-        mimicking(joint("level", "revolute", "bar", "tip", axis=(0, 1, 0), xyz=(a, 0, 0)), "swing", -1.0),
+        mimicking(
+            joint("level", "revolute", "bar", "tip", axis=(0, 1, 0), xyz=(a, 0, 0)), "swing", -1.0
+        ),
     )
     dyn = dd.DiagonalDynamics(dd.load_urdf(urdf))
     D = I1 + m1 * r**2 + m2 * a**2
@@ -372,7 +452,9 @@ def test_parallelogram():
         s = dyn.evaluate([q], [qd])
         assert s.articulated_inertia == pytest.approx([D], rel=1e-13)
         assert np.abs([s.coriolis, s.coriolis_unnormalized]).max() < 1e-13 * qd**2
-        assert dyn.gravity_torque([q]) == pytest.approx([-(m1 * r + m2 * a) * 9.81 * np.cos(q)], rel=1e-12)
+        assert dyn.gravity_torque([q]) == pytest.approx(
+            [-(m1 * r + m2 * a) * 9.81 * np.cos(q)], rel=1e-12
+        )
 
 
 @pytest.mark.parametrize("multiplier", [0.5, -1.0, -2.3])
@@ -382,7 +464,9 @@ def test_two_link_arm_of_one_freedom(multiplier):
     b, g = 0.4, np.array([1.0, multiplier])
     urdf = ET.fromstring(arm.urdf)
     (elbow,) = (e for e in urdf.findall("joint") if e.get("name") == "elbow")
-    ET.SubElement(elbow, "mimic", {"joint": "shoulder", "multiplier": repr(multiplier), "offset": repr(b)})
+    ET.SubElement(
+        elbow, "mimic", {"joint": "shoulder", "multiplier": repr(multiplier), "offset": repr(b)}
+    )
     dyn = dd.DiagonalDynamics(dd.load_urdf(ET.tostring(urdf, encoding="unicode")))
     for q, qd in np.random.default_rng(2).uniform(-3, 3, (5, 2)):
         full = np.array([q, multiplier * q + b])
@@ -394,7 +478,9 @@ def test_two_link_arm_of_one_freedom(multiplier):
         assert s.nu == pytest.approx([np.sqrt(D) * qd], rel=1e-13)
         assert np.abs(s.coriolis).max() < 1e-13 * abs(s.nu[0] * qd)
         assert s.coriolis_unnormalized == pytest.approx([0.5 * D_dot * qd], rel=1e-11, abs=1e-13)
-        assert dyn.bias([q], [qd]) == pytest.approx([g @ arm.bias(full, g * qd)], rel=1e-11, abs=1e-13)
+        assert dyn.bias([q], [qd]) == pytest.approx(
+            [g @ arm.bias(full, g * qd)], rel=1e-11, abs=1e-13
+        )
 
 
 # --- massless links
@@ -428,7 +514,8 @@ def tip(follower, massless=()):
 def test_massless_group():
     """Where neither leader nor followers move inertia the leader is refused by name, or held with them."""
     urdf = tip("b", massless=("a", "b")).replace("</robot>", "") + (
-        link("c_link", 1.0, (0.1, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1)) + joint("c", "revolute", "base", "c_link")
+        link("c_link", 1.0, (0.1, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1))
+        + joint("c", "revolute", "base", "c_link")
     )
     urdf += "</robot>"
     with pytest.raises(dd.MasslessLinkError) as caught:
@@ -446,7 +533,9 @@ def test_romeo_is_cured_by_locking_its_hands():
     urdf = robots.robot_path(ROMEO)
     model = dd.load_urdf(urdf, massless="lock")
     assert set(model.locked_joints) == set(robots.EXCLUDED[ROMEO].joints)
-    held = Coupling(ET.fromstring(urdf.read_text()), {n: model.locked_joints[n] for n in ("LHand", "RHand")})
+    held = Coupling(
+        ET.fromstring(urdf.read_text()), {n: model.locked_joints[n] for n in ("LHand", "RHand")}
+    )
     assert dict(model.locked_joints) == pytest.approx(held.locked)
     assert not model.mimics and not model.coupled_groups
 
@@ -499,7 +588,11 @@ def test_refused(case):
 def test_chain_beyond_all_numbers_is_refused(multiplier, length):
     """Of single multipliers that are legal; where the product of tiny ones vanishes it would hold the follower in silence."""
     body = {"mass": 1.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0, 0, 0.1, 0, 0.1)}
-    elements = [link("base"), link("l0", **body), joint("j0", "revolute", "base", "l0", axis=(0, 0, 1))]
+    elements = [
+        link("base"),
+        link("l0", **body),
+        joint("j0", "revolute", "base", "l0", axis=(0, 0, 1)),
+    ]
     for k in range(1, length + 1):
         hinge_ = joint(f"j{k}", "revolute", "base", f"l{k}", axis=(0, 0, 1))
         elements += [link(f"l{k}", **body), mimicking(hinge_, f"j{k - 1}", multiplier)]
@@ -525,7 +618,9 @@ def test_sources_that_the_robot_does_not_have():
     with pytest.raises(dd.MimicJointError) as caught:
         dd.load_urdf(urdf)
     assert issubclass(dd.MimicJointError, dd.UrdfError) and issubclass(dd.UrdfError, dd.ModelError)
-    assert any(f"'{name}'" in str(caught.value) and f"'{tags[name]}'" in str(caught.value) for name in tags)
+    assert any(
+        f"'{name}'" in str(caught.value) and f"'{tags[name]}'" in str(caught.value) for name in tags
+    )
     assert set(tags) <= set(dd.load_urdf(urdf, mimic="free").joint_names)
 
 
@@ -555,7 +650,10 @@ def test_without_coupled_joints_nothing_changes(spec):
     """Not a bit."""
     embedded, free = (load(spec.floating._replace(mimic=mimic)) for mimic in ("embed", "free"))
     ours, theirs = embedded.model, free.model
-    assert ours.bodies.tobytes() == theirs.bodies.tobytes() and ours.links.tobytes() == theirs.links.tobytes()
+    assert (
+        ours.bodies.tobytes() == theirs.bodies.tobytes()
+        and ours.links.tobytes() == theirs.links.tobytes()
+    )
     assert ours.dof_names == theirs.dof_names and ours.coordinate_names == theirs.coordinate_names
     assert not ours.mimics and not ours.coupled_groups
     for case in free.cases:
@@ -563,7 +661,9 @@ def test_without_coupled_joints_nothing_changes(spec):
 
 
 @pytest.mark.usefixtures("compiled")
-@pytest.mark.parametrize("name", ["parallel gripper", "leader is fixed", "planar joint inside an aggregate"])
+@pytest.mark.parametrize(
+    "name", ["parallel gripper", "leader is fixed", "planar joint inside an aggregate"]
+)
 def test_compiled_in_advance(name):
     """Also where all sweeps see an aggregate."""
     dd.DiagonalDynamics(dd.load_urdf(NAMED[name].source)).compile()
@@ -573,7 +673,9 @@ def test_input_errors_name_leaders():
     """Errors name independent joints."""
     dyn = dd.DiagonalDynamics(dd.load_urdf(NAMED["parallel gripper"].source))
     with pytest.raises(dd.InputError, match="left_finger"):
-        dyn.evaluate([0.0, np.nan] if dyn.model.dof_names[1] == "left_finger" else [np.nan, 0.0], [0.0, 0.0])
+        dyn.evaluate(
+            [0.0, np.nan] if dyn.model.dof_names[1] == "left_finger" else [np.nan, 0.0], [0.0, 0.0]
+        )
     with pytest.raises(dd.InputError, match=r"shape \(7,\)"):
         dyn.evaluate(np.zeros(7), np.zeros(7))
 
@@ -581,7 +683,9 @@ def test_input_errors_name_leaders():
 # --- motion
 
 
-@pytest.mark.parametrize("name", ["parallel gripper", "nested three deep", "snake of two", "one freedom"])
+@pytest.mark.parametrize(
+    "name", ["parallel gripper", "nested three deep", "snake of two", "one freedom"]
+)
 def test_simulation(name):
     """The end is that of the classical Runge-Kutta method on the dense oracle; without efforts K + U stays.
 
@@ -609,14 +713,19 @@ def test_simulation(name):
     assert_close(sim.qd, x[n:], 1e-7)
 
     sim = dd.Simulation(model, q, qd, step=1e-3, **options)
-    first, offset = 0.5 * sim.nu @ sim.nu + sim.potential_energy, oracle.potential_energy(q) - sim.potential_energy
+    first, offset = (
+        0.5 * sim.nu @ sim.nu + sim.potential_energy,
+        oracle.potential_energy(q) - sim.potential_energy,
+    )
     exchanged = 0.0
     for _ in range(10):
         sim.advance(steps=50)
         kinetic = 0.5 * sim.nu @ sim.nu
         exchanged = max(exchanged, kinetic)
         assert abs(kinetic + sim.potential_energy - first) < 1e-6 * exchanged
-        assert oracle.potential_energy(sim.q) - sim.potential_energy == pytest.approx(offset, abs=1e-11)
+        assert oracle.potential_energy(sim.q) - sim.potential_energy == pytest.approx(
+            offset, abs=1e-11
+        )
     assert exchanged > 1e-2
 
 

@@ -16,7 +16,11 @@ import robots
 
 PANDA = "panda_description/urdf/panda.urdf"
 PAYLOAD = {"mass": 2.0, "com": (0.05, -0.02, 0.1), "inertia": np.diag([0.02, 0.03, 0.04])}
-COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda value: pickle.loads(pickle.dumps(value))}
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda value: pickle.loads(pickle.dumps(value)),
+}
 
 
 def load(**options):
@@ -47,7 +51,10 @@ def fields(model) -> dict:
         if isinstance(value, np.ndarray):
             found[name] = (value.dtype.descr, value.shape, value.tobytes())
         elif name == "payloads":
-            found[name] = {link: [np.array(part).tobytes() for part in payload] for link, payload in value.items()}
+            found[name] = {
+                link: [np.array(part).tobytes() for part in payload]
+                for link, payload in value.items()
+            }
         elif not name.startswith("_"):
             found[name] = dict(value) if name == "locked_joints" else value
     return found
@@ -57,9 +64,20 @@ def answers(model) -> list[bytes]:
     """Return the results at one state, to the bit."""
     dyn = dd.DiagonalDynamics(model)
     qd, tau = np.random.default_rng(3).standard_normal((2, model.nv))
-    q = model.neutral + 0.2 * np.array([not name.startswith("root_joint/q") for name in model.coordinate_names])
+    q = model.neutral + 0.2 * np.array(
+        [not name.startswith("root_joint/q") for name in model.coordinate_names]
+    )
     s = dyn.evaluate(q, qd, tau, friction=True)
-    parts = (s.nu, s.xi, s.epsilon, s.coriolis, s.gravity, s.friction, s.link_energy, dyn.factors(q).m)
+    parts = (
+        s.nu,
+        s.xi,
+        s.epsilon,
+        s.coriolis,
+        s.gravity,
+        s.friction,
+        s.link_energy,
+        dyn.factors(q).m,
+    )
     return [part.tobytes() for part in parts]
 
 
@@ -86,15 +104,30 @@ def test_change_gives_a_new_model(with_all, change):
     new = CHANGES[change](with_all)
     assert fields(new) != fields_before and answers(new) != answers_before
     assert fields(with_all) == fields_before and answers(with_all) == answers_before
-    assert with_all.with_gravity(with_all.gravity).bodies is with_all.bodies  # what does not change is shared
+    assert (
+        with_all.with_gravity(with_all.gravity).bodies is with_all.bodies
+    )  # what does not change is shared
 
 
 @pytest.mark.parametrize("change", ["none", *CHANGES, "pickle", "deepcopy"])
 def test_arrays_are_read_only(with_all, change):
     model = (CHANGES | COPIES | {"none": lambda model: model})[change](with_all)
     arrays = {name: value for name, value in vars(model).items() if isinstance(value, np.ndarray)}
-    assert {"gravity", "lower", "effort_limit", "damping", "effort_offset", "bodies", "links"} <= set(arrays)
-    arrays |= {f"{link}.{i}": p for link, payload in model.payloads.items() for i, p in enumerate(payload) if i}
+    assert {
+        "gravity",
+        "lower",
+        "effort_limit",
+        "damping",
+        "effort_offset",
+        "bodies",
+        "links",
+    } <= set(arrays)
+    arrays |= {
+        f"{link}.{i}": p
+        for link, payload in model.payloads.items()
+        for i, p in enumerate(payload)
+        if i
+    }
     arrays["armature"] = model.armature
     for name, array in arrays.items():
         assert not array.flags.writeable, name
@@ -113,7 +146,11 @@ def test_arguments_are_copied():
     payloads, locked = {"panda_hand": (1.0, com, inertia)}, {"panda_joint1": 0.1}
     armature = {"panda_joint2": 0.1}
     model = load(gravity=gravity, payloads=payloads, locked_joints=locked, armature=armature)
-    other = model.with_gravity(gravity).with_payload("panda_link2", 1.0, com, inertia).with_locked_joints(locked)
+    other = (
+        model.with_gravity(gravity)
+        .with_payload("panda_link2", 1.0, com, inertia)
+        .with_locked_joints(locked)
+    )
     before = fields(model), fields(other)
     for array in (gravity, com, inertia):
         array[:] = 0.5
@@ -134,17 +171,25 @@ def test_copies_have_the_same_bits(with_all, way):
 
 
 def test_removed_payload_leaves_no_rounding(with_all):
-    loaded = with_all.with_payload("panda_link5", 3.0, (0.1, 0.2, 0.3)).with_payload("panda_link5", 1e6)
+    loaded = with_all.with_payload("panda_link5", 3.0, (0.1, 0.2, 0.3)).with_payload(
+        "panda_link5", 1e6
+    )
     assert_same(loaded.without_payload("panda_link5"), with_all)
 
 
 def test_changes_commute(panda):
     """In any order they equal the options of the loader; later locks replace earlier ones."""
-    gravity, locks, payload = (0.0, 3.0, 0.0), {"panda_joint2": 0.3, "panda_joint4": -1.0}, tuple(PAYLOAD.values())
+    gravity, locks, payload = (
+        (0.0, 3.0, 0.0),
+        {"panda_joint2": 0.3, "panda_joint4": -1.0},
+        tuple(PAYLOAD.values()),
+    )
     at_once = load(gravity=gravity, locked_joints=locks, payloads={"panda_hand": payload})
     changes = (
         lambda model: model.with_gravity(gravity),
-        lambda model: model.with_locked_joints({"panda_joint6": 1.0}).with_locked_joints(dict(reversed(locks.items()))),
+        lambda model: model.with_locked_joints({"panda_joint6": 1.0}).with_locked_joints(
+            dict(reversed(locks.items()))
+        ),
         lambda model: model.with_payload("panda_hand", **PAYLOAD),
     )
     for order in itertools.permutations(changes):
@@ -172,7 +217,12 @@ def test_joints_locked_as_massless_stay_locked():
     """A payload does not release them; `with_locked_joints` decides again."""
     held = dd.load_urdf(HELD, massless="lock")
     loaded = held.with_payload("tip", 1.0, (0.1, 0, 0))
-    for model in (held, loaded, *(make(loaded) for make in COPIES.values()), loaded.without_payload("tip")):
+    for model in (
+        held,
+        loaded,
+        *(make(loaded) for make in COPIES.values()),
+        loaded.without_payload("tip"),
+    ):
         assert model.dof_names == ("swing",) and dict(model.locked_joints) == {"twist": 0.0}
     assert loaded.with_locked_joints({}).dof_names == ("swing", "twist")
 
@@ -182,7 +232,9 @@ def test_rounding_of_a_rotated_inertia_is_no_asymmetry():
     for _ in range(20):
         rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
         inertia = (
-            model.with_payload("tip", 1.0, inertia=rotation @ (0.1 * np.eye(3)) @ rotation.T).payloads["tip"].inertia
+            model.with_payload("tip", 1.0, inertia=rotation @ (0.1 * np.eye(3)) @ rotation.T)
+            .payloads["tip"]
+            .inertia
         )
         np.testing.assert_array_equal(inertia, inertia.T)
 

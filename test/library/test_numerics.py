@@ -90,7 +90,9 @@ def test_first_calls():
             entry(wrong)
 
 
-@pytest.mark.parametrize("part", ["_optimize_functions", "_optimize_final_module", "_finalize_final_module"])
+@pytest.mark.parametrize(
+    "part", ["_optimize_functions", "_optimize_final_module", "_finalize_final_module"]
+)
 def test_other_inside_of_numba(part, monkeypatch, caplog):
     """Where a private part fails, or gives another number, numba links kernels itself, to the same bits."""
 
@@ -136,7 +138,10 @@ def test_sine_and_cosine():
 
     rng = np.random.default_rng(6)
     multiples = np.arange(-4000, 4001) * (0.5 * np.pi)
-    x = np.concatenate([s * rng.uniform(-1.0, 1.0, 100_000) for s in (1e-6, 4.0, 1e3, 0.999 * MAX_ANGLE)] + [multiples])
+    x = np.concatenate(
+        [s * rng.uniform(-1.0, 1.0, 100_000) for s in (1e-6, 4.0, 1e3, 0.999 * MAX_ANGLE)]
+        + [multiples]
+    )
     sine, cosine = tabulated(x)
     for found, expected in ((sine, np.sin(x)), (cosine, np.cos(x))):
         assert np.abs(found - expected).max() <= np.spacing(0.5)
@@ -154,7 +159,9 @@ def test_sine_and_cosine():
 
 def test_tables():
     """Kernels read the numbers and arrays that Python has written; other types are errors."""
-    table = tables.Table("Mixed", count=int, cells=tables.array(float, 2), factor=float, ids=tables.array(np.int64))
+    table = tables.Table(
+        "Mixed", count=int, cells=tables.array(float, 2), factor=float, ids=tables.array(np.int64)
+    )
     opened = table.opened
 
     @entry_kernel(NUMBER)
@@ -166,7 +173,13 @@ def test_tables():
     own = tables.Addresses(table, **given)
     assert total(own.at) == 3 + 2.5 + 7 + 20
     fortran, single = np.zeros((2, 3)).T, np.zeros((2, 3), np.float32)
-    for name, wrong in (("count", 1.5), ("cells", np.zeros(6)), ("cells", fortran), ("cells", single), ("other", 1)):
+    for name, wrong in (
+        ("count", 1.5),
+        ("cells", np.zeros(6)),
+        ("cells", fortran),
+        ("cells", single),
+        ("other", 1),
+    ):
         with pytest.raises(TypeError, match=r"cells|fields|int"):
             tables.Addresses(table, **given | {name: wrong})
     del given["ids"]
@@ -241,14 +254,24 @@ def test_code_of_other_sources_is_removed_after_a_month(tmp_path, monkeypatch):
     """Each state of the sources has a folder of its own, and each copy of the package a stamp."""
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
     used = tmp_path / f"code-{cache.source_hash(__name__)[:16]}"
-    for path, age in ((used, 99), (tmp_path / "code-old", 40), (tmp_path / "code-new", 20), (tmp_path / "other", 40)):
+    for path, age in (
+        (used, 99),
+        (tmp_path / "code-old", 40),
+        (tmp_path / "code-new", 20),
+        (tmp_path / "other", 40),
+    ):
         path.mkdir()
         os.utime(path, times=(time.time() - age * 86400,) * 2)
     for path, age in ((tmp_path / "ahead-old", 40), (tmp_path / "ahead-new", 20)):
         path.touch()
         os.utime(path, times=(time.time() - age * 86400,) * 2)
     assert cache.code_folder.__wrapped__(__name__) == used
-    assert {path.name for path in tmp_path.iterdir()} == {used.name, "code-new", "ahead-new", "other"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        used.name,
+        "code-new",
+        "ahead-new",
+        "other",
+    }
 
 
 def test_folder_of_compiled_code(tmp_path, monkeypatch, caplog):
@@ -278,7 +301,10 @@ CLOSURES = {
         ["simulation.runge_kutta", "sweeps.spatial", "numerics.linking"],
         ["sweeps.batch", "simulation.simulation"],
     ),
-    "joint_states.rules": (["joint_states.codes", "numerics.kernel"], ["joint_states.assembler", "sweeps.spatial"]),
+    "joint_states.rules": (
+        ["joint_states.codes", "numerics.kernel"],
+        ["joint_states.assembler", "sweeps.spatial"],
+    ),
 }
 
 
@@ -287,7 +313,9 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
     """An edit of a module changes the hash of those that import it, because numba inlines functions of other files."""
     copy = tmp_path / "diag_dynamics"
     shutil.copytree(
-        PACKAGE, copy, ignore=lambda folder, names: [n for n in names if "." in n and not n.endswith(".py")]
+        PACKAGE,
+        copy,
+        ignore=lambda folder, names: [n for n in names if "." in n and not n.endswith(".py")],
     )
     monkeypatch.setattr(cache, "PACKAGE", copy)
     found = cache.source_hash.__wrapped__
@@ -368,8 +396,14 @@ print(D[0], sum(factorization.joint_inertias.run.stats.cache_hits.values()))
 
 def run(folder, cache, **more):
     """Run the script with the package in `folder`; return D, the cache hits and stderr."""
-    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "XDG_CACHE_HOME", "TMPDIR")}
-    environment |= {"PYTHONPATH": str(folder), "NUMBA_CACHE_DIR": str(cache), "PYTHONDONTWRITEBYTECODE": "1"} | more
+    environment = {
+        k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "XDG_CACHE_HOME", "TMPDIR")
+    }
+    environment |= {
+        "PYTHONPATH": str(folder),
+        "NUMBA_CACHE_DIR": str(cache),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    } | more
     command = [sys.executable, "-c", SCRIPT]
     done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -381,7 +415,9 @@ def run(folder, cache, **more):
 def copy(tmp_path):
     """Return a folder with a copy of the package, without its nodes."""
     folder = tmp_path / "site"
-    shutil.copytree(PACKAGE, folder / "diag_dynamics", ignore=shutil.ignore_patterns("nodes", "__pycache__"))
+    shutil.copytree(
+        PACKAGE, folder / "diag_dynamics", ignore=shutil.ignore_patterns("nodes", "__pycache__")
+    )
     return folder
 
 
@@ -401,7 +437,9 @@ def test_next_process_loads_from_the_cache(copy, tmp_path):
 
 
 @pytest.mark.full
-@pytest.mark.skipif(os.uname().machine != "x86_64", reason="the other processor is a kind of x86-64")
+@pytest.mark.skipif(
+    os.uname().machine != "x86_64", reason="the other processor is a kind of x86-64"
+)
 def test_processes_share_a_cache(copy, tmp_path):
     """They may compile together; each processor finds its own code."""
     cache, other = tmp_path / "cache", {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+sse2"}
@@ -453,7 +491,9 @@ def test_another_numba(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
     outputs = []
     for _ in range(2):
-        done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, script], env=environment, capture_output=True, text=True, check=True
+        )
         outputs.append(done.stdout.splitlines())
     assert outputs[0][0] == f"compiling total {progress.RULE}"
     for found, hits in zip(outputs, ("Counter()", "Counter({(Array"), strict=True):
@@ -497,7 +537,9 @@ def test_results_without_private_parts_of_numba(tmp_path):
     """Where `linking` cannot be imported, or numba's inside is another one, kernels give the same bits and errors."""
     found = {}
     for name, prefix in BREAKS.items():
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / name)}  # the files have the same names
+        environment = os.environ | {
+            "NUMBA_CACHE_DIR": str(tmp_path / name)
+        }  # the files have the same names
         command = [sys.executable, "-c", prefix + RESULTS]
         done = subprocess.run(command, env=environment, capture_output=True, check=True)
         found[name] = pickle.loads(done.stdout)
@@ -506,4 +548,8 @@ def test_results_without_private_parts_of_numba(tmp_path):
         for robot, quantities in found[name].items():
             assert quantities.keys() == found["as it is"][robot].keys()
             for quantity, expected in quantities.items():
-                assert np.array_equal(found["as it is"][robot][quantity], expected), (name, robot, quantity)
+                assert np.array_equal(found["as it is"][robot][quantity], expected), (
+                    name,
+                    robot,
+                    quantity,
+                )

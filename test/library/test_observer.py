@@ -17,7 +17,14 @@ PANDA = robots.robot("panda_description/urdf/panda.urdf")
 ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
 RANDOM = {robot.id: robot for robot in robots.random_robots()}
 ROBOTS = {
-    r.id: r for r in (ARM, PANDA, RANDOM["geared_tree_10"], RANDOM["mobile_tree_20"], RANDOM["random_tree_0"].floating)
+    r.id: r
+    for r in (
+        ARM,
+        PANDA,
+        RANDOM["geared_tree_10"],
+        RANDOM["mobile_tree_20"],
+        RANDOM["random_tree_0"].floating,
+    )
 }
 READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
 N, GAIN = 7, 25.0
@@ -42,7 +49,9 @@ class Motion:
         return self.push[0] + self.push[1] * np.sin(9.0 * t)
 
     def effort(self, t):
-        return self.s.oracle.inverse_dynamics(self.q(t), self.rate, np.zeros_like(self.rate)) - self.external(t)
+        return self.s.oracle.inverse_dynamics(
+            self.q(t), self.rate, np.zeros_like(self.rate)
+        ) - self.external(t)
 
     def working_moments(self, t):
         """ε_ext = ℓτ_ext by a dense solve."""
@@ -85,7 +94,9 @@ def test_residual_is_the_filtered_disturbance(id, settles_on):
     np.testing.assert_allclose(last.external_torque, m @ last.residual, rtol=1e-9, atol=1e-9)
     assert last.norm == pytest.approx(np.linalg.norm(last.residual), rel=1e-14)
     M = motion.s.oracle.mass_matrix(motion.q(end))
-    assert last.norm**2 == pytest.approx(last.external_torque @ np.linalg.solve(M, last.external_torque), rel=1e-8)
+    assert last.norm**2 == pytest.approx(
+        last.external_torque @ np.linalg.solve(M, last.external_torque), rel=1e-8
+    )
 
 
 @pytest.mark.parametrize("settles_on", SETTLES_ON)
@@ -99,7 +110,9 @@ def test_a_standing_robot_settles_on_the_torque(settles_on):
     settled = motion.push[0] if on_torque else motion.working_moments(0.0)
     for k in (5, 50, 200):
         rising = results[k].external_torque if on_torque else results[k].residual
-        np.testing.assert_allclose(rising, settled * (1 - np.exp(-gain * k * 1e-3)), rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(
+            rising, settled * (1 - np.exp(-gain * k * 1e-3)), rtol=1e-9, atol=1e-11
+        )
 
 
 @pytest.mark.parametrize("gain", [GAIN, 400.0])
@@ -113,7 +126,10 @@ def test_a_constant_torque_on_a_moving_robot(id, period, gain):
     late = slice(int(0.4 / period), None)
     errors = [
         np.linalg.norm(
-            [one.external_torque - motion.push[0] for one in observe(motion, times, gain, settles_on=x)[late]]
+            [
+                one.external_torque - motion.push[0]
+                for one in observe(motion, times, gain, settles_on=x)[late]
+            ]
         )
         for x in SETTLES_ON
     ]
@@ -129,7 +145,9 @@ def test_the_torque_is_that_of_the_momentum_observer():
         seen = observe(motion, times, effort=effort)
         q, tau = [motion.q(t) for t in times], np.array([motion.effort(t) for t in times])
         p = np.array([o.mass_matrix(x) @ motion.rate for x in q])
-        rate = np.array([o.coriolis_matrix(x, motion.rate).T @ motion.rate - o.gravity_torque(x) for x in q])
+        rate = np.array(
+            [o.coriolis_matrix(x, motion.rate).T @ motion.rate - o.gravity_torque(x) for x in q]
+        )
         torque = np.zeros(N)
         for k, dt in enumerate(np.diff(times), 1):
             applied = tau[k] if effort == "held" else 0.5 * (tau[k - 1] + tau[k])
@@ -141,10 +159,17 @@ def test_the_torque_is_that_of_the_momentum_observer():
 def held(efforts, period, settles_on, sub=8):
     """Residual of a simulated arm, a constant push and efforts held for a period, and its truth."""
     s = subject(ARM)
-    options = {"damping": np.zeros(N), "friction": np.zeros(N), "effort_limits": False, "limits": False}
+    options = {
+        "damping": np.zeros(N),
+        "friction": np.zeros(N),
+        "effort_limits": False,
+        "limits": False,
+    }
     plant = dd.Simulation(s.model, READY, np.full(N, 0.2), step=period / sub, **options)
     push = np.array([3.0, -5.0, 2.0, 4.0, 0.5, -0.5, 0.2])
-    observer = dd.DisturbanceObserver(s.dyn, GAIN, np.inf, effort=efforts, friction=False, settles_on=settles_on)
+    observer = dd.DisturbanceObserver(
+        s.dyn, GAIN, np.inf, effort=efforts, friction=False, settles_on=settles_on
+    )
     result, truth, tau = observer.update(0.0, plant.q, plant.qd, np.zeros(N)), np.zeros(N), None
     for k in range(round(0.24 / period)):
         tau = s.dyn.gravity_torque(plant.q) + 10.0 * np.sin(40.0 * k * period + np.arange(N))
@@ -177,7 +202,9 @@ def test_friction(options):
     observer = dd.DisturbanceObserver(dd.DiagonalDynamics(model), GAIN, np.inf, **options)
     for t in np.arange(0, 0.4, 1e-3):
         seen = observer.update(t, motion.q(t), motion.rate, motion.effort(t) + friction)
-    expected = np.linalg.solve(subject(ARM).oracle.factor(motion.q(t)), -friction) * (not options.get("friction", True))
+    expected = np.linalg.solve(subject(ARM).oracle.factor(motion.q(t)), -friction) * (
+        not options.get("friction", True)
+    )
     assert np.linalg.norm(seen.residual - expected) < max(1e-4, 0.05 * np.linalg.norm(expected))
 
 
@@ -186,7 +213,9 @@ def test_friction_that_depends_on_the_load(settles_on):
     motion = Motion("panda_arm")
     motion.push[:] = 0.0
     name, gravity = motion.s.model.dof_names[1], motion.s.oracle.gravity_torque
-    model = motion.s.model.with_parameters({"joints": {name: {"load_friction": 0.1, "root_friction": 0.5}}})
+    model = motion.s.model.with_parameters(
+        {"joints": {name: {"load_friction": 0.1, "root_friction": 0.5}}}
+    )
     rate = motion.rate[1]
     root = 0.5 * rate / np.sqrt(np.abs(rate))
     dyn, times = dd.DiagonalDynamics(model), np.arange(0.0, 0.3, 1e-3)
@@ -200,7 +229,9 @@ def test_friction_that_depends_on_the_load(settles_on):
     q = np.array([motion.q(t) for t in times])
     recording = recorded(model, times, q, np.tile(motion.rate, (len(q), 1)), np.array(efforts))
     observed = dd.observe(dyn, recording, GAIN, settles_on=settles_on)
-    np.testing.assert_allclose(observed.external_torque[-1], seen.external_torque, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        observed.external_torque[-1], seen.external_torque, rtol=0, atol=1e-12
+    )
 
 
 def test_threshold_with_hysteresis():
@@ -213,7 +244,9 @@ def test_threshold_with_hysteresis():
     for k in range(500):
         motion.push[0] = push * (1.0 if k < 100 else 0.35 if k < 300 else 0.0)
         seen.append(observer.update(1e-3 * k, motion.start, motion.rate, motion.effort(0.0)))
-    norms, collisions = (np.array([getattr(r, name) for r in seen]) for name in ("norm", "collision"))
+    norms, collisions = (
+        np.array([getattr(r, name) for r in seen]) for name in ("norm", "collision")
+    )
     first, last = np.flatnonzero(collisions)[[0, -1]]
     assert norms[first] > 0.5 * level >= norms[first - 1]
     assert norms[last] >= 0.2 * level > norms[last + 1]
@@ -241,7 +274,12 @@ def test_time_that_jumps_resets():
     assert observer.update(0.069, *sample(motion, 0.069)).valid
     for time, reason in ((0.059, "time went back by 0.01 s"), (0.2, "no sample for 0.141 s")):
         reset = observer.update(time, *sample(motion, time))
-        assert not reset.valid and not reset.collision and reset.residual is None and reset.reason == reason
+        assert (
+            not reset.valid
+            and not reset.collision
+            and reset.residual is None
+            and reset.reason == reason
+        )
     after = observer.update(0.201, *sample(motion, 0.201))
     assert after.valid and after.norm < 0.5 * before.norm  # from zero
 
@@ -263,7 +301,10 @@ def test_missing_efforts_are_lost_samples():
 def test_another_payload_resets():
     """The observer starts anew with the new model; an undeclared payload appears as its weight."""
     motion, observer, _ = observer_at_work()
-    loaded, unaware = dd.DiagonalDynamics(motion.s.model.with_payload("panda_hand", 2.0)), observer_at_work()[1]
+    loaded, unaware = (
+        dd.DiagonalDynamics(motion.s.model.with_payload("panda_hand", 2.0)),
+        observer_at_work()[1],
+    )
     observer.use(loaded)
     state = READY, np.zeros(N), loaded.gravity_torque(READY)
     assert observer.update(0.021, *state).reason == "first sample"

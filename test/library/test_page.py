@@ -56,7 +56,10 @@ def unpacked(text):
 
 def numbers_of(frame):
     """Return time and numbers of a frame."""
-    return [float(np.frombuffer(frame, "<f8", 1)[0]), *np.frombuffer(frame, "<f4", offset=8).astype(float).tolist()]
+    return [
+        float(np.frombuffer(frame, "<f8", 1)[0]),
+        *np.frombuffer(frame, "<f4", offset=8).astype(float).tolist(),
+    ]
 
 
 def test_the_fixture_of_the_javascript_tests_is_what_python_writes():
@@ -126,27 +129,74 @@ def test_mobility_and_velocity_are_pinocchios(one):
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_frames_have_the_numbers_of_the_evaluation(one):
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)
-    dyn, places = dd.DiagonalDynamics(model), [(link, (0.0, 0.1, 0.2)) for link in model.link_names[-2:]]
+    dyn, places = (
+        dd.DiagonalDynamics(model),
+        [(link, (0.0, 0.1, 0.2)) for link in model.link_names[-2:]],
+    )
     points = dd.ContactPoints(model, [dd.ContactPoint(link, link, place) for link, place in places])
     maker = FrameMaker(dd.DiagonalDynamics(model), zip(points.names, points.links, strict=True))
     q, qd, tau = (rows[0] for rows in some(model))
     s = dyn.evaluate(q, qd, tau, friction=True)
     r = np.random.default_rng(8).normal(size=model.nv)
-    torque, norm, contact = dyn.tau_from_epsilon(q, r), np.linalg.norm(r), dyn.contact_batch(q[None], qd[None], points)
-    observed = {"residual": r[None], "external_torque": torque[None], "norm": np.array([norm]), "collision": True}
-    observed |= {"touched_link": 1, "touched_confidence": 0.75, "load_link": 2, "load_mass": 2.0, "load_deviation": 0.5}
-    states = States.of(1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0).with_contact(contact)
+    torque, norm, contact = (
+        dyn.tau_from_epsilon(q, r),
+        np.linalg.norm(r),
+        dyn.contact_batch(q[None], qd[None], points),
+    )
+    observed = {
+        "residual": r[None],
+        "external_torque": torque[None],
+        "norm": np.array([norm]),
+        "collision": True,
+    }
+    observed |= {
+        "touched_link": 1,
+        "touched_confidence": 0.75,
+        "load_link": 2,
+        "load_mass": 2.0,
+        "load_deviation": 0.5,
+    }
+    states = States.of(1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0).with_contact(
+        contact
+    )
     (frame,) = maker.frames(states)
     assert len(frame.tobytes()) == 8 + 4 * maker.layout.size
     expected = {
-        **{"q": q, "qd": qd, "effort": tau, "nu": s.nu, "epsilon": s.epsilon, "coriolis": s.coriolis},
-        **{"gravity": s.gravity, "gravity_torque": dyn.gravity_torque(q), "D": s.articulated_inertia},
-        **{"link_energy": s.link_energy, "K": s.kinetic_energy, "residual": r, "external_torque": torque},
+        **{
+            "q": q,
+            "qd": qd,
+            "effort": tau,
+            "nu": s.nu,
+            "epsilon": s.epsilon,
+            "coriolis": s.coriolis,
+        },
+        **{
+            "gravity": s.gravity,
+            "gravity_torque": dyn.gravity_torque(q),
+            "D": s.articulated_inertia,
+        },
+        **{
+            "link_energy": s.link_energy,
+            "K": s.kinetic_energy,
+            "residual": r,
+            "external_torque": torque,
+        },
         **{"norm": norm, "torque_norm": np.linalg.norm(torque), "latency": 0.003, "rate": 500.0},
-        **{"p_effort": s.nu @ s.epsilon, "p_gravity": -s.nu @ s.gravity, "p_friction": -s.nu @ s.friction},
+        **{
+            "p_effort": s.nu @ s.epsilon,
+            "p_gravity": -s.nu @ s.gravity,
+            "p_friction": -s.nu @ s.friction,
+        },
         **{"p_external": qd @ torque, "flags": CAUSES["collision"]},
-        **{"contact_worst": contact.worst, "contact_position": contact.position[0, contact.worst[0]]},
-        **{"contact_speed": contact.speed, "contact_mass": contact.reflected_mass, "contact_energy": contact.energy},
+        **{
+            "contact_worst": contact.worst,
+            "contact_position": contact.position[0, contact.worst[0]],
+        },
+        **{
+            "contact_speed": contact.speed,
+            "contact_mass": contact.reflected_mass,
+            "contact_energy": contact.energy,
+        },
         **{"contact_allowed": contact.allowed_speed, "touched_link": 1, "touched_confidence": 0.75},
         **{"load_link": 2, "load_mass": 2.0, "load_deviation": 0.5},
     }
@@ -154,12 +204,22 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     for name, wanted in expected.items():
         found, wanted = value(frame, maker.layout, name), np.ravel(wanted)
         finite = wanted[np.isfinite(wanted)]
-        atol = FLOAT * (scale if name.startswith("p_") else max(np.abs(finite).max(initial=0.0), 1e-3))
+        atol = FLOAT * (
+            scale if name.startswith("p_") else max(np.abs(finite).max(initial=0.0), 1e-3)
+        )
         np.testing.assert_allclose(found, wanted, rtol=FLOAT, atol=atol, err_msg=name)
     assert np.isnan(value(frame, maker.layout, "dK"))
-    assert 0.0 <= value(frame, maker.layout, "coriolis_work") < 1e-14  # of doubles: floats would leave 1e-8
+    assert (
+        0.0 <= value(frame, maker.layout, "coriolis_work") < 1e-14
+    )  # of doubles: floats would leave 1e-8
     assert all(np.isnan(value(frame, maker.layout, name)).all() for name in CHOSEN)
-    assert {field.name for field in maker.layout.fields} == {*expected, "dK", "coriolis_work", *CHOSEN, *FORCES}
+    assert {field.name for field in maker.layout.fields} == {
+        *expected,
+        "dK",
+        "coriolis_work",
+        *CHOSEN,
+        *FORCES,
+    }
 
 
 def test_unknown_values_are_nan_and_flagged(panda):
@@ -168,7 +228,9 @@ def test_unknown_values_are_nan_and_flagged(panda):
     maker = FrameMaker(dd.DiagonalDynamics(panda), [("tool", "panda_hand")])
     evaluation = dd.DiagonalDynamics(panda).evaluate(q, qd)
     (frame,) = maker.frames(
-        States.of(1.0, q, qd, None, evaluation, velocity_estimated=True, receive_time=True, latency=2.0)
+        States.of(
+            1.0, q, qd, None, evaluation, velocity_estimated=True, receive_time=True, latency=2.0
+        )
     )
     for name in (
         "effort",
@@ -182,7 +244,13 @@ def test_unknown_values_are_nan_and_flagged(panda):
     ):
         assert np.isnan(value(frame, maker.layout, name)).all(), name
     flags = int(value(frame, maker.layout, "flags")[0])
-    expected = {"velocity_estimated", "effort_missing", "no_external_torque", "late", "receive_time"}
+    expected = {
+        "velocity_estimated",
+        "effort_missing",
+        "no_external_torque",
+        "late",
+        "receive_time",
+    }
     assert {name for name, bit in CAUSES.items() if flags & bit} == expected
 
 
@@ -197,7 +265,9 @@ def test_many_states_are_as_one_by_one(panda):
     for ends in (range(41), (0, 15, 40)):
         maker = FrameMaker(dyn)
         parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
-        frames = np.concatenate([maker.frames(States.of(t[k], q[k], qd[k], tau[k], batch[k])) for k in parts])
+        frames = np.concatenate(
+            [maker.frames(States.of(t[k], q[k], qd[k], tau[k], batch[k])) for k in parts]
+        )
         np.testing.assert_array_equal(frames["t"], whole["t"])
         np.testing.assert_allclose(frames["numbers"], whole["numbers"], rtol=1e-5, atol=1e-4)
     rate, K = value(whole, maker.layout, "dK")[:, 0], batch.kinetic_energy
@@ -241,7 +311,11 @@ def test_a_frame_is_made_once_for_each_link(panda):
     common = 8 + 4 * Layout(panda).common
     assert newest[0].frame[:common] == newest[2].frame[:common]
     assert (newest[0].layout[0], newest[0].number) == (1, 3)
-    states[:] = [Received(evaluated, 0.0, 1, (*np.full(panda.nv, np.inf), np.inf, 8.0), (("tool", "panda_hand"),))]
+    states[:] = [
+        Received(
+            evaluated, 0.0, 1, (*np.full(panda.nv, np.inf), np.inf, 8.0), (("tool", "panda_hand"),)
+        )
+    ]
     number, layout = stream.newest().layout
     assert (number, json.loads(layout)["thresholds"]["norm"]) == (2, 8.0)
     assert json.loads(layout)["contact"]["points"] == [{"name": "tool", "link": "panda_hand"}]
@@ -252,9 +326,16 @@ def test_why_no_state_comes():
     stream = RobotStream("/arm", lambda _: None)
     stream.set_robot(dd.DiagonalDynamics(dd.load_urdf(page_fixture.ARM)))
     assert stream.about()["waiting"] == "waiting for the first state"
-    statuses = [(0, "model", "fits"), (1, "joint states", "rejected: no joint 'elbow'"), (0, "rates", "well")]
+    statuses = [
+        (0, "model", "fits"),
+        (1, "joint states", "rejected: no joint 'elbow'"),
+        (0, "rates", "well"),
+    ]
     stream.set_diagnostics(
-        [{"level": level, "name": f"/arm/monitor: {name}", "message": text} for level, name, text in statuses]
+        [
+            {"level": level, "name": f"/arm/monitor: {name}", "message": text}
+            for level, name, text in statuses
+        ]
     )
     assert stream.about()["waiting"] == "joint states: rejected: no joint 'elbow'"
     stream.set_waiting("waiting for robot_description")
@@ -294,7 +375,9 @@ def mesh_of(data):
     return positions, np.frombuffer(data, "<u4", 3 * triangles, 8 + 12 * vertices).reshape(-1, 3)
 
 
-@pytest.mark.parametrize(("id", "meshes"), [(PANDA, 10), pytest.param(TALOS, 37, marks=pytest.mark.full)])
+@pytest.mark.parametrize(
+    ("id", "meshes"), [(PANDA, 10), pytest.param(TALOS, 37, marks=pytest.mark.full)]
+)
 def test_scenes_of_robots(id, meshes):
     """All meshes are found, also of a text without a folder: Talos' URLs have a third slash."""
     path, library = robot_path(id), MeshLibrary(mesh_folders())
@@ -302,7 +385,9 @@ def test_scenes_of_robots(id, meshes):
     drawn = scene_of(model, path.read_text(), library)
     assert (drawn["missing"], len(library)) == ({}, meshes)
     assert [one["name"] for one in drawn["links"]] == list(model.link_names)
-    assert (np.array(drawn["rest"]) >= model.lower).all() and (np.array(drawn["rest"]) <= model.upper).all()
+    assert (np.array(drawn["rest"]) >= model.lower).all() and (
+        np.array(drawn["rest"]) <= model.upper
+    ).all()
     assert json.loads(json.dumps(drawn, allow_nan=False)) == drawn
 
 
@@ -325,7 +410,15 @@ def tree(*chains):
     for parent, names, kind in chains:
         for name in names:
             parts.append(link(name, *BLOCK))
-            parts.append(joint(f"to_{name}", kind, parent, name, xyz=(0.0, 0.0, 0.01 if "finger" in name else 0.2)))
+            parts.append(
+                joint(
+                    f"to_{name}",
+                    kind,
+                    parent,
+                    name,
+                    xyz=(0.0, 0.0, 0.01 if "finger" in name else 0.2),
+                )
+            )
             parent = name
     return description("tree", *parts)
 
@@ -335,7 +428,9 @@ def arms(*names, length):
 
 
 def fingers(*names, length, parent="palm"):
-    return [(parent, tuple(f"{name}_finger{k}" for k in range(length)), "revolute") for name in names]
+    return [
+        (parent, tuple(f"{name}_finger{k}" for k in range(length)), "revolute") for name in names
+    ]
 
 
 @pytest.mark.parametrize(
@@ -349,14 +444,21 @@ def fingers(*names, length, parent="palm"):
         ("tool", [("base", HAND, "revolute"), ("palm", ("tool",), "fixed")], {}),
         (
             "palm",
-            [("base", HAND, "revolute"), ("base", ("left_wheel",), "continuous"), ("base", ("mast",), "fixed")],
+            [
+                ("base", HAND, "revolute"),
+                ("base", ("left_wheel",), "continuous"),
+                ("base", ("mast",), "fixed"),
+            ],
             {},
         ),
         ("left3", [("base", TORSO, "revolute"), *arms("left", "right", length=4)], {}),
         ("left1", [("base", TORSO, "revolute"), *arms("left", "right", length=2)], {}),
         (
             "front2",
-            [("base", ("front0", "front1", "front2"), "revolute"), ("base", ("hind0", "hind1"), "revolute")],
+            [
+                ("base", ("front0", "front1", "front2"), "revolute"),
+                ("base", ("hind0", "hind1"), "revolute"),
+            ],
             {},
         ),
         (
@@ -364,7 +466,11 @@ def fingers(*names, length, parent="palm"):
             [("base", ("front0", "front1"), "revolute"), ("base", ("hind0", "hind1"), "revolute")],
             {"floating_base": True},
         ),
-        ("base", [("base", (f"rotor{k}",), "continuous") for k in range(4)], {"floating_base": True}),
+        (
+            "base",
+            [("base", (f"rotor{k}",), "continuous") for k in range(4)],
+            {"floating_base": True},
+        ),
         ("palm", [("base", HAND, "revolute")], {"locked_joints": {"to_palm": 0.3}}),
     ],
 )
@@ -503,7 +609,10 @@ def test_what_cannot_be_drawn_is_listed_and_replaced_by_an_ellipsoid(tmp_path, m
     (tmp_path / "broken.stl").write_text("no mesh")
     (tmp_path / "secret.txt").write_text("secret")
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "box.stl")
-    causes = {"package://nowhere/arm.stl": "cannot be found", "http://example.org/arm.stl": "is no file"}
+    causes = {
+        "package://nowhere/arm.stl": "cannot be found",
+        "http://example.org/arm.stl": "is no file",
+    }
     causes |= {"secret.txt": "is none of .stl", "broken.stl": ""}
     drawn, library = scene(*map(mesh, causes), visual('<cone size="1"/>'), folders=[tmp_path])
     assert drawn["missing"].keys() == {*causes, "upper"}

@@ -28,7 +28,9 @@ class Pushed:
         pin.computeJointJacobians(self.robot, self.data, self.q)
         factor = 0.1 * rng.normal(size=(6, 6))
         self.covariance = factor @ factor.T + 0.01 * np.eye(6)
-        self.tau = self.jacobian().T @ (8.0, -20.0, 5.0) + rng.multivariate_normal(np.zeros(6), self.covariance)
+        self.tau = self.jacobian().T @ (8.0, -20.0, 5.0) + rng.multivariate_normal(
+            np.zeros(6), self.covariance
+        )
 
     def jacobian(self, joint=5):
         """Return the Jacobian of the centre of mass of a joint's body, in the world's axes."""
@@ -41,9 +43,13 @@ class Pushed:
         maker, zero = FrameMaker(self.dyn, (), ForceOptions(covariance, frames)), np.zeros(6)
         index = self.model.link_names.index(link) if link else -1
         observed = {"external_torque": self.tau[None], "residual": zero[None], "norm": np.ones(1)}
-        state = States.of(0.0, self.q, zero, zero, self.dyn.evaluate(self.q, zero, zero), **observed, **others)
+        state = States.of(
+            0.0, self.q, zero, zero, self.dyn.evaluate(self.q, zero, zero), **observed, **others
+        )
         (one,) = maker.frames(state._replace(touched_link=index))
-        return {name: one["numbers"][place].astype(float) for name, place in maker.layout.places.items()}
+        return {
+            name: one["numbers"][place].astype(float) for name, place in maker.layout.places.items()
+        }
 
 
 def least_squares(J, tau, covariance):
@@ -97,21 +103,30 @@ def test_components_with_an_unobserved_part_have_no_deviation():
     directions, observed = np.diag([10.0, 10.0, 10.0, 1.0, 1.0, 1.0]), np.ones(6, dtype=bool)
     directions[3, 5] = 0.01
     observed[[1, 3]] = False
-    w = dd.ExternalWrench(np.zeros(6), np.diag([4.0, 0.0, 9.0, 0.0, 0.25, 1.0]), directions, None, observed, 0.0)
+    w = dd.ExternalWrench(
+        np.zeros(6), np.diag([4.0, 0.0, 9.0, 0.0, 0.25, 1.0]), directions, None, observed, 0.0
+    )
     np.testing.assert_array_equal(component_deviations(w), [2.0, np.nan, 3.0, np.nan, 0.5, np.nan])
 
 
 def test_the_touched_link_of_states_in_contact(pushed):
     """It is that of dyn.touched_link; states without contact or without a result have none."""
     count, zero = 4, np.zeros((4, 6))
-    observed = {"external_torque": np.tile(pushed.tau, (count, 1)), "norm": np.array([1.0, 1.0, np.nan, 1.0])}
+    observed = {
+        "external_torque": np.tile(pushed.tau, (count, 1)),
+        "norm": np.array([1.0, 1.0, np.nan, 1.0]),
+    }
     observed["external_torque"][3] = 1e-3
     batch = pushed.dyn.evaluate_batch(q := np.tile(pushed.q, (count, 1)), zero, zero)
     states = States.of(np.arange(4.0), q, zero, zero, batch, residual=zero, **observed)
-    states = states._replace(contact=np.array([True, False, True, False]), collision=np.array([False] * 3 + [True]))
+    states = states._replace(
+        contact=np.array([True, False, True, False]), collision=np.array([False] * 3 + [True])
+    )
     states = Forces(pushed.dyn, ForceOptions(pushed.covariance)).with_touched_links(states)
     found = pushed.dyn.touched_link(pushed.q, pushed.tau, pushed.covariance)
     assert found.link and 0.2 < found.confidence < 1.0
     index = pushed.model.link_names.index(found.link)
     np.testing.assert_array_equal(states.touched_link, [index, np.nan, np.nan, -1])
-    np.testing.assert_array_equal(states.touched_confidence, [found.confidence, np.nan, np.nan, 0.0])
+    np.testing.assert_array_equal(
+        states.touched_confidence, [found.confidence, np.nan, np.nan, 0.0]
+    )

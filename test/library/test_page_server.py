@@ -50,7 +50,9 @@ def arm():
     robot = Robot(PANDA)
     meshes = MeshLibrary(mesh_folders(str(PANDA)))
     robot.serve(scene_of(robot.model, str(PANDA), meshes), meshes)
-    robot.stream.set_diagnostics([{"level": 0, "name": "rates", "message": "well", "values": {"gaps": 0}}])
+    robot.stream.set_diagnostics(
+        [{"level": 0, "name": "rates", "message": "well", "values": {"gaps": 0}}]
+    )
     return robot
 
 
@@ -107,7 +109,10 @@ def test_files_that_are_symlinks(serve, arm, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("status", "path"),
     [
-        *((404, f"/{path}") for path in ("../server.py", "..%2f..%2fserver.py", "/etc/passwd", "mesh/..", "x")),
+        *(
+            (404, f"/{path}")
+            for path in ("../server.py", "..%2f..%2fserver.py", "/etc/passwd", "mesh/..", "x")
+        ),
         *((404, f"/{path}") for path in ("layout?robot=/nobody", "layout", f"mesh/{64 * '0'}")),
         (503, "/layout?robot=/other"),
         (400, "/stream?robot=/arm"),
@@ -132,7 +137,10 @@ def test_only_get_by_its_own_name_and_its_own_page(address):
         f"{socket.gethostname()}.local:80": 200,
     }
     assert {name: get(address, "/robots", Host=name)[0] for name in names} == names
-    for origin, answer in {"http://evil.example": "403 Forbidden", address.rstrip("/"): "101 Switching"}.items():
+    for origin, answer in {
+        "http://evil.example": "403 Forbidden",
+        address.rstrip("/"): "101 Switching",
+    }.items():
         with Stream(address, origin=origin, robot="/arm") as stream:
             assert answer in stream.head
 
@@ -190,13 +198,17 @@ def test_a_stream_has_the_numbers_of_the_states(address, arm):
         assert (beat["alive"], beat["link"]) == (True, "panda_link5")
 
 
-@pytest.mark.parametrize(("query", "code"), [({"robot": "/nobody"}, 4404), ({"robot": "/arm", "hz": "x"}, 4400)])
+@pytest.mark.parametrize(
+    ("query", "code"), [({"robot": "/nobody"}, 4404), ({"robot": "/arm", "hz": "x"}, 4400)]
+)
 def test_streams_that_are_rejected(address, query, code):
     found, reason = rejected(address, **query)
     assert (found, "expected" in reason or "hz" in reason) == (code, True)
 
 
-@pytest.mark.parametrize(("hz", "served"), [(10, 10.0), (1000, 50.0), ("nan", 0.1), (-1, 0.1), ("1e999", 50.0)])
+@pytest.mark.parametrize(
+    ("hz", "served"), [(10, 10.0), (1000, 50.0), ("nan", 0.1), (-1, 0.1), ("1e999", 50.0)]
+)
 def test_the_rate_of_a_stream(serve, arm, hz, served):
     with Stream(serve(arm.stream, rate=50.0), hz=hz) as stream:
         assert stream.next(HEARTBEAT)["hz"] == pytest.approx(served)
@@ -245,13 +257,20 @@ def test_a_robot_that_no_tab_can_push(serve, arm):
 def test_a_slow_reader_gets_the_present_and_delays_nobody(serve):
     """Other readers receive their frames. The slow one finds few old frames."""
     links = [link(f"l{k}", 1.0, (0, 0, 0.1), (0.01, 0, 0, 0.01, 0, 0.01)) for k in range(61)]
-    joints = [joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}", (k % 2, 1 - k % 2, 0)) for k in range(60)]
+    joints = [
+        joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}", (k % 2, 1 - k % 2, 0)) for k in range(60)
+    ]
     address = serve(Robot(description("chain", *links, *joints)).serve())
     with Stream(address, hz=60, room=4096) as slow:
         first = slow.next(FRAME).t
         with Stream(address, hz=60) as quick:
             present = quick.frames(150)[-1].t
-        old = sum(1 for _ in itertools.takewhile(lambda frame: frame.t < present, iter(lambda: slow.next(FRAME), None)))
+        old = sum(
+            1
+            for _ in itertools.takewhile(
+                lambda frame: frame.t < present, iter(lambda: slow.next(FRAME), None)
+            )
+        )
         assert old < 75 < present - first
 
 

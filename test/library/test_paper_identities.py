@@ -51,14 +51,19 @@ class Case(NamedTuple):
 def cases_of(robot: robots.Robot) -> list[Case]:
     """Return the cases of a robot."""
     model = dd.load_urdf(robot.source, mimic="free", **robot.options)
-    dyn, oracle = dd.DiagonalDynamics(model), RateOracle(robot.urdf, model.dof_names, **robot.options)
+    dyn, oracle = (
+        dd.DiagonalDynamics(model),
+        RateOracle(robot.urdf, model.dof_names, **robot.options),
+    )
     out = []
     for sample in robots.samples(robot.id, oracle):
         q, qd, tau, _ = sample
         t = oracle.at(q, qd, tau)
         w = Operators(oracle, q, qd)
         s, f = dyn.evaluate(q, qd, tau), dyn.factors(q)
-        out.append(Case(w, t, dyn, s, f, sample, np.sqrt(np.diag(t.M)), tolerance(t), bool(robot.armature)))
+        out.append(
+            Case(w, t, dyn, s, f, sample, np.sqrt(np.diag(t.M)), tolerance(t), bool(robot.armature))
+        )
     return out
 
 
@@ -193,7 +198,9 @@ def test_table_2(c):
             z_plus = z[k] + w.G[w.at(k), k] * w.root[k, k] * epsilon[k]
             z[w.parents[k]] += w.E_phi[w.at(w.parents[k]), w.at(k)] @ z_plus
     assert_close(w.mine(T) / root, c.t.tau / root, c.tolerance)
-    assert_close(c.dyn.tau_from_epsilon(c.t.q, w.mine(epsilon)) / root, w.mine(T) / root, c.tolerance)
+    assert_close(
+        c.dyn.tau_from_epsilon(c.t.q, w.mine(epsilon)) / root, w.mine(T) / root, c.tolerance
+    )
     # stacked: z = ψKT
     compensation = w.mine(w.H @ w.psi @ w.K @ w.oracle.to_pin(c.t.tau))
     weigh = np.sqrt(c.f.D)
@@ -207,14 +214,19 @@ def test_induced_rates_and_moments_through_the_reduced_manipulator():
     """
     for robot in (robots.robot(TALOS).floating, robots.random_robots()[0].floating):
         model = dd.load_urdf(robot.source, mimic="free", **robot.options)
-        dyn, o = dd.DiagonalDynamics(model), RateOracle(robot.urdf, model.dof_names, **robot.options)
+        dyn, o = (
+            dd.DiagonalDynamics(model),
+            RateOracle(robot.urdf, model.dof_names, **robot.options),
+        )
         q = robots.samples(robot.id, o)[1].q
 
         def gains(q, dyn=dyn, o=o):
             pin.forwardKinematics(o.model, o.data, o.configuration(q))
             base = o.data.oMi[1]
             return {
-                k: o.data.oMi[o._joint[k]].actInv(base.act(pin.Force(dyn.factors(q).unit[:6, k]))).vector
+                k: o.data.oMi[o._joint[k]]
+                .actInv(base.act(pin.Force(dyn.factors(q).unit[:6, k])))
+                .vector
                 for k in range(6, o.nv)
             }
 
@@ -284,7 +296,9 @@ def test_table_3(revolute):
         assert_close(w.rate, w.P_rate + w.turn @ w.P - w.P @ w.delta, 1e-13, turning * norm(w.P))
         assert_close(w.delta, w.turn, 1e-15)
         seen = w.E_phi.T @ w.V
-        turning_inboard = stacked([np.kron(np.eye(2), tilde(seen[w.at(k)][:3])) for k in range(w.n)])
+        turning_inboard = stacked(
+            [np.kron(np.eye(2), tilde(seen[w.at(k)][:3])) for k in range(w.n)]
+        )
         assert_close(inboard, turning_inboard, 1e-14, norm(w.Omega))
 
 
@@ -305,7 +319,9 @@ def test_rate_of_m(c):
     tau = w.G @ w.H
     inner = w.turn @ (w.phi - w.one) @ w.P + (w.one - 0.5 * tau) @ w.rate
     expected = w.mine(w.H @ w.phi @ inner @ w.H.T @ np.linalg.inv(w.root)) / unit[:, None]
-    actual = np.array([c.dyn.m_rate_transposed(c.t.q, c.t.qd, e) for e in np.eye(w.n)]) / unit[:, None]
+    actual = (
+        np.array([c.dyn.m_rate_transposed(c.t.q, c.t.qd, e) for e in np.eye(w.n)]) / unit[:, None]
+    )
     assert_close(actual, expected, c.tolerance, max(norm(expected), 1e-2 * norm(c.t.qd)))
 
 
@@ -316,7 +332,9 @@ def test_identity_6_3(c):
     left, right = w.H @ w.phi, w.phi @ w.M @ w.phi.T @ w.H.T
     for k, e in enumerate(np.eye(w.n)):
         own, _ = w.sensitivity(w.body(k))
-        half = -left @ own.T @ right  # H_δ for −H_δ*, see `Operators`; the other half is its transpose
+        half = (
+            -left @ own.T @ right
+        )  # H_δ for −H_δ*, see `Operators`; the other half is its transpose
         expected = scaled(c, w.mine(half + half.T))
         actual = scaled(c, c.dyn.mass_matrix_rate(c.t.q, e))
         assert_close(actual, expected, 1e-12, norm(expected) + largest)
@@ -350,7 +368,9 @@ def test_lagrange_equations(c):
     weight, qdd = c.dyn.gravity_torque(c.t.q), c.sample.qdd
     T = c.dyn.mass_matrix(c.t.q) @ qdd + first - second + weight
     expected = c.t.oracle.inverse_dynamics(c.t.q, c.t.qd, qdd)
-    assert_close(T / unit, expected / unit, c.tolerance, norm(expected / unit) + norm(weight / unit) + scale)
+    assert_close(
+        T / unit, expected / unit, c.tolerance, norm(expected / unit) + norm(weight / unit) + scale
+    )
 
 
 def test_lemma_3_1(c):
@@ -385,7 +405,9 @@ def test_lemma_7_1_by_the_skew_brace(c):
     C = w.mine(0.5 * np.linalg.inv(w.root) @ w.H @ w.psi @ skew @ w.V)
     assert_close(c.s.coriolis, C, c.tolerance, c.t.coriolis_scale)
     # ν*D^−½Hψ = V*, so that ν*C = ½ V*{skew}V
-    assert_close(w.psi.T @ w.H.T @ np.linalg.solve(w.root, w.oracle.to_pin(c.s.nu)), w.V, c.tolerance)
+    assert_close(
+        w.psi.T @ w.H.T @ np.linalg.solve(w.root, w.oracle.to_pin(c.s.nu)), w.V, c.tolerance
+    )
     assert_close(c.s.nu @ c.s.coriolis, 0.0, 1e-12, norm(c.s.nu) * c.t.coriolis_scale)
 
 
@@ -399,7 +421,9 @@ def test_algorithm_7_1(c):
         X = w.turn[at, at] @ w.P[at, at]
         parent = w.parents[k]
         V_plus = w.E_phi[w.at(parent), at].T @ V[parent] if parent >= 0 else np.zeros(6)
-        y[k] -= (2 * own.T @ w.M[at, at] + X - X.T) @ V[k] + w.rate[at, at] @ w.tau_bar[at, at].T @ V_plus
+        y[k] -= (2 * own.T @ w.M[at, at] + X - X.T) @ V[k] + w.rate[at, at] @ w.tau_bar[
+            at, at
+        ].T @ V_plus
         for child in w.children(k):
             psi = w.E_psi[at, w.at(child)]
             y[k] += psi @ (y[child] + w.block(w.rate, child) @ V[child])
@@ -477,14 +501,20 @@ def test_appendix_a(revolute):
             partial = rates_of(w, q, e, lambda at: [at.H.T, at.phi, at.phi @ at.M @ at.phi.T, at.P])
             change = w.partial_rate(i)
             source = own @ w.P - w.P @ own
-            assert_close(change, w.diagonal(w.E_psi @ change @ w.E_psi.T) + source, 1e-13, norm(w.P))
+            assert_close(
+                change, w.diagonal(w.E_psi @ change @ w.E_psi.T) + source, 1e-13, norm(w.P)
+            )
             expected = (
                 outboard @ w.H.T,
                 outboard @ w.phi - w.phi @ outboard + w.phi @ own @ (w.phi - w.one),
-                w.phi @ (own @ w.phi @ w.M - w.M @ w.phi.T @ own) @ w.phi.T + outboard @ product - product @ outboard,
+                w.phi @ (own @ w.phi @ w.M - w.M @ w.phi.T @ own) @ w.phi.T
+                + outboard @ product
+                - product @ outboard,
                 change + outboard @ w.P - w.P @ outboard,
             )
-            for actual, exact, size in zip(partial, expected, (w.H, w.phi, product, w.P), strict=True):
+            for actual, exact, size in zip(
+                partial, expected, (w.H, w.phi, product, w.P), strict=True
+            ):
                 assert_close(actual, exact, 1e-10, norm(size))
 
 
@@ -506,8 +536,12 @@ def test_rate_of_p_sums_its_sensitivities(c):
 def test_appendix_b(c):
     """Appendix B: (1 − HψK)Hφ = Hψ, φK(1 − HψK) = ψK, E_φ*V~ = V⁺~E_φ*; without armature Hτ̄ = 0 and ψMV = PV."""
     w = c.w
-    assert_close(w.inverse @ w.H @ w.phi, w.H @ w.psi, c.tolerance, norm(w.inverse) * norm(w.H @ w.phi))
-    assert_close(w.phi @ w.K @ w.inverse, w.psi @ w.K, c.tolerance, norm(w.inverse) * norm(w.phi @ w.K))
+    assert_close(
+        w.inverse @ w.H @ w.phi, w.H @ w.psi, c.tolerance, norm(w.inverse) * norm(w.H @ w.phi)
+    )
+    assert_close(
+        w.phi @ w.K @ w.inverse, w.psi @ w.K, c.tolerance, norm(w.inverse) * norm(w.phi @ w.K)
+    )
     V_plus = w.E_phi.T @ w.V
     seen = stacked([cross(V_plus[w.at(k)]) for k in range(w.n)])
     assert_close(w.E_phi.T @ w.V_cross, seen @ w.E_phi.T, 1e-13, norm(w.V_cross) * norm(w.E_phi))
@@ -556,7 +590,9 @@ def test_lemma_2_1():
 def christoffel(dyn, q) -> np.ndarray:
     """Return Γ^l_jk of the metric M, [l, j, k], from the library's ∂M/∂q."""
     d = np.array([dyn.mass_matrix_rate(q, e) for e in np.eye(len(q))])  # [i, j, k]
-    first = 0.5 * (d.transpose(2, 0, 1) + d.transpose(2, 1, 0) - d)  # [l, j, k]: ½(∂_j M_lk + ∂_k M_lj − ∂_l M_jk)
+    first = 0.5 * (
+        d.transpose(2, 0, 1) + d.transpose(2, 1, 0) - d
+    )  # [l, j, k]: ½(∂_j M_lk + ∂_k M_lj − ∂_l M_jk)
     return np.einsum("al,ljk->ajk", np.linalg.inv(dyn.mass_matrix(q)), first)
 
 
@@ -619,7 +655,9 @@ def test_lemma_2_2_flat_metrics():
     assert_close(np.sqrt(1.7) * velocity, rotation @ e.nu, 1e-14)
     qdd = polar.forward_dynamics(q, qd, tau)
     acceleration = rotation @ [r * qdd[0] + 2 * v * qd[0], qdd[1] - r * qd[0] ** 2]
-    assert_close(np.sqrt(1.7) * acceleration, rotation @ (e.epsilon - e.gravity), 1e-13)  # f'' = ε, in f's axes
+    assert_close(
+        np.sqrt(1.7) * acceleration, rotation @ (e.epsilon - e.gravity), 1e-13
+    )  # f'' = ε, in f's axes
     assert norm(e.coriolis) > 0.1
 
 
@@ -639,11 +677,22 @@ def gripper() -> str:
         ("left_tip", "left_link", 0),
         ("right_tip", "right_link", 0),
     ):
-        text = joint(name, "revolute", parent, f"{name}_link", (1, 0, 0), (0, y, 0.05), (0.2 * np.sign(y), 0, 0))
+        text = joint(
+            name,
+            "revolute",
+            parent,
+            f"{name}_link",
+            (1, 0, 0),
+            (0, y, 0.05),
+            (0.2 * np.sign(y), 0, 0),
+        )
         if name in mimics:
             mimic = f'<mimic joint="left" multiplier="{mimics[name]}" offset="0.1"/>'
             text = text.replace("</joint>", f"{mimic}</joint>")
-        elements += [text, link(f"{name}_link", 0.08, (0.001, 0.002, 0.025), (3e-5, 0, 0, 2e-5, 0, 1.5e-5))]
+        elements += [
+            text,
+            link(f"{name}_link", 0.08, (0.001, 0.002, 0.025), (3e-5, 0, 0, 2e-5, 0, 1.5e-5)),
+        ]
     return description("gripper", *elements)
 
 
@@ -679,11 +728,23 @@ class Mover:
         self.q = oracle.moved(oracle.neutral, 0.5 * rng.uniform(-1, 1, nv) * ~slides)
         state, wrench = oracle.at(self.q, self.qd), rng.standard_normal(6)
         moment = oracle.effort_of(self.q, {plain.link_names[-1]: wrench}, "world")
-        self.wrenches = {plain.link_names[-1]: 3.0 * norm(state.nu) / norm(np.linalg.solve(state.m, moment)) * wrench}
+        self.wrenches = {
+            plain.link_names[-1]: 3.0
+            * norm(state.nu)
+            / norm(np.linalg.solve(state.m, moment))
+            * wrench
+        }
         single = np.array(["/" not in name for name in names])
-        self.damping = single * state.D * rng.uniform(0.5, 2.0, nv)  # [1/s] of the articulated inertia
+        self.damping = (
+            single * state.D * rng.uniform(0.5, 2.0, nv)
+        )  # [1/s] of the articulated inertia
         # efforts that hold the velocity of the start, and a swing about them
-        self.held = state.c + state.g + self.damping * self.qd - oracle.effort_of(self.q, self.wrenches, "world")
+        self.held = (
+            state.c
+            + state.g
+            + self.damping * self.qd
+            - oracle.effort_of(self.q, self.wrenches, "world")
+        )
         self.swing = state.m @ (3.0 * state.nu * rng.standard_normal(nv))
         # Coulomb friction jumps where a joint turns round: it is given, and compensated, where none does
         self.coulomb = np.zeros(nv)
@@ -698,7 +759,10 @@ class Mover:
                 element.remove(old)
             if element.get("name") in names:
                 k = names.index(element.get("name"))
-                values = {"damping": repr(float(self.damping[k])), "friction": repr(float(self.coulomb[k]))}
+                values = {
+                    "damping": repr(float(self.damping[k])),
+                    "friction": repr(float(self.coulomb[k])),
+                }
                 ET.SubElement(element, "dynamics", values)
         model = dd.load_urdf(ET.tostring(xml, encoding="unicode"), **options)
         assert model.dof_names == names
@@ -785,7 +849,9 @@ def test_lemma_7_2_along_a_trajectory(moved):
         gained = evaluations[-1].kinetic_energy - evaluations[0].kinetic_energy
         residuals.append(abs(gained - simpson([s.power for s in evaluations], DURATION)))
         for s, (_, q, qd) in list(zip(evaluations, motion, strict=True))[:: len(motion) - 1]:
-            M = mover.oracle.mass_matrix(np.r_[q[:3], q[3:7] / norm(q[3:7]), q[7:]] if len(q) > len(qd) else q)
+            M = mover.oracle.mass_matrix(
+                np.r_[q[:3], q[3:7] / norm(q[3:7]), q[7:]] if len(q) > len(qd) else q
+            )
             assert_close(s.kinetic_energy, 0.5 * qd @ M @ qd, 1e-12)
     size = simpson([abs(s.power) for s in runs[-1]], DURATION)
     parts = [simpson([abs(s.nu @ part(s)) for s in runs[-1]], DURATION) for part in PARTS]
@@ -800,7 +866,10 @@ def test_nu_along_a_trajectory(moved):
     """(1.1), (3.1): ν(t₁) − ν(t₀) = ∫(ε − C − ε_g + ℓJ*f − ε_fric)dt, component by component, to fourth order."""
     _, runs, _ = moved
     residuals = [norm(r[-1].nu - r[0].nu - simpson([s.nu_dot for s in r], DURATION)) for r in runs]
-    terms = sum(simpson([norm(part(s)) for s in runs[-1]], DURATION) for part in (*PARTS, lambda s: s.coriolis))
+    terms = sum(
+        simpson([norm(part(s)) for s in runs[-1]], DURATION)
+        for part in (*PARTS, lambda s: s.coriolis)
+    )
     assert_fourth_order(residuals, terms)
 
 
@@ -810,10 +879,14 @@ def test_xi_along_a_trajectory(moved):
 
     def rate(s):
         root = np.sqrt(s.articulated_inertia)
-        return (s.kappa - s.coriolis_unnormalized) / root**2 + (s.external - s.gravity - s.friction) / root
+        return (s.kappa - s.coriolis_unnormalized) / root**2 + (
+            s.external - s.gravity - s.friction
+        ) / root
 
     residuals = [norm(r[-1].xi - r[0].xi - simpson([rate(s) for s in r], DURATION)) for r in runs]
-    assert_fourth_order(residuals, simpson([norm(s.kappa / s.articulated_inertia) for s in runs[-1]], DURATION))
+    assert_fourth_order(
+        residuals, simpson([norm(s.kappa / s.articulated_inertia) for s in runs[-1]], DURATION)
+    )
 
 
 def test_energy_flows_between_joints(moved):
@@ -824,7 +897,12 @@ def test_energy_flows_between_joints(moved):
     size = simpson([norm(s.nu) * sum(norm(part(s)) for part in PARTS) for s in runs[-1]], DURATION)
     assert_fourth_order([norm(a - b) for a, b in zip(shares, flows, strict=True)], size)
     for s in runs[-1]:
-        assert_close((s.nu * s.coriolis).sum(), 0.0, 1e-12, norm(s.nu) * (norm(s.coriolis) + norm(s.nu) * 1.0))
+        assert_close(
+            (s.nu * s.coriolis).sum(),
+            0.0,
+            1e-12,
+            norm(s.nu) * (norm(s.coriolis) + norm(s.nu) * 1.0),
+        )
 
 
 def test_one_coordinate_has_no_coriolis_term():
@@ -894,7 +972,9 @@ def test_control_8_2(sign):
         return 0.5 * rate @ oracle.mass_matrix(at) @ rate + 0.5 * e @ (c_2 * e)
 
     s, h = dyn.evaluate(q, qd), 1e-3
-    qdd = oracle.forward_dynamics(q, qd, dyn.tau_from_epsilon(q, s.gravity - c_1 * s.nu + sign * pull))
+    qdd = oracle.forward_dynamics(
+        q, qd, dyn.tau_from_epsilon(q, s.gravity - c_1 * s.nu + sign * pull)
+    )
     rate = (8 * (lyapunov(1) - lyapunov(-1)) - (lyapunov(2) - lyapunov(-2))) / (12 * h)
     damped = -s.nu @ (c_1 * s.nu)
     assert rate == pytest.approx(damped if sign > 0 else damped - 2 * s.nu @ pull, rel=1e-7)

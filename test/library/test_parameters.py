@@ -35,7 +35,11 @@ ALL = {
     "links": LINKS,
     "payloads": {"panda_link7": {"mass": 1.3, "com": [0.0, 0.01, 0.12]}},
     "friction_velocity": 0.02,
-    "origin": {"recordings": ["monday.mcap"], "date": "2026-11-24", "quality": {"explained": [0.3, 0.97]}},
+    "origin": {
+        "recordings": ["monday.mcap"],
+        "date": "2026-11-24",
+        "quality": {"explained": [0.3, 0.97]},
+    },
 }
 
 
@@ -59,9 +63,9 @@ QUANTITIES = ("nu", "epsilon", "coriolis", "friction", "articulated_inertia")
 def same(one, other):
     """Return whether both models give the same bits."""
     a, b = evaluation(one), evaluation(other)
-    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in QUANTITIES) and np.array_equal(
-        one.effort_offset, other.effort_offset
-    )
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name)) for name in QUANTITIES
+    ) and np.array_equal(one.effort_offset, other.effort_offset)
 
 
 # --- Numbers
@@ -83,12 +87,19 @@ def test_mass_matrix_against_pinocchio():
     q, _, _ = state(model)
     wanted = pin.crba(reference, reference.createData(), q)
     wanted = np.triu(wanted) + np.triu(wanted, 1).T
-    assert np.abs(dd.DiagonalDynamics(model).mass_matrix(q) - wanted).max() <= 1e-12 * np.abs(wanted).max()
+    assert (
+        np.abs(dd.DiagonalDynamics(model).mass_matrix(q) - wanted).max()
+        <= 1e-12 * np.abs(wanted).max()
+    )
     assert not model.payloads  # a payload of the robot; payloads of the caller add to it
-    assert model.with_payload("panda_link7", 1.0).total_mass == pytest.approx(model.total_mass + 1.0, rel=1e-15)
+    assert model.with_payload("panda_link7", 1.0).total_mass == pytest.approx(
+        model.total_mass + 1.0, rel=1e-15
+    )
 
 
-@pytest.mark.parametrize("options", [{}, {"floating_base": True}, {"locked_joints": {"panda_joint2": 0.3}}])
+@pytest.mark.parametrize(
+    "options", [{}, {"floating_base": True}, {"locked_joints": {"panda_joint2": 0.3}}]
+)
 def test_sources(tmp_path, options):
     """A dict, a file and `with_parameters` give the same model; pickles keep it."""
     path = tmp_path / "arm.yaml"
@@ -97,19 +108,26 @@ def test_sources(tmp_path, options):
     model = dd.load_urdf(PANDA, parameters=ALL, **options)
     others = [dd.load_urdf(PANDA, parameters=path, **options)]
     others += [plain.with_parameters(str(path)), plain.with_parameters(dd.Parameters.load(path))]
-    others += [pickle.loads(pickle.dumps(model)), model.with_locked_joints(options.get("locked_joints", {}))]
+    others += [
+        pickle.loads(pickle.dumps(model)),
+        model.with_locked_joints(options.get("locked_joints", {})),
+    ]
     assert all(same(model, other) and other.friction_velocity == 0.02 for other in others)
     assert not same(model, plain)
 
 
 def test_unnamed_entries_stay():
-    model = dd.load_urdf(PANDA, armature=0.1, parameters={"joints": {"panda_joint2": {"damping": 2.0}}})
+    model = dd.load_urdf(
+        PANDA, armature=0.1, parameters={"joints": {"panda_joint2": {"damping": 2.0}}}
+    )
     more = model.with_parameters({"joints": {"panda_joint2": {"armature": 0.5}}})
     np.testing.assert_array_equal(more.damping, model.damping)
     assert model.damping[1] == 2.0
     assert more.armature[:7].tolist() == [0.1, 0.5, 0.1, 0.1, 0.1, 0.1, 0.1]
     parameters = {"joints": {"panda_joint1": {"armature": 0.3}}, "friction_velocity": 0.1}
-    options = dd.load_urdf(PANDA, armature={"panda_joint1": 0.2}, friction_velocity=0.0, parameters=parameters)
+    options = dd.load_urdf(
+        PANDA, armature={"panda_joint1": 0.2}, friction_velocity=0.0, parameters=parameters
+    )
     assert options.armature[0] == 0.2 and options.friction_velocity == 0.0
 
 
@@ -120,7 +138,11 @@ def test_later_parameters():
     joints = {"panda_joint1": dd.JointParameters(damping=0.5, armature=0.2)}
     payloads = {"panda_link4": first, "panda_link7": second}
     earlier = dd.Parameters(
-        joints=joints, links=own, payloads=payloads, friction_velocity=0.02, origin={"date": "before"}
+        joints=joints,
+        links=own,
+        payloads=payloads,
+        friction_velocity=0.02,
+        origin={"date": "before"},
     )
     later = dd.Parameters(
         joints={"panda_joint1": dd.JointParameters(damping=0.3)},
@@ -131,12 +153,17 @@ def test_later_parameters():
     assert both.joints["panda_joint1"] == dd.JointParameters(damping=0.3, armature=0.2)
     assert both.payloads["panda_link7"].mass == pytest.approx(0.2)
     assert (both.friction_velocity, both.origin) == (0.02, {"date": "after"})
-    twice, once = dd.load_urdf(PANDA, parameters=earlier).with_parameters(later), dd.load_urdf(PANDA, parameters=both)
+    twice, once = (
+        dd.load_urdf(PANDA, parameters=earlier).with_parameters(later),
+        dd.load_urdf(PANDA, parameters=both),
+    )
     a, b = evaluation(twice), evaluation(once)
     np.testing.assert_allclose(a.coriolis, b.coriolis, atol=1e-12)
     np.testing.assert_array_equal(twice.damping, once.damping)
     replaced = earlier.merged_with(dd.Parameters(links={"panda_link4": dd.Payload(3.0)}))
-    assert set(replaced.payloads) == {"panda_link7"}  # the later inertia of a link contains its payload
+    assert set(replaced.payloads) == {
+        "panda_link7"
+    }  # the later inertia of a link contains its payload
     with pytest.raises(dd.InputError, match="link 'panda_link4' without mass"):
         earlier.merged_with(dd.Parameters(payloads={"panda_link4": dd.Payload(-0.5)}))
 
@@ -183,12 +210,19 @@ def test_payload_of_negative_mass():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         payload = {"mass": -mass, "com": list(com), "inertia": (-inertia).tolist()}
-        model = dd.load_urdf(PANDA, locked_joints=LOCKED).with_parameters({"payloads": {"panda_link8": payload}})
-    assert model.total_mass == pytest.approx(plain.total_mass - mass) and loaded.total_mass > plain.total_mass
+        model = dd.load_urdf(PANDA, locked_joints=LOCKED).with_parameters(
+            {"payloads": {"panda_link8": payload}}
+        )
+    assert (
+        model.total_mass == pytest.approx(plain.total_mass - mass)
+        and loaded.total_mass > plain.total_mass
+    )
     both = model.with_payload("panda_link8", mass, com, inertia)
     a, b = evaluation(both), evaluation(plain)
     assert a.kinetic_energy == pytest.approx(b.kinetic_energy, rel=1e-13)
-    np.testing.assert_allclose(a.coriolis, b.coriolis, rtol=1e-5, atol=1e-12 * np.abs(b.coriolis).max())
+    np.testing.assert_allclose(
+        a.coriolis, b.coriolis, rtol=1e-5, atol=1e-12 * np.abs(b.coriolis).max()
+    )
 
 
 def test_mass_that_moves_with_a_link():
@@ -199,7 +233,9 @@ def test_mass_that_moves_with_a_link():
     parameters = {"payloads": {"panda_hand": {"mass": -float(taken)}}}
     with pytest.raises(dd.InputError, match="on link 'panda_hand', which leaves -"):
         free.with_parameters(parameters)
-    with pytest.raises(dd.InputError, match=r"on link 'panda_hand', which leaves 0.* principal moments"):
+    with pytest.raises(
+        dd.InputError, match=r"on link 'panda_hand', which leaves 0.* principal moments"
+    ):
         held.with_parameters(parameters)
 
 
@@ -208,13 +244,28 @@ def test_mass_that_moves_with_a_link():
 
 def test_file_keeps_every_bit(tmp_path):
     rng = np.random.default_rng(3)
-    joints = {f"joint {k}": dd.JointParameters(*np.exp(rng.normal(-5, 5, 4).clip(-40, 20)).tolist()) for k in range(50)}
-    saved = dd.Parameters(joints=joints, payloads={"tool": dd.Payload(-0.7, (0.1, 1e-17, 0.3))}, origin={"a": [1, "b"]})
+    joints = {
+        f"joint {k}": dd.JointParameters(*np.exp(rng.normal(-5, 5, 4).clip(-40, 20)).tolist())
+        for k in range(50)
+    }
+    saved = dd.Parameters(
+        joints=joints,
+        payloads={"tool": dd.Payload(-0.7, (0.1, 1e-17, 0.3))},
+        origin={"a": [1, "b"]},
+    )
     saved.save(tmp_path / "arm.yaml")
     read = dd.Parameters.load(tmp_path / "arm.yaml")
-    assert dict(read.joints) == joints and read.to_dict() == saved.to_dict() and dict(read.origin) == {"a": [1, "b"]}
-    (tmp_path / "arm.yaml").write_text("joints:\n  panda_joint1: {damping: 1e-3, friction:}\nlinks:\n")
-    read = dd.Parameters.load(tmp_path / "arm.yaml")  # YAML reads 1e-3 as text, and no value as null
+    assert (
+        dict(read.joints) == joints
+        and read.to_dict() == saved.to_dict()
+        and dict(read.origin) == {"a": [1, "b"]}
+    )
+    (tmp_path / "arm.yaml").write_text(
+        "joints:\n  panda_joint1: {damping: 1e-3, friction:}\nlinks:\n"
+    )
+    read = dd.Parameters.load(
+        tmp_path / "arm.yaml"
+    )  # YAML reads 1e-3 as text, and no value as null
     assert dict(read.joints) == {"panda_joint1": dd.JointParameters(damping=1e-3)}
 
 
@@ -240,13 +291,19 @@ WRONG = [
     ({"links": {"elbow": {"mass": 1.0}}}, "'elbow' is not a link .* panda_link0"),
     (of_link(com=[0, 0, 1]), "link 'panda_link1' has no mass"),
     (of_link(mass=1.0, com=[0, 1]), "link 'panda_link1': com is"),
-    (of_link(mass=1.0, inertia=[[1, 0, 0], [0, 1, 0], [0, 0, 3]]), "link 'panda_link1': inertia is .* triangle"),
+    (
+        of_link(mass=1.0, inertia=[[1, 0, 0], [0, 1, 0], [0, 0, 3]]),
+        "link 'panda_link1': inertia is .* triangle",
+    ),
     (TOO_HEAVY, "on link 'panda_hand', which leaves -"),
     (
         TOO_HEAVY | {"origin": {"locked_joints": {"panda_finger_joint1": 0.04}}},
         "locked_joints panda_finger_joint1=0.04",
     ),
-    ({"payloads": {"panda_hand": {"mass": -0.7, "com": [0, 0, 1]}}}, "on link 'panda_hand', .* principal moments"),
+    (
+        {"payloads": {"panda_hand": {"mass": -0.7, "com": [0, 0, 1]}}},
+        "on link 'panda_hand', .* principal moments",
+    ),
     ({"friction_velocity": -1.0}, "friction_velocity is -1.0"),
     ({"origin": 3}, "origin is 3"),
 ]
@@ -277,9 +334,14 @@ def test_perturbed_inertias():
     """Errors are at most the given fraction, bodies stay rigid, and the seed determines them."""
     model = dd.load_urdf(PANDA, armature=0.1, payloads={"panda_hand": (0.5, (0, 0, 0.1))})
     one, again, other = (model.perturbed(*x) for x in ((0.3, 1), (0.3, 1), (0.3, 2)))
-    np.testing.assert_allclose(evaluation(model.perturbed(0.0), False).nu, evaluation(model, False).nu, rtol=1e-10)
+    np.testing.assert_allclose(
+        evaluation(model.perturbed(0.0), False).nu, evaluation(model, False).nu, rtol=1e-10
+    )
     assert same(one, again) and not same(one, other)
-    assert dict(one.payloads) == dict(model.payloads) and one.armature.tolist() == model.armature.tolist()
+    assert (
+        dict(one.payloads) == dict(model.payloads)
+        and one.armature.tolist() == model.armature.tolist()
+    )
     bare = [m.without_payload("panda_hand").links["mass"] for m in (model, one)]
     assert 0.15 < abs(bare[1] / bare[0] - 1.0).max() <= 0.3
     for body in (perturbed.inertial for perturbed in one._tree.robot.links):
@@ -296,10 +358,14 @@ def test_parameters_file_of_a_node(tmp_path):
     """The node's own parameters precede those of the file."""
     path = tmp_path / "arm.yaml"
     dd.Parameters.from_dict(ALL).save(path)
-    values = {name: spec.default for name, spec in PARAMETERS.items()} | {"parameters_file": str(path)}
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | {
+        "parameters_file": str(path)
+    }
     model = model_of(str(PANDA), values)
     assert same(model, dd.load_urdf(PANDA, parameters=path)) and model.friction_velocity == 0.02
-    model = model_of(str(PANDA), values | {"armature": ["panda_joint1=0.5"], "friction_velocity": 0.3})
+    model = model_of(
+        str(PANDA), values | {"armature": ["panda_joint1=0.5"], "friction_velocity": 0.3}
+    )
     assert model.armature[[0, 6]].tolist() == [0.5, 0.04] and model.friction_velocity == 0.3
 
 
@@ -309,25 +375,50 @@ QOS = "qos_overrides./joint_states.subscription.depth"
 
 def node_file(folder, sections):
     path = folder / "monitor.yaml"
-    path.write_text(yaml.safe_dump({name: {"ros__parameters": own} for name, own in sections.items()}))
+    path.write_text(
+        yaml.safe_dump({name: {"ros__parameters": own} for name, own in sections.items()})
+    )
     return [path]
 
 
 @pytest.mark.parametrize("section", ["/**", "diag_dynamics", "/robot1/diag_dynamics"])
 def test_parameters_of_every_node_are_ignored(tmp_path, section):
     """Connections and clocks have no effect without a node."""
-    nested = {"qos_overrides": {"/joint_states": {"subscription": {"depth": 50, "reliability": "reliable"}}}}
-    for ignored in (nested, {QOS: 50}, {"use_sim_time": True, "start_type_description_service": False}):
-        assert parameters_of(node_file(tmp_path, {section: GAIN | ignored})) == {"external_torque.gain": 30.0}
-    assert parameters_of((), [f"{QOS}=50", "external_torque.gain=30"]) == {"external_torque.gain": 30.0}
+    nested = {
+        "qos_overrides": {
+            "/joint_states": {"subscription": {"depth": 50, "reliability": "reliable"}}
+        }
+    }
+    for ignored in (
+        nested,
+        {QOS: 50},
+        {"use_sim_time": True, "start_type_description_service": False},
+    ):
+        assert parameters_of(node_file(tmp_path, {section: GAIN | ignored})) == {
+            "external_torque.gain": 30.0
+        }
+    assert parameters_of((), [f"{QOS}=50", "external_torque.gain=30"]) == {
+        "external_torque.gain": 30.0
+    }
 
 
 def test_parameters_of_other_nodes(tmp_path):
     """The package ignores them in a section that may be another node's."""
-    others = {"robot_compensates_gravity": False, "tracking_gain": ["*=20.0"], "motion": "wave", "port": 8421}
-    assert parameters_of(node_file(tmp_path, {"/**": GAIN | others})) == {"external_torque.gain": 30.0}
+    others = {
+        "robot_compensates_gravity": False,
+        "tracking_gain": ["*=20.0"],
+        "motion": "wave",
+        "port": 8421,
+    }
+    assert parameters_of(node_file(tmp_path, {"/**": GAIN | others})) == {
+        "external_torque.gain": 30.0
+    }
     unknown = [("diag_dynamics", "motion")]
-    unknown += [(s, n) for s in ("/**", "diag_dynamics") for n in (QOS.replace("overrides", "override"), "use_sim_tim")]
+    unknown += [
+        (s, n)
+        for s in ("/**", "diag_dynamics")
+        for n in (QOS.replace("overrides", "override"), "use_sim_tim")
+    ]
     for section, name in unknown:
         with pytest.raises(dd.InputError, match=f"no parameter '{name}'"):
             parameters_of(node_file(tmp_path, {section: {name: 1}}))
@@ -337,7 +428,10 @@ def test_parameters_of_other_nodes(tmp_path):
     ("assignments", "expected"),
     [
         (["locked_joints=a=0, b=0.1"], {"locked_joints": ["a=0", "b=0.1"]}),
-        (["locked_joints=a=0", "armature=c=1", "locked_joints=[b=0.1]"], {"locked_joints": ["a=0", "b=0.1"]}),
+        (
+            ["locked_joints=a=0", "armature=c=1", "locked_joints=[b=0.1]"],
+            {"locked_joints": ["a=0", "b=0.1"]},
+        ),
         (["locked_joints=*=0,b=0.1"], {"locked_joints": ["*=0", "b=0.1"]}),
         (["locked_joints=*"], {"locked_joints": ["*"]}),
         (["payloads=hand=1, 2"], {"payloads": ["hand=1, 2"]}),
@@ -352,12 +446,15 @@ def test_lists_on_a_command_line(assignments, expected):
 
 @pytest.mark.parametrize("numbers", [{"damping": np.nan}, {"friction": -3.0}, {"armature": -5.0}])
 def test_numbers_of_joints_in_programs_are_checked(numbers):
-    with pytest.raises(dd.InputError, match=f"joint 'a': {next(iter(numbers))} is .* expected a finite number >= 0"):
+    with pytest.raises(
+        dd.InputError, match=f"joint 'a': {next(iter(numbers))} is .* expected a finite number >= 0"
+    ):
         dd.Parameters(joints={"a": dd.JointParameters(**numbers)})
 
 
 @pytest.mark.parametrize(
-    ("text", "value"), [("1e6", 1e6), ("1.5e-3", 0.0015), ("-2E+2", -200.0), ("1e", None), ("e6", None)]
+    ("text", "value"),
+    [("1e6", 1e6), ("1.5e-3", 0.0015), ("-2E+2", -200.0), ("1e", None), ("e6", None)],
 )
 def test_numbers_with_exponents(text, value):
     """YAML 1.1 reads 1e6 as text."""

@@ -14,7 +14,16 @@ import diag_dynamics as dd
 from described import PANDA, robot
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.parameters.simulator import PARAMETERS
-from diag_dynamics.simulation.drives import BRAKE, DRIVEN, TIMED_OUT, WAITING, ZERO, Drives, Pushes, Sensors
+from diag_dynamics.simulation.drives import (
+    BRAKE,
+    DRIVEN,
+    TIMED_OUT,
+    WAITING,
+    ZERO,
+    Drives,
+    Pushes,
+    Sensors,
+)
 from diag_dynamics.simulation.pace import MAX_LAG, Lockstep, Pace
 from diag_dynamics.simulation.plant import Plant
 from examples import examples
@@ -26,15 +35,27 @@ NAMES = ("shoulder", "elbow", "wrist")
 def test_a_command_holds_until_the_next_one_or_its_timeout(without):
     """Each entry acts on its joint; a joint without an entry has no effort; after the timeout no joint has one."""
     drives = Drives(NAMES, ("wrist", "shoulder"), 0.0, without)
-    assert drives.phase == WAITING and not drives.effort(0.0).any() and drives.braked == (without == BRAKE)
+    assert (
+        drives.phase == WAITING
+        and not drives.effort(0.0).any()
+        and drives.braked == (without == BRAKE)
+    )
     drives.command([3.0, 1.0], 0.5)
     for time in (0.5, 1.0, 1e6):
-        assert drives.effort(time).tolist() == [1.0, 0.0, 3.0] and drives.phase == DRIVEN and not drives.braked
+        assert (
+            drives.effort(time).tolist() == [1.0, 0.0, 3.0]
+            and drives.phase == DRIVEN
+            and not drives.braked
+        )
     drives = Drives(NAMES, (), 0.1, without)
     drives.command([1.0, 2.0, 3.0], 5.0)
     assert drives.effort(5.099).tolist() == [1.0, 2.0, 3.0]
     for _ in range(3):
-        assert not drives.effort(5.1).any() and drives.phase == TIMED_OUT and drives.braked == (without == BRAKE)
+        assert (
+            not drives.effort(5.1).any()
+            and drives.phase == TIMED_OUT
+            and drives.braked == (without == BRAKE)
+        )
     assert drives.counts["commands timed out"] == 1
     drives.command([1.0, 2.0, 3.0], 6.0)
     assert drives.effort(6.05).tolist() == [1.0, 2.0, 3.0] and drives.phase == DRIVEN
@@ -69,7 +90,9 @@ def test_delay():
         sensors.measure(0.01 * k, *VALUES, "base")
         for time, values, base in sensors.known(0.01 * k):
             seen.append((k, round(100 * time)))
-            assert base == "base" and all((a == b).all() for a, b in zip(values, VALUES, strict=True))
+            assert base == "base" and all(
+                (a == b).all() for a, b in zip(values, VALUES, strict=True)
+            )
     assert seen == [(k, k - 3) for k in range(3, 10)]
     sensors.forget()
     assert sensors.known(100.0) == []
@@ -82,7 +105,9 @@ def test_losses_and_seed():
         sensors, known = Sensors(noise=(0.1, 0.1, 0.1), dropped=0.2, seed=seed), []
         for k in range(1000):
             sensors.measure(k, *VALUES)
-            known += [(time, np.concatenate(values).tolist()) for time, values, _ in sensors.known(k)]
+            known += [
+                (time, np.concatenate(values).tolist()) for time, values, _ in sensors.known(k)
+            ]
         assert len(known) + sensors.lost == 1000 and 740 < len(known) < 860
         return known
 
@@ -106,7 +131,11 @@ def test_pace(factor, gaps):
         steps += taken
         behind = (now - 100.0) * factor - pace.dropped - steps * step
         assert -1e-6 <= behind < step + 1e-6
-        assert now - (step + 1e-6) / factor < 100.0 + (steps * step + pace.skipped) / factor < now + 1e-6
+        assert (
+            now - (step + 1e-6) / factor
+            < 100.0 + (steps * step + pace.skipped) / factor
+            < now + 1e-6
+        )
     assert pace.dropped / step == pytest.approx(round(pace.dropped / step))
 
 
@@ -127,7 +156,10 @@ def test_pushes():
     assert pushes.at(0.0) == {}
     pushes.push("hand", (1, 2, 3, 4, 5, 6), 1.0)
     pushes.push("arm", (0, 0, 1, 0, 0, 0), 1.2)
-    for link, bad, key in (("foot", [1] * 6, "'foot' is no link"), ("arm", (math.nan, 0, 0, 0, 0, 0), "'arm'")):
+    for link, bad, key in (
+        ("foot", [1] * 6, "'foot' is no link"),
+        ("arm", (math.nan, 0, 0, 0, 0, 0), "'arm'"),
+    ):
         with pytest.raises(RejectedError, match=key):
             pushes.push(link, bad, 1.3)
     held = {link: six.tolist() for link, six in pushes.at(1.49).items()}
@@ -146,7 +178,9 @@ def plant(id=PANDA, floating=False, **values):
     return Plant(dd.load_urdf(robot(id).path, floating_base=floating), DEFAULTS | values)
 
 
-@pytest.mark.parametrize(("compensated", "commanded", "falls"), [(True, 0, False), (False, 0, True), (True, 1, True)])
+@pytest.mark.parametrize(
+    ("compensated", "commanded", "falls"), [(True, 0, False), (False, 0, True), (True, 1, True)]
+)
 def test_held_by_gravity_compensation(compensated, commanded, falls):
     """Drives that compensate gravity hold the robot; it moves without them, and with gravity commanded as well."""
     own = plant(compensates_gravity=compensated)
@@ -185,7 +219,9 @@ def test_no_time_out_while_catching_up():
     assert own.drives.phase == TIMED_OUT
 
 
-@pytest.mark.parametrize(("rate", "step", "own"), [(300.0, 1e-3, 1 / 1200), (500.0, 1e-3, 1e-3), (400.0, 0.1, 1 / 400)])
+@pytest.mark.parametrize(
+    ("rate", "step", "own"), [(300.0, 1e-3, 1 / 1200), (500.0, 1e-3, 1e-3), (400.0, 0.1, 1 / 400)]
+)
 def test_steps_divide_the_period(rate, step, own):
     assert plant(rate=rate, step=step).simulation.step_size == pytest.approx(own, rel=1e-12)
 
@@ -238,7 +274,10 @@ def test_same_seed_same_trajectory():
         for _ in range(40):
             own.advance(2)
             own.measure()
-            seen += [(m.position.tobytes(), m.velocity.tobytes(), m.effort.tobytes()) for m in own.known()]
+            seen += [
+                (m.position.tobytes(), m.velocity.tobytes(), m.effort.tobytes())
+                for m in own.known()
+            ]
         return seen
 
     first, at = measured(), own.time
@@ -255,7 +294,10 @@ def test_put():
     own.put(q, qd)
     beyond = q.copy()
     beyond[1] = 3.0
-    for bad, rate, key in ((beyond, qd, "panda_joint2"), (q, np.full(8, 1e200), "finite|overflow|large")):
+    for bad, rate, key in (
+        (beyond, qd, "panda_joint2"),
+        (q, np.full(8, 1e200), "finite|overflow|large"),
+    ):
         with pytest.raises(InputError, match=key):
             own.put(bad, rate)
         assert (own.simulation.q == q).all() and (own.simulation.qd == qd).all()

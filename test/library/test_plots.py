@@ -83,13 +83,19 @@ def test_energy_is_stacked_by_joint(recording):
         expected = sum(shares[joint] for joint in chosen)
         assert np.allclose(edge - below[::100], expected[::100], atol=1e-12)
         others, below = others - chosen, below + expected
-    assert not others and (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "kinetic energy [J]")
+    assert not others and (axes.get_xlabel(), axes.get_ylabel()) == (
+        "time [s]",
+        "kinetic energy [J]",
+    )
 
 
 def test_gaps_have_no_line(recording):
     """Ten seconds without a state are a gap, states that come every two seconds are a line."""
     gappy = recorded(PANDA, np.where(T < 1.0, T, T + 10.0), Q, QD, recording.tau)
-    for at, y in (curve(dd.plot.energy(gappy), "K"), dd.plot.balance(gappy).axes[1].lines[0].get_data()):
+    for at, y in (
+        curve(dd.plot.energy(gappy), "K"),
+        dd.plot.balance(gappy).axes[1].lines[0].get_data(),
+    ):
         (gap,) = np.flatnonzero(np.isnan(y))
         assert at[gap - 1] < 1.0 and 10.9 < at[gap + 1] < 11.2
     seldom = recorded(PANDA, 2.0 * np.arange(30.0), Q[:30], QD[:30], None)
@@ -102,14 +108,21 @@ def test_peaks_are_drawn():
     torque, flags = np.zeros((count, 8)), np.zeros(count, dtype=bool)
     torque[12345], torque[54321] = -1.0, 2.0
     at, K = curve(dd.plot.energy(sliding(torque + 0.1), t), "K")
-    assert len(K) < 5000 and K.max() == pytest.approx(4 * 2.1**2) and at[K.argmax()] == pytest.approx(54.321)
+    assert (
+        len(K) < 5000
+        and K.max() == pytest.approx(4 * 2.1**2)
+        and at[K.argmax()] == pytest.approx(54.321)
+    )
     torque[60_000:70_000] = np.nan
     observed = dd.Observed(t, torque, torque, torque[:, 0], ~flags, flags, torque, DYN)
     line = dd.plot.external_torque(observed, {"*": 1.5}, model=MODEL).axes[3].lines[1]
     at, y = np.array(line.get_data())
     assert len(y) < 5000 and (np.nanmin(y), np.nanmax(y)) == (-1.0, 2.0)
     assert at[np.nanargmin(y)] == pytest.approx(12.345, abs=1e-9)
-    assert np.isnan(y[(at > 60.1) & (at < 69.9)]).all() and not np.isnan(y[(at < 59.9) | (at > 70.1)]).any()
+    assert (
+        np.isnan(y[(at > 60.1) & (at < 69.9)]).all()
+        and not np.isnan(y[(at < 59.9) | (at > 70.1)]).any()
+    )
 
 
 def test_many_oscillations_are_means_and_the_largest_energy():
@@ -126,13 +139,17 @@ def test_many_oscillations_are_means_and_the_largest_energy():
 def test_shares_of_one_state_and_of_many(recording):
     many = DYN.evaluate_batch(Q, QD)
     axes = dd.plot.shares(recording)
-    assert [bar.get_width() for bar in axes.patches] == pytest.approx(many.energy_share.mean(axis=0).tolist())
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(
+        many.energy_share.mean(axis=0).tolist()
+    )
     assert np.allclose(curve(axes, "largest")[0], many.energy_share.max(axis=0))
     assert [label.get_text() for label in axes.get_yticklabels()] == list(PANDA.dof_names)
     go2 = dd.load_robot("go2", floating_base=True)
     s = dd.DiagonalDynamics(go2).evaluate(go2.random(1), np.ones(go2.nv))
     widths = [bar.get_width() for bar in dd.plot.shares(s).patches]
-    assert widths == pytest.approx([s.energy_share[:6].sum(), *s.energy_share[6:]])  # the base is one joint
+    assert widths == pytest.approx(
+        [s.energy_share[:6].sum(), *s.energy_share[6:]]
+    )  # the base is one joint
 
 
 def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
@@ -142,7 +159,9 @@ def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
     expected = np.array([pushing[np.abs(T - x) <= 0.05 + 1e-9].mean() for x in at])
     assert np.abs(expected).max() > 0.05
     assert np.abs(power - expected).max() < 0.02 * np.abs(expected).max() + 2e-3
-    difference = curve(both, "dK/dt")[1] - curve(both, "explained by efforts, gravity and friction")[1]
+    difference = (
+        curve(both, "dK/dt")[1] - curve(both, "explained by efforts, gravity and friction")[1]
+    )
     assert np.allclose(difference, power) and both.get_ylabel() == "power [W]"
     assert re.search(r"panda: \d+\.\d % of dK/dt explained", both.get_title(loc="left"))
 
@@ -157,7 +176,10 @@ def test_balance_at_rest_has_no_share():
 
 def test_external_torque_of_each_joint(recording):
     observed = dd.observe(DYN, recording, 40.0)
-    seen, thresholds = observed.external_torque, dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0})
+    seen, thresholds = (
+        observed.external_torque,
+        dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0}),
+    )
     panels = dd.plot.external_torque(observed, thresholds, model=PANDA).axes
     titles = [axes.get_title(loc="left") for axes in panels]
     assert titles == [f"{n} [{'N' if 'finger' in n else 'N m'}]" for n in PANDA.dof_names]
@@ -166,7 +188,9 @@ def test_external_torque_of_each_joint(recording):
     beyond = np.array(panels[0].lines[2].get_ydata())
     assert np.array_equal(~np.isnan(beyond), np.abs(seen[:, 0]) > 0.5) and np.isfinite(beyond).any()
     panels = dd.plot.external_torque(recording, {"panda_joint1": 0.5}, gain=40.0).axes
-    assert [len(axes.lines) for axes in panels] == [3] + [2] * 7  # the joints without a threshold have one curve
+    assert [len(axes.lines) for axes in panels] == [3] + [
+        2
+    ] * 7  # the joints without a threshold have one curve
     assert np.array_equal(panels[1].lines[1].get_ydata(), seen[:, 1], equal_nan=True)
     trust = dict.fromkeys(("asked", "duration", "alarms", "held_out", "method", "peaks"), 1)
     calibration = dd.Calibration({"*": 1.0}, gain=9.0, friction=False, **trust)
@@ -180,14 +204,20 @@ def test_ellipsoid_has_the_masses_of_a_push():
     axes = dd.plot.ellipsoid(PANDA, q, "panda_hand", qd, point=point)
     J = DYN.jacobian(q, "panda_hand", point, frame="world")[:3]
     inverse = J @ np.linalg.solve(DYN.mass_matrix(q), J.T)
-    shown = [float(text.get_text().split()[0]) for text in axes.texts if text.get_text().endswith(" kg")]
+    shown = [
+        float(text.get_text().split()[0]) for text in axes.texts if text.get_text().endswith(" kg")
+    ]
     assert sorted(shown) == pytest.approx(sorted(1.0 / np.linalg.eigvalsh(inverse)), rel=5e-3)
     v, title = J @ qd, axes.get_title(loc="left")
     along = float(re.search(r"mass along v ([\d.e+-]+) kg", title)[1])
     assert along == pytest.approx((v @ v) / (v @ inverse @ v), rel=5e-3)
     low, high = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()]).T
-    assert axes.get_box_aspect() / (high - low) == pytest.approx(axes.get_box_aspect()[0] / (high - low)[0])
-    assert "panda_hand" in dd.plot.ellipsoid(PANDA, q).get_title(loc="left")  # the end-effector link
+    assert axes.get_box_aspect() / (high - low) == pytest.approx(
+        axes.get_box_aspect()[0] / (high - low)[0]
+    )
+    assert "panda_hand" in dd.plot.ellipsoid(PANDA, q).get_title(
+        loc="left"
+    )  # the end-effector link
 
 
 def test_tree_has_every_freedom_with_its_inertia():
@@ -196,7 +226,10 @@ def test_tree_has_every_freedom_with_its_inertia():
     names, bars = dd.plot.tree(model, q).axes
     assert [text.get_text() for text in names.texts] == list(model.dof_names)
     D, M = dyn.factors(q).D, np.diag(dyn.mass_matrix(q))
-    ends = {round(bar.get_y() + 0.5 * bar.get_height()): bar.get_x() + bar.get_width() for bar in bars.patches}
+    ends = {
+        round(bar.get_y() + 0.5 * bar.get_height()): bar.get_x() + bar.get_width()
+        for bar in bars.patches
+    }
     assert [ends[k] for k in range(model.nv)] == pytest.approx(D.tolist())
     written = [float(text.get_text().removeprefix("D = ")) for text in bars.texts]
     assert written == pytest.approx(D.tolist(), rel=5e-3, abs=5e-5)
@@ -206,7 +239,14 @@ def test_tree_has_every_freedom_with_its_inertia():
     lines = [line for line in names.lines if len(line.get_xdata()) == 3]
     carried = {int(line.get_ydata()[1]): int(line.get_ydata()[0]) for line in lines}
     indents = [int(line.get_xdata()[2] - line.get_xdata()[0]) for line in lines]
-    assert [carried[k] for k in range(1, 18)] == [0, 1, 2, 3, 4, *(5, 6, 7, 5, 9, 10, 5, 12, 13, 5, 15, 16)]
+    assert [carried[k] for k in range(1, 18)] == [
+        0,
+        1,
+        2,
+        3,
+        4,
+        *(5, 6, 7, 5, 9, 10, 5, 12, 13, 5, 15, 16),
+    ]
     assert indents == [0] * 5 + [1, 0, 0] * 4
 
 
@@ -219,7 +259,10 @@ def test_style_of_matplotlib_counts_for_text():
         axes = dd.plot.energy(sliding(np.ones((3, 8))))
     assert [line.get_color() for line in axes.lines] == ["white"]
     assert len({tuple(layer.get_facecolor()[0]) for layer in axes.collections}) == 8
-    assert axes.get_title(loc="left").startswith(r"\$slides\$") and not axes.spines["top"].get_visible()
+    assert (
+        axes.get_title(loc="left").startswith(r"\$slides\$")
+        and not axes.spines["top"].get_visible()
+    )
 
 
 def test_errors_name_the_argument(recording):
@@ -227,7 +270,10 @@ def test_errors_name_the_argument(recording):
     fixed = dd.DiagonalDynamics(dd.load_urdf(description("fixed", link("base"))))
     for draw, key in (
         (lambda: dd.plot.energy([1.0]), "expected a Recording"),
-        (lambda: dd.plot.energy(DYN.evaluate_batch(Q, QD), t=[0.0, 1.0, 2.0]), r"t has shape \(3,\)"),
+        (
+            lambda: dd.plot.energy(DYN.evaluate_batch(Q, QD), t=[0.0, 1.0, 2.0]),
+            r"t has shape \(3,\)",
+        ),
         (lambda: dd.plot.balance(without), "has efforts of all joints"),
         (lambda: dd.plot.balance(empty), "no states"),
         (lambda: dd.plot.shares(empty), "no states"),

@@ -73,7 +73,9 @@ def inertia(rng, shape):
     """Return mass, centre of mass and a physical inertia about it, of a body about as large as the links are long."""
     mass = 10.0 ** rng.uniform(-shape.spread, shape.spread)
     size = shape.length * 10.0 ** (0.3 * rng.uniform(-shape.spread, shape.spread))
-    second = np.diag(rng.uniform(0.05, 1.0, 3))  # of no rod or plate, which move no inertia about some axis
+    second = np.diag(
+        rng.uniform(0.05, 1.0, 3)
+    )  # of no rod or plate, which move no inertia about some axis
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     second = mass * size**2 * turn @ second @ turn.T
     return mass, size * rng.uniform(-1, 1, 3), np.trace(second) * np.eye(3) - second
@@ -98,12 +100,20 @@ class Tree:
         elements, names, joints = [link("link_0", *self._own(rng))], ["link_0"], []
         for k, (kind, back) in enumerate(zip(shape.kinds, shape.parents, strict=True)):
             parent = names[max(0, len(names) - 1 - back)]
-            axis = np.eye(3)[rng.integers(3)] * rng.choice([-1, 1]) if shape.special else rng.standard_normal(3)
+            axis = (
+                np.eye(3)[rng.integers(3)] * rng.choice([-1, 1])
+                if shape.special
+                else rng.standard_normal(3)
+            )
             if kind == "planar":
                 axis = np.array([0.0, 0.0, 1.0])  # the only one that Pinocchio knows
-            xyz = shape.length * rng.uniform(-1, 1, 3) * (rng.random(3) > 0.5 if shape.special else 1)
+            xyz = (
+                shape.length * rng.uniform(-1, 1, 3) * (rng.random(3) > 0.5 if shape.special else 1)
+            )
             name = f"{rng.choice(list('abcxyz'))}_{k}"
-            elements.append(joint(name, kind, parent, f"link_{k + 1}", axis, xyz, rotation(rng, shape)))
+            elements.append(
+                joint(name, kind, parent, f"link_{k + 1}", axis, xyz, rotation(rng, shape))
+            )
             elements.append(link(f"link_{k + 1}", *self._own(rng), rpy=rotation(rng, shape)))
             names.append(f"link_{k + 1}")
             if kind != "fixed":
@@ -117,7 +127,9 @@ class Tree:
             if name not in self.locked and rng.random() < shape.geared
         }
         self.payloads = {
-            str(rng.choice(names)): dd.Payload(*(inertia(rng, shape) if rng.random() < 0.7 else (1.5, (0.1, 0, -0.2))))
+            str(rng.choice(names)): dd.Payload(
+                *(inertia(rng, shape) if rng.random() < 0.7 else (1.5, (0.1, 0, -0.2)))
+            )
             for _ in range(shape.payloads)
         }
         self.rng = rng
@@ -141,7 +153,9 @@ class Tree:
         """Return the URDF with each payload as a link behind a fixed joint."""
         robot = ET.fromstring(self.urdf)
         for name, payload in self.payloads.items():
-            more = link(f"on {name}", payload.mass, payload.com, upper(np.array(payload.inertia, float)))
+            more = link(
+                f"on {name}", payload.mass, payload.com, upper(np.array(payload.inertia, float))
+            )
             robot.append(ET.fromstring(more))
             robot.append(ET.fromstring(joint(f"on {name}", "fixed", name, f"on {name}")))
         return ET.tostring(robot, encoding="unicode")
@@ -149,12 +163,18 @@ class Tree:
 
 def case_of(tree) -> laws.Case:
     """Return a tree in the library and in the oracle, at one state."""
-    model, shape, rng = dd.load_urdf(tree.urdf, payloads=tree.payloads, **tree.options), tree.shape, tree.rng
+    model, shape, rng = (
+        dd.load_urdf(tree.urdf, payloads=tree.payloads, **tree.options),
+        tree.shape,
+        tree.rng,
+    )
     o, nv = Oracle(tree.urdf_with_payloads, model.dof_names, **tree.options), model.nv
     reach = np.array([shape.length if o.is_prismatic(k) else 6.0 for k in range(nv)])
     step = reach * rng.uniform(-1, 1, nv) * (rng.random(nv) > 0.5 if shape.special else 1)
     qd, tau, qdd = rng.standard_normal((3, nv)) * [[shape.speed], [10.0], [1.0]]
-    c = laws.case_of(dd.DiagonalDynamics(model), o, robots.Sample(o.moved(o.neutral, step), qd, tau, qdd))
+    c = laws.case_of(
+        dd.DiagonalDynamics(model), o, robots.Sample(o.moved(o.neutral, step), qd, tau, qdd)
+    )
     return c._replace(rounding=max(1e-12, EPS * c.t.scaled_condition))
 
 
@@ -172,7 +192,12 @@ def link_energy(c):
 def bias(c):
     """The classical bias."""
     expected = c.t.c / c.unit
-    assert_close(c.dyn.bias(c.t.q, c.t.qd) / c.unit, expected, c.tolerance, norm(expected) + c.t.coriolis_scale)
+    assert_close(
+        c.dyn.bias(c.t.q, c.t.qd) / c.unit,
+        expected,
+        c.tolerance,
+        norm(expected) + c.t.coriolis_scale,
+    )
 
 
 def forward_dynamics(c):
@@ -191,7 +216,13 @@ def forward_dynamics_of_aba(c):
 def assert_drives(c, acceleration, tau):
     """Pinocchio's rnea gives τ back."""
     needed = c.oracle.inverse_dynamics(c.t.q, c.t.qd, acceleration) / c.unit
-    terms = (acceleration * c.unit, tau / c.unit, c.t.c / c.unit, c.t.g / c.unit, c.t.nu * norm(c.t.qd))
+    terms = (
+        acceleration * c.unit,
+        tau / c.unit,
+        c.t.c / c.unit,
+        c.t.g / c.unit,
+        c.t.nu * norm(c.t.qd),
+    )
     assert_close(needed, tau / c.unit, 1e-12, sum(map(norm, terms)))
 
 
@@ -235,7 +266,9 @@ def check(shape, chosen=LAWS):
     tree = Tree(shape)
     note(tree.urdf)
     case = case_of(tree)
-    assert np.isclose(case.model.total_mass, sum(body.mass for body in case.oracle.model.inertias), rtol=1e-12)
+    assert np.isclose(
+        case.model.total_mass, sum(body.mass for body in case.oracle.model.inertias), rtol=1e-12
+    )
     if case.model.nv == 0:
         return
     event(f"condition about 1e{3 * round(np.log10(case.t.scaled_condition) / 3)}")
@@ -293,11 +326,16 @@ def test_units_do_not_matter(shape, mass, length):
     """All masses and lengths of a robot in other units: no other verdict, the same ν and C but for the unit."""
     tree = Tree(shape)
     other = in_other_units(tree.urdf, 10.0**mass, 10.0**length)
-    a, b = (dd.DiagonalDynamics(dd.load_urdf(urdf, floating_base=shape.floating)) for urdf in (tree.urdf, other))
+    a, b = (
+        dd.DiagonalDynamics(dd.load_urdf(urdf, floating_base=shape.floating))
+        for urdf in (tree.urdf, other)
+    )
     oracle = Oracle(tree.urdf, a.model.dof_names, floating_base=shape.floating)
     unit = np.array([10.0**length if oracle.is_prismatic(k) else 1.0 for k in range(oracle.nv)])
     step, qd = np.random.default_rng(shape.seed).uniform(-3, 3, (2, oracle.nv))
-    oracle_q = oracle.moved(oracle.neutral, step * [not oracle.is_prismatic(k) for k in range(oracle.nv)])
+    oracle_q = oracle.moved(
+        oracle.neutral, step * [not oracle.is_prismatic(k) for k in range(oracle.nv)]
+    )
     s, t = a.evaluate(oracle_q, qd), b.evaluate(oracle_q, qd * unit)
     truth, factor = oracle.at(oracle_q, qd), 10.0 ** (mass / 2 + length)
     assert_close(t.nu / factor, s.nu, tolerance(truth))
@@ -305,14 +343,31 @@ def test_units_do_not_matter(shape, mass, length):
         assert_close(t.coriolis / factor, s.coriolis, tolerance(truth), truth.coriolis_scale)
 
 
-@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, -1), (-3, 0, 0), (1, 2, -2), (0.3, -0.1, 0.2)], ids=str)
+@pytest.mark.parametrize(
+    "axis", [(1, 0, 0), (0, 1, 0), (0, 0, -1), (-3, 0, 0), (1, 2, -2), (0.3, -0.1, 0.2)], ids=str
+)
 def test_planar_joint_moves_normal_to_its_axis(axis):
     """A planar joint with any axis is one along z in a frame whose z that axis is (Pinocchio takes z for every one)."""
     tree = Tree(
-        Shape(("revolute", "planar", "prismatic"), (0, 0, 0), True, 0.5, 0.3, False, 0, 0, 0, (1, 2, 3), 1.0, 7)
+        Shape(
+            ("revolute", "planar", "prismatic"),
+            (0, 0, 0),
+            True,
+            0.5,
+            0.3,
+            False,
+            0,
+            0,
+            0,
+            (1, 2, 3),
+            1.0,
+            7,
+        )
     )
     z = np.array(axis) / norm(axis)
-    x = np.eye(3)[np.argmin(np.abs(z))]  # the frame's x: the coordinate axis farthest from z, made normal to it
+    x = np.eye(3)[
+        np.argmin(np.abs(z))
+    ]  # the frame's x: the coordinate axis farthest from z, made normal to it
     x = (x - z * (x @ z)) / norm(x - z * (x @ z))
     R = np.column_stack([x, np.cross(z, x), z])
     given, turned = ET.fromstring(tree.urdf), ET.fromstring(tree.urdf)
@@ -330,7 +385,9 @@ def test_planar_joint_moves_normal_to_its_axis(axis):
     for element in (link("frame"), link("moving"), before, after):
         turned.append(ET.fromstring(element))
     dyn = dd.DiagonalDynamics(dd.load_urdf(ET.tostring(given), floating_base=True))
-    oracle = Oracle(ET.tostring(turned, encoding="unicode"), dyn.model.dof_names, floating_base=True)
+    oracle = Oracle(
+        ET.tostring(turned, encoding="unicode"), dyn.model.dof_names, floating_base=True
+    )
     step, qd, tau = np.random.default_rng(1).standard_normal((3, oracle.nv))
     t = oracle.at(oracle.moved(oracle.neutral, step), qd, tau)
     s = dyn.evaluate(t.q, t.qd, t.tau)
@@ -344,5 +401,7 @@ def _angles(R):
 
 
 def _pose(element, R):
-    xyz, rpy = (np.array(element.find("origin").get(name).split(), dtype=float) for name in ("xyz", "rpy"))
+    xyz, rpy = (
+        np.array(element.find("origin").get(name).split(), dtype=float) for name in ("xyz", "rpy")
+    )
     return {"xyz": xyz, "rpy": _angles(pin.rpy.rpyToMatrix(*rpy) @ R)}

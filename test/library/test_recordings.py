@@ -24,7 +24,12 @@ def panda():
 
 def states_written(path, pairs, **options):
     """Write joint states, pairs of bytes and log time; return the path."""
-    return write_mcap(path, [Message("/joint_states", now, raw) for raw, now in pairs], chunk_size=20_000, **options)
+    return write_mcap(
+        path,
+        [Message("/joint_states", now, raw) for raw, now in pairs],
+        chunk_size=20_000,
+        **options,
+    )
 
 
 def driven(model, count, seed=3):
@@ -45,27 +50,45 @@ def one_after_the_other(case, messages):
     return result.states, result.counts
 
 
-@pytest.mark.parametrize("seeds", [(0, 1), pytest.param((2, 3, 4, 5), marks=pytest.mark.full)], ids=str)
+@pytest.mark.parametrize(
+    "seeds", [(0, 1), pytest.param((2, 3, 4, 5), marks=pytest.mark.full)], ids=str
+)
 @pytest.mark.parametrize("name", CASES)
 def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
     """To the last bit, of hostile recordings in pieces of any size; all that a case is about occurs."""
     case, total = CASES[name], Counter()
     for seed in seeds:
         messages = hostile_messages(case, seed)
-        path, size = write_case(tmp_path / "x.mcap", messages), int(np.random.default_rng(seed).integers(50, 900))
+        path, size = (
+            write_case(tmp_path / "x.mcap", messages),
+            int(np.random.default_rng(seed).integers(50, 900)),
+        )
         expected, counts = one_after_the_other(case, messages)
-        pieces = list(dd.stream_recording(path, case.model, parameters=case.own_parameters, size=size))
+        pieces = list(
+            dd.stream_recording(path, case.model, parameters=case.own_parameters, size=size)
+        )
         assert pieces[-1].counts == counts
         states = States.concatenate([piece.states for piece in pieces])
-        newest, oldest, _, position, velocity, effort, with_effort, received, estimated, _ = states.columns()
+        newest, oldest, _, position, velocity, effort, with_effort, received, estimated, _ = (
+            states.columns()
+        )
         assert len(newest) == len(expected) > 200
         nothing = np.full(effort.shape[1], np.nan)
-        for actual, field in ((position, "position"), (velocity, "velocity"), (newest, "newest"), (oldest, "oldest")):
+        for actual, field in (
+            (position, "position"),
+            (velocity, "velocity"),
+            (newest, "newest"),
+            (oldest, "oldest"),
+        ):
             assert actual.tobytes() == np.array([getattr(one, field) for one in expected]).tobytes()
         assert with_effort.tolist() == [one.effort is not None for one in expected]
         known = [one.effort for one in expected if one.effort is not None]
         assert effort[with_effort].tobytes() == np.array(known).tobytes()
-        some = [np.frombuffer(one.partial) if one.partial else nothing for one in expected if one.effort is None]
+        some = [
+            np.frombuffer(one.partial) if one.partial else nothing
+            for one in expected
+            if one.effort is None
+        ]
         np.testing.assert_array_equal(effort[~with_effort], np.reshape(some, (-1, len(nothing))))
         assert received.tolist() == [one.received for one in expected]
         assert estimated.tolist() == [one.estimated for one in expected]
@@ -79,7 +102,10 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
 def test_part_of_a_recording(tmp_path, panda):
     pairs = driven(panda, 1000)
     path, first = states_written(tmp_path / "x.mcap", pairs), pairs[0][1]
-    part, whole = dd.read_recording(path, panda, start=0.5, end=1.25), dd.read_recording(path, panda)
+    part, whole = (
+        dd.read_recording(path, panda, start=0.5, end=1.25),
+        dd.read_recording(path, panda),
+    )
     assert whole.findings == [] and "1000 states" in repr(whole)
     within = [first + 500 * MS <= now < first + 1250 * MS for _, now in pairs]
     np.testing.assert_array_equal(part.q, whole.q[within])
@@ -105,7 +131,9 @@ def test_errors_of_reading(tmp_path, panda):
 
     refused(r"no file or folder.*nothing\.mcap", tmp_path / "nothing.mcap")
     for name in ("day.mcap", "day.csv", "day.db3"):
-        (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 7\n")
+        (tmp_path / name).write_text(
+            "version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 7\n"
+        )
         refused(rf"{name}' is a pointer of Git LFS\. Run git lfs pull", tmp_path / name)
     write_mcap(path, states)
     refused(r"recording\.mcap", tmp_path / "recordin.mcap")

@@ -43,7 +43,12 @@ def recording(tmp_path_factory):
 # --- Tables ---
 
 PER_DOF = {
-    **{"velocity": ("rad/s", "m/s"), "effort": ("N m", "N"), "nu": ("J^0.5", "J^0.5"), "xi": ("rad/s", "m/s")},
+    **{
+        "velocity": ("rad/s", "m/s"),
+        "effort": ("N m", "N"),
+        "nu": ("J^0.5", "J^0.5"),
+        "xi": ("rad/s", "m/s"),
+    },
     **{"kappa": ("N m", "N"), "articulated_inertia": ("kg m^2", "kg"), "energy_share": ("J", "J")},
     **dict.fromkeys(("epsilon", "coriolis", "gravity", "friction"), ("J^0.5/s", "J^0.5/s")),
 }
@@ -51,9 +56,21 @@ PER_DOF = {
 
 def test_columns_of_tables(tmp_path):
     """Parquet has units in metadata and NaN, CSV units in the header and empty fields; both have the library's numbers."""
-    links = (link(name, 2.0, (0.1, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01)) for name in ("one", "two"))
-    turn, slide = joint("turn", "revolute", "base", "one"), joint("slide", "prismatic", "one", "two")
-    xml = description("arm", link("base"), *links, turn.replace("</joint>", '<dynamics damping="0.5"/></joint>'), slide)
+    links = (
+        link(name, 2.0, (0.1, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01))
+        for name in ("one", "two")
+    )
+    turn, slide = (
+        joint("turn", "revolute", "base", "one"),
+        joint("slide", "prismatic", "one", "two"),
+    )
+    xml = description(
+        "arm",
+        link("base"),
+        *links,
+        turn.replace("</joint>", '<dynamics damping="0.5"/></joint>'),
+        slide,
+    )
     (tmp_path / "arm.urdf").write_text(xml)
     model, t = dd.load_urdf(xml), np.arange(400) / 500.0
     q = np.stack([np.sin(3.0 * t), 0.1 * np.cos(2.0 * t)], axis=1)
@@ -61,14 +78,28 @@ def test_columns_of_tables(tmp_path):
     tau[100:120, 1] = np.nan
     np.savez(tmp_path / "arm.npz", t=t, q=q, qd=qd, tau=tau)
     paths = [str(tmp_path / name) for name in ("arm.npz", "arm.urdf", "out.parquet", "out.csv")]
-    arguments = ["analyse", paths[0], "--urdf", paths[1], "--parquet", paths[2], "--csv", paths[3], "--quiet"]
+    arguments = [
+        "analyse",
+        paths[0],
+        "--urdf",
+        paths[1],
+        "--parquet",
+        paths[2],
+        "--csv",
+        paths[3],
+        "--quiet",
+    ]
     assert main(arguments) in (0, 1)
     unknown = np.isnan(tau).any(axis=1)
-    s = dd.DiagonalDynamics(model).evaluate_batch(q, qd, np.where(unknown[:, None], 0.0, tau), friction=True)
+    s = dd.DiagonalDynamics(model).evaluate_batch(
+        q, qd, np.where(unknown[:, None], 0.0, tau), friction=True
+    )
     hidden, stamps = np.where(unknown, np.nan, 1.0), np.rint(t * 1e9)
     expected = {"stamp": stamps, "oldest_stamp": stamps, "kinetic_energy": s.kinetic_energy}
     expected |= {"base_energy": s.base_energy, "power": s.effort_power * hidden}
-    expected |= {f"link_energy.{name}": s.link_energy[:, k] for k, name in enumerate(model.link_names)}
+    expected |= {
+        f"link_energy.{name}": s.link_energy[:, k] for k, name in enumerate(model.link_names)
+    }
     units = {"stamp": "ns", "power": "W", "link_energy.one": "J", "collision": ""}
     units |= {"residual.slide": "J^0.5/s", "external_torque.slide": "N"}
     for k, name in enumerate(("turn", "slide")):
@@ -81,20 +112,30 @@ def test_columns_of_tables(tmp_path):
                 expected[f"{quantity}.{name}"] = getattr(s, quantity)[:, k] * known
     table = pq.read_table(paths[2])
     for name, numbers in expected.items():
-        np.testing.assert_allclose(table[name].to_numpy(), numbers, rtol=1e-12, atol=1e-14, err_msg=name)
+        np.testing.assert_allclose(
+            table[name].to_numpy(), numbers, rtol=1e-12, atol=1e-14, err_msg=name
+        )
     assert not table["collision"].to_numpy().any()
-    for name in ("external_torque.slide", "residual.slide", "residual_norm"):  # the slide moves nothing that turns
+    for name in (
+        "external_torque.slide",
+        "residual.slide",
+        "residual_norm",
+    ):  # the slide moves nothing that turns
         assert (
             np.isnan(table[name].to_numpy()[100:120]).all()
             and not np.isnan(table["residual.turn"].to_numpy()[1:]).any()
         )
-    given = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
+    given = {
+        field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema
+    }
     assert {name: given[name] for name in units} == units
     header, *rows = (line.split(",") for line in Path(paths[3]).read_text().splitlines())
     assert header == [f'"{name} [{unit}]"' if unit else f'"{name}"' for name, unit in given.items()]
     place = list(given).index("power")
     assert [k for k, row in enumerate(rows) if row[place] == ""] == list(np.flatnonzero(unknown))
-    np.testing.assert_array_equal(dd.read_recording(paths[3], xml).q, q)  # written tables are recordings
+    np.testing.assert_array_equal(
+        dd.read_recording(paths[3], xml).q, q
+    )  # written tables are recordings
 
 
 def test_names_that_are_no_utf8(recording):
@@ -117,11 +158,18 @@ def test_the_index_of_a_written_mcap(recording):
     recording.analyse("indexed", "--quiet", "--mcap", path, **recording.columns())
     with open(path, "rb") as file:
         reader = make_reader(file, validate_crcs=True)
-        indexes, every = reader.get_summary().chunk_indexes, [one.log_time for *_, one in reader.iter_messages()]
+        indexes, every = (
+            reader.get_summary().chunk_indexes,
+            [one.log_time for *_, one in reader.iter_messages()],
+        )
         begin, end = np.quantile(every, (0.4, 0.5), method="nearest").tolist()
-        part = [one.log_time for *_, one in reader.iter_messages(starting_at=begin, ending_before=end)]
+        part = [
+            one.log_time for *_, one in reader.iter_messages(starting_at=begin, ending_before=end)
+        ]
     assert len(indexes) > 3 and all(one.message_index_offsets for one in indexes)
-    assert len(every) == 3 * len(recording.t) and part == [time for time in every if begin <= time < end]
+    assert len(every) == 3 * len(recording.t) and part == [
+        time for time in every if begin <= time < end
+    ]
 
 
 # --- Downsampling ---
@@ -131,7 +179,9 @@ def states_of(t, collision=False, powers=0.0, **columns):
     """Return records of states at some times."""
     sums = Work().integrate(t, np.broadcast_to(powers, (len(t), 4)))
     columns = {"t": t, "index": np.arange(len(t)), "collision": collision, "sums": sums, **columns}
-    return make_records({name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()})
+    return make_records(
+        {name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()}
+    )
 
 
 def in_pieces(states, size):
@@ -148,7 +198,11 @@ def test_no_peak_is_missing_from_the_overview():
     kept = overview.states()
     assert 120 <= len(kept) <= 500 and (np.diff(kept["index"]) > 0).all()
     np.testing.assert_array_equal(kept["K"], K[kept["index"]])
-    assert (kept["K"].max(), kept["K"].min(), np.nanmax(kept["norm"])) == (K.max(), K.min(), np.nanmax(norm))
+    assert (kept["K"].max(), kept["K"].min(), np.nanmax(kept["norm"])) == (
+        K.max(),
+        K.min(),
+        np.nanmax(norm),
+    )
     assert kept["index"][0] == 0 and np.diff(kept["index"]).max() < 2 * count // 120
 
 
@@ -158,17 +212,25 @@ def test_all_states_around_contacts_are_kept(size):
 
     def runs_of(states):
         contacts = ContactRuns()
-        return [run for piece in in_pieces(states, size) for run in contacts.add(piece)] + list(contacts.finish())
+        return [run for piece in in_pieces(states, size) for run in contacts.add(piece)] + list(
+            contacts.finish()
+        )
 
     t, edges = np.arange(20_000) * 1e-3, [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
-    collision = np.any([(t >= begin) & (t < end) for begin, end in zip(edges[::2], edges[1::2], strict=True)], axis=0)
+    collision = np.any(
+        [(t >= begin) & (t < end) for begin, end in zip(edges[::2], edges[1::2], strict=True)],
+        axis=0,
+    )
     runs = runs_of(states_of(t, collision))
     expected = t[np.any([np.abs(t - edge) <= AROUND + 1e-9 for edge in edges], axis=0)]
     np.testing.assert_allclose(np.concatenate([run["t"] for run in runs]), expected)
     assert len(runs) == 3
     t = np.arange(60_000) * 1e-3
     often = runs_of(states_of(t, t % 1.0 < 0.1))  # one run is bounded, not what is kept
-    assert sum(map(len, often)) == len(t) and max(np.ptp(run["t"]) for run in often) < MAX_RUN + 1e-3 * size
+    assert (
+        sum(map(len, often)) == len(t)
+        and max(np.ptp(run["t"]) for run in often) < MAX_RUN + 1e-3 * size
+    )
 
 
 def test_mean_powers_are_works_by_time():
@@ -188,7 +250,11 @@ def test_mean_powers_are_works_by_time():
 
 def unpacked(data, columns, rows):
     """Return columns by the description of the format, without the page's code."""
-    planes = np.frombuffer(gzip.decompress(data), np.uint8).reshape(len(columns), 2, rows).astype(np.uint16)
+    planes = (
+        np.frombuffer(gzip.decompress(data), np.uint8)
+        .reshape(len(columns), 2, rows)
+        .astype(np.uint16)
+    )
     zigzag = planes[:, 0] + 256 * planes[:, 1]
     whole = np.cumsum((zigzag >> 1) ^ -(zigzag & 1), axis=1, dtype=np.uint16).T
     low, step = np.array(columns).T
@@ -198,14 +264,22 @@ def unpacked(data, columns, rows):
 def test_packed_numbers_come_back():
     """Steps of noisy columns are a third of its standard deviation, and never coarser than the signal needs."""
     rng, t = np.random.default_rng(6), np.linspace(0.0, 9.0, 3000)
-    columns = np.sin(t), 1e-9 * rng.normal(size=3000), rng.integers(0, 127, 3000), np.full(3000, 2.5)
+    columns = (
+        np.sin(t),
+        1e-9 * rng.normal(size=3000),
+        rng.integers(0, 127, 3000),
+        np.full(3000, 2.5),
+    )
     numbers = np.stack(columns, axis=1)
     numbers[100:200, 0], numbers[5, 1] = np.nan, np.inf
     packed = pack(numbers)
     found = unpacked(packed.data, packed.columns, len(numbers))
     numbers[5, 1] = np.nan
     np.testing.assert_array_equal(np.isnan(found), np.isnan(numbers))
-    error, span = np.nanmax(np.abs(found - numbers), axis=0), np.nanmax(numbers, axis=0) - np.nanmin(numbers, axis=0)
+    error, span = (
+        np.nanmax(np.abs(found - numbers), axis=0),
+        np.nanmax(numbers, axis=0) - np.nanmin(numbers, axis=0),
+    )
     assert (error <= 0.51 * span / LEVELS).all()
     np.testing.assert_array_equal(found[:, 2:], numbers[:, 2:])
     smooth = 30.0 * np.sin(3.0 * t) + 10.0 * (t > 2.0)
@@ -216,7 +290,10 @@ def test_packed_numbers_come_back():
 
 def test_meshes_have_fewer_vertices_where_they_are_too_large():
     rng = np.random.default_rng(7)
-    points, faces = rng.normal(size=(3000, 3)).astype("<f4"), rng.integers(0, 3000, (9000, 3)).astype("<u4")
+    points, faces = (
+        rng.normal(size=(3000, 3)).astype("<f4"),
+        rng.integers(0, 3000, (9000, 3)).astype("<u4"),
+    )
     data = np.array([3000, 9000], dtype="<u4").tobytes() + points.tobytes() + faces.tobytes()
     whole = len(pack_mesh(data))
     assert set(pack_meshes({"a": data, "b": data}, 10 * whole)) == {"a", "b"}
@@ -249,8 +326,13 @@ def test_the_numbers_are_the_librarys(recording):
     assert PUSHED[0] < one["start"] < PUSHED[0] + 0.2
     told, blocks = parts_of(html)
     assert told["summary"] == summary
-    assert [len(track["parts"]) for track in told["tracks"]] == [1, 2]  # the overview, and the full rate
-    points = dd.ContactPoints(recording.model, dd.link_geometry(recording.model, ARM).points, limits, "limit")
+    assert [len(track["parts"]) for track in told["tracks"]] == [
+        1,
+        2,
+    ]  # the overview, and the full rate
+    points = dd.ContactPoints(
+        recording.model, dd.link_geometry(recording.model, ARM).points, limits, "limit"
+    )
     assert [point["name"] for point in told["layout"]["contact"]["points"]] == list(points.names)
     for track in told["tracks"]:
         t, found = track_of(told, blocks, track)
@@ -259,9 +341,23 @@ def test_the_numbers_are_the_librarys(recording):
         q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
         s = recording.dyn.evaluate_batch(q, qd, tau)
         hand = told["layout"]["end_effector"]
-        velocity = [recording.dyn.link_velocity(*state, hand, frame="world")[:3] for state in zip(q, qd, strict=True)]
-        expected = {"q": q, "qd": qd, "effort": tau, "nu": s.nu, "coriolis": s.coriolis, "D": s.articulated_inertia}
-        expected |= {"K": s.kinetic_energy[:, None], "link_energy": None, "link_velocity": np.array(velocity)}
+        velocity = [
+            recording.dyn.link_velocity(*state, hand, frame="world")[:3]
+            for state in zip(q, qd, strict=True)
+        ]
+        expected = {
+            "q": q,
+            "qd": qd,
+            "effort": tau,
+            "nu": s.nu,
+            "coriolis": s.coriolis,
+            "D": s.articulated_inertia,
+        }
+        expected |= {
+            "K": s.kinetic_energy[:, None],
+            "link_energy": None,
+            "link_velocity": np.array(velocity),
+        }
         for name, numbers in expected.items():
             columns, every = found[name]
             slow = name in SLOW and len(track["parts"]) == 2
@@ -272,16 +368,24 @@ def test_the_numbers_are_the_librarys(recording):
         smooth = (np.abs(t[:, None] - PUSHED) > 0.02).all(axis=1) & (t > 0.02) & (t < t[-1] - 0.02)
         for name, force in (("p_effort", s.epsilon), ("p_gravity", -s.gravity)):
             power = np.einsum("tk,tk->t", s.nu, force)
-            np.testing.assert_allclose(found[name][0][smooth, 0], power[smooth], atol=2e-3 * np.abs(power).max())
+            np.testing.assert_allclose(
+                found[name][0][smooth, 0], power[smooth], atol=2e-3 * np.abs(power).max()
+            )
         K = s.kinetic_energy[found["link_energy"][1]]
         np.testing.assert_allclose(found["link_energy"][0].sum(axis=1), K, atol=1e-3 * K.max())
         c = recording.dyn.contact_batch(q, qd, points)
         assert (found["contact_worst"][0][:, 0] == c.worst).all()
         allowed = np.where(points.limited, c.allowed_speed, np.nan)
-        expected = {"position": c.position[np.arange(len(t)), c.worst], "speed": c.speed, "energy": c.energy}
+        expected = {
+            "position": c.position[np.arange(len(t)), c.worst],
+            "speed": c.speed,
+            "energy": c.energy,
+        }
         expected |= {"mass": np.log10(c.reflected_mass), "allowed": np.log10(allowed)}
         for name, numbers in expected.items():
-            np.testing.assert_allclose(found[f"contact_{name}"][0], numbers, atol=1e-3, err_msg=name)
+            np.testing.assert_allclose(
+                found[f"contact_{name}"][0], numbers, atol=1e-3, err_msg=name
+            )
     around = track_of(told, blocks, told["tracks"][1])[0]
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
 
@@ -302,8 +406,14 @@ def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, m
         del columns["tau"]
     _, summary = recording.analyse("part", "--set", *given, **columns)
     observer, said = summary["observer"], " ".join(capsys.readouterr().out.split())
-    assert (observer["missing"], observer["observed"], summary["collisions"]) == (missing, 749 * efforts, [])
-    assert "0 collisions" not in said and all(word in said for word in ("Collisions are unknown", *words)), said
+    assert (observer["missing"], observer["observed"], summary["collisions"]) == (
+        missing,
+        749 * efforts,
+        [],
+    )
+    assert "0 collisions" not in said and all(
+        word in said for word in ("Collisions are unknown", *words)
+    ), said
 
 
 def test_states_without_an_effort_are_counted(recording):
@@ -317,7 +427,9 @@ def test_states_without_an_effort_are_counted(recording):
     told, blocks = parts_of(html)
     t, found = track_of(told, blocks, told["tracks"][0])
     missing = np.abs(t - 5.2) < 0.18
-    assert all(np.isnan(found[name][0][missing]).all() for name in ("effort", "epsilon", "p_effort"))
+    assert all(
+        np.isnan(found[name][0][missing]).all() for name in ("effort", "epsilon", "p_effort")
+    )
     assert all(np.isfinite(found[name][0]).all() for name in ("coriolis", "K", "p_gravity"))
 
 
@@ -325,7 +437,10 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
     """The weaker of two is dropped, and the report says how many are missing at full rate."""
     t, *motion = recording.motion(((0.5, 0.8), (6.5, 6.8)), (40.0, 80.0))
     rng = np.random.default_rng(9)
-    noisy = {name: x + rng.normal(0.0, 1e-4, x.shape) for name, x in zip(("q", "qd", "tau"), motion, strict=True)}
+    noisy = {
+        name: x + rng.normal(0.0, 1e-4, x.shape)
+        for name, x in zip(("q", "qd", "tau"), motion, strict=True)
+    }
     room = output.MAX_REPORT
     for name, contacts in (("pushed", 2), ("less", 1)):
         monkeypatch.setattr(output, "MAX_REPORT", room)
@@ -333,7 +448,9 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
         told, blocks = parts_of(html)
         assert html.stat().st_size < room * 1.01
         assert (len(told["tracks"]), told["without_full_rate"]) == (1 + contacts, 2 - contacts)
-        room = html.stat().st_size - 4 * sum(len(blocks[k]) for k in told["tracks"][1]["blocks"]) // 6
+        room = (
+            html.stat().st_size - 4 * sum(len(blocks[k]) for k in told["tracks"][1]["blocks"]) // 6
+        )
     assert track_of(told, blocks, told["tracks"][1])[0].min() > 4.0
 
 
@@ -353,7 +470,11 @@ def test_times_behind_a_long_gap_are_right(recording):
     t = track_of(told, blocks, told["tracks"][0])[0]
     assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
     assert told["layout"]["contact"]["points"] == []
-    assert told["parameters"][0] == {"name": "external_torque.gain", "value": "25.0", "default": False}
+    assert told["parameters"][0] == {
+        "name": "external_torque.gain",
+        "value": "25.0",
+        "default": False,
+    }
     assert {"yes", "no", "none"} <= {row["value"] for row in told["parameters"]}
 
 
@@ -387,6 +508,8 @@ def test_contacts_and_the_touched_link(recording):
     assert all(pushed[np.abs(times - at) < 0.3].sum() > 4 for at in (2.2, 5.2))
     assert np.isnan(fields["touched_link"][~pushed]).all() and np.isfinite(fields["wrench"]).any()
     for k in np.flatnonzero(pushed):
-        touched = recording.dyn.touched_link(fields["q"][k], fields["external_torque"][k], covariance)
+        touched = recording.dyn.touched_link(
+            fields["q"][k], fields["external_torque"][k], covariance
+        )
         assert links[int(fields["touched_link"][k, 0])] == touched.link
         assert fields["touched_confidence"][k, 0] == pytest.approx(touched.confidence, abs=1e-2)

@@ -22,7 +22,11 @@ MODELS = {
     "go2, floating": lambda: dd.load_robot("go2", floating_base=True),
 }
 
-COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda value: pickle.loads(pickle.dumps(value))}
+COPIES = {
+    "copy": copy.copy,
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda value: pickle.loads(pickle.dumps(value)),
+}
 
 
 @pytest.fixture(scope="module", params=MODELS)
@@ -35,7 +39,10 @@ def state(dyn, seed=0):
 
 
 def states(dyn, count=COUNT):
-    return [np.array(column) for column in zip(*(state(dyn, seed) for seed in range(count)), strict=True)]
+    return [
+        np.array(column)
+        for column in zip(*(state(dyn, seed) for seed in range(count)), strict=True)
+    ]
 
 
 def every_kind(dyn):
@@ -86,7 +93,9 @@ def test_copies_are_permanent(dyn, way):
     with pytest.raises(dd.InputError, match=r"^out "):
         dyn.evaluate(q, qd, tau, out=copy.copy(dyn.evaluate(q, qd, tau, out=dyn.new_evaluation())))
     with pytest.raises(dd.InputError, match=r"^out "):
-        dyn.evaluate_batch(*states(dyn), out=copy.copy(dyn.evaluate_batch(*states(dyn), out=dyn.new_batch(COUNT))))
+        dyn.evaluate_batch(
+            *states(dyn), out=copy.copy(dyn.evaluate_batch(*states(dyn), out=dyn.new_batch(COUNT)))
+        )
 
 
 def test_rates_are_those_of_forward_dynamics(dyn):
@@ -108,9 +117,13 @@ def test_stored_terms_are_those_of_the_equations(dyn):
         moments = np.sqrt(s.articulated_inertia) * (rate + s.coriolis) - s.coriolis_unnormalized
         base = s.energy_share[:6].sum() if dyn.model.floating_base else 0.0
         np.testing.assert_allclose(s.nu_dot, rate, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(s.xi_dot, moments / s.articulated_inertia, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            s.xi_dot, moments / s.articulated_inertia, rtol=1e-12, atol=1e-12
+        )
         np.testing.assert_allclose(s.power, s.nu @ (rate + s.coriolis), rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(s.effort_power, s.nu @ (s.epsilon - s.gravity), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            s.effort_power, s.nu @ (s.epsilon - s.gravity), rtol=1e-9, atol=1e-9
+        )
         np.testing.assert_allclose(s.base_energy, base)
 
 
@@ -123,7 +136,13 @@ def test_out_equals_a_new_result(dyn):
     assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy) and np.isnan(batch.nu).all()
     q, qd, tau = state(dyn)
     wrench = {dyn.model.link_names[-1]: np.ones(6)}
-    for arguments in ((q, qd, tau), (q, qd), (q, qd, tau, wrench), (q.tolist(), qd, tau), (q, -qd, tau)):
+    for arguments in (
+        (q, qd, tau),
+        (q, qd),
+        (q, qd, tau, wrench),
+        (q.tolist(), qd, tau),
+        (q, -qd, tau),
+    ):
         assert dyn.evaluate(*arguments, out=out) is out
         assert_equal(out, dyn.evaluate(*arguments))
     Q, QD, TAU = states(dyn)
@@ -133,7 +152,10 @@ def test_out_equals_a_new_result(dyn):
     dyn.evaluate(q, qd, tau, wrench, friction=True, out=out)
     dyn.evaluate_batch(Q, QD, TAU, wrench, friction=True, out=batch)
     qd[0] = QD[2, 0] = np.inf
-    for call in (lambda: dyn.evaluate(q, qd, tau, out=out), lambda: dyn.evaluate_batch(Q, QD, TAU, out=batch)):
+    for call in (
+        lambda: dyn.evaluate(q, qd, tau, out=out),
+        lambda: dyn.evaluate_batch(Q, QD, TAU, out=batch),
+    ):
         with pytest.raises(dd.InputError, match="is inf"):
             call()
     for result in (out, batch):
@@ -166,10 +188,19 @@ def on_the_moon(dyn):
 
 WRONG_OUT = {
     "another robot": (lambda d, x: d.evaluate(*x, out=TWO.new_evaluation()), "'two_link_arm'"),
-    "another model": (lambda d, x: d.evaluate(*x, out=on_the_moon(d).new_evaluation()), "another model"),
+    "another model": (
+        lambda d, x: d.evaluate(*x, out=on_the_moon(d).new_evaluation()),
+        "another model",
+    ),
     "a permanent result": (lambda d, x: d.evaluate(*x, out=d.evaluate(*x)), "out "),
-    "no batch": (lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_evaluation()), "new_batch"),
-    "of four": (lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_batch(4)), "4 states"),
+    "no batch": (
+        lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_evaluation()),
+        "new_batch",
+    ),
+    "of four": (
+        lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_batch(4)),
+        "4 states",
+    ),
     "of none": (lambda d, x: d.new_batch(-1), "count is -1"),
 }
 
@@ -201,7 +232,10 @@ def test_results_are_arguments_of_the_call_that_overwrites_them(dyn):
         "wrenches": lambda b: (Q, QD, TAU, {tip: b.kappa[:, :6]}),
     }
     for arguments in of_many.values():
-        out, apart = dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(COUNT)), dyn.evaluate_batch(Q, QD, TAU)
+        out, apart = (
+            dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(COUNT)),
+            dyn.evaluate_batch(Q, QD, TAU),
+        )
         expected = dyn.evaluate_batch(*arguments(apart), friction=True)
         assert_equal(dyn.evaluate_batch(*arguments(out), friction=True, out=out), expected)
 
@@ -233,7 +267,9 @@ def test_indices_and_slices(dyn):
         one = batch[t]
         assert type(one) is dd.Evaluation and not one.nu.flags.writeable
         for name in NAMES:
-            np.testing.assert_allclose(getattr(one, name), getattr(batch, name)[t], rtol=1e-12, atol=1e-300)
+            np.testing.assert_allclose(
+                getattr(one, name), getattr(batch, name)[t], rtol=1e-12, atol=1e-300
+            )
     for index in (slice(10, 19, 3), slice(3), slice(3, 3)):
         part = batch[index]
         assert type(part) is dd.BatchEvaluation and len(part) == len(range(COUNT)[index])
@@ -272,7 +308,11 @@ def test_frames(dyn):
 def test_robot_without_joints():
     dyn = dd.DiagonalDynamics(dd.load_urdf('<robot name="still"><link name="base"/></robot>'))
     for result in (dyn.evaluate([], [], []), dyn.evaluate([], [], out=dyn.new_evaluation())):
-        assert result.kinetic_energy == 0.0 and result.nu.shape == (0,) and result.link_energy.tolist() == [0.0]
+        assert (
+            result.kinetic_energy == 0.0
+            and result.nu.shape == (0,)
+            and result.link_energy.tolist() == [0.0]
+        )
     many = dyn.evaluate_batch(np.zeros((3, 0)), np.zeros((3, 0)))
     assert many.kinetic_energy.tolist() == [0.0] * 3 and many.nu.shape == (3, 0)
     assert dyn.factors([]).m.shape == dyn.mass_matrix([]).shape == (0, 0)

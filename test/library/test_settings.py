@@ -38,7 +38,11 @@ def test_assignments(entries, kind, values):
 def test_by_name():
     """The asterisk stands for all names without an entry of their own."""
     assert by_name("armature", {"b": 2.0}, ("a", "b")) == {"b": 2.0}
-    assert by_name("armature", {"b": 2.0, "*": 1.0}, ("a", "b", "c")) == {"a": 1.0, "b": 2.0, "c": 1.0}
+    assert by_name("armature", {"b": 2.0, "*": 1.0}, ("a", "b", "c")) == {
+        "a": 1.0,
+        "b": 2.0,
+        "c": 1.0,
+    }
 
 
 @examples(100)
@@ -51,13 +55,24 @@ def test_payloads_round_trip(numbers, name):
     mass, *com, xx, yy, zz, xy, xz, yz = abs(numbers[0]), *numbers[1:]
     payload = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     arrays = Payload(np.float64(mass), np.array(com), np.array(payload.inertia))
-    assert payloads_of([payload_entry(name, payload)]) == payloads_of([payload_entry(name, arrays)]) == {name: payload}
-    assert payloads_of(["tip=2", "", "hand=1.5 0.1 -0.2 0.3"])["hand"] == Payload(1.5, (0.1, -0.2, 0.3))
+    assert (
+        payloads_of([payload_entry(name, payload)])
+        == payloads_of([payload_entry(name, arrays)])
+        == {name: payload}
+    )
+    assert payloads_of(["tip=2", "", "hand=1.5 0.1 -0.2 0.3"])["hand"] == Payload(
+        1.5, (0.1, -0.2, 0.3)
+    )
 
 
 # --- Values that are refused
 
-OF_NAMES = "contact.links", "external_torque.covariance_joints", "reaction.activate", "reaction.deactivate"
+OF_NAMES = (
+    "contact.links",
+    "external_torque.covariance_joints",
+    "reaction.activate",
+    "reaction.deactivate",
+)
 LISTS = [name for name, spec in PARAMETERS.items() if spec.default == [""] and name not in OF_NAMES]
 NUMBERS = [name for name, spec in PARAMETERS.items() if isinstance(spec.default, float)]
 CHOICES = [name for name, spec in PARAMETERS.items() if spec.choices]
@@ -85,9 +100,21 @@ BY_JOINT = "joint_timeouts", "effort_available", "effort_scale", "effort_include
         (["payloads"], [[text] for text in MASSES], "1, 4 or 10 finite numbers"),
         (["gravity"], ([0.0, 0.0], []), "3 numbers"),
         (["gravity"], ([0.0, 0.0, NAN],), "finite"),
-        (["joint_timeouts", "warn_energy_share", "error_energy_share"], (["elbow=-1"], ["*=-1"]), "no less than 0"),
-        (["effort_available", "effort_includes_gravity"], (["elbow=1"], ["elbow=no"]), "name=true or name=false"),
-        (["joint_timeouts", "armature", "alarm.joints"], (["elbow=1", " elbow =1"],), "two entries for 'elbow'"),
+        (
+            ["joint_timeouts", "warn_energy_share", "error_energy_share"],
+            (["elbow=-1"], ["*=-1"]),
+            "no less than 0",
+        ),
+        (
+            ["effort_available", "effort_includes_gravity"],
+            (["elbow=1"], ["elbow=no"]),
+            "name=true or name=false",
+        ),
+        (
+            ["joint_timeouts", "armature", "alarm.joints"],
+            (["elbow=1", " elbow =1"],),
+            "two entries for 'elbow'",
+        ),
         (["effort_scale"], (["elbow=0"],), "expected another number"),
         (["contact.points"], (["tip=elbow 1 2"], ["tip=elbow 1 2 x"]), "expected name=link x y z"),
         (BY_JOINT[:1] + BY_JOINT[2:3], (["knee=2"],), "names 'knee'"),
@@ -130,7 +157,10 @@ THRESHOLDS = [
 def test_thresholds(warn, error, warn_share, error_share, expected):
     """An error below its warning is refused with both numbers; 0 is no threshold."""
     values = {"warn_energy": warn, "error_energy": error}
-    values |= {"warn_energy_share": warn_share.split() or [""], "error_energy_share": error_share.split() or [""]}
+    values |= {
+        "warn_energy_share": warn_share.split() or [""],
+        "error_energy_share": error_share.split() or [""],
+    }
     if expected is None:
         thresholds = Settings.of(DEFAULTS | values).thresholds
         assert (thresholds.warn, thresholds.error) == (warn, error)
@@ -146,7 +176,10 @@ def test_threshold_of_the_end_of_a_collision():
     own, alarms = ({"external_torque.threshold": 4.0}, {"alarm.norm": 4.0, "alarm.release": 0.75})
     observations = [Settings.of(DEFAULTS | gain | values).observation for values in (own, alarms)]
     assert [(one.threshold, one.release) for one in observations] == [(4.0, 2.0), (4.0, 3.0)]
-    for values, text in ((own | alarms, "because alarm.* are set"), (alarms | {"external_torque.gain": 0.0}, "is 0")):
+    for values, text in (
+        (own | alarms, "because alarm.* are set"),
+        (alarms | {"external_torque.gain": 0.0}, "is 0"),
+    ):
         with pytest.raises(InputError, match=text):
             Settings.of(DEFAULTS | gain | values)
 
@@ -190,7 +223,10 @@ def test_efforts_without_gravity(gravity, mask):
         ({}, NAMES),
         ({"effort_scale": ["*=1"]}, NAMES),
         ({"effort_scale": ["*=1"], "effort_includes_gravity": ["*=true"]}, ()),
-        ({"effort_scale": ["*=1"], "effort_includes_gravity": ["elbow=true"]}, ("shoulder", "wrist")),
+        (
+            {"effort_scale": ["*=1"], "effort_includes_gravity": ["elbow=true"]},
+            ("shoulder", "wrist"),
+        ),
         ({"effort_available": ["shoulder=false"]}, ("elbow", "wrist")),
     ],
 )
@@ -201,7 +237,12 @@ def test_undeclared_efforts(options, undeclared):
 
 def test_refused_options_leave_those_in_force():
     running = assembler(joint_timeout=1.5)
-    others = {"joint_timeout": 9.0, "mimic_tolerance": 9.0, "max_age": 9.0, "effort_scale": ["knee=2"]}
+    others = {
+        "joint_timeout": 9.0,
+        "mimic_tolerance": 9.0,
+        "max_age": 9.0,
+        "effort_scale": ["knee=2"],
+    }
     with pytest.raises(InputError, match="'effort_scale' names 'knee'"):
         running.configure(settings(others).inputs)
     running.accept_values(NAMES, 1, 0, [np.zeros(3), np.zeros(3), np.zeros(0)], 10**12)

@@ -33,7 +33,8 @@ ORDERS = pytest.mark.parametrize("order", [4, 1])
 GIMBALS = {"human_description/robots/human.urdf", "icub_description/robots/icub.urdf"}
 
 BRICK = description(
-    "brick", link("brick", mass=2.0, com=(0.1, -0.05, 0.2), inertia=(0.02, 0.003, 0, 0.05, 0.004, 0.06))
+    "brick",
+    link("brick", mass=2.0, com=(0.1, -0.05, 0.2), inertia=(0.02, 0.003, 0, 0.05, 0.004, 0.06)),
 )
 """A rigid body with three different moments of inertia, whose origin is not its centre of mass."""
 
@@ -77,7 +78,12 @@ def test_flight_at_high_speed(order):
     assert sim.kinetic_energy == pytest.approx(energy, rel={4: 1e-5, 1: 1e-3}[order])
 
 
-LOCKED = {"panda_joint2": 0.4, "panda_joint5": -0.3, "panda_finger_joint1": 0.03, "panda_finger_joint2": 0.03}
+LOCKED = {
+    "panda_joint2": 0.4,
+    "panda_joint5": -0.3,
+    "panda_finger_joint1": 0.03,
+    "panda_finger_joint2": 0.03,
+}
 CASES = {
     "panda, damped": (robot_path(PANDA).read_text(), {}, 3.0),
     "panda, locked joints": (robot_path(PANDA).read_text(), {"locked_joints": LOCKED}, 0.0),
@@ -99,7 +105,15 @@ def motion(request):
     tau = 0.01 * np.random.default_rng(2).normal(size=model.nv)
     damping = share * np.diag(dd.DiagonalDynamics(model).mass_matrix(q))
     d = oracle.to_pin(damping)
-    return model, oracle, q, qd, tau, damping, reference(oracle, q, qd, tau, 0.2, 1e-3, lambda _, v: -d * v)
+    return (
+        model,
+        oracle,
+        q,
+        qd,
+        tau,
+        damping,
+        reference(oracle, q, qd, tau, 0.2, 1e-3, lambda _, v: -d * v),
+    )
 
 
 @ORDERS
@@ -108,13 +122,17 @@ def test_converges_with_its_order(motion, order):
     model, oracle, q, qd, tau, damping, end = motion
     steps, errors = 0.2 / np.array([10, 20, 40, 80]), []
     for h in steps:
-        sim = dd.Simulation(model, q, qd, step=h, damping=damping, friction=0.0 * damping, limits=False, order=order)
+        sim = dd.Simulation(
+            model, q, qd, step=h, damping=damping, friction=0.0 * damping, limits=False, order=order
+        )
         sim.advance(tau, steps=round(0.2 / h))
         errors.append(distance(oracle, sim, *end))
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope > 0.9 * order, (slope, errors)
     assert errors[-1] < {4: 1e-5, 1: 0.5}[order], errors
-    lengths = [np.linalg.norm(sim.q[k - 3 : k + 1]) for k, c in enumerate(model.orientations) if c == 3]
+    lengths = [
+        np.linalg.norm(sim.q[k - 3 : k + 1]) for k, c in enumerate(model.orientations) if c == 3
+    ]
     np.testing.assert_allclose(lengths, 1.0, atol=4e-16)
 
 
@@ -235,7 +253,9 @@ def test_order_while_joints_slide_or_stick():
         exact = end(5e-4, qd, friction)
         assert (exact[2:] > 0.5).tolist() == [True, qd[1] > 0.0]
         errors = [np.abs(end(h, qd, friction) - exact).max() for h in (2e-2, 1e-2, 5e-3)]
-        assert errors[-1] < 1e-6 and errors[1] < errors[0] / 10 and errors[2] < errors[1] / 10, errors
+        assert errors[-1] < 1e-6 and errors[1] < errors[0] / 10 and errors[2] < errors[1] / 10, (
+            errors
+        )
 
 
 @ORDERS
@@ -254,7 +274,11 @@ def test_converges_with_friction(order):
     exact, modes = end(5e-5)
     assert any(0.0 in mode for mode in modes) and len(modes) >= 4, modes
     errors = [np.abs(end(h)[0] - exact).max() for h in (1e-2, 2.5e-3, 6.25e-4)]
-    assert errors[-1] < {4: 2e-3, 1: 0.2}[order] and errors[2] < errors[1] / 3 and errors[1] < errors[0] / 3, errors
+    assert (
+        errors[-1] < {4: 2e-3, 1: 0.2}[order]
+        and errors[2] < errors[1] / 3
+        and errors[1] < errors[0] / 3
+    ), errors
 
 
 @ORDERS
@@ -285,7 +309,9 @@ def test_brakes(robot, order):
     rng, friction = np.random.default_rng(7), np.zeros(model.nv)
     for strength in np.repeat([30.0, 1e5, 1e7, 1e100], 5):
         q, qd = model.neutral, rng.normal(size=model.nv)
-        q[-len(qd[own]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[-len(qd[own]) :]
+        q[-len(qd[own]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[
+            -len(qd[own]) :
+        ]
         friction[own] = strength
         options = {"damping": np.zeros(model.nv), "friction": friction, "effort_limits": False}
         sim = dd.Simulation(model, q, qd, order=order, **options)
@@ -309,10 +335,14 @@ def test_hard_limit_keeps_its_place(order):
     assert sim.q[0] == 1.0 and sim.qd[0] == 0.0 and sim.at_limit == ("shoulder",)
     assert sim.audit.limits < -0.1
     if order == 4:  # energy is lost at impacts and nowhere else
-        assert max(np.diff(energies)) < 1e-9 and abs(sim.audit.residual) < 1e-4 * abs(sim.audit.limits)
+        assert max(np.diff(energies)) < 1e-9 and abs(sim.audit.residual) < 1e-4 * abs(
+            sim.audit.limits
+        )
 
 
-@pytest.mark.parametrize(("stiffness", "damping"), list(some_of(product([1e2, 1e5, 1e9, 1e13], [0.0, 1.0, 1e6]), 4)))
+@pytest.mark.parametrize(
+    ("stiffness", "damping"), list(some_of(product([1e2, 1e5, 1e9, 1e13], [0.0, 1.0, 1e6]), 4))
+)
 @ORDERS
 def test_compliant_limit_never_adds_energy(order, damping, stiffness):
     """However stiff, whatever the part of a step in which it is met: a block comes back no faster than it went."""
@@ -324,7 +354,9 @@ def test_compliant_limit_never_adds_energy(order, damping, stiffness):
             assert audit.kinetic <= 1e-9 and audit.kinetic + audit.elastic <= 1e-9
             assert audit.limits <= 1e-9
         if order == 4 and damping == 0.0 and stiffness == 1e2:
-            assert sim.qd[0] == pytest.approx(-1.0, rel=1e-4), "a spring that the step resolves gives all back"
+            assert sim.qd[0] == pytest.approx(-1.0, rel=1e-4), (
+                "a spring that the step resolves gives all back"
+            )
 
 
 @pytest.mark.parametrize(
@@ -343,7 +375,10 @@ def test_compliant_limit_converges(start, seconds, order):
     exact, _, audit = run(1e-5)
     assert audit.limits < -1e-3, "never touched"
     runs = [run(h) for h in (4e-3, 2e-3, 1e-3)]
-    for errors in ([np.abs(end - exact).max() for end, _, _ in runs], [residual for _, residual, _ in runs]):
+    for errors in (
+        [np.abs(end - exact).max() for end, _, _ in runs],
+        [residual for _, residual, _ in runs],
+    ):
         if order == 4:
             assert errors[-1] < 1e-6 and errors[0] > 8 * errors[1] > 50 * errors[2], errors
         else:
@@ -375,7 +410,9 @@ def test_efforts_saturate():
         sim.advance([-150.0], steps=10)
     assert sims[0].saturated == sims[1].saturated == ("rail",) and sims[2].saturated == ()
     assert [sim.effort[0] for sim in sims] == [-100.0, -100.0, -150.0, -7.0]
-    np.testing.assert_allclose([sim.qd[0] for sim in sims], np.array([-100, -100, -150, -7]) / 2 * 0.01, rtol=1e-12)
+    np.testing.assert_allclose(
+        [sim.qd[0] for sim in sims], np.array([-100, -100, -150, -7]) / 2 * 0.01, rtol=1e-12
+    )
     unlimited = dd.Simulation(dd.load_urdf(SLIDER.replace('effort="100"', 'effort="0"')))
     unlimited.advance([1.0])
     assert unlimited.qd[0] > 0.0 and unlimited.saturated == () and unlimited.overspeed == ()
@@ -392,7 +429,9 @@ def test_wrenches_are_efforts_of_their_jacobian(frame, order):
     q, qd = 0.3 * np.arange(1, 7), 0.1 * np.ones(6)
     f_ext = {"wrist_3_link": [3.0, -4.0, 5.0, 0.1, 0.2, -0.3], "forearm_link": [0, 0, 2.0, 0, 0, 0]}
     jacobian = Oracle(robot_path(UR5).read_text(), model.dof_names).effort_of(q, f_ext, frame)
-    sims = [dd.Simulation(model, q, qd, step=1e-6, order=order, effort_limits=False) for _ in range(2)]
+    sims = [
+        dd.Simulation(model, q, qd, step=1e-6, order=order, effort_limits=False) for _ in range(2)
+    ]
     sims[0].advance(f_ext=f_ext, frame=frame)
     sims[1].advance(jacobian)
     np.testing.assert_allclose(sims[0].qd, sims[1].qd, rtol=0, atol=1e-9)
@@ -424,7 +463,9 @@ def test_payload_taken_up_in_motion():
     assert sim.audit.exchanged == pytest.approx(
         sim.audit.kinetic - before.kinetic + sim.audit.potential - before.potential
     )
-    assert abs(sim.audit.exchanged) > 1e-3 and sim.audit.residual == pytest.approx(before.residual, abs=1e-12)
+    assert abs(sim.audit.exchanged) > 1e-3 and sim.audit.residual == pytest.approx(
+        before.residual, abs=1e-12
+    )
     sim.advance(steps=100)
     assert abs(sim.audit.residual) < 1e-8
 
@@ -439,7 +480,9 @@ def driven(sim, seconds, largest, period=0.05, seed=1):
     audits = [sim.audit]
     for _ in range(round(seconds / period)):
         push = {link_name: 0.5 * rng.normal(size=6)}
-        sim.advance(scale * rng.uniform(-1, 1, model.nv), round(period / sim.step_size), push, "world")
+        sim.advance(
+            scale * rng.uniform(-1, 1, model.nv), round(period / sim.step_size), push, "world"
+        )
         audits.append(sim.audit)
     return audits
 
@@ -453,7 +496,9 @@ ROBOTS = {
 
 
 @pytest.mark.parametrize(
-    ("limits", "seconds"), [("hard", shortened(120.0, 8.0)), ("compliant", 1.0)], ids=["hard", "compliant"]
+    ("limits", "seconds"),
+    [("hard", shortened(120.0, 8.0)), ("compliant", 1.0)],
+    ids=["hard", "compliant"],
 )
 @pytest.mark.parametrize("name", ROBOTS)
 def test_energy_is_accounted_for(name, limits, seconds):
@@ -461,12 +506,16 @@ def test_energy_is_accounted_for(name, limits, seconds):
     robot, options = ROBOTS[name]
     model = load(robot, **options)
     own = {}
-    if robot == HAND:  # by its own friction it never moves; its own damping, 10⁵ s⁻¹, no step of a millisecond resolves
+    if (
+        robot == HAND
+    ):  # by its own friction it never moves; its own damping, 10⁵ s⁻¹, no step of a millisecond resolves
         own = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
     if robot == TALOS:
         own, seconds = {"step": 2e-3}, min(seconds, shortened(10.0, 3.0))
     D = dd.DiagonalDynamics(model).evaluate(model.neutral, np.zeros(model.nv)).articulated_inertia
-    soft = dd.CompliantLimits(60.0**2 * D, 60.0 * D)  # 60 rad/s: what a step of a millisecond resolves
+    soft = dd.CompliantLimits(
+        60.0**2 * D, 60.0 * D
+    )  # 60 rad/s: what a step of a millisecond resolves
     sim = dd.Simulation(model, limits=soft if limits == "compliant" else True, **own)
     audits = driven(sim, seconds, 0.02 if robot == HAND else 1.5)  # [N m]
     steps = [y.since(x) for x, y in pairwise(audits)]
@@ -499,11 +548,15 @@ def test_bad_options(options, key):
 
 
 def test_friction_of_coupled_motors_is_no_silent_omission():
-    model = load(UR5).with_parameters({"couplings": {"wrist_3_joint": {"joints": {"wrist_2_joint": 1.0}}}})
+    model = load(UR5).with_parameters(
+        {"couplings": {"wrist_3_joint": {"joints": {"wrist_2_joint": 1.0}}}}
+    )
     dd.Simulation(model)
     for kind in ("damping", "friction"):
         motor = model.couplings["wrist_3_joint"]._replace(**{kind: 0.1})
-        with pytest.raises(dd.UnsupportedError, match="motor of joint 'wrist_3_joint' has friction"):
+        with pytest.raises(
+            dd.UnsupportedError, match="motor of joint 'wrist_3_joint' has friction"
+        ):
             dd.Simulation(model.with_parameters({"couplings": {"wrist_3_joint": motor}}))
 
 
@@ -518,7 +571,10 @@ def test_friction_of_coupled_motors_is_no_silent_omission():
         (lambda sim: sim.reset(np.zeros(2), np.zeros(9)), "q has shape"),
         (lambda sim: sim.change_model(load(UR5)), "degrees of freedom"),
         (lambda sim: sim.change_model(None), "expected a RobotModel"),
-        (lambda sim: dd.Simulation(dd.load_urdf(BRICK, floating_base=True), np.zeros(7)), "quaternion"),
+        (
+            lambda sim: dd.Simulation(dd.load_urdf(BRICK, floating_base=True), np.zeros(7)),
+            "quaternion",
+        ),
         (lambda sim: simulation.potential_energy(sim.model, np.zeros(2)), "q is"),
     ],
 )
@@ -533,7 +589,9 @@ def test_bad_arguments_leave_the_state(use, key):
 
 
 @pytest.mark.parametrize(
-    "copied", [copy.copy, copy.deepcopy, lambda sim: pickle.loads(pickle.dumps(sim))], ids=["shallow", "deep", "pickle"]
+    "copied",
+    [copy.copy, copy.deepcopy, lambda sim: pickle.loads(pickle.dumps(sim))],
+    ids=["shallow", "deep", "pickle"],
 )
 def test_a_copy_goes_its_own_way(copied):
     """A copy has arrays of its own, has the same bits in one call or in many, and leaves the original as it is."""
@@ -561,11 +619,15 @@ def test_singular_on_the_way(order):
         *(link(name) for name in ("base", "outer", "inner")),
         link("rotor", mass=1.0, inertia=(0.1, 0, 0, 0.2, 0, 0.25)),
         joint("z", "revolute", "base", "outer", axis=(0, 0, 1)),
-        joint("x", "revolute", "outer", "inner", axis=(1, 0, 0)).replace('upper="10"', f'upper="{np.pi / 2}"'),
+        joint("x", "revolute", "outer", "inner", axis=(1, 0, 0)).replace(
+            'upper="10"', f'upper="{np.pi / 2}"'
+        ),
         joint("y", "revolute", "inner", "rotor", axis=(0, 1, 0)),
     )
     sim = dd.Simulation(dd.load_urdf(gimbal), [0.0, 1.0, 0.0], [0.0, 2.0, 0.0], order=order)
-    with pytest.raises(dd.SingularMassMatrixError, match="joint 'z' moves no inertia there") as raised:
+    with pytest.raises(
+        dd.SingularMassMatrixError, match="joint 'z' moves no inertia there"
+    ) as raised:
         sim.advance(steps=1000)
     assert raised.value.articulated_inertia < 1e-6
     assert np.pi / 2 - 0.01 < sim.q[1] < np.pi / 2

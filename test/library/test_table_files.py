@@ -74,15 +74,27 @@ def written(tmp_path):
 # --- Files of others ---
 
 finite = st.floats(-1e300, 1e300)
-tables = st.lists(st.tuples(*(finite,) * 4, *(st.one_of(finite, st.just(float("nan"))),) * 2), min_size=1, max_size=30)
+tables = st.lists(
+    st.tuples(*(finite,) * 4, *(st.one_of(finite, st.just(float("nan"))),) * 2),
+    min_size=1,
+    max_size=30,
+)
 NAMES = ["t", "q1", "q2", "qd1", "qd2", "tau1", "tau2"]
-BY_NUMBERS = {"time": 1, "joints": ["a", "b"], "position": [2, 3], "velocity": [4, 5], "effort": [6, 7]}
+BY_NUMBERS = {
+    "time": 1,
+    "joints": ["a", "b"],
+    "position": [2, 3],
+    "velocity": [4, 5],
+    "effort": [6, 7],
+}
 WRITERS = {
     "csv": lambda path, frame, **options: frame.to_csv(path, index=False, **options),
     "csv without header": lambda path, frame, **_: frame.to_csv(path, header=False),
     "txt": lambda path, frame, **_: np.savetxt(path, frame, header=" ".join(NAMES), fmt="%25.18e"),
     "parquet": lambda path, frame, **_: frame.to_parquet(path, row_group_size=7),
-    "npz by joint": lambda path, frame, **_: np.savez(path, **{name: frame[name].to_numpy() for name in NAMES}),
+    "npz by joint": lambda path, frame, **_: np.savez(
+        path, **{name: frame[name].to_numpy() for name in NAMES}
+    ),
     "npz": lambda path, frame, **_: np.savez_compressed(
         path, t=frame.t, q=frame[NAMES[1:3]], qd=frame[NAMES[3:5]], tau=frame[NAMES[5:]]
     ),
@@ -95,19 +107,31 @@ WRITERS = {
     *(tables, st.floats(-1e5, 1e5), st.sampled_from(",;\t|")),
     *(st.sampled_from(["\n", "\r\n"]), st.sampled_from(["", "nan", "NA", "null"])),
 )
-def test_what_others_write_is_read_to_the_last_bit(tmp_path_factory, writer, table, begin, separator, ending, missing):
+def test_what_others_write_is_read_to_the_last_bit(
+    tmp_path_factory, writer, table, begin, separator, ending, missing
+):
     path = tmp_path_factory.mktemp("written") / ("table.npz" if "npz" in writer else "table")
     table = np.column_stack([begin + 0.01 * np.arange(len(table)), table])
-    options = {"sep": separator, "lineterminator": ending, "na_rep": missing, "quoting": int(missing == "NA")}
+    options = {
+        "sep": separator,
+        "lineterminator": ending,
+        "na_rep": missing,
+        "quoting": int(missing == "NA"),
+    }
     WRITERS[writer](path, pd.DataFrame(table, columns=NAMES), **options)
-    recording = read(path, BY_NUMBERS | {"header": False} if "without" in writer else None, joints="ab")
+    recording = read(
+        path, BY_NUMBERS | {"header": False} if "without" in writer else None, joints="ab"
+    )
     assert not lost(recording) and len(recording) == len(table)
     np.testing.assert_array_equal(np.column_stack([recording.q, recording.qd]), table[:, 1:5])
     known = np.isfinite(table[:, 5:]).all(axis=1)
     np.testing.assert_array_equal(recording.states.effort_known, known)
     np.testing.assert_array_equal(recording.states.effort[known], table[known, 5:])
     exact = [round(Fraction(t) * 10**9) + recording.offset for t in table[:, 0].tolist()]
-    assert max(abs(one - other) for one, other in zip(recording.stamp.tolist(), exact, strict=True)) <= 1
+    assert (
+        max(abs(one - other) for one, other in zip(recording.stamp.tolist(), exact, strict=True))
+        <= 1
+    )
 
 
 PACKED = {
@@ -137,9 +161,13 @@ def test_packed(written, long_text, ending):
         assert lost(recording) == ["line 25002: " + WIDTH.format(1, 4, 1)]
         assert recording.q[:, 0].tolist() == positions
     recording = read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), parameters=LOOSE)
-    assert 5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
+    assert (
+        5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
+    )
     (said,) = lost(recording)
-    assert said.startswith(f"line {len(recording) + 1}: the compressed data are damaged or end early: ")
+    assert said.startswith(
+        f"line {len(recording) + 1}: the compressed data are damaged or end early: "
+    )
     with pytest.raises(dd.InputError, match="the compressed data are damaged or end early"):
         read(written(PACKED[ending](b"t,q1\n")[:12], f"table.csv.{ending}"))
 
@@ -148,22 +176,44 @@ def test_packed(written, long_text, ending):
 
 HOSTILE = {
     "a row too short": ("0,1,2\n1,1\n2,3,4\n", [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
-    "rows too long": ("0,1,2\n1,1,9,9\n2,3,4\n4,5,6,7\n", [0, 2], ["line 3: " + WIDTH.format(4, 3, 2)]),
+    "rows too long": (
+        "0,1,2\n1,1,9,9\n2,3,4\n4,5,6,7\n",
+        [0, 2],
+        ["line 3: " + WIDTH.format(4, 3, 2)],
+    ),
     "empty columns at the end": ("0,1,2,\n1,1,2,,\n", [0, 1], []),
     "text": (
         "0,1,2\n1,x,2\n2,1,1_0\n3,1,2\n",
         [0, 3],
-        ["line 3: text where a number belongs (column 'q_a': 'x'): 4 fields are NaN"],  # each one is read twice
+        [
+            "line 3: text where a number belongs (column 'q_a': 'x'): 4 fields are NaN"
+        ],  # each one is read twice
     ),
-    "times": ("0,1,2\n\n\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n", [0, 2], ["line 5: " + NO_TIME.format(" ('x')", 3)]),
-    "NUL": (b"0,1,2\n\0\0\0\0\n2,3,4\n" + b"\0" * 5000, [0, 2], ["line 3: " + WIDTH.format(1, 3, 2)]),
+    "times": (
+        "0,1,2\n\n\nx,2,2\n,3,2\nnan,4,2\n2,5,2\n",
+        [0, 2],
+        ["line 5: " + NO_TIME.format(" ('x')", 3)],
+    ),
+    "NUL": (
+        b"0,1,2\n\0\0\0\0\n2,3,4\n" + b"\0" * 5000,
+        [0, 2],
+        ["line 3: " + WIDTH.format(1, 3, 2)],
+    ),
     "empty lines and comments": ("\n0,1,2\n\n  \n# a pause, here\n#1,2\n1,2,2\n\n", [0, 1], []),
     "quotes": ('"0","1"," 2 "\n1,"lost,2\n2,3,4\n', [0, 2], ["line 3: " + WIDTH.format(2, 3, 1)]),
     "blanks": (" 0,   1,2\r\r\n 1 , 2 ,3 \r\r\n3,1,", [0, 1], []),
     "infinite": ("0,1,2\n1,-inf,2\n2,1e400,3\n3,2,2\n", [0, 3], []),
-    "missing": ("0,1,2\n" + "".join(f"{k},,2\n{k}.5,N/A,2\n{k}.6,null,2\n" for k in (1, 2)) + "3,2,2\n", [0, 3], []),
+    "missing": (
+        "0,1,2\n" + "".join(f"{k},,2\n{k}.5,N/A,2\n{k}.6,null,2\n" for k in (1, 2)) + "3,2,2\n",
+        [0, 3],
+        [],
+    ),
     "only a header": ("", [], ["end: there are no rows"]),
-    "a long line": (f"0,1,2\n{'5' * 200_000}\n1,2,3\n", [0, 1], ["line 3: " + WIDTH.format(1, 3, 1)]),
+    "a long line": (
+        f"0,1,2\n{'5' * 200_000}\n1,2,3\n",
+        [0, 1],
+        ["line 3: " + WIDTH.format(1, 3, 1)],
+    ),
 }
 
 
@@ -172,7 +222,11 @@ def test_hostile_texts(written, kind):
     """What is no row is counted, with its first line; numbers that are garbage are left to the monitor's rules."""
     rows, times, unread = HOSTILE[kind]
     content = b"t,q_a,q_b\n" + (rows.encode() if isinstance(rows, str) else rows)
-    columns = {"time": "t", "position": ["q_a", "q_b"], "velocity": ["q_a", "q_b"]}  # so that each row has a velocity
+    columns = {
+        "time": "t",
+        "position": ["q_a", "q_b"],
+        "velocity": ["q_a", "q_b"],
+    }  # so that each row has a velocity
     recording = read(written(content), columns, joints="ab")
     assert (recording.t.tolist(), lost(recording)) == (times, unread)
 
@@ -181,11 +235,16 @@ BITS = [*',\n"#\0x-.e \r_;+\xff', "1e400", "nan", "inf", "\n\n", '""', "NA"]
 
 
 @examples(300)
-@given(st.lists(st.tuples(st.integers(8, 400), st.integers(0, 4), st.sampled_from(BITS)), max_size=6))
+@given(
+    st.lists(st.tuples(st.integers(8, 400), st.integers(0, 4), st.sampled_from(BITS)), max_size=6)
+)
 def test_mutated_texts(tmp_path_factory, changes):
     """Each line that is not empty and no comment is a message, or was counted as left out."""
     rng, path = random.Random(1), tmp_path_factory.mktemp("mutated") / "table.csv"
-    body = "".join(f"{k / 100:.3f},{rng.uniform(-3, 3):.4f},{rng.uniform(-99, 99):.2f},n{k}\n" for k in range(16))
+    body = "".join(
+        f"{k / 100:.3f},{rng.uniform(-3, 3):.4f},{rng.uniform(-99, 99):.2f},n{k}\n"
+        for k in range(16)
+    )
     for at, taken, put in changes:
         body = body[:at] + put + body[at + taken :]
     path.write_bytes(b"t,q_a,tau_a,name\n" + body.encode("latin-1"))
@@ -205,7 +264,11 @@ def test_mutated_texts(tmp_path_factory, changes):
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 40))
 def test_damaged_anywhere(tmp_path_factory, seed, count, kind):
     """Bytes overwritten anywhere, or the end cut off: states, losses, or one of our errors."""
-    path, time, rng = tmp_path_factory.mktemp("damaged") / f"table.{kind}", np.arange(50) / 100, random.Random(seed)
+    path, time, rng = (
+        tmp_path_factory.mktemp("damaged") / f"table.{kind}",
+        np.arange(50) / 100,
+        random.Random(seed),
+    )
     if kind == "parquet":
         texts = {"name": [["a"]] * 50, "mode": [f"run {x}" for x in time]}
         table = pa.table({"t": time, "q1": np.sin(time), "tau": [[x] for x in time]} | texts)
@@ -233,7 +296,9 @@ def test_a_damaged_row_group_is_left_out(written):
         content[begin : begin + size] = b"\xff" * size
     path.write_bytes(content)
     recording = read(path)
-    np.testing.assert_array_equal(recording.q[:, 0], np.sin(np.delete(time, [*range(300, 400), *range(900, 1000)])))
+    np.testing.assert_array_equal(
+        recording.q[:, 0], np.sin(np.delete(time, [*range(300, 400), *range(900, 1000)]))
+    )
     (said,) = lost(recording)
     assert said.startswith("row 300, row group 3: ") and said.endswith(": 200 rows lost")
 
@@ -241,11 +306,17 @@ def test_a_damaged_row_group_is_left_out(written):
 def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
     texts = [f"2026-01-01T00:00:0{k}" for k in range(4)]
     table = pa.table({"t": texts, "q1": np.arange(4.0), "qd1": np.ones(4)})
-    path = written(table, row_group_size=1, compression="none", use_dictionary=False, write_statistics=False)
+    path = written(
+        table, row_group_size=1, compression="none", use_dictionary=False, write_statistics=False
+    )
     path.write_bytes(path.read_bytes().replace(texts[2].encode(), b"\xff" * len(texts[2])))
     recording = read(path)
     (said,) = lost(recording)
-    assert recording.q[:, 0].tolist() == [0, 1, 3] and said.startswith("row 2, row group 2: ") and "UTF8" in said
+    assert (
+        recording.q[:, 0].tolist() == [0, 1, 3]
+        and said.startswith("row 2, row group 2: ")
+        and "UTF8" in said
+    )
 
 
 def test_files_that_are_cut_or_none(written, monkeypatch):
@@ -259,17 +330,32 @@ def test_files_that_are_cut_or_none(written, monkeypatch):
     with pytest.raises(dd.InputError, match="is a zip archive without NumPy arrays"):
         read(path)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(dd.InputError, match=r"pyarrow: pip install pyarrow, or all .*'diag_dynamics\[recordings\]'"):
+    with pytest.raises(
+        dd.InputError, match=r"pyarrow: pip install pyarrow, or all .*'diag_dynamics\[recordings\]'"
+    ):
         read(written("t,q1\n0,1\n"))
 
 
 def test_rows_of_other_topics_are_no_messages(written):
     """Rows of empty cells are counted, not rejected; rows with some values, NaN among them, are messages."""
-    rows = [f"{k / 100},{0.01 * k},1,3,,\n{k / 100 + 0.003},,,,1.5,\n{k / 100 + 0.004},NaN,,,,on\n" for k in range(20)]
-    text = "__time,/js/a/position,/js/a/velocity,/js/a/effort,/imu/x,/mode\n" + "".join(rows) + "0.3,,1,,,\n"
-    numbers = {name: [0.01, None, 0.03] for name in ("/js/a/position", "/js/a/velocity", "/js/a/effort")}
+    rows = [
+        f"{k / 100},{0.01 * k},1,3,,\n{k / 100 + 0.003},,,,1.5,\n{k / 100 + 0.004},NaN,,,,on\n"
+        for k in range(20)
+    ]
+    text = (
+        "__time,/js/a/position,/js/a/velocity,/js/a/effort,/imu/x,/mode\n"
+        + "".join(rows)
+        + "0.3,,1,,,\n"
+    )
+    numbers = {
+        name: [0.01, None, 0.03] for name in ("/js/a/position", "/js/a/velocity", "/js/a/effort")
+    }
     sent = {name: pa.array([0.01, np.nan, 0.03], from_pandas=False) for name in numbers}
-    arrays = {"t": np.array([0.0, 0.1, 0.2]), "q": np.array([0.01, np.nan, 0.03]), "qd": np.array([0, np.nan, 0])}
+    arrays = {
+        "t": np.array([0.0, 0.1, 0.2]),
+        "q": np.array([0.01, np.nan, 0.03]),
+        "qd": np.array([0, np.nan, 0]),
+    }
     for content, others, states, rejected in (
         (text, 20, 20, 21),
         (pa.table({"__time": [0.0, 0.1, 0.2], **numbers, "/imu/x": [None, 1.0, None]}), 1, 2, 0),
@@ -277,13 +363,20 @@ def test_rows_of_other_topics_are_no_messages(written):
         (arrays, 0, 2, 1),
     ):
         recording = dd.read_recording(written(content), robot("a"))
-        counts = [recording.counts.get(one, 0) for one in ("rows of other topics", "rejected: no position")]
+        counts = [
+            recording.counts.get(one, 0)
+            for one in ("rows of other topics", "rejected: no position")
+        ]
         assert (counts, len(recording), lost(recording)) == ([others, rejected], states, [])
         assert recording.offset == 10**9  # a stamp of zero is none
-    stamped = [f"{k}.9,{k},,1,3\n{k}.95,,{k},,\n" for k in range(20)]  # no stamp where another topic has its own
+    stamped = [
+        f"{k}.9,{k},,1,3\n{k}.95,,{k},,\n" for k in range(20)
+    ]  # no stamp where another topic has its own
     header = "__time,/js/header/stamp,/imu/header/stamp,/js/a/position,/js/a/velocity\n"
     recording = read(written(header + "".join(stamped)), parameters=LOOSE)
-    assert recording.counts["rows of other topics"] == 20 and np.rint(recording.t).tolist() == list(range(20))
+    assert recording.counts["rows of other topics"] == 20 and np.rint(recording.t).tolist() == list(
+        range(20)
+    )
     assert not lost(recording)
 
 
@@ -295,7 +388,10 @@ def in_columns(written):
     """Read a table by its header; row r of column k is k / 10 + r / 100, so that each number says where it was."""
 
     def opened(header, columns=None, joints=ARM, rows=3):
-        lines = [",".join(f"{k / 10 + r / 100:.3f}" for k in range(header.count(",") + 1)) for r in range(rows)]
+        lines = [
+            ",".join(f"{k / 10 + r / 100:.3f}" for k in range(header.count(",") + 1))
+            for r in range(rows)
+        ]
         return read(written("\n".join([header, *lines])), columns, joints)
 
     return opened
@@ -305,10 +401,16 @@ def found(recording):
     """Return the columns that a recording of :func:`in_columns` was read from: time, position, velocity, effort."""
     states = recording.states
     q, qd, tau = (
-        [round(10 * (x - 0.02), 6) for x in one[-1]] for one in (states.position, states.velocity, states.effort)
+        [round(10 * (x - 0.02), 6) for x in one[-1]]
+        for one in (states.position, states.velocity, states.effort)
     )
     estimated, effort = states.velocity_estimated[-1], states.effort_known[-1]
-    return round(10 * (recording.t[-1] - 0.02)), q, None if estimated else qd, tau if effort else None
+    return (
+        round(10 * (recording.t[-1] - 0.02)),
+        q,
+        None if estimated else qd,
+        tau if effort else None,
+    )
 
 
 BY_NAME = {
@@ -317,18 +419,38 @@ BY_NAME = {
     "wrist_position,elbow_position,shoulder_position,Time": (3, [2, 1, 0], None, None),
     "timestamp,position[shoulder],position[elbow],position[wrist]": (0, [1, 2, 3], None, None),
     "stamp,pos[0],pos[1],pos[2],vel[0],vel[1],vel[2]": (0, [1, 2, 3], [4, 5, 6], None),
-    "sec,joint_states.position[0],joint_states.position[1],joint_states.position[2]": (0, [1, 2, 3], None, None),
-    "timestamp,target_q_0,target_q_1,target_q_2,actual_q_0,actual_q_1,actual_q_2": (0, [4, 5, 6], None, None),
+    "sec,joint_states.position[0],joint_states.position[1],joint_states.position[2]": (
+        0,
+        [1, 2, 3],
+        None,
+        None,
+    ),
+    "timestamp,target_q_0,target_q_1,target_q_2,actual_q_0,actual_q_1,actual_q_2": (
+        0,
+        [4, 5, 6],
+        None,
+        None,
+    ),
     "t,q[0],q[1],q[2],q_d[0],q_d[1],q_d[2],dq[0],dq[1],dq[2],q_d[0],q_d[1],q_d[2],tau_J_d[0],tau_J_d[0]": (
         *(0, [1, 2, 3], [7, 8, 9], None),
     ),
     "t,mode,mode,q1,q2,q3,temperature,temperature,pos_a,pos_a": (0, [3, 4, 5], None, None),
-    "t,joint1_velocity,joint2_velocity,joint3_velocity,J1 angle,J2 angle,J3 angle": (0, [4, 5, 6], [1, 2, 3], None),
+    "t,joint1_velocity,joint2_velocity,joint3_velocity,J1 angle,J2 angle,J3 angle": (
+        0,
+        [4, 5, 6],
+        [1, 2, 3],
+        None,
+    ),
     "t,q0,q1,q2,tau1,tau2,tau3": (0, [1, 2, 3], None, [4, 5, 6]),
     "t,q3,q2,q1": (0, [3, 2, 1], None, None),
     "t,q1,q2,q3,q_tau_1,q_tau_2,q_tau_3": (0, [1, 2, 3], None, None),
     "t,q1,q2,q3,position.x,position.y,position.z,q_w,q_x,q_y,q_z": (0, [1, 2, 3], None, None),
-    "t,q_shoulder,q_elbow,q_wrist,q_gripper,current_tool,seq,temperature_1": (0, [1, 2, 3], None, None),
+    "t,q_shoulder,q_elbow,q_wrist,q_gripper,current_tool,seq,temperature_1": (
+        0,
+        [1, 2, 3],
+        None,
+        None,
+    ),
     "t,__time,q1,q2,q3": (0, [2, 3, 4], None, None),
 }
 
@@ -339,8 +461,31 @@ def test_columns_by_their_names(in_columns, header):
 
 
 IGNORED = (
-    *("target", "desired", "des", "command", "commanded", "cmd", "reference", "ref", "setpoint", "goal", "error"),
-    *("err", "planned", "external", "ext", "limit", "limits", "acceleration", "accelerations", "acc", "tcp"),
+    *(
+        "target",
+        "desired",
+        "des",
+        "command",
+        "commanded",
+        "cmd",
+        "reference",
+        "ref",
+        "setpoint",
+        "goal",
+        "error",
+    ),
+    *(
+        "err",
+        "planned",
+        "external",
+        "ext",
+        "limit",
+        "limits",
+        "acceleration",
+        "accelerations",
+        "acc",
+        "tcp",
+    ),
 )
 
 
@@ -353,11 +498,18 @@ def test_columns_that_were_not_measured_are_not_read(in_columns):
 
 
 def test_a_joint_may_be_called_d(in_columns):
-    assert found(in_columns("t,q_c,q_d,dq_c,dq_d,tau_c,tau_d", joints="cd")) == (0, [1, 2], [3, 4], [5, 6])
+    assert found(in_columns("t,q_c,q_d,dq_c,dq_d,tau_c,tau_d", joints="cd")) == (
+        0,
+        [1, 2],
+        [3, 4],
+        [5, 6],
+    )
 
 
 def test_how_columns_were_understood_is_noted(in_columns):
-    recording = in_columns("t,q_elbow [deg],q_wrist,temperature,tau_wrist", joints=("elbow", "wrist"))
+    recording = in_columns(
+        "t,q_elbow [deg],q_wrist,temperature,tau_wrist", joints=("elbow", "wrist")
+    )
     assert notes(recording) == [
         "time: t.",
         "position: 'q_{joint}' of 2 joints, times 0.0174533, 1 for rad or m.",
@@ -389,13 +541,23 @@ def test_units_in_names(written, place, name, factor):
     names = ["t", "q1", "qd1", "tau1"]
     names[place] = name
     recording = read(written(",".join(names) + "\n0,0,0,0\n5000,0.25,0.5,7\n"))
-    values = [np.diff(recording.stamp)[0] * 1e-9, recording.q[1, 0], recording.qd[1, 0], recording.tau[1, 0]]
+    values = [
+        np.diff(recording.stamp)[0] * 1e-9,
+        recording.q[1, 0],
+        recording.qd[1, 0],
+        recording.tau[1, 0],
+    ]
     assert values[place] == pytest.approx((5000, 0.25, 0.5, 7.0)[place] * factor, rel=1e-15)
 
 
 def test_a_line_of_units_below_the_header(written):
     recording = read(written("t,q1,qd1,tau1\n[ms],[deg],deg/s,-\n5,180,90,7\n"))
-    assert (recording.t, recording.q, recording.qd, recording.tau) == (pytest.approx(5e-3), pi, pi / 2, 7)
+    assert (recording.t, recording.q, recording.qd, recording.tau) == (
+        pytest.approx(5e-3),
+        pi,
+        pi / 2,
+        7,
+    )
 
 
 # --- Columns by a map ---
@@ -448,7 +610,9 @@ def test_what_a_map_does_not_name_follows_from_names(in_columns):
 
 def test_a_scale_replaces_what_names_say(in_columns):
     recording = in_columns("t [ms],q1 [ticks]", {"scale": {"position": "rev", "time": 1}}, "a")
-    assert recording.t[-1] == pytest.approx(0.02) and recording.q[-1, 0] == pytest.approx(0.12 * 2 * pi)
+    assert recording.t[-1] == pytest.approx(0.02) and recording.q[-1, 0] == pytest.approx(
+        0.12 * 2 * pi
+    )
     for pattern in ("{joint} [deg]", "{joint}"):  # a pattern matches with or without units
         columns = {"time": "t", "position": pattern}
         assert in_columns("t [s],a [deg]", columns, "a").q[-1, 0] == pytest.approx(0.12 * DEG)
@@ -485,7 +649,10 @@ def test_decimal_commas_need_a_map(written):
 
 def test_points_beside_decimal_commas_separate_thousands(written):
     recording = read(written("t;q1;qd1\n0,0;1,5;1\n1,0;1.234;1\n"), {"decimal": ","})
-    assert recording.q.tolist() == [[1.5]] and "column 'q1': '1_234'): 1 fields are NaN" in lost(recording)[0]
+    assert (
+        recording.q.tolist() == [[1.5]]
+        and "column 'q1': '1_234'): 1 fields are NaN" in lost(recording)[0]
+    )
 
 
 # --- Errors ---
@@ -506,13 +673,22 @@ HEADERS = {
 }
 WRONG_MAPS = [
     ({"tiem": "t"}, "columns has 'tiem', expected 'time'"),
-    ({"position": "a_{joint}", "time": "tt"}, "time: 'tt' is the name of 0 columns; .*. Is 't' meant"),
-    ({"position": [1, 17]}, "position: 17 is the name of 0 columns; expected the name or number of one of t, a_s"),
+    (
+        {"position": "a_{joint}", "time": "tt"},
+        "time: 'tt' is the name of 0 columns; .*. Is 't' meant",
+    ),
+    (
+        {"position": [1, 17]},
+        "position: 17 is the name of 0 columns; expected the name or number of one of t, a_s",
+    ),
     ({"position": "A_{joint}"}, r"position: no column matches 'A_\{joint\}'"),
     ({"position": "a_{joint}", "joints": ["s", "eh"]}, r"'a_\{joint\}' has no column of eh"),
     ({"position": "{joint}_{joint}"}, r"a pattern with \{joint\} once"),
     ({"position": [1, 2, 3], "joints": ["s", "e"]}, "has 3 columns, but there are 2 joints"),
-    *(({"position": value}, "position is .*, expected a column") for value in ([1, 1], [1, -2], [1, True], [], None)),
+    *(
+        ({"position": value}, "position is .*, expected a column")
+        for value in ([1, 1], [1, -2], [1, True], [], None)
+    ),
     ({"position": [1, "a_s"]}, "position: 1, a_s has an array or a column twice"),
     ({"position": {"s": 1}, "effort": {"e": 2}}, "effort is by joint, but for other joints"),
     ({"position": [1], "time": [1, 2, 3]}, "expected one column, or two"),
@@ -527,7 +703,10 @@ WRONG_MAPS = [
         )
         for value in ([1, 2, 3], {"x": 1, "*": 2}, {"s": 1})
     ),
-    ({"position": "a_{joint}", "scale": {"effort": 1}}, "there is a scale of effort, but no column of it"),
+    (
+        {"position": "a_{joint}", "scale": {"effort": 1}},
+        "there is a scale of effort, but no column of it",
+    ),
     ({"header": "no"}, "header is 'no', expected true or false"),
     ({"delimiter": ", "}, "delimiter is ', ', expected one character"),
     ({"skip": -1}, "skip is -1, expected a whole number"),
@@ -540,22 +719,50 @@ CONTENTS = [
     (b"\xff\xfet\0,\0", None, r"its first line is not UTF-8 text"),
     ("t,q1\r0,1\r", None, "its first line is not UTF-8 text .* line break"),
     *(
-        (text, columns, "line 1 is not a header of names only. Set `header: true` or `header: false`")
-        for text, columns in (("5,1\n1,2\n", None), ("1,x\n", None), ("0,1\n", {"time": 0, "position": [1]}))
+        (
+            text,
+            columns,
+            "line 1 is not a header of names only. Set `header: true` or `header: false`",
+        )
+        for text, columns in (
+            ("5,1\n1,2\n", None),
+            ("1,x\n", None),
+            ("0,1\n", {"time": 0, "position": [1]}),
+        )
     ),
     ("t,q1,q1\n0,1,2\n", {"position": "q1"}, "'q1' is the name of 2 columns"),
     (b"\x93NUMPY\x01\0", None, "is a single array without names"),
-    (pa.table({"t": ["noon"], "q1": ONES}), {"time": "t"}, "time: 't' is of type string such as 'noon', expected"),
-    (pa.table({"t": pa.array([1], pa.date32()), "q1": ONES}), None, "no column is recognized as time"),
+    (
+        pa.table({"t": ["noon"], "q1": ONES}),
+        {"time": "t"},
+        "time: 't' is of type string such as 'noon', expected",
+    ),
+    (
+        pa.table({"t": pa.array([1], pa.date32()), "q1": ONES}),
+        None,
+        "no column is recognized as time",
+    ),
     (pa.table({"t": [[0.0]], "q1": ONES}), {"time": "t"}, "time: 't' has 1 columns"),
     (
         pa.table({"t": [0.0], "q": [[1.0]], "q2": ONES}),
         {"position": ["q", "q2"]},
         "q, q2 has an array or a column twice",
     ),
-    ({"t": THREE, "q": np.ones((4, 2))}, None, r"array 'q' has shape \(4, 2\), expected a row for each"),
-    ({"t": THREE, "q": np.ones((3, 2, 2))}, {"position": "q"}, "'q' is of type float64, expected numbers in one or"),
-    ({"t": THREE, "q": np.ones((3, 2), complex)}, {"position": "q"}, "'q' is of type complex128, expected numbers"),
+    (
+        {"t": THREE, "q": np.ones((4, 2))},
+        None,
+        r"array 'q' has shape \(4, 2\), expected a row for each",
+    ),
+    (
+        {"t": THREE, "q": np.ones((3, 2, 2))},
+        {"position": "q"},
+        "'q' is of type float64, expected numbers in one or",
+    ),
+    (
+        {"t": THREE, "q": np.ones((3, 2), complex)},
+        {"position": "q"},
+        "'q' is of type complex128, expected numbers",
+    ),
     ({"t": np.ones((3, 2)), "q": np.ones((3, 2))}, None, "time: 't' has 2 columns"),
     ({"t": THREE, "q": np.ones((3, 2)), "pos": np.ones((3, 2))}, None, "may be the position"),
 ]
@@ -615,10 +822,26 @@ def test_times_to_the_nanosecond(written, kind):
 
 
 ISO = [
-    *("2023-11-14T22:13:20.123456789Z", "2023-11-14T22:13:20.123456789z", "2023-11-14t22:13:20,123456789"),
-    *("2023-11-14 22:13:20.123456789 UTC", "2023-11-14T22:13:20.123456789+00", "2023-11-14T22:13:20.123456789+0000"),
-    *("2023-11-14T22:13:20.123456789+00:00", "2023-11-14T22:13:20.123456789-00:00", "20231114T221320.123456789Z"),
-    *("2023-11-15 03:43:20.123456789 +05:30", "2023-11-14T15:13:20.123456789-07", "20231114T221320,123456789"),
+    *(
+        "2023-11-14T22:13:20.123456789Z",
+        "2023-11-14T22:13:20.123456789z",
+        "2023-11-14t22:13:20,123456789",
+    ),
+    *(
+        "2023-11-14 22:13:20.123456789 UTC",
+        "2023-11-14T22:13:20.123456789+00",
+        "2023-11-14T22:13:20.123456789+0000",
+    ),
+    *(
+        "2023-11-14T22:13:20.123456789+00:00",
+        "2023-11-14T22:13:20.123456789-00:00",
+        "20231114T221320.123456789Z",
+    ),
+    *(
+        "2023-11-15 03:43:20.123456789 +05:30",
+        "2023-11-14T15:13:20.123456789-07",
+        "20231114T221320,123456789",
+    ),
     *("20231115T001320.123456789+0200", "20231114T151320.123456789-07:00"),
     "2023-11-14T23:13:20.123456789+01:00[Europe/Berlin]",
 ]
@@ -633,10 +856,23 @@ def test_iso_times(written, text):
     contents = [
         (f'time,q1,qd1\n"{text}",1,0\n"{after}",1,0\n', None),
         (f"time;q1;qd1\n{text};1,0;0,0\n{after};1,0;0,0\n", {"decimal": ","}),
-        (f'"{text}",1,0\n"{after}",1,0\n', {"header": None, "time": 0, "position": [1], "velocity": [2]}),
-        ({"time": np.array([text, after])} | {name: np.array(values) for name, values in numbers.items()}, None),
+        (
+            f'"{text}",1,0\n"{after}",1,0\n',
+            {"header": None, "time": 0, "position": [1], "velocity": [2]},
+        ),
+        (
+            {"time": np.array([text, after])}
+            | {name: np.array(values) for name, values in numbers.items()},
+            None,
+        ),
     ]
-    for kind in (pa.string(), pa.large_string(), pa.string_view(), pa.binary(), pa.dictionary(pa.int32(), pa.string())):
+    for kind in (
+        pa.string(),
+        pa.large_string(),
+        pa.string_view(),
+        pa.binary(),
+        pa.dictionary(pa.int32(), pa.string()),
+    ):
         contents += [(pa.table({"time": pa.array([text, after]).cast(kind)} | numbers), None)]
     for content, columns in contents:
         recording = read(written(content), columns)
@@ -647,11 +883,15 @@ def test_iso_times(written, text):
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
 def test_times_of_pandas(tmp_path, zone, unit):
     """Timestamps with a zone or none, as columns, as an index, and as text that pandas writes."""
-    times = pd.Series(pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone).as_unit(unit))
+    times = pd.Series(
+        pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone).as_unit(unit)
+    )
     frame = pd.DataFrame({"time": times, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
     frame.to_parquet(tmp_path / "times.parquet")
     frame.to_csv(tmp_path / "times.csv", index=False)
-    frame.assign(time=times.astype(str).astype("category")).to_parquet(tmp_path / "categories.parquet")
+    frame.assign(time=times.astype(str).astype("category")).to_parquet(
+        tmp_path / "categories.parquet"
+    )
     frame.rename(columns={"time": "when"}).to_parquet(tmp_path / "column.parquet", index=False)
     frame.set_index("time").rename_axis(None).to_parquet(tmp_path / "index.parquet")
     frame.set_index("time").rename_axis(None).to_csv(tmp_path / "index.csv")
@@ -661,13 +901,18 @@ def test_times_of_pandas(tmp_path, zone, unit):
 
 def test_iso_times_without_seconds_and_in_headers(written):
     text = "Time [UTC],q1,qd1\n20231114T2213,1,0\n2023-11-14 22:14,1,0\n20231114T2315+01,1,0\n"
-    assert read(written(text)).stamp.tolist() == [(1_699_999_980 + 60 * k) * 10**9 for k in range(3)]
+    assert read(written(text)).stamp.tolist() == [
+        (1_699_999_980 + 60 * k) * 10**9 for k in range(3)
+    ]
 
 
 def test_texts_that_are_no_times(written):
     text = "t,q1,qd1\n2026-02-30T00:00:00Z,1,0\n2026-01-01T00:00:00Z,1,0\n2026-01-01 25:00,1,0\n1_0,1,0\n"
     recording = read(written(text))
-    assert lost(recording) == ["line 2: " + NO_TIME.format(" ('2026-02-30T00:00:00Z')", 3)] and len(recording) == 1
+    assert (
+        lost(recording) == ["line 2: " + NO_TIME.format(" ('2026-02-30T00:00:00Z')", 3)]
+        and len(recording) == 1
+    )
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
@@ -675,7 +920,10 @@ def test_times_in_doubt_are_an_error(written, unit, scale):
     path = written(f"time,q1,qd1\n{1_700_000_000 * scale},1,0\n{1_700_000_000 * scale + 1},2,0\n")
     with pytest.raises(dd.InputError, match=rf"`scale: \{{time: {unit}\}}`"):
         read(path)
-    assert read(path, {"scale": {"time": unit}}).stamp.tolist() == [17 * 10**17, 17 * 10**17 + 10**9 // scale]
+    assert read(path, {"scale": {"time": unit}}).stamp.tolist() == [
+        17 * 10**17,
+        17 * 10**17 + 10**9 // scale,
+    ]
 
 
 def test_times_that_no_stamp_can_be_of(written):
@@ -691,7 +939,10 @@ def test_times_that_no_stamp_can_be_of(written):
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 def test_missing_times(written, unit):
     numbers = {"q1": [1.0, 2.0, 3.0], "qd1": [0.0, 0.0, 0.0]}
-    arrays = {"t": np.array([5, "NaT", 7], f"M8[{unit}]"), **{name: np.array(one) for name, one in numbers.items()}}
+    arrays = {
+        "t": np.array([5, "NaT", 7], f"M8[{unit}]"),
+        **{name: np.array(one) for name, one in numbers.items()},
+    }
     table = pa.table({"t": pa.array([5, None, 7], pa.timestamp(unit)), **numbers})
     for path in (written(table, version="2.6"), written(arrays)):
         recording = read(path)
@@ -706,22 +957,32 @@ def test_numbers_of_any_kind(written):
     kinds = [pa.float32(), pa.float16(), pa.int8(), pa.uint64(), pa.decimal128(22, 3), pa.string()]
     columns = {f"q{k}": pa.array([1, None, 3]).cast(one) for k, one in enumerate(kinds)}
     columns |= {f"qd{k}": [0.0, 0.0, 0.0] for k in range(len(kinds))}
-    recording = read(written(pa.table({"t": [0, 1, 2], "state": ["a", "b", "c"]} | columns)), joints="abcdef")
+    recording = read(
+        written(pa.table({"t": [0, 1, 2], "state": ["a", "b", "c"]} | columns)), joints="abcdef"
+    )
     assert not lost(recording) and recording.q.tolist() == [[1.0] * 6, [3.0] * 6]
     assert recording.counts["rejected: no position"] == 1
 
 
-@pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.list_(pa.float32(), 2), pa.large_list(pa.int16())])
+@pytest.mark.parametrize(
+    "kind", [pa.list_(pa.float64()), pa.list_(pa.float32(), 2), pa.large_list(pa.int16())]
+)
 def test_lists(written, kind):
     lists = pa.array([[1, 2], None, [3, 4]], kind)
     efforts = pa.array([[], [5, 6], [7, 8]], pa.list_(pa.float64()))
     path = written(pa.table({"t": [0.0, 1.0, 2.0], "q": lists, "qd": lists, "tau": efforts}))
     recording = read(path, joints="ab")
-    assert recording.q.tolist() == [[1, 2], [3, 4]] and recording.states.effort_known.tolist() == [False, True]
+    assert recording.q.tolist() == [[1, 2], [3, 4]] and recording.states.effort_known.tolist() == [
+        False,
+        True,
+    ]
     with pytest.raises(dd.InputError, match="'q' has 2 columns, but there are 3 joints"):
         read(path, joints=ARM)
     lists = pa.array([[1.0, 2.0], [3.0], [4.0, 5.0, 6.0], [7.0, 8.0]])
-    recording = read(written(pa.table({"t": [0.0, 1.0, 2.0, 3.0], "q": lists, "qd": [[0.0, 0.0]] * 4})), joints="ab")
+    recording = read(
+        written(pa.table({"t": [0.0, 1.0, 2.0, 3.0], "q": lists, "qd": [[0.0, 0.0]] * 4})),
+        joints="ab",
+    )
     assert recording.q.tolist() == [[1, 2], [7, 8]]
     what = "list of another length than there are joints (column 'q': 1 instead of 2): 2 rows of it are NaN"
     assert lost(recording) == [f"row 1: {what}"]
@@ -729,31 +990,48 @@ def test_lists(written, kind):
 
 def test_joint_states_in_parquet(written):
     """A struct of lists, as a message is, names included; rows of other joints are messages of another robot."""
-    states = [{"name": ["b", "a"], "position": [k, k + 10], "velocity": [1, 2], "effort": [1, 2]} for k in range(4)]
+    states = [
+        {"name": ["b", "a"], "position": [k, k + 10], "velocity": [1, 2], "effort": [1, 2]}
+        for k in range(4)
+    ]
     states[2] = {"name": ["gripper"], "position": [9], "velocity": [1], "effort": [1]}
     numbers = [(name, pa.list_(pa.float64())) for name in ("position", "velocity", "effort")]
     kind = pa.struct([("name", pa.list_(pa.string())), *numbers])
     table = pa.table({"stamp": [0.0, 1.0, 2.0, 3.0], "joint_states": pa.array(states, kind)})
     recording = read(written(table), joints="ab")
-    assert recording.q.tolist() == [[10, 0], [11, 1], [13, 3]] and recording.tau[0].tolist() == [2, 1]
+    assert recording.q.tolist() == [[10, 0], [11, 1], [13, 3]] and recording.tau[0].tolist() == [
+        2,
+        1,
+    ]
     assert recording.counts["foreign"] == 1 and not lost(recording)
 
 
 def test_arrays_with_a_row_for_each_joint_are_turned(written):
     """Names in the file are those of the columns. A square array has a row for each time."""
     rng = np.random.default_rng(1)
-    arrays = {"t": np.arange(5.0)[None], "q": rng.normal(size=(5, 2)), "qd": rng.normal(size=(2, 5))}
-    recording = read(written(arrays | {"joint_names": np.array(["b", "a"]), "limits": np.ones(3)}), joints="ab")
+    arrays = {
+        "t": np.arange(5.0)[None],
+        "q": rng.normal(size=(5, 2)),
+        "qd": rng.normal(size=(2, 5)),
+    }
+    recording = read(
+        written(arrays | {"joint_names": np.array(["b", "a"]), "limits": np.ones(3)}), joints="ab"
+    )
     np.testing.assert_array_equal(recording.q, arrays["q"][:, ::-1])
     np.testing.assert_array_equal(recording.qd, arrays["qd"].T[:, ::-1])
-    assert {"qd: transposed, because it has a row for each joint.", "not read: limits."} <= set(notes(recording))
+    assert {"qd: transposed, because it has a row for each joint.", "not read: limits."} <= set(
+        notes(recording)
+    )
     square = {"t": np.arange(2.0), "q": rng.normal(size=(2, 2)), "qd": rng.normal(size=(2, 2))}
     np.testing.assert_array_equal(read(written(square), joints="ab").qd, square["qd"])
 
 
 # --- Universal Robots ---
 
-UR = tuple(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"))
+UR = tuple(
+    f"{name}_joint"
+    for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+)
 RTDE = (
     *(
         "target_q",
@@ -765,7 +1043,13 @@ RTDE = (
         "actual_qd",
         "actual_current",
     ),
-    *("joint_control_output", "actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force", "target_TCP_speed"),
+    *(
+        "joint_control_output",
+        "actual_TCP_pose",
+        "actual_TCP_speed",
+        "actual_TCP_force",
+        "target_TCP_speed",
+    ),
     *("joint_temperatures", "actual_joint_voltage", "joint_mode"),
 )
 
@@ -773,14 +1057,29 @@ RTDE = (
 @pytest.mark.parametrize("delimiter", [" ", ","])
 def test_logs_of_universal_robots(written, delimiter):
     """Measured columns are read without a map. Currents stay in A, which a finding tells until a scale is set."""
-    singles = "robot_mode", "speed_scaling", "actual_momentum", "actual_main_voltage", "actual_robot_current"
-    header = ["timestamp", *(f"{name}_{k}" for name in RTDE for k in range(6)), *singles, "tool_output_current"]
+    singles = (
+        "robot_mode",
+        "speed_scaling",
+        "actual_momentum",
+        "actual_main_voltage",
+        "actual_robot_current",
+    )
+    header = [
+        "timestamp",
+        *(f"{name}_{k}" for name in RTDE for k in range(6)),
+        *singles,
+        "tool_output_current",
+    ]
     values = np.random.default_rng(2).normal(size=(30, len(header)))
     values[:, 0] = 1000 + np.arange(30) / 500
     lines = [delimiter.join(header), *(delimiter.join(map(repr, row)) for row in values.tolist())]
     path, at = written("\n".join(lines) + "\n"), {name: header.index(f"{name}_0") for name in RTDE}
     recording = read(path, None, UR)
-    for found, name in ((recording.q, "actual_q"), (recording.qd, "actual_qd"), (recording.tau, "actual_current")):
+    for found, name in (
+        (recording.q, "actual_q"),
+        (recording.qd, "actual_qd"),
+        (recording.tau, "actual_current"),
+    ):
         np.testing.assert_array_equal(found, values[:, at[name] : at[name] + 6])
     assert [one.text for one in recording.findings if one.cause == "motor currents"] == [
         "efforts are 'actual_current_{joint}' in A, not torques in N m: all results of efforts are in A. Set effort_scale to "
@@ -823,11 +1122,15 @@ def test_a_rate_in_place_of_times(written):
     """Row k is at k / rate; a line that is lost keeps its time. Times in the file are not read."""
     text = "t,q1\n9,0\n9,1\n9\n9,3\n"
     recording = read(written(text), {"rate": 400})
-    assert recording.t.tolist() == pytest.approx([0.0025, 0.0075]) and lost(recording)  # the first has no velocity
+    assert recording.t.tolist() == pytest.approx([0.0025, 0.0075]) and lost(
+        recording
+    )  # the first has no velocity
     assert recording.q[:, 0].tolist() == [1, 3]
     content = {"q": np.arange(50_000.0)[:, None], "tau": np.ones((50_000, 1))}  # several pieces
     recording = read(written(content), {"rate": 1000 / 3})
-    np.testing.assert_array_equal(recording.stamp - recording.offset, np.arange(1, 50_000) * 3_000_000)
+    np.testing.assert_array_equal(
+        recording.stamp - recording.offset, np.arange(1, 50_000) * 3_000_000
+    )
     recording = read(written("0,5\n1,6\n"), {"rate": 2, "position": [1]})
     assert recording.q[:, 0].tolist() == [6]
     for rate in (0, -1, "fast", float("inf"), True):
@@ -839,7 +1142,8 @@ def test_a_rate_in_place_of_times(written):
     with pytest.raises(dd.InputError, match=r"no column is recognized as time.*need `rate: HZ`"):
         read(written("q1\n0\n"))
     with pytest.raises(
-        dd.InputError, match=r"'tau' has shape \(9,\), expected a row for each of the 50000 rows of 'q'"
+        dd.InputError,
+        match=r"'tau' has shape \(9,\), expected a row for each of the 50000 rows of 'q'",
     ):
         read(written(content | {"tau": np.ones(9)}), {"rate": 5, "position": "q", "effort": "tau"})
 
@@ -848,30 +1152,50 @@ def test_files_side_by_side(tmp_path):
     """By the number of the row, or by times; of these the shared ones count. Headers may have joints, numbers or nothing."""
     values, t = side_by_side(30_000), np.arange(30_000) / 500
     for names, more in ((ARM, {}), (("j1", "j2", "j3"), {}), ((), {"header": False})):
-        paths = [save(tmp_path, f"log_{name}.csv", None, one, names) for name, one in values.items()]
+        paths = [
+            save(tmp_path, f"log_{name}.csv", None, one, names) for name, one in values.items()
+        ]
         recording = read(paths, {"rate": 500} | more, ARM)
         assert_same(recording, values)
-        assert (recording.t - recording.t[0]).tolist() == pytest.approx(t.tolist()) and not lost(recording)
-    paths = [save(tmp_path, f"{name}.csv", t if name == "q" else None, one) for name, one in values.items()]
+        assert (recording.t - recording.t[0]).tolist() == pytest.approx(t.tolist()) and not lost(
+            recording
+        )
+    paths = [
+        save(tmp_path, f"{name}.csv", t if name == "q" else None, one)
+        for name, one in values.items()
+    ]
     assert_same(read(paths, None, ARM), values)  # only one has times
     parts = {"q": slice(0, 29_990), "qd": slice(7, None), "tau": slice(0, None)}
-    paths = [save(tmp_path, f"{name}.csv", t[rows], values[name][rows]) for name, rows in parts.items()]
+    paths = [
+        save(tmp_path, f"{name}.csv", t[rows], values[name][rows]) for name, rows in parts.items()
+    ]
     recording = read("+".join(map(str, paths)), None, ARM)
     assert_same(recording, values, slice(7, 29_990))
     for name, count in (("q", 7), ("qd", 10), ("tau", 17)):
-        assert any(f"{name}.csv' that not all files have: {count} rows omitted" in text for text in lost(recording))
+        assert any(
+            f"{name}.csv' that not all files have: {count} rows omitted" in text
+            for text in lost(recording)
+        )
     assert recording.path == "+".join(map(str, paths))
-    parquet.write_table(pa.table({"t": t, **dict(zip(ARM, values["qd"].T, strict=True))}), tmp_path / "qd.parquet")
+    parquet.write_table(
+        pa.table({"t": t, **dict(zip(ARM, values["qd"].T, strict=True))}), tmp_path / "qd.parquet"
+    )
     mixed = [paths[0], tmp_path / "qd.parquet", paths[2]]
     assert_same(read(mixed, None, ARM), values, slice(0, 29_990))
 
 
 def test_files_that_are_not_side_by_side(tmp_path):
     values, t = side_by_side(50), np.arange(50) / 500
-    q, tau = save(tmp_path, "q.csv", t, values["q"]), save(tmp_path, "tau.csv", None, values["tau"][:49])
+    q, tau = (
+        save(tmp_path, "q.csv", t, values["q"]),
+        save(tmp_path, "tau.csv", None, values["tau"][:49]),
+    )
     for other, what in (
         (tau, r"tau\.csv' has 49 rows, and '.*q\.csv' 50; expected the same number"),
-        (save(tmp_path, "qd.csv", t + 0.001, values["qd"]), r"0 of the 50 times in '.*q\.csv' are in all of"),
+        (
+            save(tmp_path, "qd.csv", t + 0.001, values["qd"]),
+            r"0 of the 50 times in '.*q\.csv' are in all of",
+        ),
         (tmp_path / "none.csv", r"no file or folder '.*none\.csv'"),
         (save(tmp_path, "qd2.csv", t[:0], values["qd"][:0]), r"qd2\.csv' has no rows"),
         (save(tmp_path, "q2.csv", t, values["q"]), "are both 'position.{joint}' of 'shoulder'"),

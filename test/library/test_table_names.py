@@ -19,7 +19,12 @@ JOINTS = ("shoulder", "elbow", "wrist")
 LIST = sorted(JOINTS)
 ROWS = 6
 FIELDS = ("position", "velocity", "effort")
-LOOSE = {"joint_timeout": 0.0, "stuck_timeout": 0.0, "plausibility.jump": 0.0, "plausibility.position": 0.0}
+LOOSE = {
+    "joint_timeout": 0.0,
+    "stuck_timeout": 0.0,
+    "plausibility.jump": 0.0,
+    "plausibility.position": 0.0,
+}
 ESTIMATED = LOOSE | {"missing_velocity": "estimate"}
 robot = cache(arm)
 
@@ -42,7 +47,9 @@ def expected(field):
 ORDERS = {
     "alphabetical": lambda row: tuple(LIST),
     "changing": lambda row: tuple(np.roll(LIST, row).tolist()),
-    "with joints of another robot": lambda row: ("gripper", *np.roll(LIST, row).tolist(), "lamp")[:: 1 - row % 2 * 2],
+    "with joints of another robot": lambda row: ("gripper", *np.roll(LIST, row).tolist(), "lamp")[
+        :: 1 - row % 2 * 2
+    ],
 }
 FIXED, CHANGING, _ = ORDERS.values()
 
@@ -53,7 +60,11 @@ def rows_of(order):
     """Return time, names, and the numbers by quantity as texts of each row."""
     rows = [(row, order(row)) for row in range(ROWS)]
     return [
-        (time(row), names, [[f"{value(field, joint, row):.4f}" for joint in names] for field in FIELDS])
+        (
+            time(row),
+            names,
+            [[f"{value(field, joint, row):.4f}" for joint in names] for field in FIELDS],
+        )
         for row, names in rows
     ]
 
@@ -64,7 +75,12 @@ def in_lines(header, rows, separator=","):
 
 
 BEGINS = {
-    "%time,field.header.seq,field.header.stamp,field.header.frame_id": lambda stamp: [stamp + 77, 5, stamp, ""],
+    "%time,field.header.seq,field.header.stamp,field.header.frame_id": lambda stamp: [
+        stamp + 77,
+        5,
+        stamp,
+        "",
+    ],
     "Time": lambda stamp: [f"{stamp * 1e-9:.9f}"],
     "sec,nanosec,frame_id": lambda stamp: [*divmod(stamp, 10**9), "base"],
 }
@@ -88,7 +104,10 @@ def bagpy(order, numbers="({})", names="['{}']", between="', '", comma=", ", sep
     """Return what bagpy writes where lists stay together."""
     lines = []
     for stamp, joints, values in rows_of(order):
-        cells = [names.format(between.join(joints)), *(numbers.format(comma.join(one)) for one in values)]
+        cells = [
+            names.format(between.join(joints)),
+            *(numbers.format(comma.join(one)) for one in values),
+        ]
         lines.append([f"{stamp * 1e-9:.9f}", "base", *(f'"{one}"' for one in cells)])
     return in_lines("Time,header.frame_id,name,position,velocity,effort", lines, separator)
 
@@ -105,7 +124,10 @@ def long_table(order, header="time,joint,position,velocity,effort", by_joint=Fal
 
 def arrays(order, kind=str):
     """Return arrays with a row of names for each time."""
-    lists = {field: [[value(field, j, row) for j in order(row)] for row in range(ROWS)] for field in FIELDS}
+    lists = {
+        field: [[value(field, j, row) for j in order(row)] for row in range(ROWS)]
+        for field in FIELDS
+    }
     names = np.array([order(row) for row in range(ROWS)], kind)
     return {"time": np.array([time(row) for row in range(ROWS)], "M8[ns]"), "names": names} | lists
 
@@ -129,7 +151,9 @@ def in_columns_of_parquet(order, kind):
 WRITERS = {
     "rostopic": rostopic,
     "rostopic with CR LF": lambda order: rostopic(order).replace("\n", "\r\n"),
-    "rostopic in capitals": lambda order: rostopic(order, name="FIELD.{}{}").replace("field.name", "FIELD.NAME"),
+    "rostopic in capitals": lambda order: rostopic(order, name="FIELD.{}{}").replace(
+        "field.name", "FIELD.NAME"
+    ),
     "rostopic with single quotes": lambda order: rostopic(order, quote="'"),
     "brackets": lambda order: rostopic(order, name="/joint_states/{}[{}]", begin="Time"),
     "bagpy": bagpy,
@@ -139,9 +163,13 @@ WRITERS = {
     "names with commas": lambda order: bagpy(order, "[{}]", "{}", ","),
     "names with blanks": lambda order: bagpy(order, "[{}]", "{}", " "),
     "long": long_table,
-    "long with other headers": lambda order: long_table(order, "Stamp,Joint Name,Pos [rad],Vel [rad/s],Tau [Nm]"),
+    "long with other headers": lambda order: long_table(
+        order, "Stamp,Joint Name,Pos [rad],Vel [rad/s],Tau [Nm]"
+    ),
     "long by content": lambda order: long_table(order, "t,axis,q,qd,tau"),
-    "ros2 topic echo --csv": lambda order: rostopic(order, begin="sec,nanosec,frame_id").partition("\n")[2],
+    "ros2 topic echo --csv": lambda order: rostopic(order, begin="sec,nanosec,frame_id").partition(
+        "\n"
+    )[2],
     "lists in Parquet": in_parquet,
     "columns in Parquet": lambda order: in_columns_of_parquet(order, pa.string()),
     "npz": arrays,
@@ -175,14 +203,20 @@ def texts_of(recording):
 def require_expected(recording):
     """Require the numbers of all rows, each at its joint."""
     assert [one.text for one in recording.findings if one.cause != "note"] == []
-    for field, values in (("position", recording.q), ("velocity", recording.qd), ("effort", recording.tau)):
+    for field, values in (
+        ("position", recording.q),
+        ("velocity", recording.qd),
+        ("effort", recording.tau),
+    ):
         np.testing.assert_allclose(values, expected(field), rtol=0, atol=1e-12)
     assert np.diff(recording.stamp).tolist() == pytest.approx([10_000_000] * (ROWS - 1), abs=300)
 
 
 def require_digits(recording, *digits):
     """Require the first decimal of each joint's last position."""
-    np.testing.assert_allclose(recording.q[-1] - np.floor(recording.q[-1]), np.array(digits) / 10, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        recording.q[-1] - np.floor(recording.q[-1]), np.array(digits) / 10, rtol=0, atol=1e-9
+    )
 
 
 # --- Rows ---
@@ -201,7 +235,9 @@ def test_joints_in_messages_of_their_own(read, writer):
     assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
     last = {"wrist": [1, 1, 3, 3, 5], "elbow": [0, 2, 2, 4, 4], "shoulder": [0, 2, 2, 4, 4]}
     for joint, positions in zip(JOINTS, recording.q.T, strict=True):
-        np.testing.assert_allclose(positions, [value("position", joint, row) for row in last[joint]], atol=1e-12)
+        np.testing.assert_allclose(
+            positions, [value("position", joint, row) for row in last[joint]], atol=1e-12
+        )
 
 
 def test_a_joint_twice_at_one_time_is_rejected(read):
@@ -212,17 +248,29 @@ def test_a_joint_twice_at_one_time_is_rejected(read):
 
 @pytest.mark.parametrize("order", [FIXED, CHANGING])
 @pytest.mark.parametrize(
-    "header", ["first_joint,second_joint,third_joint", "a,b,c", "name0,name1,last", "q1_name,q2_name,q3_name"]
+    "header",
+    [
+        "first_joint,second_joint,third_joint",
+        "a,b,c",
+        "name0,name1,last",
+        "q1_name,q2_name,q3_name",
+    ],
 )
 def test_columns_of_names_with_other_headers(read, header, order):
     """Texts that are joints name the places in their order, whatever the header."""
-    lines = [[f"{stamp * 1e-9:.9f}", *names, *np.ravel(numbers)] for stamp, names, numbers in rows_of(order)]
+    lines = [
+        [f"{stamp * 1e-9:.9f}", *names, *np.ravel(numbers)]
+        for stamp, names, numbers in rows_of(order)
+    ]
     columns = ",".join(f"{one}{k}" for one in ("q", "qd", "tau") for k in range(3))
     require_expected(read(in_lines(f"t,{header},{columns}", lines)))
 
 
 STAMPS = {
-    "bagpy": ("Time,header.seq,header.stamp.secs,header.stamp.nsecs", "{second}.9,{row},{second},{rest}"),
+    "bagpy": (
+        "Time,header.seq,header.stamp.secs,header.stamp.nsecs",
+        "{second}.9,{row},{second},{rest}",
+    ),
     "bag2csv": ("rosbagTimestamp,header,seq,stamp,secs,nsecs", "{row}7,,{row},,{second},{rest}"),
     "ROS 2": ("time,header.stamp.sec,header.stamp.nanosec", "{second}.9,{second},{rest}"),
     "PlotJuggler": (
@@ -240,14 +288,19 @@ def test_stamps_of_messages_come_before_other_times(read, kind):
     for row, (stamp, names, numbers) in enumerate(rows_of(CHANGING)):
         first = begin.format(second=stamp // 10**9, rest=stamp % 10**9, row=row)
         lines.append([first, *(f'"[{", ".join(one)}]"' for one in (names, *numbers))])
-    recording = read(in_lines(",".join([header, *(f"{prefix}{one}" for one in ("name", *FIELDS))]), lines))
+    recording = read(
+        in_lines(",".join([header, *(f"{prefix}{one}" for one in ("name", *FIELDS))]), lines)
+    )
     require_expected(recording)
     assert recording.stamp.tolist() == [time(row) for row in range(ROWS)]
 
 
 def test_values_without_a_name_are_counted(read):
     recording = read(rostopic(FIXED).replace("elbow", "", 1))
-    assert "line 2: values without the name of a joint (position 0.1): 3 values omitted" in texts_of(recording)[0]
+    assert (
+        "line 2: values without the name of a joint (position 0.1): 3 values omitted"
+        in texts_of(recording)[0]
+    )
     assert recording.counts["incomplete"] == 1 and len(recording) == ROWS - 1
 
 
@@ -316,18 +369,43 @@ STATED = {
     "array of one text": NUMBERS | {"joints": np.array("elbow, shoulder, wrist")},
 }
 SENTENCES = [
-    *("elbow: greased, then: shoulder", "name: run_17", "order: first elbow then wrist", "joints: 3"),
-    *("shoulder and elbow were cold, wrist = warm", "joints: rad, rad, rad", "joints: all three measured"),
-    *("joint types: revolute, revolute, prismatic", "joints: calibrated, homed, enabled", "joint: elbow"),
-    *("joint names: see the URDF", "moved joints: elbow, wrist", "limits: wrist 2.0, elbow 3.1, shoulder 5"),
-    *("torque limits: wrist=28, elbow=150, shoulder=150", "elbow was greased before shoulder and wrist"),
-    *('home: {"wrist": 0.3, "elbow": -0.2, "shoulder": 1.0}', "elbow: greased\n# wrist: cold\n# shoulder: new"),
+    *(
+        "elbow: greased, then: shoulder",
+        "name: run_17",
+        "order: first elbow then wrist",
+        "joints: 3",
+    ),
+    *(
+        "shoulder and elbow were cold, wrist = warm",
+        "joints: rad, rad, rad",
+        "joints: all three measured",
+    ),
+    *(
+        "joint types: revolute, revolute, prismatic",
+        "joints: calibrated, homed, enabled",
+        "joint: elbow",
+    ),
+    *(
+        "joint names: see the URDF",
+        "moved joints: elbow, wrist",
+        "limits: wrist 2.0, elbow 3.1, shoulder 5",
+    ),
+    *(
+        "torque limits: wrist=28, elbow=150, shoulder=150",
+        "elbow was greased before shoulder and wrist",
+    ),
+    *(
+        'home: {"wrist": 0.3, "elbow": -0.2, "shoulder": 1.0}',
+        "elbow: greased\n# wrist: cold\n# shoulder: new",
+    ),
 ]
 UNRELATED = {
     "joints that move": with_column("moving", "elbow, wrist"),
     "the joint that moves": with_column("joint", "elbow"),
     "units below the header": PLAIN.replace("\n", "\ns,rad,rad,rad\n", 1),
-    "metadata of types": with_metadata(name="run one two", joint_names=["revolute", "revolute", "prismatic"]),
+    "metadata of types": with_metadata(
+        name="run one two", joint_names=["revolute", "revolute", "prismatic"]
+    ),
     "array of a run": NUMBERS | {"name": np.array("run one two")},
     "text of a trial": with_column("name", "trial one two"),
     "joints twice in a row": with_column("a,b,c", 'elbow","elbow","wrist'),
@@ -346,7 +424,9 @@ def test_what_names_no_joints_is_ignored(read, kind):
 
 
 def test_a_column_that_has_the_name_of_one_joint_contradicts_no_header(read):
-    text = "t,worst joint,q_shoulder,q_elbow,q_wrist\n" + "".join(f"{k},elbow,{k},1,2\n" for k in range(ROWS))
+    text = "t,worst joint,q_shoulder,q_elbow,q_wrist\n" + "".join(
+        f"{k},elbow,{k},1,2\n" for k in range(ROWS)
+    )
     assert read(text, parameters=ESTIMATED).q[-1].tolist() == [ROWS - 1, 1, 2]
 
 
@@ -363,15 +443,30 @@ CONTRADICTIONS = [
         for names in ("elbow, elbow, wrist", "elbow, wrist")
     ),
     (TWO + PLAIN, r"line 1 has the joints elbow, .* line 2 has the joints shoulder, elbow"),
-    (with_metadata(joints=LIST, order=list(JOINTS)), "metadata 'joints' has .* but metadata 'order' has .*`joints`"),
+    (
+        with_metadata(joints=LIST, order=list(JOINTS)),
+        "metadata 'joints' has .* but metadata 'order' has .*`joints`",
+    ),
     ("t,a,b,q1,q2,q3\n0,elbow,wrist,1,2,3\n", "has 3 columns, but 2 columns name joints: a, b"),
-    (f"# joint names: left_j1 left_j2 left_j3\n{PLAIN}", "left_j1, left_j2, left_j3, none of which is among"),
-    (f"# joints:\n# - hip\n# - knee\n# - toe\n{PLAIN}", "hip, knee, toe, none of which .* the model: shoulder, elbow"),
+    (
+        f"# joint names: left_j1 left_j2 left_j3\n{PLAIN}",
+        "left_j1, left_j2, left_j3, none of which is among",
+    ),
+    (
+        f"# joints:\n# - hip\n# - knee\n# - toe\n{PLAIN}",
+        "hip, knee, toe, none of which .* the model: shoulder, elbow",
+    ),
     (with_metadata(joint_names=HIP), "'joint_names' names 3 joints: hip, knee, toe, none"),
     (rostopic(lambda row: HIP), "rows name hip, knee, toe; expected joints of the robot: shoulder"),
     (rostopic(lambda row: ("elbow", "elbow", "wrist")), "'elbow' is listed twice"),
-    (NUMBERS | {"joint_names": np.array(LIST, object)}, r"'joint_names' cannot be read: .* dtype=str\)"),
-    (rostopic(FIXED).replace("position2", "position7"), "has the numbers 0, 1, 7, but 'field.name.' 0, 1, 2"),
+    (
+        NUMBERS | {"joint_names": np.array(LIST, object)},
+        r"'joint_names' cannot be read: .* dtype=str\)",
+    ),
+    (
+        rostopic(FIXED).replace("position2", "position7"),
+        "has the numbers 0, 1, 7, but 'field.name.' 0, 1, 2",
+    ),
     ("t,joint,position\n0,0,1\n0,1,1\n0,2,1\n", "has 1 columns, but there are 3 joints"),
     (long_table(FIXED, by_joint=True), "in the order of joints, 'elbow' before 'shoulder'. Sort"),
 ]
@@ -393,26 +488,40 @@ def test_contradictions_are_errors(read, content, message):
 )
 def test_joints_of_a_map_have_priority_with_a_note(read, content, where):
     recording = read(content, {"joints": ["wrist", "elbow", "shoulder"]}, parameters=ESTIMATED)
-    assert f"joints: those of the column map, not elbow, shoulder, wrist of {where}." in texts_of(recording)
+    assert f"joints: those of the column map, not elbow, shoulder, wrist of {where}." in texts_of(
+        recording
+    )
     assert any("of wrist, elbow, shoulder" in text for text in texts_of(recording))
-    first = [0.3, 0.2, 0.1] if content.startswith("#") else [value("position", joint, 5) for joint in CHANGING(5)][::-1]
+    first = (
+        [0.3, 0.2, 0.1]
+        if content.startswith("#")
+        else [value("position", joint, 5) for joint in CHANGING(5)][::-1]
+    )
     np.testing.assert_allclose(recording.q[-1] % 1, first, atol=1e-9)
 
 
 def test_columns_of_a_map_have_priority(read):
     """A map that gives no order leaves names to the data."""
     text = "t,q_shoulder,q_elbow,q_wrist\n" + "".join(f"{k},{k},1,2\n" for k in range(ROWS))
-    recording = read(text, {"time": "t", "position": ["q_elbow", "q_shoulder", "q_wrist"]}, parameters=ESTIMATED)
+    recording = read(
+        text, {"time": "t", "position": ["q_elbow", "q_shoulder", "q_wrist"]}, parameters=ESTIMATED
+    )
     assert recording.q[-1].tolist() == [1, ROWS - 1, 2]
-    assert "position: the list q_elbow, q_shoulder, q_wrist of shoulder, elbow, wrist." in texts_of(recording)
+    assert "position: the list q_elbow, q_shoulder, q_wrist of shoulder, elbow, wrist." in texts_of(
+        recording
+    )
     columns = {"position": [7, 8, 9], "velocity": [10, 11, 12], "time": "field.header.stamp"}
     first = [value("position", joint, 5) for joint in CHANGING(5)]
     np.testing.assert_allclose(read(rostopic(CHANGING), columns).q[-1], first, atol=1e-12)
-    pattern = {field: f"field.{field}{{joint}}" for field in FIELDS} | {"time": "field.header.stamp"}
+    pattern = {field: f"field.{field}{{joint}}" for field in FIELDS} | {
+        "time": "field.header.stamp"
+    }
     require_expected(read(rostopic(CHANGING), pattern))
     header, _, lines = rostopic(CHANGING, separator=";").partition("\n")
     require_expected(read(f"{header}\n{lines.replace('.', ',')}", {"decimal": ","}))
-    require_digits(read(f"joints: elbow, shoulder, wrist\n{PLAIN}", {"skip": 1}, parameters=ESTIMATED), 2, 1, 3)
+    require_digits(
+        read(f"joints: elbow, shoulder, wrist\n{PLAIN}", {"skip": 1}, parameters=ESTIMATED), 2, 1, 3
+    )
 
 
 def test_a_scale_of_rows_that_name_joints_is_one_number(read):
@@ -432,9 +541,13 @@ def test_a_map_of_names_applies_to_names_in_rows(read, writer):
             content = content.replace(joint, f"left_{joint}")
     else:
         content["names"] = np.char.add("left_", content["names"])
-    with pytest.raises(dd.InputError, match=r"name left_.*expected joints of the robot.*--joint-names 'left_\*=\*'"):
+    with pytest.raises(
+        dd.InputError, match=r"name left_.*expected joints of the robot.*--joint-names 'left_\*=\*'"
+    ):
         read(content)
     require_expected(read(content, joint_names={"left_*": "*"}))
     require_expected(read(content, columns={"joints": {"left_*": "*"}}))
-    with pytest.raises(dd.InputError, match="has joint_names and a mapping joints; expected one of them"):
+    with pytest.raises(
+        dd.InputError, match="has joint_names and a mapping joints; expected one of them"
+    ):
         read(content, columns={"joints": {"left_*": "*"}, "joint_names": {"a": "b"}})

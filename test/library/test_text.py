@@ -105,7 +105,9 @@ def test_names_of_a_model():
         assert key in str(caught.value) and str(caught.value).isprintable()
     with pytest.warns(dd.InertiaWarning) as warned:
         dd.load_urdf(urdf(ixx="5.0"))
-    shown = warnings.formatwarning(warned[0].message, warned[0].category, warned[0].filename, warned[0].lineno)
+    shown = warnings.formatwarning(
+        warned[0].message, warned[0].category, warned[0].filename, warned[0].lineno
+    )
     assert r"robot 'arm\x0a\x9b31m'" in shown and r"'\u202etip'" in shown
     assert shown.splitlines()[0].isprintable()
 
@@ -113,7 +115,15 @@ def test_names_of_a_model():
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
-        *((math.nan, "-"), (math.inf, "-"), (0.0, "0"), (-0.0, "0"), (1.0, "1.00"), (-1.0, "-1.00"), (12.34, "12.3")),
+        *(
+            (math.nan, "-"),
+            (math.inf, "-"),
+            (0.0, "0"),
+            (-0.0, "0"),
+            (1.0, "1.00"),
+            (-1.0, "-1.00"),
+            (12.34, "12.3"),
+        ),
         *(
             (1234.6, "1235"),
             (0.12345, "0.123"),
@@ -134,7 +144,14 @@ def test_numbers_are_those_of_the_page(value, expected):
 @pytest.mark.parametrize(
     ("seconds", "expected"),
     [
-        *((math.nan, "-"), (0.0, "0 ms"), (1e-3, "1.0 ms"), (0.25, "250 ms"), (1.0, "1.00 s"), (90.0, "90.0 s")),
+        *(
+            (math.nan, "-"),
+            (0.0, "0 ms"),
+            (1e-3, "1.0 ms"),
+            (0.25, "250 ms"),
+            (1.0, "1.00 s"),
+            (90.0, "90.0 s"),
+        ),
         *((120.0, "2.00 min"), (10800.0, "3.00 h"), (-0.0038, "-3.8 ms")),
     ],
 )

@@ -52,7 +52,9 @@ def test_declared_encoding(tmp_path):
     file.write_bytes(text.encode("iso-8859-1"))
     for source in (file, text, text.encode("iso-8859-1")):
         assert dd.load_urdf(source).dof_names == ("Schläger",)
-    assert dd.load_urdf(changed("shoulder", "関節 ä'\u200b").encode("utf-16")).dof_names == ("関節 ä'\u200b",)
+    assert dd.load_urdf(changed("shoulder", "関節 ä'\u200b").encode("utf-16")).dof_names == (
+        "関節 ä'\u200b",
+    )
 
 
 def test_no_other_file_is_opened(tmp_path):
@@ -74,7 +76,10 @@ def test_no_other_file_is_opened(tmp_path):
         assert was_opened()  # the watch works
         mesh = f'<geometry><mesh filename="file://{secret}"/></geometry>'
         shapes = f"<visual>{mesh}</visual><collision>{mesh}</collision>"
-        assert dd.load_urdf(changed('<link name="base"/>', f'<link name="base">{shapes}</link>')).nv == 1
+        assert (
+            dd.load_urdf(changed('<link name="base"/>', f'<link name="base">{shapes}</link>')).nv
+            == 1
+        )
         for text in (
             f'<!DOCTYPE robot SYSTEM "file://{secret}">' + ARM,
             f'<!DOCTYPE robot [<!ENTITY x SYSTEM "file://{secret}">]>' + changed("shoulder", "&x;"),
@@ -119,8 +124,14 @@ def test_order_limits_and_defaults():
 
 
 TOLERATED = {
-    "capsule": ("</robot>", '<link name="l"><visual><geometry><capsule/></geometry></visual></link>' + WELD),
-    "lost mesh": ("</link>", '<visual><geometry><mesh filename="package://no/no.stl"/></geometry></visual></link>'),
+    "capsule": (
+        "</robot>",
+        '<link name="l"><visual><geometry><capsule/></geometry></visual></link>' + WELD,
+    ),
+    "lost mesh": (
+        "</link>",
+        '<visual><geometry><mesh filename="package://no/no.stl"/></geometry></visual></link>',
+    ),
     "nameless visual": ("</link>", "<visual/><visual/><collision/></link>"),
     "nameless robot": (' name="arm"', ""),
     "default namespace": ("<robot", '<robot xmlns="http://drake.mit.edu"'),
@@ -128,8 +139,14 @@ TOLERATED = {
     "undeclared prefix": ("</robot>", '<sensor:camera name="c" a:b="1"/>'),
     "undeclared prefix in a link": ("</link>", "<gazebo:thing><x:y/></gazebo:thing></link>"),
     "unknown in inertial": ("</inertial>", "<density value='?'/></inertial>"),
-    "unknown in joint": ("</joint>", '<safety_controller soft="a"/><calibration/><hardwareInterface/></joint>'),
-    "broken extensions": ("</robot>", "<transmission/><gazebo reference='q'><plugin/></gazebo><material/>"),
+    "unknown in joint": (
+        "</joint>",
+        '<safety_controller soft="a"/><calibration/><hardwareInterface/></joint>',
+    ),
+    "broken extensions": (
+        "</robot>",
+        "<transmission/><gazebo reference='q'><plugin/></gazebo><material/>",
+    ),
     "infinite effort": ('effort="100"', 'effort="inf"'),
     "comments": ("</robot>", '<!-- <joint name="no"/> & -->\n<?pi?>'),
 }
@@ -159,13 +176,19 @@ def test_tolerated(case):
 def test_inertia_of_no_rigid_body_warns(inertia, key):
     odd = link("odd", mass=2.0, com=(0.5, 0, 0), inertia=inertia)
     with pytest.warns(dd.InertiaWarning, match="link 'odd' of robot 'r'") as caught:
-        assert dd.load_urdf(description("r", link("a"), odd, joint("j", "revolute", "a", "odd"))).nv == 1
+        assert (
+            dd.load_urdf(description("r", link("a"), odd, joint("j", "revolute", "a", "odd"))).nv
+            == 1
+        )
     assert key in str(caught[0].message)
 
 
 def rounded(inertia, digits):
     """Return ixx ixy ixz iyy iyz izz, rounded to some digits."""
-    return [float(f"{inertia[i, j]:.{digits - 1}e}") for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+    return [
+        float(f"{inertia[i, j]:.{digits - 1}e}")
+        for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    ]
 
 
 def test_rounded_inertias_do_not_warn():
@@ -212,15 +235,39 @@ BROKEN = {
     "undeclared entity": (changed("base", "&base;"), "'base' not defined"),
     "depth bomb": ("<robot>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "Excessive depth"),
     "entity bomb": (BOMB, "DOCTYPE"),
-    "document type": ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"><link name="l"/></robot>', "DOCTYPE"),
-    "entity behind a decoy": ("<!-- <robot -->" + ENTITY + changed(MASS, '<mass value="&m;"/>'), "DOCTYPE"),
-    "content behind a decoy": ("<!-- <robot -->" + ENTITY + changed("</robot>", "&m;</robot>"), "DOCTYPE"),
-    "external entity": ('<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="&a;"/>', "DOCTYPE"),
-    "remote schema": ('<!DOCTYPE robot SYSTEM "http://127.0.0.1:1/robot.dtd"><robot name="r"/>', "DOCTYPE"),
+    "document type": (
+        '<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"><link name="l"/></robot>',
+        "DOCTYPE",
+    ),
+    "entity behind a decoy": (
+        "<!-- <robot -->" + ENTITY + changed(MASS, '<mass value="&m;"/>'),
+        "DOCTYPE",
+    ),
+    "content behind a decoy": (
+        "<!-- <robot -->" + ENTITY + changed("</robot>", "&m;</robot>"),
+        "DOCTYPE",
+    ),
+    "external entity": (
+        '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="&a;"/>',
+        "DOCTYPE",
+    ),
+    "remote schema": (
+        '<!DOCTYPE robot SYSTEM "http://127.0.0.1:1/robot.dtd"><robot name="r"/>',
+        "DOCTYPE",
+    ),
     # xacro
-    "xacro": ('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="m"/></robot>', "<xacro:macro>"),
-    "xacro, undeclared": ('<robot name="r"><xacro:include filename="x"/><link name="l"/></robot>', "<xacro:include>"),
-    "xacro in a name": (changed('"upper"', '"${side}_upper"'), "<link> in line 1 is '${side}_upper'"),
+    "xacro": (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="m"/></robot>',
+        "<xacro:macro>",
+    ),
+    "xacro, undeclared": (
+        '<robot name="r"><xacro:include filename="x"/><link name="l"/></robot>',
+        "<xacro:include>",
+    ),
+    "xacro in a name": (
+        changed('"upper"', '"${side}_upper"'),
+        "<link> in line 1 is '${side}_upper'",
+    ),
     "xacro in a type": (arm(kind="$(arg kind)"), "joint 'shoulder': type is '$(arg kind)'"),
     "xacro property": (changed(MASS, '<mass value="${m}"/>'), "link 'upper': <mass value='${m}'>"),
     # tree
@@ -228,14 +275,27 @@ BROKEN = {
     "no links": ('<robot name="r"/>', "no <link>"),
     "nameless link": (arm("\n<link/>"), "<link> in line 2 has no name"),
     "same link twice": (arm(link("upper")), "<link> have the name 'upper'"),
-    "same joint twice": (arm(link("l"), joint("shoulder", "fixed", "upper", "l")), "<joint> have the name 'shoulder'"),
+    "same joint twice": (
+        arm(link("l"), joint("shoulder", "fixed", "upper", "l")),
+        "<joint> have the name 'shoulder'",
+    ),
     "positions of one name": (description("r", *TWINS), "'slide/x'"),
     "unknown type": (arm(kind="spherical"), "joint 'shoulder': unknown type 'spherical'"),
-    "unknown parent": (arm(link("l"), joint("e", "fixed", "lower", "l")), "joint 'e': parent link 'lower'"),
-    "no child": (arm('<joint name="j" type="fixed"><parent link="base"/></joint>'), "joint 'j': child link None"),
+    "unknown parent": (
+        arm(link("l"), joint("e", "fixed", "lower", "l")),
+        "joint 'e': parent link 'lower'",
+    ),
+    "no child": (
+        arm('<joint name="j" type="fixed"><parent link="base"/></joint>'),
+        "joint 'j': child link None",
+    ),
     "two roots": (arm(link("alone")), "2 root links ('base', 'alone')"),
     "loop": (
-        arm(link("l", **BOX), joint("e", "revolute", "upper", "l"), joint("back", "revolute", "base", "l")),
+        arm(
+            link("l", **BOX),
+            joint("e", "revolute", "upper", "l"),
+            joint("back", "revolute", "base", "l"),
+        ),
         "two joints, 'e' and 'back'",
     ),
     "ring": (description("r", *RING), "'a' is part of a loop"),
@@ -247,12 +307,21 @@ BROKEN = {
     "nan mass": (changed(MASS, '<mass value="nan"/>'), "link 'upper': <mass value='nan'>"),
     "other digits": (changed(MASS, '<mass value="٢"/>'), "link 'upper': <mass value='٢'>"),
     "long number": (changed(MASS, f'<mass value="{"9x" * 2000}"/>'), "(4002 characters)"),
-    "huge number": (changed(COM, 'xyz="0.1 0.2 1e200"'), "<origin xyz='0.1 0.2 1e200'> is beyond 1e+30"),
+    "huge number": (
+        changed(COM, 'xyz="0.1 0.2 1e200"'),
+        "<origin xyz='0.1 0.2 1e200'> is beyond 1e+30",
+    ),
     "two coordinates": (changed(COM, 'xyz="0.1 0.2"'), "<origin xyz='0.1 0.2'> is not 3"),
-    "zero axis": (changed('<axis xyz="0.0 0.0 1.0"/>', '<axis xyz="0 0 0"/>'), "joint 'shoulder': axis"),
+    "zero axis": (
+        changed('<axis xyz="0.0 0.0 1.0"/>', '<axis xyz="0 0 0"/>'),
+        "joint 'shoulder': axis",
+    ),
     "words for limits": (changed(LOWER, 'lower="low"'), "joint 'shoulder': <limit lower='low'>"),
     "crossed limits": (changed(LOWER, 'lower="11"'), "joint 'shoulder': lower limit 11.0"),
-    "negative damping": (changed("</joint>", '<dynamics damping="-1"/></joint>'), "joint 'shoulder': damping -1.0"),
+    "negative damping": (
+        changed("</joint>", '<dynamics damping="-1"/></joint>'),
+        "joint 'shoulder': damping -1.0",
+    ),
 }
 
 
@@ -305,7 +374,9 @@ def grown(count, parent=lambda k: k - 1, source=lambda k: None, kind="revolute")
     for k in range(count):
         element = joint(f"j{k}", kind, f"l{parent(k)}", f"l{k}")
         if source(k) is not None:
-            element = changed("</joint>", f'<mimic joint="j{source(k)}" multiplier="-1"/></joint>', element)
+            element = changed(
+                "</joint>", f'<mimic joint="j{source(k)}" multiplier="-1"/></joint>', element
+            )
         parts += [link(f"l{k}", 1.0, (0.1, 0.2, 0.3), (0.1, 0, 0, 0.1, 0, 0.1)), element]
     return description("grown", *parts)
 
@@ -366,14 +437,18 @@ def test_large_groups_are_rejected_before_their_evaluation(shape, forbid):
     """An evaluation takes time as the cube of a group's size."""
     forbid(loader, "massless_freedoms")
     for bound, options in ((MAX_COUPLED, {}), (10, {"max_coupled": 10})):
-        with pytest.raises(dd.MimicJointError, match=rf"of {bound + 1} bodies.*no more than {bound} .*max_coupled"):
+        with pytest.raises(
+            dd.MimicJointError, match=rf"of {bound + 1} bodies.*no more than {bound} .*max_coupled"
+        ):
             dd.load_urdf(grown(bound + 1, **SHAPES[shape]), **options)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "fixed"])
 def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
     forbid(urdf, "_add_links")
-    with pytest.raises(dd.UrdfError, match=rf"{MAX_JOINTS + 1} joints .*no more than {MAX_JOINTS} .*max_joints"):
+    with pytest.raises(
+        dd.UrdfError, match=rf"{MAX_JOINTS + 1} joints .*no more than {MAX_JOINTS} .*max_joints"
+    ):
         dd.load_urdf(grown(MAX_JOINTS + 1, kind=kind))
     with pytest.raises(dd.UrdfError, match=r"0 joints and 5 links, and no more than 3 joints"):
         dd.load_urdf(description("scattered", *map(link, "abcde")), max_joints=3)
@@ -381,7 +456,10 @@ def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
 
 def test_bounds_are_options():
     """A model that is made of another one keeps its bounds."""
-    assert dd.load_urdf(grown(MAX_COUPLED + 20, **CHAIN_OF_SOURCES), max_coupled=MAX_COUPLED + 20).nv == 1
+    assert (
+        dd.load_urdf(grown(MAX_COUPLED + 20, **CHAIN_OF_SOURCES), max_coupled=MAX_COUPLED + 20).nv
+        == 1
+    )
     assert dd.load_urdf(grown(5), max_joints=5).nv == 5
     model = dd.load_urdf(grown(6, **PAIRS), max_coupled=2).with_locked_joints({"j0": 0.1})
     assert model.nv == 2 and model._options.max_coupled == 2
@@ -395,14 +473,20 @@ def test_yourdfpy_is_imported_when_a_urdf_is_read():
         "import sys, diag_dynamics as dd, diag_dynamics.model, diag_dynamics.dynamics, diag_dynamics.cli.main;"
         "print('yourdfpy' in sys.modules); dd.load_urdf(sys.argv[1]); print('yourdfpy' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", script, ARM], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script, ARM], capture_output=True, text=True, check=True
+    )
     assert done.stdout.split() == ["False", "True"]
 
 
 def test_broken_yourdfpy_is_named(tmp_path, monkeypatch):
     """Its libraries may not fit the NumPy."""
-    (tmp_path / "yourdfpy.py").write_text("raise AttributeError('module numpy has no attribute in1d')")
+    (tmp_path / "yourdfpy.py").write_text(
+        "raise AttributeError('module numpy has no attribute in1d')"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "yourdfpy", raising=False)
-    with pytest.raises(dd.UrdfError, match=r"yourdfpy cannot be imported.*in1d.*pip install yourdfpy"):
+    with pytest.raises(
+        dd.UrdfError, match=r"yourdfpy cannot be imported.*in1d.*pip install yourdfpy"
+    ):
         dd.load_urdf(ARM)

@@ -67,7 +67,9 @@ def test_quaternions_turn_origins(length):
     for source in (quaternion, RPY):
         geometry = dd.link_geometry(model, with_origins(source), geometry="primitives")
         (point,) = [point for point in geometry.points if point.link == "upper"]
-        corners = 0.5 * np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)])
+        corners = 0.5 * np.array(
+            [[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)]
+        )
         corners = corners @ pin.rpy.rpyToMatrix(*TURN).T + [0.1, 0.2, 0.3]
         found = np.asarray(point.points)
         assert all(np.linalg.norm(found - corner, axis=1).min() < 1e-12 for corner in corners)
@@ -78,21 +80,34 @@ def test_quaternions_turn_origins(length):
 AXIS = '<axis xyz="0.0 0.0 1.0"/>'
 LIMIT = '<limit lower="-10" upper="10" effort="100" velocity="100"/>'
 JOINT_ORIGIN = '<origin xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"/>'
-FOLLOWER = (
-    '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="shoulder"{}/></joint>'
-)
+FOLLOWER = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="shoulder"{}/></joint>'
 
 MISTAKES = {
     # the text, and what the warning names
-    "attribute of the robot": (changed("<robot", '<robot frame="z-up"'), "<robot> has the unknown attribute 'frame'"),
-    "attribute of a link": (changed('name="upper"', 'name="upper" mass="2"'), "link 'upper': <link> has the unknown "),
-    "attribute of <inertial>": (changed("<inertial>", '<inertial xyz="1 0 0">'), "<inertial> has the unknown"),
-    "attribute of a mass": (changed('<mass value="2.0"', '<mass value="2.0" unit="g"'), "attribute 'unit'"),
+    "attribute of the robot": (
+        changed("<robot", '<robot frame="z-up"'),
+        "<robot> has the unknown attribute 'frame'",
+    ),
+    "attribute of a link": (
+        changed('name="upper"', 'name="upper" mass="2"'),
+        "link 'upper': <link> has the unknown ",
+    ),
+    "attribute of <inertial>": (
+        changed("<inertial>", '<inertial xyz="1 0 0">'),
+        "<inertial> has the unknown",
+    ),
+    "attribute of a mass": (
+        changed('<mass value="2.0"', '<mass value="2.0" unit="g"'),
+        "attribute 'unit'",
+    ),
     "attribute of an inertia": (
         changed('ixy="0.0"', 'ixy="0.0" unit="g"'),
         "<inertia> has the unknown attribute 'unit'",
     ),
-    "rotation of an inertial": (changed(COM, f'{COM} quat="0 0 1 0"'), "<origin> has the unknown attribute 'quat'"),
+    "rotation of an inertial": (
+        changed(COM, f'{COM} quat="0 0 1 0"'),
+        "<origin> has the unknown attribute 'quat'",
+    ),
     "rotation of a joint": (
         changed(JOINT_ORIGIN, '<origin rotation="0 0 1"/>'),
         "'shoulder': <origin> has the unknown",
@@ -105,29 +120,59 @@ MISTAKES = {
         changed('<parent link="base"', '<parent xyz="0 0 1" link="base"'),
         "<parent> has the unknown",
     ),
-    "offset of a child": (changed('<child link="upper"', '<child xyz="0 0 1" link="upper"'), "<child> has the unknown"),
+    "offset of a child": (
+        changed('<child link="upper"', '<child xyz="0 0 1" link="upper"'),
+        "<child> has the unknown",
+    ),
     "empty axis": (changed(AXIS, "<axis/>"), "joint 'shoulder': <axis> has no xyz"),
-    "axis with angles": (changed(AXIS, '<axis xyz="0 0 1" rpy="0 1 0"/>'), "<axis> has the unknown attribute 'rpy'"),
-    "attribute of a limit": (changed("<limit", '<limit max="3"'), "<limit> has the unknown attribute 'max'"),
+    "axis with angles": (
+        changed(AXIS, '<axis xyz="0 0 1" rpy="0 1 0"/>'),
+        "<axis> has the unknown attribute 'rpy'",
+    ),
+    "attribute of a limit": (
+        changed("<limit", '<limit max="3"'),
+        "<limit> has the unknown attribute 'max'",
+    ),
     "armature": (
         changed("</joint>", '<dynamics armature="1"/></joint>'),
         "<dynamics> has the unknown attribute 'armature'",
     ),
-    "attribute of <mimic>": (arm(link("l", **BOX), FOLLOWER.format(' ratio="2"')), "<mimic> has the unknown attribute"),
+    "attribute of <mimic>": (
+        arm(link("l", **BOX), FOLLOWER.format(' ratio="2"')),
+        "<mimic> has the unknown attribute",
+    ),
     "degrees of a joint": (
         changed(JOINT_ORIGIN, '<origin rpy="90 0 0"/>'),
         "joint 'shoulder' (90 rad): <origin rpy> is beyond",
     ),
-    "degrees of an inertial": (changed('rpy="0.0 0.0 0.0"/><mass', 'rpy="0 0 -90"/><mass'), "link 'upper' (-90 rad)"),
-    "degrees of a mimic joint": (arm(link("l", **BOX), FOLLOWER.format(' offset="45"')), "joint 'follower' (45 rad)"),
-    "misspelt element": (changed(AXIS, '<Axis xyz="1 0 0"/>'), "joint 'shoulder': <Axis> within <joint> is ignored"),
-    "element in the plural": (changed("<limit ", "<limits "), "joint 'shoulder': <limits> within <joint> is ignored"),
-    "element of another format": (changed(AXIS, '<axes xyz="1 0 0"/>'), "'shoulder': <axes> within <joint> is ignored"),
+    "degrees of an inertial": (
+        changed('rpy="0.0 0.0 0.0"/><mass', 'rpy="0 0 -90"/><mass'),
+        "link 'upper' (-90 rad)",
+    ),
+    "degrees of a mimic joint": (
+        arm(link("l", **BOX), FOLLOWER.format(' offset="45"')),
+        "joint 'follower' (45 rad)",
+    ),
+    "misspelt element": (
+        changed(AXIS, '<Axis xyz="1 0 0"/>'),
+        "joint 'shoulder': <Axis> within <joint> is ignored",
+    ),
+    "element in the plural": (
+        changed("<limit ", "<limits "),
+        "joint 'shoulder': <limits> within <joint> is ignored",
+    ),
+    "element of another format": (
+        changed(AXIS, '<axes xyz="1 0 0"/>'),
+        "'shoulder': <axes> within <joint> is ignored",
+    ),
     "pose of a joint": (
         changed(AXIS, f"{AXIS}<pose>0 0 1</pose>"),
         "joint 'shoulder': <pose> within <joint>",
     ),
-    "pose of an inertial": (changed("<inertial>", "<inertial><pose>1 0 0</pose>"), "'upper': <pose> within <inertial>"),
+    "pose of an inertial": (
+        changed("<inertial>", "<inertial><pose>1 0 0</pose>"),
+        "'upper': <pose> within <inertial>",
+    ),
     "elements of an origin": (
         changed(JOINT_ORIGIN, "<origin><xyz>0 0 1</xyz></origin>"),
         "joint 'shoulder': <xyz> within <origin> is ignored",
@@ -137,7 +182,10 @@ MISTAKES = {
         "link 'upper': <mass> within <link> is ignored",
     ),
     "joint of a simulator": (
-        changed("</robot>", '<gazebo><joint name="g" type="ball"><child>base</child></joint></gazebo></robot>'),
+        changed(
+            "</robot>",
+            '<gazebo><joint name="g" type="ball"><child>base</child></joint></gazebo></robot>',
+        ),
         "joint 'g': <joint> of <gazebo> is ignored",
     ),
 }
@@ -145,7 +193,9 @@ MISTAKES = {
 NO_MISTAKES = {
     "version": changed("<robot", '<robot version="1.1"'),
     "limits of 1.2": changed("<limit", '<limit acceleration="1" deceleration="2" jerk="3"'),
-    "namespaces": changed("<robot", '<robot xmlns:x="urn:x" x:a="1" xmlns="urn:d"').replace("<limit", '<limit x:b="1"'),
+    "namespaces": changed("<robot", '<robot xmlns:x="urn:x" x:a="1" xmlns="urn:d"').replace(
+        "<limit", '<limit x:b="1"'
+    ),
     "undeclared prefix": changed("<limit", '<limit drake:acceleration="1"'),
     "a full turn": changed(JOINT_ORIGIN, '<origin rpy="6.2832 -6.283186 3.15"/>'),
     "transposed products": changed('ixy="0.0"', 'ixy="0.0" iyx="0.0"'),
@@ -153,7 +203,10 @@ NO_MISTAKES = {
         '<axis rpy="1 0 0"/>', "<axis/>"
     ),
     "type of a link": changed('<link name="base"', '<link type="laser" name="base"'),
-    "Franka": changed("</joint>", '<dynamics D="1" K="7000" damping="0.003" mu_coulomb="0" mu_viscous="16"/></joint>'),
+    "Franka": changed(
+        "</joint>",
+        '<dynamics D="1" K="7000" damping="0.003" mu_coulomb="0" mu_viscous="16"/></joint>',
+    ),
     "ANYmal": changed("<limit", '<limit command_effort="80" current="10" gear_velocity="10"'),
     "Unitree": changed('type="revolute"', 'type="revolute" dont_collapse="true"'),
 }
@@ -166,8 +219,12 @@ def test_mistakes_are_named(case):
     with pytest.warns(dd.ModelWarning) as caught:
         assert dd.load_urdf(text).nv == 1
     assert len(caught) == 1 and named in str(caught[0].message)
-    findings = [finding for finding in inspect_robot(text).findings if finding.check == "attributes"]
-    assert findings and all(finding.severity == "warning" and finding.remedy for finding in findings)
+    findings = [
+        finding for finding in inspect_robot(text).findings if finding.check == "attributes"
+    ]
+    assert findings and all(
+        finding.severity == "warning" and finding.remedy for finding in findings
+    )
 
 
 @pytest.mark.parametrize("case", NO_MISTAKES)
@@ -179,7 +236,10 @@ def test_no_mistakes_are_named(case):
 
 def test_many_mistakes_are_one_short_warning():
     links = [link(f"l{k}") for k in range(100)]
-    joints = [joint(f"j{k}", "fixed", "upper", f"l{k}").replace("<axis", f'<axis a{k // 4}="1"') for k in range(100)]
+    joints = [
+        joint(f"j{k}", "fixed", "upper", f"l{k}").replace("<axis", f'<axis a{k // 4}="1"')
+        for k in range(100)
+    ]
     with pytest.warns(dd.ModelWarning) as caught:
         dd.load_urdf(arm(*links, *joints))
     text = str(caught[0].message)
@@ -200,7 +260,9 @@ def test_public_robots_have_no_mistakes(robot):
 # --- Rotor inertias of transmissions
 
 SIMPLE = "<type>transmission_interface/SimpleTransmission</type>"
-TWO = arm(link("l", **BOX), joint("elbow", "revolute", "upper", "l", xyz=(0.3, 0.0, 0.1), axis=(0, 1, 0)))
+TWO = arm(
+    link("l", **BOX), joint("elbow", "revolute", "upper", "l", xyz=(0.3, 0.0, 0.1), axis=(0, 1, 0))
+)
 
 
 def motor(content, name="m", joint="shoulder", transmission="t", more=""):
@@ -219,13 +281,18 @@ ROTORS = {
     # more elements, and N²J of shoulder and elbow
     "Drake": (motor(ROTOR + GEAR), (2.0, 0.0)),
     "Drake, prefix declared": (
-        motor('<d:rotor_inertia xmlns:d="urn:d" value="2e-4"/><d:gear_ratio xmlns:d="urn:d" value="100"/>'),
+        motor(
+            '<d:rotor_inertia xmlns:d="urn:d" value="2e-4"/><d:gear_ratio xmlns:d="urn:d" value="100"/>'
+        ),
         (2.0, 0.0),
     ),
     "without a reduction": (motor(ROTOR), (2e-4, 0.0)),
     "without a rotor": (motor(GEAR + REDUCTION), (0.0, 0.0)),
     "rotor of zero": (motor('<rotorInertia value="0"/>' + GEAR), (0.0, 0.0)),
-    "ROS 1": (motor("<rotorInertia>2e-4</rotorInertia><mechanicalReduction>-100</mechanicalReduction>"), (2.0, 0.0)),
+    "ROS 1": (
+        motor("<rotorInertia>2e-4</rotorInertia><mechanicalReduction>-100</mechanicalReduction>"),
+        (2.0, 0.0),
+    ),
     "reduction of the transmission": (motor(ROTOR, more=REDUCTION), (2.0, 0.0)),
     "motor inertia": (motor("<motorInertia>2e-4</motorInertia>" + REDUCTION), (2.0, 0.0)),
     "ROS 2": (
@@ -237,7 +304,10 @@ ROTORS = {
         motor('<param name="rotor_inertia">2e-4</param><param name="gear_ratio">100</param>'),
         (2.0, 0.0),
     ),
-    "default reduction of ROS": (motor(f"{ROTOR}{GEAR}<mechanicalReduction>1</mechanicalReduction>"), (2.0, 0.0)),
+    "default reduction of ROS": (
+        motor(f"{ROTOR}{GEAR}<mechanicalReduction>1</mechanicalReduction>"),
+        (2.0, 0.0),
+    ),
     "reduction twice": (motor(ROTOR + GEAR + REDUCTION), (2.0, 0.0)),
     "without an actuator": (
         f'<transmission name="t"><joint name="elbow"/>{REDUCTION}<rotor_inertia>2e-4</rotor_inertia></transmission>',
@@ -248,7 +318,10 @@ ROTORS = {
         motor(ROTOR + GEAR, more=f'<actuator name="m2">{ROTOR}</actuator>'),
         (2.0002, 0.0),
     ),
-    "one motor in two transmissions": (motor(ROTOR + GEAR) + motor(ROTOR + REDUCTION, transmission="t2"), (2.0, 0.0)),
+    "one motor in two transmissions": (
+        motor(ROTOR + GEAR) + motor(ROTOR + REDUCTION, transmission="t2"),
+        (2.0, 0.0),
+    ),
     "motors of both joints": (motor(ROTOR + GEAR) + motor(ROTOR, "m2", "elbow", "t2"), (2.0, 2e-4)),
 }
 
@@ -268,8 +341,15 @@ def test_rotor_inertias_of_transmissions(case):
     np.testing.assert_allclose(dd.DiagonalDynamics(model).mass_matrix(q), M, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(model.armature, armature, rtol=1e-12)
     report = inspect_robot(text)
-    told = {name: value for f in report.findings if f.check == "transmissions" for name, value in f.values.items()}
-    expected = {name: value for name, value in zip(("shoulder", "elbow"), armature, strict=True) if value}
+    told = {
+        name: value
+        for f in report.findings
+        if f.check == "transmissions"
+        for name, value in f.values.items()
+    }
+    expected = {
+        name: value for name, value in zip(("shoulder", "elbow"), armature, strict=True) if value
+    }
     assert {name: value for name, value in told.items() if value} == pytest.approx(expected)
     assert report.checks["transmissions"] == ("note" if told else "ok")
 
@@ -277,12 +357,19 @@ def test_rotor_inertias_of_transmissions(case):
 def test_rotor_inertia_of_a_mimic_joint():
     """A follower's rotor turns with its source: multiplier² N²J."""
     follower = (
-        FOLLOWER.replace("shoulder", "elbow").replace("follower", "tip").replace('"l"', '"t"').replace("upper", "l")
+        FOLLOWER.replace("shoulder", "elbow")
+        .replace("follower", "tip")
+        .replace('"l"', '"t"')
+        .replace("upper", "l")
     )
     text = with_more(link("t", **BOX) + follower.format(' multiplier="-2"'), TWO)
-    bare, geared = (dd.load_urdf(one) for one in (text, with_more(motor(ROTOR + GEAR, joint="tip"), text)))
+    bare, geared = (
+        dd.load_urdf(one) for one in (text, with_more(motor(ROTOR + GEAR, joint="tip"), text))
+    )
     np.testing.assert_allclose(geared.armature - bare.armature, [0.0, 8.0], rtol=1e-12)
-    difference = dd.DiagonalDynamics(geared).mass_matrix([0.1, 0.2]) - dd.DiagonalDynamics(bare).mass_matrix([0.1, 0.2])
+    difference = dd.DiagonalDynamics(geared).mass_matrix([0.1, 0.2]) - dd.DiagonalDynamics(
+        bare
+    ).mass_matrix([0.1, 0.2])
     np.testing.assert_allclose(difference, np.diag([0.0, 8.0]), atol=1e-12)
 
 
@@ -292,9 +379,13 @@ def test_precedence_of_armature():
     parameters = {"joints": {"shoulder": {"armature": 0.5}}}
     assert dd.load_urdf(text, parameters=parameters).armature == pytest.approx([0.5, 2e-4])
     assert dd.load_urdf(text).with_parameters(parameters).armature == pytest.approx([0.5, 2e-4])
-    assert dd.load_urdf(text, parameters=parameters, armature={"shoulder": 0.7}).armature == pytest.approx([0.7, 2e-4])
+    assert dd.load_urdf(
+        text, parameters=parameters, armature={"shoulder": 0.7}
+    ).armature == pytest.approx([0.7, 2e-4])
     assert dd.load_urdf(text, armature=0.0).armature == pytest.approx([0.0, 0.0])
-    assert dd.load_urdf(text).with_locked_joints({"shoulder": 0.1}).armature == pytest.approx([2e-4])
+    assert dd.load_urdf(text).with_locked_joints({"shoulder": 0.1}).armature == pytest.approx(
+        [2e-4]
+    )
     assert pickle.loads(pickle.dumps(dd.load_urdf(text))).armature == pytest.approx([2.0, 2e-4])
 
 
@@ -303,7 +394,8 @@ LEFT_OUT = {
     "a fixed joint": motor(ROTOR, joint="weld"),
     "no joint": f'<transmission name="t"><actuator name="m">{ROTOR}</actuator></transmission>',
     "two joints with reductions": motor(
-        ROTOR + REDUCTION, more='<joint name="elbow"><mechanicalReduction>10</mechanicalReduction></joint>'
+        ROTOR + REDUCTION,
+        more='<joint name="elbow"><mechanicalReduction>10</mechanicalReduction></joint>',
     ),
     "two actuators": (
         '<transmission name="t"><joint name="shoulder"/><rotorInertia>1e-3</rotorInertia>'
@@ -328,9 +420,18 @@ REJECTED = {
         with_more(motor('<drake:rotor_inertia value="-1e-4"/>')),
         "transmission 't': <rotor_inertia> is '-1e-4'; expected a finite number >= 0 [kg m²]",
     ),
-    "rotor inertia of nan": (with_more(motor("<rotorInertia>nan</rotorInertia>")), "<rotorInertia> is 'nan'; expected"),
-    "rotor inertia in words": (with_more(motor('<rotorInertia value="${J}"/>')), "<rotorInertia> is '${J}'; expected"),
-    "rotor inertia of nothing": (with_more(motor("<rotorInertia/>")), "<rotorInertia> is ''; expected"),
+    "rotor inertia of nan": (
+        with_more(motor("<rotorInertia>nan</rotorInertia>")),
+        "<rotorInertia> is 'nan'; expected",
+    ),
+    "rotor inertia in words": (
+        with_more(motor('<rotorInertia value="${J}"/>')),
+        "<rotorInertia> is '${J}'; expected",
+    ),
+    "rotor inertia of nothing": (
+        with_more(motor("<rotorInertia/>")),
+        "<rotorInertia> is ''; expected",
+    ),
     "reduction of zero": (
         with_more(motor(f"{ROTOR}<mechanicalReduction>0</mechanicalReduction>")),
         "<mechanicalReduction> is '0'; expected a finite number other than 0",
@@ -359,18 +460,32 @@ REJECTED = {
         with_more(motor('<rotorInertia value="1e20"/>')),
         "joint 'shoulder': reflected rotor inertia 1e+20 is beyond 1e+09",
     ),
-    "rpy and quaternion": (with_origins(f'{RPY} quat_xyzw="0 0 0 1"'), "<origin> has rpy and quat_xyzw"),
+    "rpy and quaternion": (
+        with_origins(f'{RPY} quat_xyzw="0 0 0 1"'),
+        "<origin> has rpy and quat_xyzw",
+    ),
     "rpy and quaternion of a joint": (
         changed('<origin xyz="0.0 0.0 0.0"', '<origin quat_xyzw="0 0 0 1"'),
         "joint 'shoulder': <origin> has rpy and quat_xyzw",
     ),
     "rpy and quaternion of geometry": (
-        changed("<inertial>", '<visual><origin rpy="0 0 0" quat_xyzw="0 0 0 1"/></visual><inertial>'),
+        changed(
+            "<inertial>", '<visual><origin rpy="0 0 0" quat_xyzw="0 0 0 1"/></visual><inertial>'
+        ),
         "link 'upper': <origin> has rpy and quat_xyzw",
     ),
-    "zero quaternion": (with_origins('quat_xyzw="0 0 0 0"'), "'upper': <origin quat_xyzw='0 0 0 0'> is no rotation"),
-    "nan in a quaternion": (with_origins('quat_xyzw="0 0 nan 1"'), "<origin quat_xyzw='0 0 nan 1'> is not 4 finite"),
-    "short quaternion": (with_origins('quat_xyzw="0 0 1"'), "<origin quat_xyzw='0 0 1'> is not 4 finite numbers"),
+    "zero quaternion": (
+        with_origins('quat_xyzw="0 0 0 0"'),
+        "'upper': <origin quat_xyzw='0 0 0 0'> is no rotation",
+    ),
+    "nan in a quaternion": (
+        with_origins('quat_xyzw="0 0 nan 1"'),
+        "<origin quat_xyzw='0 0 nan 1'> is not 4 finite",
+    ),
+    "short quaternion": (
+        with_origins('quat_xyzw="0 0 1"'),
+        "<origin quat_xyzw='0 0 1'> is not 4 finite numbers",
+    ),
     "two parents": (
         changed('<parent link="base"/>', '<parent link="base"/><parent link="upper"/>'),
         "joint 'shoulder' has 2 <parent> elements; expected one",
@@ -380,12 +495,24 @@ REJECTED = {
         "joint 'shoulder' has 2 <child> elements",
     ),
     "loop of Isaac Sim": (
-        changed("</robot>", '<loop_joint name="l" type="spherical"><link1 link="base"/></loop_joint></robot>'),
+        changed(
+            "</robot>",
+            '<loop_joint name="l" type="spherical"><link1 link="base"/></loop_joint></robot>',
+        ),
         "<loop_joint name='l'> is not supported",
     ),
-    "loop of URDF+": (changed("</robot>", '<loop name="l"/></robot>'), "<loop name='l'> is not supported"),
-    "coupling of URDF+": (changed("</robot>", '<coupling name="c"/></robot>'), "<coupling name='c'>"),
-    "loop in other letters": (changed("</robot>", "<LoopJoint/></robot>"), "<LoopJoint> is not supported"),
+    "loop of URDF+": (
+        changed("</robot>", '<loop name="l"/></robot>'),
+        "<loop name='l'> is not supported",
+    ),
+    "coupling of URDF+": (
+        changed("</robot>", '<coupling name="c"/></robot>'),
+        "<coupling name='c'>",
+    ),
+    "loop in other letters": (
+        changed("</robot>", "<LoopJoint/></robot>"),
+        "<LoopJoint> is not supported",
+    ),
     "gear": (changed("</robot>", "<gear_joint/></robot>"), "<gear_joint> is not supported"),
     "loop of Gazebo": (
         changed("</robot>", '<gazebo><loop_joint name="l"/></gazebo></robot>'),
@@ -409,4 +536,6 @@ def test_rejected_contents(case):
     with pytest.raises(dd.UrdfError) as caught:
         dd.load_urdf(text)
     assert named in str(caught.value)
-    assert named in "".join(finding.what for finding in inspect_robot(text).findings if finding.severity == "error")
+    assert named in "".join(
+        finding.what for finding in inspect_robot(text).findings if finding.severity == "error"
+    )

@@ -17,7 +17,9 @@ from diag_dynamics.model import sources
 from robots import description, joint, link
 
 BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
-ARM = description("arm", link("base"), link("upper", **BOX), joint("shoulder", "revolute", "base", "upper"))
+ARM = description(
+    "arm", link("base"), link("upper", **BOX), joint("shoulder", "revolute", "base", "upper")
+)
 XACRO = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 
 
@@ -72,12 +74,16 @@ ENCODED = {
     "KOI8": declaring("koi8-r", with_comment("рука")).encode("koi8-r"),
     "UTF-8 with a mark": b"\xef\xbb\xbf" + declaring("gb2312", with_comment(CHINESE)).encode(),
     "UTF-16": declaring("utf-16", with_comment(CHINESE)).encode("utf-16"),
-    "UTF-16, big end first": ("\ufeff" + declaring("utf-16", with_comment(CHINESE))).encode("utf-16-be"),
+    "UTF-16, big end first": ("\ufeff" + declaring("utf-16", with_comment(CHINESE))).encode(
+        "utf-16-be"
+    ),
     "unknown encoding": declaring("x-editor", with_comment(" ä ")).encode(),
     "no extension of ASCII": declaring("punycode", with_comment(" ä ")).encode(),
     "names of domains": declaring("idna", with_comment(" ä ")).encode(),
     "EBCDIC": declaring("cp037", with_comment(" ä ")).encode(),
-    "damaged UTF-8": with_comment(CHINESE).encode()[:40] + b"\xff\xfe" + with_comment(CHINESE).encode()[40:],
+    "damaged UTF-8": with_comment(CHINESE).encode()[:40]
+    + b"\xff\xfe"
+    + with_comment(CHINESE).encode()[40:],
     "zero at the end": ARM.encode() + b"\0",
 }
 
@@ -97,7 +103,12 @@ def test_encodings(case, tmp_path):
 
 def test_names_in_other_encodings():
     """They are those of the encoding; UTF-8 is recognized despite another declaration and damage."""
-    for name, encoding in (("Schläger", "latin-1"), ("关节", "gb2312"), ("関節ソ", "shift_jis"), ("관절", "euc-kr")):
+    for name, encoding in (
+        ("Schläger", "latin-1"),
+        ("关节", "gb2312"),
+        ("関節ソ", "shift_jis"),
+        ("관절", "euc-kr"),
+    ):
         text = ARM.replace("shoulder", name)
         assert_same_model(declaring(encoding, text).encode(encoding), (name,))
         assert_same_model(declaring("iso-8859-1", text).encode(), (name,))
@@ -147,10 +158,15 @@ def test_markup_in_comments_and_text():
     """Neither hides elements nor shows those of a comment."""
     assert_same_model(with_comment(' <link name="no"/> -- <![CDATA[ '))
     assert_same_model(
-        ARM.replace("</robot>", "<gazebo><plugin><![CDATA[ <!-- -- ]]></plugin></gazebo><?pi <!-- ?></robot>")
+        ARM.replace(
+            "</robot>",
+            "<gazebo><plugin><![CDATA[ <!-- -- ]]></plugin></gazebo><?pi <!-- ?></robot>",
+        )
     )
     assert dd.load_urdf(
-        with_comment("-- a --").replace("</robot>", f"{link('l')}{joint('w', 'fixed', 'upper', 'l')}</robot>")
+        with_comment("-- a --").replace(
+            "</robot>", f"{link('l')}{joint('w', 'fixed', 'upper', 'l')}</robot>"
+        )
     )
     for text in ("<!-- -- " + ARM, ARM.replace("</robot>", "<!-- -- </robot>")):
         with pytest.raises(dd.UrdfError, match="not well-formed XML"):
@@ -203,10 +219,14 @@ LEFTOVERS = {
 
 
 @pytest.mark.parametrize("case", LEFTOVERS)
-@pytest.mark.parametrize("namespace", [XACRO, 'xmlns:xacro="http://ros.org/wiki/xacro"', 'xmlns:xacro="urn:x"', ""])
+@pytest.mark.parametrize(
+    "namespace", [XACRO, 'xmlns:xacro="http://ros.org/wiki/xacro"', 'xmlns:xacro="urn:x"', ""]
+)
 def test_leftovers_of_xacro(case, namespace):
     """Definitions that nothing uses say nothing of the robot."""
-    text = ARM.replace("<robot", f"<robot {namespace}").replace("<link", LEFTOVERS[case] + "<link", 1)
+    text = ARM.replace("<robot", f"<robot {namespace}").replace(
+        "<link", LEFTOVERS[case] + "<link", 1
+    )
     assert_same_model(text)
     assert_same_model(text.encode())
 
@@ -240,13 +260,25 @@ def zipped(text):
 
 
 OTHERS = {
-    "Git LFS": (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n", "Git LFS. Run git lfs pull"),
+    "Git LFS": (
+        b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n",
+        "Git LFS. Run git lfs pull",
+    ),
     "HTML 5": (b"<!DOCTYPE html>\n<html><body>404</body></html>", "HTML, a page of the web"),
-    "HTML in small letters": (b"\n<!doctype html><html lang=en><meta charset=utf-8>", "HTML, a page of the web"),
-    "XHTML": (b'<?xml version="1.0"?><html xmlns="http://www.w3.org/1999/xhtml"/>', "HTML, a page of the web"),
+    "HTML in small letters": (
+        b"\n<!doctype html><html lang=en><meta charset=utf-8>",
+        "HTML, a page of the web",
+    ),
+    "XHTML": (
+        b'<?xml version="1.0"?><html xmlns="http://www.w3.org/1999/xhtml"/>',
+        "HTML, a page of the web",
+    ),
     "SDF": (b'<?xml version="1.0"?><sdf version="1.7"><model name="m"/></sdf>', "an SDF of Gazebo"),
     "SRDF": (b'<robot name="x"><group name="arm"><chain/></group></robot>', "an SRDF of MoveIt"),
-    "COLLADA": (b'<?xml version="1.0"?><COLLADA xmlns="urn:c"/>', "root element is <COLLADA>, expected <robot>"),
+    "COLLADA": (
+        b'<?xml version="1.0"?><COLLADA xmlns="urn:c"/>',
+        "root element is <COLLADA>, expected <robot>",
+    ),
     "STL": (b"solid part\n facet normal 0 0 1\n", "begins with 'solid part', expected <robot>"),
     "binary STL": (b"\0" * 80 + struct.pack("<I", 2) + b"\1" * 100, "it is binary"),
     "gzip": (gzip.compress(ARM.encode()), "compressed by gzip. Unpack it"),

@@ -44,8 +44,14 @@ def chromium():
 def still(dynamics):
     """Return the state of page_fixture with the present time."""
     state = page_fixture.Q, page_fixture.QD, page_fixture.EFFORT
-    observed = {"residual": np.zeros((1, 2)), "external_torque": np.zeros((1, 2)), "norm": np.zeros(1)}
-    return Received(States.of(time.time(), *state, dynamics.evaluate(*state), **observed), time.monotonic())
+    observed = {
+        "residual": np.zeros((1, 2)),
+        "external_torque": np.zeros((1, 2)),
+        "norm": np.zeros(1),
+    }
+    return Received(
+        States.of(time.time(), *state, dynamics.evaluate(*state), **observed), time.monotonic()
+    )
 
 
 @pytest.fixture
@@ -97,7 +103,9 @@ class Robot(MovingRobot):
         if received is None or not self.doubtful.is_set():
             return received
         unknown = {"residual": np.nan, "external_torque": np.nan, "norm": np.array([np.nan])}
-        return received._replace(states=received.states._replace(velocity_estimated=True, **unknown))
+        return received._replace(
+            states=received.states._replace(velocity_estimated=True, **unknown)
+        )
 
 
 def shown(urdf, name):
@@ -111,19 +119,29 @@ def shown(urdf, name):
 
 
 def status(level, name, message):
-    return {"level": level, "name": f"/arm/diag_dynamics: {name}", "message": message, "values": {"gaps": 1}}
+    return {
+        "level": level,
+        "name": f"/arm/diag_dynamics: {name}",
+        "message": message,
+        "values": {"gaps": 1},
+    }
 
 
 def chain(names, shape='<visual><geometry><sphere radius="0.03"/></geometry></visual>', limit=0.2):
     """Return a URDF of links in a row with these joints."""
     inertia = (0.3, (0.0, 0.0, 0.05), (1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3))
-    links = [link(f"link{k}", *inertia).replace("</link>", f"{shape}</link>") for k in range(len(names) + 1)]
+    links = [
+        link(f"link{k}", *inertia).replace("</link>", f"{shape}</link>")
+        for k in range(len(names) + 1)
+    ]
     joints = [
         joint(name, "revolute", f"link{k}", f"link{k + 1}", (k % 2, 1 - k % 2, 0), (0, 0, 0.1))
         for k, name in enumerate(names)
     ]
     text = description("chain", *links, *joints)
-    return text.replace('lower="-10"', f'lower="-{limit}"').replace('upper="10"', f'upper="{limit}"')
+    return text.replace('lower="-10"', f'lower="-{limit}"').replace(
+        'upper="10"', f'upper="{limit}"'
+    )
 
 
 def read_number(text):
@@ -164,7 +182,9 @@ def live(opened):
     for key in ("Escape", "l", "1"):
         opened.page.keyboard.press(key)
     opened.page.mouse.move(5, 5)
-    opened.until("diag.state.word === 'Live' && !diag.state.paused && diag.state.namespace === '/arm'")
+    opened.until(
+        "diag.state.word === 'Live' && !diag.state.paused && diag.state.namespace === '/arm'"
+    )
     return opened
 
 
@@ -186,7 +206,14 @@ def test_numbers_are_those_of_the_state(live, panda):
     names, dyn = robot.model.dof_names, dd.DiagonalDynamics(robot.model)
     values, (q, qd, tau, external), s = paused(live, robot)
     expected = {
-        **{"q": q, "qd": qd, "effort": tau, "nu": s.nu, "coriolis": s.coriolis, "gravity": s.gravity},
+        **{
+            "q": q,
+            "qd": qd,
+            "effort": tau,
+            "nu": s.nu,
+            "coriolis": s.coriolis,
+            "gravity": s.gravity,
+        },
         **{"D": s.articulated_inertia, "K": [s.kinetic_energy], "link_energy": s.link_energy},
         **{"external_torque": external, "gravity_torque": dyn.gravity_torque(q)},
     }
@@ -195,12 +222,18 @@ def test_numbers_are_those_of_the_state(live, panda):
         np.testing.assert_allclose(values[name], wanted, rtol=1e-4, atol=1e-4 * scale, err_msg=name)
     exchange = live.ask("diag.plots.exchange.values")
     wanted = s.nu * s.coriolis
-    np.testing.assert_allclose([exchange[name] for name in names], wanted, rtol=1e-3, atol=2e-4 * np.abs(wanted).max())
+    np.testing.assert_allclose(
+        [exchange[name] for name in names], wanted, rtol=1e-3, atol=2e-4 * np.abs(wanted).max()
+    )
     rows = live.page.locator(".joints tbody tr").all_inner_texts()
-    np.testing.assert_allclose([read_number(row.split()[1]) for row in rows], s.energy_share, rtol=0.01, atol=1e-4)
+    np.testing.assert_allclose(
+        [read_number(row.split()[1]) for row in rows], s.energy_share, rtol=0.01, atol=1e-4
+    )
     last = rows_of(live)[-1]
     assert float(last["t [s]"]) == values["t"]
-    np.testing.assert_allclose([float(last[f"nu.{name}"]) for name in names], values["nu"], rtol=1e-6)
+    np.testing.assert_allclose(
+        [float(last[f"nu.{name}"]) for name in names], values["nu"], rtol=1e-6
+    )
 
 
 @pytest.mark.full
@@ -236,11 +269,15 @@ def test_links_have_the_colours_of_their_numbers(live, panda, key, by):
     picture, seen = Image.open(io.BytesIO(live.page.screenshot())).convert("RGB"), 0
     for name, text in colours.items():
         place = live.ask(f"diag.where('{name}')")
-        hue, saturation, _ = colorsys.rgb_to_hsv(*(int(text[n : n + 2], 16) / 255 for n in (1, 3, 5)))
+        hue, saturation, _ = colorsys.rgb_to_hsv(
+            *(int(text[n : n + 2], 16) / 255 for n in (1, 3, 5))
+        )
         if place is not None and saturation >= 0.25:
             pixel = np.array(picture.getpixel((round(place["x"]), round(place["y"])))) / 255
             found, strength, _ = colorsys.rgb_to_hsv(*pixel)
-            seen += strength > 0.12 and abs((found - hue + 0.5) % 1.0 - 0.5) < 0.08  # not where light is mirrored
+            seen += (
+                strength > 0.12 and abs((found - hue + 0.5) % 1.0 - 0.5) < 0.08
+            )  # not where light is mirrored
     assert seen >= 3
 
 
@@ -257,14 +294,18 @@ def test_keys_scrubbing_and_the_cursor(live):
         act()
     state = live.until("diag.state.paused && diag.state")
     first, ends = state["first"], (state["window"][1], state["last"])  # at the pause, and now
-    assert first + 0.4 * (ends[0] - first) - 0.2 < state["now"] < first + 0.4 * (ends[1] - first) + 0.2
+    assert (
+        first + 0.4 * (ends[0] - first) - 0.2 < state["now"] < first + 0.4 * (ends[1] - first) + 0.2
+    )
     page.keyboard.press("ArrowRight")
     live.until(f"diag.state.now > {state['now']!r}")
     card = page.locator("#plot-exchange .u-over").bounding_box()
     page.mouse.move(card["x"] + 0.9 * card["width"], card["y"] + 20)
     overs = "[...document.querySelectorAll('.u-over')].map((over) => [over, over.querySelector('.cursor')])"
     part = "new DOMMatrix(c.style.transform).e / o.clientWidth"
-    live.until(f"{overs}.filter(([o, c]) => c && !c.hidden && Math.abs({part} - 0.9) < 0.02).length >= 6")
+    live.until(
+        f"{overs}.filter(([o, c]) => c && !c.hidden && Math.abs({part} - 0.9) < 0.02).length >= 6"
+    )
     for shown in (True, False):
         page.keyboard.press("?")
         assert page.locator("dialog.help").is_visible() is shown
@@ -276,10 +317,14 @@ def test_doubts_silence_diagnostics_and_another_robot(live, panda):
     live.until("document.querySelector('.diagnostics').innerText.includes('a gap of 0.2 s')")
     robot.doubtful.set()
     live.until("diag.state.notes.includes('velocities estimated') && diag.state.level === 'warn'")
-    live.until("[...document.querySelectorAll('.joints td:last-child b')].every((b) => b.textContent === '–')")
+    live.until(
+        "[...document.querySelectorAll('.joints td:last-child b')].every((b) => b.textContent === '–')"
+    )
     robot.doubtful.clear()
     robot.silent.set()
-    live.until("diag.state.word === 'Stale' && document.querySelector('.stage').classList.contains('dim')")
+    live.until(
+        "diag.state.word === 'Stale' && document.querySelector('.stage').classList.contains('dim')"
+    )
     robot.silent.clear()
     live.until("diag.state.word === 'Live' && !diag.state.notes.includes('velocities estimated')")
     for name, rows in (("/other", 6), ("/arm", robot.model.nv)):
@@ -297,7 +342,9 @@ def test_legends_hide_lines_and_fit_the_axis(live):
     chips.nth(4).click(modifiers=["Shift"])  # dK/dt alone
     assert live.ask(pressed) == [False] * 4 + [True]
     live.until(f"diag.plots.power.range[1] < 0.7 * {before[1]!r}")  # torque and gravity are larger
-    live.until(f"diag.state.last > {live.ask('diag.state.last')!r} + 2.5")  # the lines are chosen again every 2 s
+    live.until(
+        f"diag.state.last > {live.ask('diag.state.last')!r} + 2.5"
+    )  # the lines are chosen again every 2 s
     assert live.ask(pressed) == [False] * 4 + [True]
     chips.nth(0).focus()
     live.page.keyboard.press("Space")
@@ -342,12 +389,16 @@ def test_a_link_restores_the_state(live, chromium):
     link, joint = live.ask("location.href"), page.locator(".details h2").inner_text()
     with Tab(chromium) as other:
         other.open(link)
-        other.until("diag.colours.by === 'torque' && diag.camera === 'front' && diag.state.namespace === '/arm'")
+        other.until(
+            "diag.colours.by === 'torque' && diag.camera === 'front' && diag.state.namespace === '/arm'"
+        )
         other.until("document.querySelector('#plot-power.large')")
         other.page.keyboard.press("Escape")
         assert other.page.locator(".details h2").inner_text() == joint
         other.ask("void (location.hash = '#robot=/other&joint=elbow_joint&t=soon&window=12')")
-        other.until("diag.state.namespace === '/other' && diag.state.window[1] - diag.state.window[0] === 12")
+        other.until(
+            "diag.state.namespace === '/other' && diag.state.window[1] - diag.state.window[0] === 12"
+        )
         other.until("document.querySelector('.details h2').textContent.startsWith('elbow_joint')")
         assert "t is 'soon'; expected a number" in other.page.locator(".notice").inner_text()
         other.page.locator(".notice").click()
@@ -392,8 +443,12 @@ def test_all_robots_in_one_scene(live):
     live.until("diag.state.paused && Math.abs(diag.others[0].t - diag.state.now) < 1")
     place = live.until("diag.where('forearm_link', '/other')")
     live.page.mouse.click(place["x"], place["y"])
-    live.until("diag.state.namespace === '/other' && diag.others[0] && diag.others[0].name === '/arm'")
-    live.until("document.querySelector('.tag.chosen').textContent === '/other' && location.hash.includes('all=1')")
+    live.until(
+        "diag.state.namespace === '/other' && diag.others[0] && diag.others[0].name === '/arm'"
+    )
+    live.until(
+        "document.querySelector('.tag.chosen').textContent === '/other' && location.hash.includes('all=1')"
+    )
     assert live.cut_off() == []
     live.page.get_by_role("button", name="/arm", exact=True).click()
     live.until("diag.state.namespace === '/arm' && diag.state.ready")
@@ -418,7 +473,9 @@ def test_no_text_is_cut_off(live):
 def test_sixty_joints_and_names_that_are_html(chromium, serve):
     """A row for each joint; HTML in a name is text."""
     hostile = "&lt;img src=x onerror=alert(1)&gt;"
-    _, stream = shown(chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long")
+    _, stream = shown(
+        chain([hostile, *(f"a_long_name_of_joint_{k}" for k in range(59))]), "/<b>long"
+    )
     with Tab(chromium, (1000, 700), "light") as tab:
         tab.open(serve(stream).address)
         tab.until("document.querySelectorAll('.joints tbody tr').length === 60")
@@ -432,7 +489,11 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
 @pytest.mark.full
 def test_force_on_the_touched_link(chromium, serve):
     """From the centre of mass of the link's body along the force; the list names link, force and confidence."""
-    urdf, link, noise = str(find_urdf("ur5")), "wrist_2_link", ForceOptions(0.01 * np.eye(6), ("wrist_3_link",))
+    urdf, link, noise = (
+        str(find_urdf("ur5")),
+        "wrist_2_link",
+        ForceOptions(0.01 * np.eye(6), ("wrist_3_link",)),
+    )
     robot = Robot(dd.load_urdf(urdf))
     dyn, links = dd.DiagonalDynamics(robot.model), robot.model.link_names
     center = center_of_body(robot.model, link)
@@ -443,7 +504,11 @@ def test_force_on_the_touched_link(chromium, serve):
             return None
         pushed = (received.states.t[0] % 2.0) < 1.5
         J = dyn.jacobian(received.states.q[0], link, center, frame="world")[:3]
-        touch = {"external_torque": (np.array([0.0, 20.0, -10.0]) @ J)[None], "contact": pushed, "collision": False}
+        touch = {
+            "external_torque": (np.array([0.0, 20.0, -10.0]) @ J)[None],
+            "contact": pushed,
+            "collision": False,
+        }
         touch |= {"touched_link": links.index(link) if pushed else -1, "touched_confidence": 0.7}
         return received._replace(states=received.states._replace(**touch))
 
@@ -457,9 +522,14 @@ def test_force_on_the_touched_link(chromium, serve):
         tab.until("diag.state.paused && diag.values.t === diag.state.now")
         tab.drawn()
         values, force = tab.ask("diag.values"), tab.ask("diag.force")
-        X, arrow = dyn.placement(robot.at(values["t"])[0], link), np.subtract(force["tip"], force["from"])
+        X, arrow = (
+            dyn.placement(robot.at(values["t"])[0], link),
+            np.subtract(force["tip"], force["from"]),
+        )
         np.testing.assert_allclose(force["from"], X[:3, :3] @ center + X[:3, 3], atol=1e-3)
-        np.testing.assert_allclose(arrow / np.linalg.norm(arrow), np.array([0.0, 2.0, -1.0]) / 5**0.5, atol=1e-3)
+        np.testing.assert_allclose(
+            arrow / np.linalg.norm(arrow), np.array([0.0, 2.0, -1.0]) / 5**0.5, atol=1e-3
+        )
         said = " ".join(tab.page.locator(".force").inner_text().split())
         assert force["ellipsoid"] and said.startswith(f"{link} (70 %): 22.4 ±")
         words = " ".join(tab.page.locator("#collisions tr.chosen").inner_text().split())
@@ -474,9 +544,20 @@ def test_contact_now_and_then(chromium, serve):
     begun, names, quiet = time.time(), ("link1", "link2"), threading.Event()
 
     def contact_at(t):
-        speed, position = np.array([[0.1, 0.2]]) * (t - begun), np.array([[0.0, 0.0, 0.1 * (t - begun)]])
-        numbers = {"worst": np.zeros(1), "position": position, "speed": speed, "mass": np.ones((1, 2))}
-        numbers |= {"energy": 0.5 * speed**2, "allowed": np.array([[-1.0, np.inf]])}  # the first is above its limit
+        speed, position = (
+            np.array([[0.1, 0.2]]) * (t - begun),
+            np.array([[0.0, 0.0, 0.1 * (t - begun)]]),
+        )
+        numbers = {
+            "worst": np.zeros(1),
+            "position": position,
+            "speed": speed,
+            "mass": np.ones((1, 2)),
+        }
+        numbers |= {
+            "energy": 0.5 * speed**2,
+            "allowed": np.array([[-1.0, np.inf]]),
+        }  # the first is above its limit
         return {f"contact_{name}": number for name, number in numbers.items()}
 
     def read(dynamics):
@@ -502,10 +583,17 @@ def test_contact_now_and_then(chromium, serve):
         tab.until(f"diag.values.t === {past!r}")
         tab.drawn()
         contact = contact_at(past)
-        np.testing.assert_allclose(tab.ask("diag.contact"), contact["contact_position"][0], rtol=1e-5, atol=1e-6)
-        cells = [read_number(cell) for cell in tab.page.locator(".contact tbody tr").first.inner_text().split()[1:]]
+        np.testing.assert_allclose(
+            tab.ask("diag.contact"), contact["contact_position"][0], rtol=1e-5, atol=1e-6
+        )
+        cells = [
+            read_number(cell)
+            for cell in tab.page.locator(".contact tbody tr").first.inner_text().split()[1:]
+        ]
         v = contact["contact_speed"][0, 0]
-        np.testing.assert_allclose(cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4)
+        np.testing.assert_allclose(
+            cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4
+        )
         tab.page.keyboard.press("l")
         quiet.set()
         tab.until("diag.contact === null && document.querySelector('#contact.old')")
@@ -558,7 +646,12 @@ def recording(tmp_path_factory):
 @pytest.mark.full
 def test_a_report_shows_the_recording(chromium, recording):
     """Numbers and contact of moments in the overview and at full rate, words, buttons and panels; without a network."""
-    options = ["--quiet", "--set", *WATCHED, f"contact.limits_file={recording.folder / 'limits.yaml'}"]
+    options = [
+        "--quiet",
+        "--set",
+        *WATCHED,
+        f"contact.limits_file={recording.folder / 'limits.yaml'}",
+    ]
     html, summary = recording.analyse("page", *options, **recording.columns())
     dyn, model = recording.dyn, recording.model
     limits = dd.ContactLimits.load(recording.folder / "limits.yaml")
@@ -568,21 +661,30 @@ def test_a_report_shows_the_recording(chromium, recording):
         for moment in (0.5, 2.1, 2.113, 6.7):
             values, place = show_moment(tab, moment)
             k = round(values["t"] * recorded_arm.RATE)
-            s, c = dyn.evaluate(recording.q[k], recording.qd[k]), dyn.contact(recording.q[k], recording.qd[k], points)
+            s, c = (
+                dyn.evaluate(recording.q[k], recording.qd[k]),
+                dyn.contact(recording.q[k], recording.qd[k], points),
+            )
             np.testing.assert_allclose(values["nu"], s.nu, atol=1e-3 * np.abs(s.nu).max())
             np.testing.assert_allclose(values["K"][0], s.kinetic_energy, rtol=2e-3)
             assert values["contact_worst"] == [c.worst]
             np.testing.assert_allclose(values["contact_speed"], c.speed, atol=1e-4)
             np.testing.assert_allclose(place, c.position[c.worst], atol=1e-3)
-        words = {name: " ".join(tab.page.locator(f"#{name}").inner_text().split()) for name in CHAPTERS}
+        words = {
+            name: " ".join(tab.page.locator(f"#{name}").inner_text().split()) for name in CHAPTERS
+        }
         assert f"{summary['kinetic_energy']['at']:.3f} s" in words["overall"]
         assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
         assert f"{summary['contact']['worst'][0]['at']:.3f} s" in words["limits"]
         assert words["collisions"].startswith("1 collision")
         assert "external_torque.threshold" in words["parameters"]
         tab.page.locator("#collisions .link").first.click()
-        tab.until("diag.state.window[1] - diag.state.window[0] < 6 && diag.values.t === diag.state.now")
-        assert tab.ask("diag.values.norm[0]") == pytest.approx(summary["collisions"][0]["norm"], rel=1e-3)
+        tab.until(
+            "diag.state.window[1] - diag.state.window[0] < 6 && diag.values.t === diag.state.now"
+        )
+        assert tab.ask("diag.values.norm[0]") == pytest.approx(
+            summary["collisions"][0]["norm"], rel=1e-3
+        )
         assert len(rows_of(tab)) > 4.0 * recorded_arm.RATE
         tab.page.keyboard.press("0")
         tab.until(f"diag.state.window[1] - diag.state.window[0] > {recorded_arm.LENGTH - 0.1}")
@@ -625,7 +727,10 @@ def test_the_worst_point_moves_with_a_floating_base(chromium, tmp_path):
         for moment in (0.2, 1.8, 0.4):
             values, drawn = show_moment(tab, moment)
             k = int(np.argmin(np.abs(rec.t - rec.t[0] - values["t"])))
-            c, root = dyn.contact(rec.q[k], rec.qd[k], points), dyn.placement(rec.q[k], rec.model.root_link)
+            c, root = (
+                dyn.contact(rec.q[k], rec.qd[k], points),
+                dyn.placement(rec.q[k], rec.model.root_link),
+            )
             assert values["contact_worst"] == [c.worst]
             place = root[:3, :3] @ c.position[c.worst] + root[:3, 3]
             np.testing.assert_allclose(drawn, place, atol=3e-4)

@@ -33,7 +33,14 @@ def command(*arguments):
 @pytest.fixture(scope="module")
 def simulator(ros_domain):
     """Start a simulator in a namespace."""
-    parameters = ("-p", f"robot_description:={robot_path(PANDA)}", "-p", "motion:=wave", "-p", "rate:=100.0")
+    parameters = (
+        "-p",
+        f"robot_description:={robot_path(PANDA)}",
+        "-p",
+        "motion:=wave",
+        "-p",
+        "rate:=100.0",
+    )
     with Process(command("simulator", "--ros-args", "-r", "__ns:=/arm", *parameters)) as simulator:
         simulator.wait_for_text("Ready")
         yield simulator
@@ -48,7 +55,9 @@ def test_rate_of_a_topic_that_falls_silent(ros_domain, peer):
             return "average rate" in rate.output
 
         peer.wait_until(beat, "a rate")
-        rate.wait_for(lambda output: output.splitlines()[-1:] == ["no new messages"], "silence to be told of")
+        rate.wait_for(
+            lambda output: output.splitlines()[-1:] == ["no new messages"], "silence to be told of"
+        )
         rate.signal(signal.SIGINT)
         assert rate.wait() == 130 and "Traceback" not in rate.output
 
@@ -84,7 +93,9 @@ def test_top_in_a_terminal(peer, tmp_path):
     """A state is on the screen of tmux, which may be resized; `q` ends it with status 0 and gives the screen back."""
     assert shutil.which("tmux"), "the test of a terminal needs tmux"
     states = peer.publisher(DiagonalizedState, "/one/diag_dynamics/state")
-    state = DiagonalizedState(dof_names=["elbow"], nu=[2.0], velocity=[1.0], coriolis=[0.0], kinetic_energy=2.0)
+    state = DiagonalizedState(
+        dof_names=["elbow"], nu=[2.0], velocity=[1.0], coriolis=[0.0], kinetic_energy=2.0
+    )
     state.articulated_inertia = [4.0]
     environment = os.environ | {"LANG": "C.UTF-8", "LC_ALL": "C.UTF-8", "SHELL": "/bin/sh"}
 
@@ -107,7 +118,10 @@ def test_top_in_a_terminal(peer, tmp_path):
     try:
         wait_until(lambda shown: "2.00 J" in shown and "elbow" in shown, "a state")
         tmux("resize-window", "-x", "40", "-y", "20")
-        wait_until(lambda shown: "elbow" in shown and max(map(len, shown.splitlines())) <= 40, "forty columns")
+        wait_until(
+            lambda shown: "elbow" in shown and max(map(len, shown.splitlines())) <= 40,
+            "forty columns",
+        )
         tmux("send-keys", "q")
         wait_until(lambda shown: "status 0" in shown and "elbow" not in shown, "the end")
     finally:

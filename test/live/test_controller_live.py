@@ -51,7 +51,12 @@ def at_rest(live, since=0):
     """Wait until the law is in force and the robot rests, at a state with a later stamp."""
 
     def rests(s):
-        return nanoseconds(s.header.stamp) > since and s.phase == ACTIVE and s.energy < 1e-6 and not s.saturated_dofs
+        return (
+            nanoseconds(s.header.stamp) > since
+            and s.phase == ACTIVE
+            and s.energy < 1e-6
+            and not s.saturated_dofs
+        )
 
     live.wait_for(rests, "rest", START)
 
@@ -73,7 +78,9 @@ def test_stalls_are_survived_and_reported(live):
         """Stop the controller once; a simulator that stands still, too, makes no stall."""
         live.process.signal(signal.SIGSTOP)
         begin = live.simulator.next_state()
-        live.peer.wait_until(lambda: states.stamps[-1] >= nanoseconds(begin.header.stamp) + STALL, "the stall's end")
+        live.peer.wait_until(
+            lambda: states.stamps[-1] >= nanoseconds(begin.header.stamp) + STALL, "the stall's end"
+        )
         live.process.signal(signal.SIGCONT)
         sent = len(live.sent.messages)
         live.peer.wait_until(lambda: len(live.sent.messages) > sent + 20, "commands", START)
@@ -81,7 +88,9 @@ def test_stalls_are_survived_and_reported(live):
 
     live.peer.wait_until(stalled, "reported stalls", START)
     told = [r.entries["commands"] for r in live.reports]
-    assert any("gaps between commands beyond max_state_age" in s.message and s.level == b"\1" for s in told)
+    assert any(
+        "gaps between commands beyond max_state_age" in s.message and s.level == b"\1" for s in told
+    )
     assert int(live.reports[-1].values["commands"]) > int(before.values["commands"])
     assert max(s.energy for s in live.status.messages) < 0.05
     positions = np.array([state.position for state in states.messages])
@@ -102,7 +111,9 @@ def test_after_kill_9(live):
     live.peer.wait_until(lambda: not np.any(simulator.next_state().velocity), "the brakes to hold")
     stood = simulator.next_state()
     live.start()
-    at_rest(live, nanoseconds(stood.header.stamp))  # what the one before has said may still be on its way
+    at_rest(
+        live, nanoseconds(stood.header.stamp)
+    )  # what the one before has said may still be on its way
     live.wait_until_told("control", "mode tracking")
     simulator.wait_for_report(lambda r: r.values["brakes"] == "open", "open brakes")
     assert np.abs(np.array(simulator.next_state().position) - stood.position).max() < 0.1

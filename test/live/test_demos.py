@@ -53,8 +53,12 @@ def test_without_a_terminal(tmp_path):
         assert process.wait(2 * START) == 0, process.tail()
         said = process.output
         assert "Open http://127.0.0.1:" in said and "\x1b" not in said and "Traceback" not in said
-        energies = re.findall(r"^/demo_\d+: K (\S+) J, peak (\S+); panda_joint\d .* Hz$", said, re.MULTILINE)
-        assert energies and all(0.0 <= float(energy) <= float(peak) < 100.0 for energy, peak in energies)
+        energies = re.findall(
+            r"^/demo_\d+: K (\S+) J, peak (\S+); panda_joint\d .* Hz$", said, re.MULTILINE
+        )
+        assert energies and all(
+            0.0 <= float(energy) <= float(peak) < 100.0 for energy, peak in energies
+        )
     assert not list(tmp_path.iterdir())
 
 
@@ -70,7 +74,9 @@ def test_robot_by_path(tmp_path, number):
             assert stream.next(FRAME)["K"] >= 0.0
             assert stream.layout["robot"] == "ur5"
             stream.send("push")
-            assert stream.next(FRAME, lambda frame: "collision" in frame.flags)["external_torque"].any()
+            assert stream.next(FRAME, lambda frame: "collision" in frame.flags)[
+                "external_torque"
+            ].any()
         assert process.children() == []
         process.signal(number)
         assert process.wait() == 0
@@ -95,7 +101,9 @@ def test_at_a_terminal(tmp_path):
         fcntl.ioctl(inside, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 120, 0, 0))
         command = [sys.executable, "-c", IN_TERMINAL, sys.executable, DEMO]
         environment = os.environ | {"TERM": "xterm-256color"}
-        with Process(command, stdin=inside, stdout=inside, stderr=inside, cwd=tmp_path, env=environment) as process:
+        with Process(
+            command, stdin=inside, stdout=inside, stderr=inside, cwd=tmp_path, env=environment
+        ) as process:
             os.close(inside)
             process.listen(terminal)
             process.wait_for(lambda output: output.count("net power") > 5, "some frames")
@@ -115,15 +123,25 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
     with Process([sys.executable, CONTROL, "push.png"], cwd=tmp_path) as process:
         assert process.wait(2 * START) == 0, process.tail()
         said = process.output
-    events = ("holds the hand", "pushes the hand", "reports a collision", "the push ends", "reports no collision")
+    events = (
+        "holds the hand",
+        "pushes the hand",
+        "reports a collision",
+        "the push ends",
+        "reports no collision",
+    )
     times = [float(re.search(rf"([\d.]+) s  .*{event}", said)[1]) for event in events]
     assert times == sorted(times) and times[1] >= 1.0
     delay = float(re.search(r"collision after (\d+) ms", said)[1])
     assert 0.0 < delay < 50.0 and delay == pytest.approx(1e3 * (times[2] - times[1]), abs=4.0)
-    largest, bound = map(float, re.search(r"K at most ([\d.]+) J, its bound ([\d.]+) J", said).groups())
+    largest, bound = map(
+        float, re.search(r"K at most ([\d.]+) J, its bound ([\d.]+) J", said).groups()
+    )
     assert 0.9 * bound < largest < 1.05 * bound
     assert float(re.search(r"acted on (\d+) %", said)[1]) > 5.0
-    moved, back = map(float, re.search(r"moved by (\d+) mm, and back to within ([\d.]+) mm", said).groups())
+    moved, back = map(
+        float, re.search(r"moved by (\d+) mm, and back to within ([\d.]+) mm", said).groups()
+    )
     assert 100.0 < moved < 220.0 and back < 5.0
     image = matplotlib.image.imread(tmp_path / "push.png")
     assert len(np.unique((image[::4, ::4, :3] * 255).astype(int).reshape(-1, 3), axis=0)) > 20
@@ -132,7 +150,10 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
 def test_demo_identify(tmp_path, capsys):
     """Of ten pushes nine are detected with the identified model; its files are usable."""
     plot, kept = tmp_path / "before_and_after.svg", tmp_path / "kept"
-    assert demo_identify.main(["--robots", "ur5_robot", "--picture", str(plot), "--keep", str(kept)]) == 0
+    assert (
+        demo_identify.main(["--robots", "ur5_robot", "--picture", str(plot), "--keep", str(kept)])
+        == 0
+    )
     out = capsys.readouterr().out
     detected = re.findall(r"(with the URDF|identified): (\d+) of 10 pushes detected", out)
     assert [label for label, _ in detected] == ["with the URDF", "identified"]
@@ -142,5 +163,7 @@ def test_demo_identify(tmp_path, capsys):
     assert plot.read_text().startswith("<?xml")
     arm, pushed = kept / "ur5_robot_arm.yaml", kept / "ur5_robot_pushed.npz"
     alarms = ["--alarms", str(kept / "ur5_robot_alarms_identified.yaml")]
-    assert cli(["analyse", str(pushed), "--urdf", "ur5_robot", "--parameters", str(arm), *alarms]) == 0
+    assert (
+        cli(["analyse", str(pushed), "--urdf", "ur5_robot", "--parameters", str(arm), *alarms]) == 0
+    )
     assert "collision" in capsys.readouterr().out

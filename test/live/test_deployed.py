@@ -51,7 +51,11 @@ SETTINGS = {
 }
 """What /etc/diag_dynamics has for each node: a file, or parameters."""
 
-AT_WORK = {"monitor": "Waiting for a robot", "controller": "Waiting to be configured", "view": "Page: http"}
+AT_WORK = {
+    "monitor": "Waiting for a robot",
+    "controller": "Waiting to be configured",
+    "view": "Page: http",
+}
 """What each node says when it has taken its parameters and is at work."""
 
 
@@ -64,10 +68,18 @@ def test_units_start_nodes(ros_domain, tmp_path, unit):
     settings = SETTINGS[node]
     if isinstance(settings, dict):
         settings = tmp_path / "node.yaml"
-        settings.write_text(yaml.safe_dump({"/**": {"ros__parameters": SETTINGS[node]}}), encoding="utf-8")
-    places = dict.fromkeys(("/opt/ros/jazzy/setup.bash", "/home/ros/ws/install/setup.bash"), nothing(tmp_path))
-    command = at_hand(command, places | {f"/etc/diag_dynamics/{node}.yaml": shlex.quote(str(settings))})
-    with Process((shell, option, command), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)}) as process:
+        settings.write_text(
+            yaml.safe_dump({"/**": {"ros__parameters": SETTINGS[node]}}), encoding="utf-8"
+        )
+    places = dict.fromkeys(
+        ("/opt/ros/jazzy/setup.bash", "/home/ros/ws/install/setup.bash"), nothing(tmp_path)
+    )
+    command = at_hand(
+        command, places | {f"/etc/diag_dynamics/{node}.yaml": shlex.quote(str(settings))}
+    )
+    with Process(
+        (shell, option, command), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)}
+    ) as process:
         process.wait_for_text(AT_WORK[node])
         assert (
             process.popen.pid == os.getpgid(process.popen.pid) and process.children() == []
@@ -120,7 +132,9 @@ def check(peer, node, unused=()):
     for way, name in unused:
         expected[way].remove(name)
     try:
-        peer.wait_until(lambda: used(peer, node) == expected, f"{node} to use what its policy allows", START)
+        peer.wait_until(
+            lambda: used(peer, node) == expected, f"{node} to use what its policy allows", START
+        )
     except AssertionError:
         assert used(peer, node) == expected
         raise
@@ -130,11 +144,18 @@ def test_names_of_the_policy(peer):
     """All nodes have the names that the policy allows; the controller also while it asks for joints, by another node."""
     model = robot(PANDA)
     simulator = {"robot_description": model.path, "floating_base": True, "publish_clock": True}
-    controller = {"robot_compensates_gravity": False, "check_time": 60.0, "autostart": True, "use_sim_time": True}
+    controller = {
+        "robot_compensates_gravity": False,
+        "check_time": 60.0,
+        "autostart": True,
+        "use_sim_time": True,
+    }
     controller |= {"controlled_link": "panda_hand"}
     with (
         node_process("simulator", **simulator),
-        node_process("monitor", floating_base=True, use_sim_time=True, **{"contact.limits_file": LIMITS}),
+        node_process(
+            "monitor", floating_base=True, use_sim_time=True, **{"contact.limits_file": LIMITS}
+        ),
         node_process("controller", **controller),
         node_process("view", port=0, use_sim_time=True),
     ):

@@ -20,11 +20,20 @@ from robots import robot_path
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
-READY = {"monitor": "Ready: robot", "simulator": "Ready: robot", "controller": "Ready: robot", "view": "Page: "}
+READY = {
+    "monitor": "Ready: robot",
+    "simulator": "Ready: robot",
+    "controller": "Ready: robot",
+    "view": "Page: ",
+}
 OPTIONS = {
     "monitor": {"robot_description": robot_path(PANDA)},
     "simulator": {"robot_description": robot_path(PANDA), "motion": "wave"},
-    "controller": {"robot_description": robot_path(UR5), "robot_compensates_gravity": False, "check_time": 0.0},
+    "controller": {
+        "robot_description": robot_path(UR5),
+        "robot_compensates_gravity": False,
+        "check_time": 0.0,
+    },
     "view": {"port": 0},
 }
 
@@ -53,11 +62,19 @@ def test_signal_while_it_imports(ros_domain, after, tmp_path):
     )
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     command = [sys.executable, "-m", "diag_dynamics", "monitor"]
-    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=START)
+    done = subprocess.run(
+        command,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=START,
+    )
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
 
 
-@pytest.mark.parametrize("labels", [(), ("configure",), ("configure", "activate"), ("configure", "shutdown")], ids=str)
+@pytest.mark.parametrize(
+    "labels", [(), ("configure",), ("configure", "activate"), ("configure", "shutdown")], ids=str
+)
 def test_signal_in_every_state_of_the_controller(peer, labels):
     namespace = "/" + "_".join(("at", *labels))
     name = f"{namespace}/diag_dynamics_controller"
@@ -72,11 +89,18 @@ def test_signal_in_every_state_of_the_controller(peer, labels):
 def test_last_command(peer):
     """A signal ends the controller by a last command: it leaves the robot with its gravity torque."""
     sent = peer.topic(Float64MultiArray, "/effort_controller/commands")
-    simulated = {"robot_description": robot_path(UR5), "without_command": "brake", "publish_clock": True, "rate": 100.0}
+    simulated = {
+        "robot_description": robot_path(UR5),
+        "without_command": "brake",
+        "publish_clock": True,
+        "rate": 100.0,
+    }
     with (
         effort_controller(peer, "", []),
         node_process("simulator", **simulated),
-        node_process("controller", **OPTIONS["controller"], autostart=True, use_sim_time=True) as controller,
+        node_process(
+            "controller", **OPTIONS["controller"], autostart=True, use_sim_time=True
+        ) as controller,
     ):
         peer.wait_until(lambda: len(sent.messages) > 20, "commands", START)
         controller.stop(signal.SIGTERM)
@@ -148,7 +172,8 @@ NEGATIVE_MASS = """<robot name="r"><link name="base"/><link name="arm&#x9b;2J"><
 
 @pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
 @pytest.mark.parametrize(
-    ("text", "reason"), [(None, "robot.urdf"), (NEGATIVE_MASS, r"link 'arm\x9b2J': mass -1 kg is negative.")]
+    ("text", "reason"),
+    [(None, "robot.urdf"), (NEGATIVE_MASS, r"link 'arm\x9b2J': mass -1 kg is negative.")],
 )
 def test_a_robot_that_is_none(ros_domain, tmp_path, node, text, reason):
     """The process ends with status 1, and its last line says why, in printable characters."""
@@ -158,5 +183,7 @@ def test_a_robot_that_is_none(ros_domain, tmp_path, node, text, reason):
     autostart = {"autostart": True} if node == "controller" else {}
     with node_process(node, **OPTIONS[node] | {"robot_description": path} | autostart) as process:
         assert process.wait(START) == 1
-        assert reason in process.output.strip().splitlines()[-1] and "Traceback" not in process.output
+        assert (
+            reason in process.output.strip().splitlines()[-1] and "Traceback" not in process.output
+        )
         assert all(line.isprintable() for line in process.output.split("\n"))

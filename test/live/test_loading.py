@@ -83,12 +83,17 @@ def test_the_robot_in_force_goes_on(peer, large):
         assert response.success, response.message
         Truth(panda, *panda.samples[0][:3]).check_state(response.state)
         report = monitor.next_report()
-        assert report.values["loading"].startswith("a robot_description of ") and report.values["robot"] == "panda"
+        assert (
+            report.values["loading"].startswith("a robot_description of ")
+            and report.values["robot"] == "panda"
+        )
         assert_signal_ends(monitor.process, signal.SIGTERM)  # while a thread still loads
         assert "robot 'large'" not in monitor.process.output
 
 
-@pytest.mark.parametrize(("node", "number"), [("monitor", signal.SIGTERM), ("simulator", signal.SIGINT)])
+@pytest.mark.parametrize(
+    ("node", "number"), [("monitor", signal.SIGTERM), ("simulator", signal.SIGINT)]
+)
 def test_signal_while_a_robot_is_loaded(large, tmp_path, node, number):
     path = tmp_path / "large.urdf"
     path.write_text(large, encoding="utf-8")
@@ -108,12 +113,16 @@ def test_signal_while_it_compiles(peer, tmp_path, number):
         return next((status for status in statuses if status.name == f"{name}: compiling"), None)
 
     namespace = "-r", f"__ns:=/compiles_{int(number)}"
-    with start_loading("monitor", robot(PANDA).path, *namespace, NUMBA_CACHE_DIR=str(tmp_path)) as process:
+    with start_loading(
+        "monitor", robot(PANDA).path, *namespace, NUMBA_CACHE_DIR=str(tmp_path)
+    ) as process:
         status = peer.wait_until(named, "a status")
         process.wait_for_text("compiling")
         assert_signal_ends(process, number)
     assert status.level == OK and re.match(r"compiling \w+ ", status.values[0].value)
     lines = [line for line in process.output.splitlines() if "compiling" in line]
     assert lines[0].endswith(RULE)
-    assert all("[INFO]" in line and f"[{name.replace('/', '.')}]: compiling" in line for line in lines)
+    assert all(
+        "[INFO]" in line and f"[{name.replace('/', '.')}]: compiling" in line for line in lines
+    )
     assert "Ready" not in process.output

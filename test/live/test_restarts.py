@@ -33,7 +33,9 @@ class Pair(contextlib.ExitStack):
         self.peer, self.robot, self.namespace = peer, robot(PANDA), namespace
         self.name = f"{namespace}/diag_dynamics"
         self.states = peer.topic(JointState, f"{namespace}/joint_states")
-        self.topics = {topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()}
+        self.topics = {
+            topic: peer.topic(kind, f"{self.name}/{topic}") for topic, kind in OUTPUTS.items()
+        }
         self.reports = Reports(peer.node, peer.wait_until, self.name)
         self.running = {}
 
@@ -45,7 +47,10 @@ class Pair(contextlib.ExitStack):
                 motion = {"robot_description": self.robot.path, "motion": "wave", "rate": 50.0}
                 process, ready = node_process("simulator", *here, **motion), "Ready: robot 'panda'"
             else:
-                process, ready = node_process("monitor", *here, max_age=MAX_AGE), "Waiting for a robot"
+                process, ready = (
+                    node_process("monitor", *here, max_age=MAX_AGE),
+                    "Waiting for a robot",
+                )
             self.running[name] = self.enter_context(process)
             process.wait_for_text(ready)
 
@@ -66,7 +71,11 @@ class Pair(contextlib.ExitStack):
         """Wait for two reports of no joint states after a time [ns], the second of a longer silence; check the topics."""
 
         def silent(report):
-            return report.stamp > since and report.level in (WARN, STALE) and "no joint states" in report.message
+            return (
+                report.stamp > since
+                and report.level in (WARN, STALE)
+                and "no joint states" in report.message
+            )
 
         reports = [self.reports.wait_for(silent, "silence") for _ in range(2)]
         ages = [float(report.values["age of the last state [s]"]) for report in reports]
@@ -78,9 +87,14 @@ class Pair(contextlib.ExitStack):
         """Wait until each topic has so many states that are newer than a stamp, and check all that was published."""
 
         def newer(topic):
-            return sum(stamp > since and self.states.at(stamp) is not None for stamp in topic.stamps) >= count
+            return (
+                sum(stamp > since and self.states.at(stamp) is not None for stamp in topic.stamps)
+                >= count
+            )
 
-        self.peer.wait_until(lambda: all(map(newer, self.topics.values())), f"states of {self.name}", START)
+        self.peer.wait_until(
+            lambda: all(map(newer, self.topics.values())), f"states of {self.name}", START
+        )
         self.check()
 
     def wait_for_recovery(self, since):
@@ -95,12 +109,21 @@ class Pair(contextlib.ExitStack):
         """
         inputs = {nanoseconds(message.header.stamp): message for message in self.states.messages}
         for name, topic in self.topics.items():
-            assert all(a < b for a, b in itertools.pairwise(topic.stamps)), f"stamps of {name} go back"
-        for stamp in inputs.keys() & set(itertools.chain(*(topic.stamps for topic in self.topics.values()))):
+            assert all(a < b for a, b in itertools.pairwise(topic.stamps)), (
+                f"stamps of {name} go back"
+            )
+        for stamp in inputs.keys() & set(
+            itertools.chain(*(topic.stamps for topic in self.topics.values()))
+        ):
             message = inputs[stamp]
             at = [message.name.index(name) for name in self.robot.names]
-            state = (np.array(field)[at] for field in (message.position, message.velocity, message.effort))
-            published = {name: topic.at(stamp) for name, topic in self.topics.items() if topic.at(stamp)}
+            state = (
+                np.array(field)[at]
+                for field in (message.position, message.velocity, message.effort)
+            )
+            published = {
+                name: topic.at(stamp) for name, topic in self.topics.items() if topic.at(stamp)
+            }
             Truth(self.robot, *state).check(published, stamp)
 
 
@@ -114,7 +137,9 @@ def pair(peer):
 
 
 @pytest.mark.parametrize(
-    "killed", [("robot",), ("monitor",), ("robot", "monitor"), ("monitor", "robot")], ids=" then ".join
+    "killed",
+    [("robot",), ("monitor",), ("robot", "monitor"), ("monitor", "robot")],
+    ids=" then ".join,
 )
 def test_restart(pair, killed):
     """Whoever is killed comes back, in the order named: the pair recovers without help, and nothing wrong is published."""

@@ -51,7 +51,9 @@ def served(monitor, robot, sample=0):
 def monitors(peer):
     """Start the monitors of two robots, each in a namespace of its own."""
     ids = {"/left": PANDA, "/right": UR5}
-    started = {space: Monitor(peer, space, robot_description=robot(id).path) for space, id in ids.items()}
+    started = {
+        space: Monitor(peer, space, robot_description=robot(id).path) for space, id in ids.items()
+    }
     try:
         for namespace, id in ids.items():
             started[namespace].connect(robot(id))
@@ -77,15 +79,27 @@ def test_a_service_answers(left, panda):
     """Forward dynamics is Pinocchio's."""
     q, qd, tau, _ = panda.samples[0]
     response = left.call(
-        ForwardDynamics, "forward_dynamics", ForwardDynamics.Request(state=panda.message(0, (q, qd, tau)))
+        ForwardDynamics,
+        "forward_dynamics",
+        ForwardDynamics.Request(state=panda.message(0, (q, qd, tau))),
     )
     assert response.success, response.message
     truth = Truth(panda, q, qd, tau)
-    assert_close(response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance)
+    assert_close(
+        response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance
+    )
 
 
 def test_topic_echo_prints_a_message(left, panda):
-    command = [sys.executable, "-m", "diag_dynamics", "topic", "echo", "--once", f"{left.name}/kinetic_energy"]
+    command = [
+        sys.executable,
+        "-m",
+        "diag_dynamics",
+        "topic",
+        "echo",
+        "--once",
+        f"{left.name}/kinetic_energy",
+    ]
     with Process([*command, "--field", "total"]) as echo:
 
         def ended():
@@ -104,7 +118,9 @@ def test_the_page_is_served(left, panda):
         view.wait_for_text("Showing robot 'panda'")
         address = re.search(r"Page: (\S+)\n", view.output)[1]
         status, headers, body = get(address, "/")
-        assert status == 200 and headers["Content-Type"].startswith("text/html") and b"<script" in body
+        assert (
+            status == 200 and headers["Content-Type"].startswith("text/html") and b"<script" in body
+        )
         with Stream(address, robot="/left", hz=10) as stream:
 
             def frame():
@@ -124,7 +140,12 @@ def test_a_second_in_lockstep(peer):
     """
     order = list(robot(UR5).names)
     simulated = {"lockstep": True, "rate": float(RATE), "command_joints": order, "autostart": True}
-    own = {"robot_compensates_gravity": False, "autostart": True, "use_sim_time": True, "command_joints": order}
+    own = {
+        "robot_compensates_gravity": False,
+        "autostart": True,
+        "use_sim_time": True,
+        "command_joints": order,
+    }
     with (
         Simulator(peer, "/lockstep", UR5, **simulated) as simulator,
         Controller(peer, "/lockstep", **own) as controller,
@@ -132,7 +153,10 @@ def test_a_second_in_lockstep(peer):
         peer.wait_until(lambda: controller.sent.messages, "a command", START)
         first, sent = simulator.states.stamps[-1], len(controller.sent.messages)
         peer.wait_until(
-            lambda: simulator.states.stamps[-1] >= first + S and len(controller.sent.messages) >= sent + RATE,
+            lambda: (
+                simulator.states.stamps[-1] >= first + S
+                and len(controller.sent.messages) >= sent + RATE
+            ),
             "a second of simulated time",
             START,
         )
@@ -141,7 +165,9 @@ def test_a_second_in_lockstep(peer):
         assert (np.diff(states) >= 0).all()  # a state that nobody answers is published again
 
 
-@pytest.mark.parametrize(("namespace", "number"), [("/left", signal.SIGINT), ("/right", signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("namespace", "number"), [("/left", signal.SIGINT), ("/right", signal.SIGTERM)]
+)
 def test_signals_end_monitors(monitors, namespace, number):
     """The last tests of the file: either signal ends a monitor with status 0."""
     monitors[namespace].process.stop(number)

@@ -60,23 +60,36 @@ def test_soak(peer):
 
     On a machine that stands still for a second the monitor skips states, and counts them.
     """
-    inputs = {f"qos_overrides./soak/joint_states.subscription.{key}": value for key, value in {"depth": 20_000}.items()}
+    inputs = {
+        f"qos_overrides./soak/joint_states.subscription.{key}": value
+        for key, value in {"depth": 20_000}.items()
+    }
     inputs["qos_overrides./soak/diag_dynamics/state.publisher.depth"] = 20_000
     sent, usage, rng = Counter(), [], np.random.default_rng(1)
-    with Monitor(peer, "/soak", outputs=(), robot_description=robot(UR5).path, max_age=30.0, **inputs) as monitor:
+    with Monitor(
+        peer, "/soak", outputs=(), robot_description=robot(UR5).path, max_age=30.0, **inputs
+    ) as monitor:
         states = peer.topic(DiagonalizedState, f"{monitor.name}/state", DEEP)
         peer.wait_until(
-            lambda: states.subscription.get_publisher_count() and monitor.feeder.get_subscription_count(), "it"
+            lambda: (
+                states.subscription.get_publisher_count()
+                and monitor.feeder.get_subscription_count()
+            ),
+            "it",
         )
         monitor.process.wait_for_text("Ready")
         process, end = psutil.Process(monitor.process.popen.pid), time.monotonic() + SECONDS
-        timer = peer.node.create_timer(1e-3, lambda: sent.update([publish(monitor, rng, peer.now())]))
+        timer = peer.node.create_timer(
+            1e-3, lambda: sent.update([publish(monitor, rng, peer.now())])
+        )
         while time.monotonic() < end:
             monitor.next_report()
             memory = process.memory_info().rss / 1e6
             usage.append(Usage(time.monotonic(), memory, process.num_threads(), process.num_fds()))
         peer.node.destroy_timer(timer)
-        report = monitor.wait_for_report(lambda report: report.count("received") == sent.total(), "all messages")
+        report = monitor.wait_for_report(
+            lambda report: report.count("received") == sent.total(), "all messages"
+        )
         peer.wait_until(lambda: len(states.messages) >= report.count("published"), "all states")
     skipped = report.count("skipped: overload")
     assert report.count("received") == report.outcomes()

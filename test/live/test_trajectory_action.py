@@ -42,13 +42,18 @@ class Live:
     def __init__(self):
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        arguments = [word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")]
+        arguments = [
+            word for name, value in PARAMETERS.items() for word in ("-p", f"{name}:={value}")
+        ]
         self.node = ControllerNode(cli_args=["--ros-args", *arguments], context=self.context)
         self.peer = Node("peer", context=self.context)
         self.states = self.peer.create_publisher(JointState, "joint_states", 10)
         name = f"{self.node.get_name()}/follow_joint_trajectory"
         self.client, self.feedback = ActionClient(self.peer, FollowJointTrajectory, name), []
-        self.executors = Executor(context=self.context), SingleThreadedExecutor(context=self.context)
+        self.executors = (
+            Executor(context=self.context),
+            SingleThreadedExecutor(context=self.context),
+        )
         for executor, node in zip(self.executors, (self.node, self.peer), strict=True):
             executor.add_node(node)
 
@@ -81,8 +86,12 @@ class Live:
         return future.result()
 
     def send(self, goal, names=NAMES, seconds=0.5):
-        message = FollowJointTrajectory.Goal(trajectory=trajectory([(seconds, goal, [0.0] * len(names))], names))
-        return self.result_of(self.client.send_goal_async(message, self.feedback.append), "an answer to the goal")
+        message = FollowJointTrajectory.Goal(
+            trajectory=trajectory([(seconds, goal, [0.0] * len(names))], names)
+        )
+        return self.result_of(
+            self.client.send_goal_async(message, self.feedback.append), "an answer to the goal"
+        )
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +125,9 @@ def test_success_cancel_preemption_and_rejection(live):
     assert result.status == GoalStatus.STATUS_ABORTED and "newer" in result.result.error_string
     live.node.trigger_deactivate()
     result = live.result_of(newer.get_result_async(), "the end by deactivation")
-    assert result.status == GoalStatus.STATUS_ABORTED and "deactivated" in result.result.error_string
+    assert (
+        result.status == GoalStatus.STATUS_ABORTED and "deactivated" in result.result.error_string
+    )
     assert not live.send(Q + 0.01).accepted  # inactive
     live.node.trigger_activate()
     loop = live.node._loop

@@ -37,7 +37,9 @@ def test_a_push_is_told_of(arm):
     record(arm)
     begin = len(arm.reports)
     arm.simulator.push("tool0", 0, 60, 40, 0, 0, 0)
-    above = arm.wait_for(lambda s: s.contact_energy > 1.02 * s.contact_energy_limit > 0.0, "energy above the bound")
+    above = arm.wait_for(
+        lambda s: s.contact_energy > 1.02 * s.contact_energy_limit > 0.0, "energy above the bound"
+    )
     assert above.contact_limited and above.contact_energy_limit == pytest.approx(BOUND)
 
     def told(report):  # of any link: the pushed arm turns between status and report
@@ -52,12 +54,16 @@ def test_a_push_is_told_of(arm):
 def test_a_scale_stops_the_arm_and_lets_it_go_on(arm):
     """Zero on contact_scale: the arm stands still; a half: a quarter of the energy. What is no scale is refused by name."""
     arm.scale.publish(Float64(data=0.0))
-    arm.wait_for_report(lambda r: r.values.get("contact limits", "").endswith("scale 0"), "a scale of 0")
+    arm.wait_for_report(
+        lambda r: r.values.get("contact limits", "").endswith("scale 0"), "a scale of 0"
+    )
     arm.wait_for(lambda s: s.contact_energy < 1e-4 * BOUND, "rest")
     record(arm)
     goal = np.array(START_AT) + 0.5
     arm.trajectory.publish(trajectory([(1.0, goal, [0] * 6, [0] * 6)], arm.simulator.robot.names))
-    arm.wait_for(lambda s: s.tracking_error_valid and max(s.tracking_error) > 0.45, "a target far ahead")
+    arm.wait_for(
+        lambda s: s.tracking_error_valid and max(s.tracking_error) > 0.45, "a target far ahead"
+    )
     assert max(s.contact_energy for s in arm.status.messages) < 1e-3 * BOUND
     arm.scale.publish(Float64(data=0.5))
     record(arm)

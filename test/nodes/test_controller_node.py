@@ -61,7 +61,10 @@ def test_tracking_is_pinocchios_and_arrives(arm):
     wait_for_rest(arm, goal)
     check_commands(arm, "tracking", goal)
     record(arm)
-    points = [(1.5, np.array(START_AT) - 0.1, [0.1] * 6, [0] * 6), (3.0, START_AT, [0] * 6, [0] * 6)]
+    points = [
+        (1.5, np.array(START_AT) - 0.1, [0.1] * 6, [0] * 6),
+        (3.0, START_AT, [0] * 6, [0] * 6),
+    ]
     arm.trajectory.publish(trajectory(points, names))
     wait_for_rest(arm, START_AT)
     followed = [s for s in arm.status.messages if not s.energy_limited]
@@ -79,7 +82,11 @@ def test_pose_is_pinocchios_and_arrives(arm):
     arm.wait_for(lambda s: max(pose_error(s)) < 1e-3 and s.energy < 1e-6, "its pose")
     check_commands(arm, "pose", (goal, axes))
     assert np.linalg.norm(pose_of(arm.simulator.states.messages[-1].position)[0] - goal) < 2e-3
-    free = [s for s in arm.status.messages if s.lyapunov_valid and not s.saturated_dofs and not s.energy_limited]
+    free = [
+        s
+        for s in arm.status.messages
+        if s.lyapunov_valid and not s.saturated_dofs and not s.energy_limited
+    ]
     assert len(free) > 50 and all(s.lyapunov_rate_measured <= 1e-3 for s in free)
     arm.target.publish(pose_message("base_link", goal + np.array([5.0, 0.0, 0.0]), axes))
     arm.wait_for(lambda s: pose_error(s)[0] > 3.0, "the far target")
@@ -102,7 +109,9 @@ def test_led_by_hand_and_damped(arm):
     for status in arm.status.messages:  # what the limiter adds takes power away
         state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
         if state is not None and not status.saturated_dofs:
-            power = np.array(state.velocity) @ (np.array(status.effort_command) - gravity_of(state.position))
+            power = np.array(state.velocity) @ (
+                np.array(status.effort_command) - gravity_of(state.position)
+            )
             assert power < 0.0 if status.energy_limited else abs(power) < 1e-9
     arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
     arm.switch("damping")

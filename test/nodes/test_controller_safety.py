@@ -67,7 +67,9 @@ class Fed(Controller):
             "set_point_speed": 1.0,
             "following_energy": 0.0,  # the arm that is fed does not move
         }
-        super().__init__(peer, namespace, "-r", f"/clock:={namespace}/clock", **(defaults | parameters))
+        super().__init__(
+            peer, namespace, "-r", f"/clock:={namespace}/clock", **(defaults | parameters)
+        )
 
     def connect(self):
         """Wait until it answers states."""
@@ -129,7 +131,11 @@ class Fed(Controller):
         for _ in range(3):
             self.tick()
             status = self.answered(lambda: self.publish(q, qd), valid, "valid states")
-            assert status.phase == RAMPING_DOWN and not any(status.effort_command) and not status.lyapunov_valid
+            assert (
+                status.phase == RAMPING_DOWN
+                and not any(status.effort_command)
+                and not status.lyapunov_valid
+            )
         return self.law(mode)
 
     def take(self, publisher, message):
@@ -139,7 +145,9 @@ class Fed(Controller):
         self.peer.become_known(self.name)
         before = int(self.wait_for_report(lambda r: True, "a report").values.get(key, 0))
         publisher.publish(message)
-        self.wait_for_report(lambda r: int(r.values.get(key, 0)) > before, f"{topic} to be accepted")
+        self.wait_for_report(
+            lambda r: int(r.values.get(key, 0)) > before, f"{topic} to be accepted"
+        )
 
     def law(self, mode):
         """Put a law in force; returns the first status after that."""
@@ -198,7 +206,8 @@ def wait_for_command(fed, expected):
     atol = 1e-9 * max(1.0, np.abs(expected).max())
     sent = fed.sent.messages
     fed.peer.wait_until(
-        lambda: sent and np.allclose(sent[-1].data, expected, rtol=1e-7, atol=atol), f"the command {expected}"
+        lambda: sent and np.allclose(sent[-1].data, expected, rtol=1e-7, atol=atol),
+        f"the command {expected}",
     )
 
 
@@ -228,7 +237,9 @@ def check_the_end(fed, since, published=lambda: None):
     ages = np.array([s.state_age for s in statuses])
     assert HOLD - 0.02 < ages[len(held) - 1] - ages[0] <= HOLD
     efforts = np.array([s.effort_command for s in statuses])
-    assert (np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(ages) + 1e-9).all()
+    assert (
+        np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(ages) + 1e-9
+    ).all()
     assert (np.diff(np.abs(efforts[len(held) :]), axis=0) <= 1e-12).all()
     assert not any(s.lyapunov_valid for s in statuses)
     fed.wait_until_told("control", "ramping down: ", b"\2")
@@ -238,7 +249,10 @@ def check_the_end(fed, since, published=lambda: None):
 def test_late_states(damped):
     """States end: the last gravity torque for hold_time, then zero; it is said why. A mode that is chosen then goes on."""
     first = damped.silence(HOLDING)
-    assert first.state_age > 0.02 and "old, expected no more than max_state_age = 0.02 s" in first.message
+    assert (
+        first.state_age > 0.02
+        and "old, expected no more than max_state_age = 0.02 s" in first.message
+    )
     damped.wait_until_told("control", "holding gravity: the state is", b"\1")
     check_the_end(damped, first)
     status = damped.settle(Q, MOVING)
@@ -248,7 +262,12 @@ def test_late_states(damped):
 
 
 WRONG = {
-    "NaN": (NAMES, [*START_AT[:3], np.nan, *START_AT[4:]], REST, "'wrist_1_joint': position is nan"),
+    "NaN": (
+        NAMES,
+        [*START_AT[:3], np.nan, *START_AT[4:]],
+        REST,
+        "'wrist_1_joint': position is nan",
+    ),
     "NaN velocity": (NAMES, Q, [np.nan, *REST[1:]], "'shoulder_pan_joint': velocity is nan"),
     "no velocities": (NAMES, Q, (), "velocity is nan"),
     "infinite": (NAMES, [np.inf, *START_AT[1:]], REST, "'shoulder_pan_joint': position is inf"),
@@ -280,7 +299,9 @@ def test_wrong_states(damped, wrong):
 def test_wrong_states_only(damped):
     """Nothing but NaN: after hold_time the efforts go to zero though messages come."""
     wrong = [np.nan, *START_AT[1:]]
-    first = damped.answered(lambda: (damped.tick(), damped.publish(wrong)), lambda s: s.phase == HOLDING, "the hold")
+    first = damped.answered(
+        lambda: (damped.tick(), damped.publish(wrong)), lambda s: s.phase == HOLDING, "the hold"
+    )
     check_the_end(damped, first, lambda: damped.publish(wrong))
     damped.refuses(lambda: damped.publish(wrong), "'shoulder_pan_joint': position is nan")
 
@@ -288,12 +309,16 @@ def test_wrong_states_only(damped):
 def test_joints_that_are_not_there(damped):
     """A message without one joint leaves that one to get old, by name; joints of others are not listened to."""
     status = damped.answered(
-        lambda: (damped.tick(), damped.publish(Q[1:], MOVING[1:], NAMES[1:])), lambda s: s.phase == HOLDING, "the hold"
+        lambda: (damped.tick(), damped.publish(Q[1:], MOVING[1:], NAMES[1:])),
+        lambda s: s.phase == HOLDING,
+        "the hold",
     )
     assert f"joint '{NAMES[0]}' is older than 0.02 s" in status.message
     damped.settle(Q, MOVING)
     status = damped.answered(
-        lambda: (damped.tick(), damped.publish([1.0], [9.0], ["wing_joint"])), lambda s: s.phase == HOLDING, "the hold"
+        lambda: (damped.tick(), damped.publish([1.0], [9.0], ["wing_joint"])),
+        lambda s: s.phase == HOLDING,
+        "the hold",
     )
     assert "s old, expected no more than max_state_age" in status.message
     damped.settle(Q, MOVING)
@@ -336,7 +361,10 @@ def test_a_state_from_the_future(damped, ahead):
         damped.publish(stamp=damped.now + round(ahead * S))
 
     status = damped.answered(publish, lambda s: s.phase == HOLDING, "the hold")
-    assert f"stamp {ahead:.3f} s ahead of this node's clock, expected within max_state_age = 0.02 s" in status.message
+    assert (
+        f"stamp {ahead:.3f} s ahead of this node's clock, expected within max_state_age = 0.02 s"
+        in status.message
+    )
     before = damped.now
     damped.step(Q, MOVING)
     assert damped.now - before == PERIOD
@@ -363,7 +391,10 @@ def test_a_clock_that_goes_back(damped, jump):
     assert damped.now - begin < 0.1 * S
     assert not any(status.tracking_error)
     efforts = np.array([s.effort_command for s in damped.status.messages])
-    assert np.isfinite(efforts).all() and np.abs(np.diff(efforts, axis=0)).max(initial=0) <= 0.02 * EFFORT_RATE + 1e-9
+    assert (
+        np.isfinite(efforts).all()
+        and np.abs(np.diff(efforts, axis=0)).max(initial=0) <= 0.02 * EFFORT_RATE + 1e-9
+    )
     close(damped.settle().effort_command, sent_for(damped, gravity_of(Q)))
 
 
@@ -385,13 +416,19 @@ def test_efforts_are_limited_and_keep_their_direction(fed):
     assert (np.abs(effort) <= limit + 1e-9).all()
     wanted, got = pinocchio_command("tracking", Q, REST, goal, GAIN) - gravity, effort - gravity
     assert np.linalg.norm(got) < 0.9 * np.linalg.norm(wanted)
-    np.testing.assert_allclose(got / np.linalg.norm(got), wanted / np.linalg.norm(wanted), atol=1e-9)
+    np.testing.assert_allclose(
+        got / np.linalg.norm(got), wanted / np.linalg.norm(wanted), atol=1e-9
+    )
     efforts = np.array([s.effort_command for s in fed.status.messages])
     assert {s.phase for s in fed.status.messages} == {ACTIVE}
     # By states' stamps, as efforts are ramped: the clock has a topic of its own, and may come after the state.
     times = np.array([nanoseconds(s.header.stamp) / S for s in fed.status.messages])
-    assert (np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(times) + 1e-6).all()
-    assert any(len(s.saturated_dofs) > 1 for s in fed.status.messages)  # which waited for their rate
+    assert (
+        np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(times) + 1e-6
+    ).all()
+    assert any(
+        len(s.saturated_dofs) > 1 for s in fed.status.messages
+    )  # which waited for their rate
 
 
 # --- targets
@@ -409,7 +446,10 @@ def test_targets_change_and_are_lost(fed):
     status = fed.arrive(Q, 0.01 * MOVING)
     assert untouched(status)
     np.testing.assert_allclose(status.tracking_error, np.full(6, 0.001), atol=1e-11)
-    close(status.effort_command, sent_for(fed, pinocchio_command("tracking", Q, 0.01 * MOVING, Q + 0.001, GAIN)))
+    close(
+        status.effort_command,
+        sent_for(fed, pinocchio_command("tracking", Q, 0.01 * MOVING, Q + 0.001, GAIN)),
+    )
 
 
 @ONE
@@ -467,7 +507,9 @@ def test_another_robot(fed):
     """While active, the controller rejects another description and reports it; deactivated, it loads it."""
     panda = robot(PANDA)
     fed.descriptions.publish(description(panda.urdf))
-    fed.wait_until_told("control", "the controller is active. Deactivate it before another robot is loaded.", b"\2")
+    fed.wait_until_told(
+        "control", "the controller is active. Deactivate it before another robot is loaded.", b"\2"
+    )
     fed.wait_until_told("control", "mode ", b"\2")  # which is said all the same
     fed.silence(HOLDING)
     fed.wait_until_told("control", "holding gravity: ", b"\2")
@@ -479,7 +521,9 @@ def test_another_robot(fed):
     assert fed.peer.transition(fed.name, "deactivate")
     assert not fed.peer.transition(fed.name, "activate")
     fed.wait_until_told("control", "parameter 'damping' names 'elbow_joint'", b"\2")
-    heavy = robot(UR5).changed(robot(UR5).urdf.replace('<mass value="2.275"/>', '<mass value="4.0"/>'))
+    heavy = robot(UR5).changed(
+        robot(UR5).urdf.replace('<mass value="2.275"/>', '<mass value="4.0"/>')
+    )
     fed.descriptions.publish(description(heavy.urdf))
     fed.wait_until_told("control", "inactive")
     assert fed.peer.transition(fed.name, "activate")
@@ -516,7 +560,11 @@ def test_who_else_is_there(fed):
 
 def test_late_states_by_the_clock_of_the_machine(peer):
     """Hold, ramp and zero come by themselves where there is no /clock; how late is the machine's business."""
-    parameters = {"use_sim_time": False, "robot_compensates_gravity": False, "initial_mode": "gravity_compensation"}
+    parameters = {
+        "use_sim_time": False,
+        "robot_compensates_gravity": False,
+        "initial_mode": "gravity_compensation",
+    }
     parameters |= {"resume_after_ramp": True, "max_state_age": 0.2}
     with ByTheWall(peer, "/wall", **parameters) as wall:
         wall.connect().settle()
@@ -548,12 +596,16 @@ def test_it_does_not_start_on_a_guess(peer):
             assert peer.get_parameters(name, given) == given
             assert not peer.transition(name, "configure")
             controller.wait_until_told(
-                "control", "parameter 'robot_compensates_gravity' is not set and has no default", b"\2"
+                "control",
+                "parameter 'robot_compensates_gravity' is not set and has no default",
+                b"\2",
             )
             assert peer.set_parameter(name, "robot_compensates_gravity", False).successful
             assert peer.transition(name, "configure")
             result = peer.set_parameter(name, "robot_compensates_gravity", True)
-            assert not result.successful and "read-only while the node is configured" in result.reason
+            assert (
+                not result.successful and "read-only while the node is configured" in result.reason
+            )
             assert not peer.transition(name, "activate")
             said = f"entry 0 is '{model.names[0]}' here and '{model.names[1]}' there"
             controller.wait_until_told("control", said, b"\2")
@@ -562,7 +614,9 @@ def test_it_does_not_start_on_a_guess(peer):
             report = controller.wait_until_told("control", "no valid state yet", b"\1")
             assert report.values["order of joints"] == f"that of {other}"
             again = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
-            assert not peer.call(ChangeState, f"{name}/change_state", again).success  # at which rclpy raises
+            assert not peer.call(
+                ChangeState, f"{name}/change_state", again
+            ).success  # at which rclpy raises
             assert not controller.sent.messages
     with pytest.raises(InputError, match="robot_compensates_gravity"):
         peer.start("controller", robot_description=model.path, autostart=True)
@@ -571,7 +625,9 @@ def test_it_does_not_start_on_a_guess(peer):
 def test_activation_by_others_while_it_loads(peer):
     """A manager of lifecycles may be faster than autostart; both together activate it once."""
     with Controller(peer, "/eager", robot_compensates_gravity=False, autostart=True) as controller:
-        peer.publisher(String, "/eager/robot_description", LATCHED).publish(description(robot(UR5).urdf))
+        peer.publisher(String, "/eager/robot_description", LATCHED).publish(
+            description(robot(UR5).urdf)
+        )
         node = controller.process.node
         while node._loader.loading is None:
             peer.graph.serve_next()

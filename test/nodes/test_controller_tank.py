@@ -37,7 +37,9 @@ def wait_for_tank(arm, condition, what):
     """Return the first report from now on of which a condition on x [J] and the refused power [W] holds."""
 
     def holds(report):
-        values = [report.values.get(key) for key in ("tank energy [J]", "power refused by the tank [W]")]
+        values = [
+            report.values.get(key) for key in ("tank energy [J]", "power refused by the tank [W]")
+        ]
         return None not in values and condition(*map(float, values))
 
     return arm.wait_for_report(holds, what, len(arm.reports))
@@ -51,18 +53,31 @@ def test_the_motion_has_the_energy_of_the_tank(arm):
     goal = np.add(START_AT, (1.2, 0.5, -0.5, 0.3, 0.2, 0.0))
     arm.trajectory.publish(trajectory([(1.0, goal, [0] * 6, [0] * 6)], arm.simulator.robot.names))
     arm.wait_for(lambda s: s.energy_limited and s.energy > 0.5 * CAPACITY, "the tank")
-    wait_for_tank(arm, lambda x, refused: x < 0.5 * CAPACITY and refused > 0.0, "a tank that refuses power")
-    energies = [energy for status in arm.status.messages if (energy := energy_of(arm, status)) is not None]
+    wait_for_tank(
+        arm, lambda x, refused: x < 0.5 * CAPACITY and refused > 0.0, "a tank that refuses power"
+    )
+    energies = [
+        energy for status in arm.status.messages if (energy := energy_of(arm, status)) is not None
+    ]
     assert len(energies) > 100 and 0.5 * CAPACITY < max(energies) <= CAPACITY
     arm.switch("damping")
     arm.wait_for(lambda s: s.energy < 1e-6, "rest")
     arm.switch("damping")
-    wait_for_tank(arm, lambda x, _: x == pytest.approx(CAPACITY, rel=1e-5), "a tank that a mode has filled")
+    wait_for_tank(
+        arm, lambda x, _: x == pytest.approx(CAPACITY, rel=1e-5), "a tank that a mode has filled"
+    )
 
 
 def test_an_overdrawn_tank_is_reported():
     """A tenth of the capacity below zero is rounding of late efforts; more is a problem."""
     efforts = loop_of(dd.load_urdf(robot(UR5).urdf), tank_energy=CAPACITY).efforts
-    for energy, reported in ((CAPACITY, False), (-0.09 * CAPACITY, False), (-0.11 * CAPACITY, True)):
+    for energy, reported in (
+        (CAPACITY, False),
+        (-0.09 * CAPACITY, False),
+        (-0.11 * CAPACITY, True),
+    ):
         efforts.tank.energy = energy
-        assert any("tank is overdrawn" in problem for problem in problems_of_limits(efforts)) == reported
+        assert (
+            any("tank is overdrawn" in problem for problem in problems_of_limits(efforts))
+            == reported
+        )

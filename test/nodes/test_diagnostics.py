@@ -44,7 +44,9 @@ KEYS = {
 @pytest.fixture(scope="module")
 def running(peer):
     """Start the monitor of this file."""
-    with Monitor(peer, "/reports", outputs=["state"], robot_description=robot(PANDA).path) as monitor:
+    with Monitor(
+        peer, "/reports", outputs=["state"], robot_description=robot(PANDA).path
+    ) as monitor:
         yield monitor.connect(robot(PANDA))
 
 
@@ -75,10 +77,14 @@ def test_every_entry(monitor, panda, sample):
     model = values_of(report, "model")
     assert (model["robot"], model["degrees of freedom"]) == ("panda", "8")
     assert (model["mimic joints"], model["locked joints"]) == ("1: panda_finger_joint2", "0")
-    mass = sum(float(found.get("value")) for found in panda.oracle.xml.findall("link/inertial/mass"))
+    mass = sum(
+        float(found.get("value")) for found in panda.oracle.xml.findall("link/inertial/mass")
+    )
     assert float(model["total mass [kg]"]) == pytest.approx(mass, rel=1e-5)
     assert int(model["model revision"]) == monitor.topics["state"].messages[-1].model_revision
-    assert report.values["stale joints"] == "0"  # stamps of another time say nothing about their age
+    assert (
+        report.values["stale joints"] == "0"
+    )  # stamps of another time say nothing about their age
     report = monitor.next_report()
     assert (report.level, report.message) == (STALE, "no joint states")
 
@@ -149,9 +155,19 @@ def watching(**thresholds):
         ({"warn": 3.0, "error": 5.0}, (1, 2), OK, "within thresholds"),
         ({"warn": 3.0, "error": 5.0}, (3, 2.1), ERROR, "error_energy"),
         ({"warn_share": {"elbow": 2.0}}, (9, 2), OK, ""),
-        ({"warn_share": {"*": 2.0}, "error_share": {"*": 4.0}}, (1, 3), WARN, "'elbow' > warn_energy_share"),
+        (
+            {"warn_share": {"*": 2.0}, "error_share": {"*": 4.0}},
+            (1, 3),
+            WARN,
+            "'elbow' > warn_energy_share",
+        ),
         ({"warn_share": {"*": 2.0, "elbow": 0.0}}, (1, 3), OK, ""),
-        ({"warn": 1.0, "error_share": {"shoulder": 2.0}}, (3, 0), ERROR, "'shoulder' > error_energy_share"),
+        (
+            {"warn": 1.0, "error_share": {"shoulder": 2.0}},
+            (3, 0),
+            ERROR,
+            "'shoulder' > error_energy_share",
+        ),
     ],
 )
 def test_thresholds(thresholds, shares, level, named):
@@ -190,14 +206,18 @@ def residual(watch):
     return None if value is None else float(value)
 
 
-@pytest.mark.parametrize(("gap", "integrated"), [(500 * MS, True), (500 * MS + 1, False), (-S, False)])
+@pytest.mark.parametrize(
+    ("gap", "integrated"), [(500 * MS, True), (500 * MS + 1, False), (-S, False)]
+)
 def test_residual(gap, integrated):
     """ΔK less the trapezoid of powers, per second since the last report; not over a gap or back in time."""
     watch = watching()
     watch.accept_state(CLOCK, at_energy(1.0, 0, power=2.0))
     assert residual(watch) is None
     watch.accept_state(CLOCK + 100 * MS, at_energy(1.5, 0, power=4.0))
-    watch.accept_state(CLOCK + 100 * MS, at_energy(99, 0, power=99.0))  # of one stamp the first one counts
+    watch.accept_state(
+        CLOCK + 100 * MS, at_energy(99, 0, power=99.0)
+    )  # of one stamp the first one counts
     watch.accept_state(CLOCK + 300 * MS, at_energy(1.5, 0.5, power=-2.0))
     assert residual(watch) == pytest.approx((1.0 - 0.3 - 0.2) / 0.3, rel=1e-5)
     watch.accept_state(CLOCK + 300 * MS + gap, at_energy(4.0, 0, power=-2.0))
@@ -229,7 +249,9 @@ def test_explained_share():
     """Near 1 with the right model and its friction; lower without friction, with a payload, and in another unit."""
     urdf, gravity = TwoLinkArm(I1=0.02).urdf, (1.0, -9.81, 0.0)
     resistance = '<dynamics damping="0.3" friction="0.2"/></joint>'
-    arm, damped = (dd.load_urdf(u, gravity=gravity) for u in (urdf, urdf.replace("</joint>", resistance)))
+    arm, damped = (
+        dd.load_urdf(u, gravity=gravity) for u in (urdf, urdf.replace("</joint>", resistance))
+    )
     assert moved(arm, arm) > 0.98 and moved(damped, damped) > 0.98
     assert moved(damped, damped, friction=False) < moved(damped, damped) - 0.02
     payload = arm.with_payload(arm.link_names[-1], 1.5, (0.3, 0.0, 0.0))
@@ -239,7 +261,9 @@ def test_explained_share():
 def feed(watch, begin, seconds, change, size=1.0):
     """Feed states at 50 Hz whose K changes by a power, times `change`; return the time after the last one [s]."""
     for t in np.arange(begin, begin + seconds, 0.02):
-        state = at_energy(2.0 - size * np.cos(3.0 * t), 0.0, power=change * 3.0 * size * np.sin(3.0 * t))
+        state = at_energy(
+            2.0 - size * np.cos(3.0 * t), 0.0, power=change * 3.0 * size * np.sin(3.0 * t)
+        )
         watch.accept_state(CLOCK + round(t * 1000) * MS, state)
     return begin + seconds
 
@@ -259,11 +283,20 @@ def test_only_the_last_minute_counts():
     assert share_of(watch) > 0.99
 
 
-@pytest.mark.parametrize(("armature", "named"), [([""], True), (["shoulder=10.0", "elbow=10.0"], False)])
+@pytest.mark.parametrize(
+    ("armature", "named"), [([""], True), (["shoulder=10.0", "elbow=10.0"], False)]
+)
 def test_joints_without_rotor_inertia(armature, named):
     """They are named by D and effort limit, as `inspect` names them; no more with the rotors' inertia."""
-    limited = TwoLinkArm(I1=0.02).urdf.replace('effort="100" velocity="100"', 'effort="20000" velocity="3"')
+    limited = TwoLinkArm(I1=0.02).urdf.replace(
+        'effort="100" velocity="100"', 'effort="20000" velocity="3"'
+    )
     values = DEFAULTS | {"armature": armature}
     robot = MonitoredRobot(limited, model_of(limited, values), Settings.of(values), 1)
-    expected = {name for f in inspect_robot(limited).findings if f.check == "rotor_inertia" for name in f.joints}
+    expected = {
+        name
+        for f in inspect_robot(limited).findings
+        if f.check == "rotor_inertia"
+        for name in f.joints
+    }
     assert expected and set(robot.without_rotors) == (expected if named else set())

@@ -30,7 +30,12 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, model_status
 from diag_dynamics.nodes.support import messages
-from diag_dynamics.nodes.support.messages import BytesMaker, CollisionThresholds, ContactThresholds, MessageMaker
+from diag_dynamics.nodes.support.messages import (
+    BytesMaker,
+    CollisionThresholds,
+    ContactThresholds,
+    MessageMaker,
+)
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Observation, Settings
 from diag_dynamics.parameters.robots import model_of
@@ -41,7 +46,9 @@ from joint_state_messages import INF, NOW, S
 from joint_state_readers import DEFAULTS
 from robots import TwoLinkArm, description, link, random_tree
 
-OURS = tuple(kind for kind in vars(diag_dynamics.msg).values() if hasattr(kind, "get_fields_and_field_types"))
+OURS = tuple(
+    kind for kind in vars(diag_dynamics.msg).values() if hasattr(kind, "get_fields_and_field_types")
+)
 STANDARD = (
     JointState,
     LaserScan,
@@ -54,7 +61,9 @@ STANDARD = (
     UInt16,
     Int64,
 )
-of_every_kind = pytest.mark.parametrize("kind", (*OURS, *STANDARD, String), ids=lambda kind: kind.__name__)
+of_every_kind = pytest.mark.parametrize(
+    "kind", (*OURS, *STANDARD, String), ids=lambda kind: kind.__name__
+)
 
 # --- templates: any message of numbers and texts
 
@@ -114,7 +123,11 @@ def test_template(kind):
     @examples(15)
     @given(contents(kind), st.integers(0, 2**32))
     def check(message, seed):
-        template, before, rng = Template(message), serialize_message(message), np.random.default_rng(seed)
+        template, before, rng = (
+            Template(message),
+            serialize_message(message),
+            np.random.default_rng(seed),
+        )
         kept = template.encoded()
         same(kept, message)
         assert template.holds(before)
@@ -126,10 +139,14 @@ def test_template(kind):
             write(message, path, values)
         assert repr(deserialize_message(template.encoded(), kind)) == repr(message)
         after = Template(message)
-        if not any(np.isnan(values).any() for values in template.numbers.values()):  # a NaN has many forms
+        if not any(
+            np.isnan(values).any() for values in template.numbers.values()
+        ):  # a NaN has many forms
             assert template.holds(serialize_message(message))
             assert template.holds(before) == after.holds(before)
-        assert not any(template.holds(kept[:size]) for size in (*range(0, len(kept), 3), len(kept) - 1))
+        assert not any(
+            template.holds(kept[:size]) for size in (*range(0, len(kept), 3), len(kept) - 1)
+        )
 
     check()
 
@@ -157,8 +174,12 @@ def test_other_types_are_refused(kind, field, named):
 ROBOTS = {
     "arm": lambda: dd.load_urdf(random_tree(4, joints=6)),
     "floating base": lambda: dd.load_urdf(random_tree(3, joints=5), floating_base=True),
-    "base alone": lambda: dd.load_urdf(description("brick", link("brick", 2.0, (0, 0, 0.1), (1, 0, 0, 2, 0, 2))), True),
-    "no joints": lambda: dd.load_urdf(description("post", link("post", 2.0, (0, 0, 0.1), (1, 0, 0, 2, 0, 2)))),
+    "base alone": lambda: dd.load_urdf(
+        description("brick", link("brick", 2.0, (0, 0, 0.1), (1, 0, 0, 2, 0, 2))), True
+    ),
+    "no joints": lambda: dd.load_urdf(
+        description("post", link("post", 2.0, (0, 0, 0.1), (1, 0, 0, 2, 0, 2)))
+    ),
 }
 of_every_robot = pytest.mark.parametrize("name", ROBOTS)
 
@@ -185,7 +206,8 @@ class Moment(NamedTuple):
 moments = st.builds(
     Moment,
     st.integers(0, 2**32 - 1),
-    st.integers(0, 2**31 * S - 1) | st.sampled_from((0, S - 1, S, 2**31 * S - 1, 1_763_000_000 * S)),
+    st.integers(0, 2**31 * S - 1)
+    | st.sampled_from((0, S - 1, S, 2**31 * S - 1, 1_763_000_000 * S)),
     st.sampled_from((0, 1, S - 1, S, 10**6)),
     *[st.booleans()] * 5,
 )
@@ -206,18 +228,33 @@ def arguments(name, moment):
     limits = dd.ContactLimits({"any": {"energy": 1.0}}, links={model.link_names[-1]: []})
     rows = [(link, link, ((0, 0, 0), (0.1, 0, 0))) for link in model.link_names]
     points = _points(
-        name, model, tuple(rows) if moment.inverse else tuple(rows[-1:]), limits if moment.inverse else None
+        name,
+        model,
+        tuple(rows) if moment.inverse else tuple(rows[-1:]),
+        limits if moment.inverse else None,
     )
     links = [name for name in model.link_names if model.placement_in_body(name)[0] or not model.nv]
     scale = 10.0 ** rng.integers(-1, 2)
     found = None
     if moment.effort and model.nv:
-        found = dyn.wrench(q, tau, links[moment.seed % len(links)], max_deviation=(10.0 * scale, scale))
+        found = dyn.wrench(
+            q, tau, links[moment.seed % len(links)], max_deviation=(10.0 * scale, scale)
+        )
     seen = Disturbance(True, "", r, tau, float(np.linalg.norm(r)), moment.estimated)
     seen = seen if moment.effort else Disturbance(False, "")
-    observation = Observation(1.0, INF if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1)
-    alarming = CollisionThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], r > 0.0) if moment.friction else None
-    contact = ContactThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], moment.received) if moment.inverse else None
+    observation = Observation(
+        1.0, INF if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1
+    )
+    alarming = (
+        CollisionThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], r > 0.0)
+        if moment.friction
+        else None
+    )
+    contact = (
+        ContactThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], moment.received)
+        if moment.inverse
+        else None
+    )
     touched = None
     if moment.effort and model.nv and moment.friction:
         touched = dyn.touched_link(q, tau, np.eye(model.nv) * 10.0 ** rng.integers(-2, 2))
@@ -236,7 +273,9 @@ _POINTS = {}
 
 def _points(name, model, rows, limits):
     """Return the same points each time: an encoder lays a message out once for each set of points."""
-    return _POINTS.setdefault((name, len(rows)), dd.ContactPoints(model, rows, *[limits] * (limits is not None)))
+    return _POINTS.setdefault(
+        (name, len(rows)), dd.ContactPoints(model, rows, *[limits] * (limits is not None))
+    )
 
 
 def encode(encoder, topic, of_it):
@@ -253,7 +292,9 @@ def test_any_sequence_of_states(name):
     @examples(15)
     @given(st.lists(moments, min_size=2, max_size=5))
     def check(sequence):
-        maker, encoder = (kind(dynamics(name).model, revision=7) for kind in (MessageMaker, BytesMaker))
+        maker, encoder = (
+            kind(dynamics(name).model, revision=7) for kind in (MessageMaker, BytesMaker)
+        )
         sent = []
         for moment in sequence:
             made = arguments(name, moment)
@@ -279,7 +320,9 @@ def test_where_rclpy_serializes_otherwise(otherwise):
     """The messages themselves are sent, and the topic is named; other topics are not affected."""
     for topic in ORDER:
         maker, encoder = (kind(dynamics("arm").model) for kind in (MessageMaker, BytesMaker))
-        with mock.patch.object(messages, "serialize_message", lambda message: otherwise(serialize_message(message))):
+        with mock.patch.object(
+            messages, "serialize_message", lambda message: otherwise(serialize_message(message))
+        ):
             for seed, effort in ((1, True), (2, True), (3, False)):
                 of_it = arguments("arm", Moment(seed, effort=effort))[topic]
                 assert repr(encode(encoder, topic, of_it)) == repr(encode(maker, topic, of_it))
@@ -290,7 +333,9 @@ def test_where_rclpy_serializes_otherwise(otherwise):
 
 # --- from bytes to bytes
 
-URDF = TwoLinkArm(I1=0.02).urdf.replace("</joint>", '<dynamics damping="0.3" friction="0.2"/></joint>')
+URDF = TwoLinkArm(I1=0.02).urdf.replace(
+    "</joint>", '<dynamics damping="0.3" friction="0.2"/></joint>'
+)
 
 
 def monitored(description=URDF, **parameters):
@@ -314,7 +359,9 @@ def test_file_that_is_gone(tmp_path):
 
 def test_friction_power(tmp_path):
     """It is that of the term of the equations of motion."""
-    dd.Parameters(joints={"elbow": dd.JointParameters(effort_offset=0.7)}).save(tmp_path / "arm.yaml")
+    dd.Parameters(joints={"elbow": dd.JointParameters(effort_offset=0.7)}).save(
+        tmp_path / "arm.yaml"
+    )
     for parameters in ({}, {"friction_velocity": 0.0}, {"gravity": [1.0, -9.81, 0.0]}):
         robot = monitored(parameters_file=str(tmp_path / "arm.yaml"), **parameters)
         q, qd = np.array([0.3, -0.2]), np.array([1.0, -0.5])
@@ -323,7 +370,9 @@ def test_friction_power(tmp_path):
         sign = np.tanh(qd / model.friction_velocity) if model.friction_velocity else np.sign(qd)
         friction = qd @ (0.3 * qd + 0.2 * sign + [0.0, 0.7])
         assert robot.friction_power(s) == pytest.approx(friction, rel=1e-12)
-    geared = model.with_parameters({"joints": {"elbow": {"load_friction": 0.1, "root_friction": 0.2}}})
+    geared = model.with_parameters(
+        {"joints": {"elbow": {"load_friction": 0.1, "root_friction": 0.2}}}
+    )
     robot.use(geared, robot.settings, 2)
     s, _ = robot.evaluate(RobotState(q, qd, None, NOW, NOW, False))
     loaded = [0.0, -0.1 * abs(robot.dynamics.gravity_torque(q)[1]) - 0.2 * np.sqrt(0.5)]
@@ -363,7 +412,9 @@ def test_flexible_joints(tmp_path):
 
 def some_joint_state(rng):
     """Return a JointState of any names and lengths."""
-    message = JointState(name=[str(rng.choice(["", "a", "joint_7", "€𝄞", "x" * 40])) for _ in range(rng.integers(4))])
+    message = JointState(
+        name=[str(rng.choice(["", "a", "joint_7", "€𝄞", "x" * 40])) for _ in range(rng.integers(4))]
+    )
     message.header.frame_id = str(rng.choice(["", "base", "world/€"]))
     message.header.stamp.sec = int(rng.integers(-(2**31), 2**31))
     for field in ("position", "velocity", "effort"):
@@ -401,7 +452,9 @@ def mutated(raw, rng):
             data[at:at] = rng.bytes(rng.integers(1, 9))
         elif len(data) > 8:  # a count, perhaps
             at -= at % 4
-            data[at : at + 4] = int(rng.choice([0, 1, 2, 5, 1000, 2**31, 2**32 - 1])).to_bytes(4, "little")
+            data[at : at + 4] = int(rng.choice([0, 1, 2, 5, 1000, 2**31, 2**32 - 1])).to_bytes(
+                4, "little"
+            )
     return bytes(data)
 
 
@@ -413,10 +466,16 @@ def plain(value):
         return np.float64(value).tobytes()
     if isinstance(value, (int, str)):
         return value
-    return list(value) if len(value) and isinstance(value[0], str) else np.array(value, dtype=float).tobytes()
+    return (
+        list(value)
+        if len(value) and isinstance(value[0], str)
+        else np.array(value, dtype=float).tobytes()
+    )
 
 
-@pytest.mark.parametrize(("kind", "make"), [(JointState, some_joint_state), (Odometry, some_odometry)])
+@pytest.mark.parametrize(
+    ("kind", "make"), [(JointState, some_joint_state), (Odometry, some_odometry)]
+)
 def test_read_as_rclpy_reads(kind, make):
     """Good bytes and damaged ones: the same values, or an error."""
     rng, found, count = np.random.default_rng(1), Counter(), shortened(20_000, 1500)
@@ -454,12 +513,18 @@ def idl(parsed):
 INPUTS = ("sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry")
 
 
-@pytest.mark.parametrize("name", [*INPUTS, *(f"diag_dynamics/msg/{kind.__name__}" for kind in OURS)])
+@pytest.mark.parametrize(
+    "name", [*INPUTS, *(f"diag_dynamics/msg/{kind.__name__}" for kind in OURS)]
+)
 def test_definitions_equal_those_of_ros(name):
     """Of each message and of all in it, as another library understands the text."""
-    types = get_types_from_msg(definition_with_parts(name, *[our_definitions()] * (name not in INPUTS)), name)
+    types = get_types_from_msg(
+        definition_with_parts(name, *[our_definitions()] * (name not in INPUTS)), name
+    )
     assert name in types
     for one, (_, fields) in types.items():
         package, _, part = one.split("/")
-        declared = getattr(importlib.import_module(f"{package}.msg"), part).get_fields_and_field_types()
+        declared = getattr(
+            importlib.import_module(f"{package}.msg"), part
+        ).get_fields_and_field_types()
         assert [(field, idl(parsed)) for field, parsed in fields] == list(declared.items()), one

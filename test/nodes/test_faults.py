@@ -19,7 +19,12 @@ from joint_state_cases import COUNTERS, WIRING
 from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
 from nodes import LATCHED, MS, PANDA, UR5, Monitor, Reports, S, description, joint_state, robot
 
-FINGER, MIMIC_FINGER, JOINT, HAND = "panda_finger_joint1", "panda_finger_joint2", "panda_joint4", "panda_hand"
+FINGER, MIMIC_FINGER, JOINT, HAND = (
+    "panda_finger_joint1",
+    "panda_finger_joint2",
+    "panda_joint4",
+    "panda_hand",
+)
 INPUTS = {"joint_states": JointState, "odom": Odometry}
 COUNTED = set(COUNTERS) | {"received", "odometry received"}
 ARM = tuple(name for name in robot(PANDA).names if name != FINGER)
@@ -60,7 +65,9 @@ def test_counters(peer, tmp_path, counter):
         peer.graph.system = before
         report = reports.wait_for(lambda report: len(report.entries) > 1, "all of it", 0)
     del expected["odometry"]  # an odometry that is used has no counter of its own
-    assert {key: report.count(key) for key in report.values if key in COUNTED | set(expected)} == expected
+    assert {
+        key: report.count(key) for key in report.values if key in COUNTED | set(expected)
+    } == expected
     assert len(states.messages) == expected["published"] + expected["published from odometry"]
     assert report.count("received") == report.outcomes()
     if rejections := [step for step in case.steps if "rejected" in step.outcome]:
@@ -168,14 +175,19 @@ CIRCLE = BEGIN + SOURCE + END.replace("</joint>", f'<mimic joint="{MIMIC_FINGER}
 DESCRIPTIONS = [
     ("<robot name='broken'><link name='a'/>", "not well-formed"),
     ("<robot name='r'/>", "link"),
-    (robots.robot("romeo_description/urdf/romeo_laas_small.urdf").urdf, "l_gripper_joint"),  # singular
+    (
+        robots.robot("romeo_description/urdf/romeo_laas_small.urdf").urdf,
+        "l_gripper_joint",
+    ),  # singular
     (CIRCLE, f"'{FINGER}' mimics itself"),
     ("", "empty"),
     (str(robot(UR5).path), "rejected"),  # a topic opens no files
 ]
 
 
-@pytest.mark.parametrize(("text", "reason"), DESCRIPTIONS, ids=[reason for _, reason in DESCRIPTIONS])
+@pytest.mark.parametrize(
+    ("text", "reason"), DESCRIPTIONS, ids=[reason for _, reason in DESCRIPTIONS]
+)
 def test_description_refused_by_topic(by_topic, panda, text, reason):
     """The robot stays in force, and diagnostics say what is wrong until a valid description arrives."""
     by_topic.describe(text)
@@ -200,7 +212,9 @@ def test_counters_outlive_a_robot(by_topic, panda):
     assert report.count("received") == report.outcomes() > before.count("received")
 
 
-@pytest.mark.parametrize(("text", "reason"), [DESCRIPTIONS[0], ("/nowhere/robot.urdf", "/nowhere/robot.urdf")])
+@pytest.mark.parametrize(
+    ("text", "reason"), [DESCRIPTIONS[0], ("/nowhere/robot.urdf", "/nowhere/robot.urdf")]
+)
 def test_description_refused_by_parameter(monitor, panda, text, reason):
     """Diagnostics say why, and not a joint is forgotten."""
     monitor.set_parameter("robot_description", text)
@@ -237,7 +251,10 @@ PARAMETERS = [
     ({"gravity": [0.0, 9810.0, 0.0]}, "within ±1000"),
     ({"gravity": -9.81}, "Wrong parameter type"),
     ({"payloads": ["tool=1"]}, "tool"),
-    ({"external_torque.gain": 9.0, "alarm.norm": 1.0, "external_torque.threshold": 2.0}, "threshold is 2"),
+    (
+        {"external_torque.gain": 9.0, "alarm.norm": 1.0, "external_torque.threshold": 2.0},
+        "threshold is 2",
+    ),
     ({"external_torque.gain": 9.0, "alarm.joints": ["elbow=1"]}, "'elbow'"),
 ]
 

@@ -21,7 +21,19 @@ from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from diag_dynamics.nodes.support.diagnostics import MAX_LENGTH, WARN, shortened
-from nodes import LATCHED, MANY, MS, OUTPUTS, PANDA, UR5, Monitor, Truth, description, joint_state, robot
+from nodes import (
+    LATCHED,
+    MANY,
+    MS,
+    OUTPUTS,
+    PANDA,
+    UR5,
+    Monitor,
+    Truth,
+    description,
+    joint_state,
+    robot,
+)
 
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -31,7 +43,9 @@ HAND = "panda_hand"
 @pytest.fixture(scope="module")
 def running(peer):
     """Start a monitor with the default QoS, and its robot by topic."""
-    peer.publisher(String, "/default/robot_description", LATCHED).publish(description(robot(PANDA).urdf))
+    peer.publisher(String, "/default/robot_description", LATCHED).publish(
+        description(robot(PANDA).urdf)
+    )
     with Monitor(peer, "/default", reliable=False) as monitor:
         yield monitor.connect(robot(PANDA))
 
@@ -49,7 +63,9 @@ def overridden(peer):
     with Monitor(peer, "/strict", robot_description=robot(PANDA).path, **parameters) as monitor:
         # The test's own subscription to `state` is reliable, and receives nothing of a best-effort publisher.
         peer.node.destroy_subscription(monitor.topics["state"].subscription)
-        monitor.topics["state"] = peer.topic(DiagonalizedState, f"{monitor.name}/state", BEST_EFFORT)
+        monitor.topics["state"] = peer.topic(
+            DiagonalizedState, f"{monitor.name}/state", BEST_EFFORT
+        )
         yield monitor.connect(robot(PANDA))
 
 
@@ -78,16 +94,22 @@ def test_default_qos(monitor, panda):
     at = {f"/default/{topic}": "subscription" for topic in ("joint_states", "robot_description")}
     at |= {f"{monitor.name}/{topic}": "publisher" for topic in OUTPUTS}
     wanted = ("history", "depth", "reliability", "durability")
-    assert {f"qos_overrides.{topic}.{kind}.{policy}" for topic, kind in at.items() for policy in wanted} <= {*listed}
+    assert {
+        f"qos_overrides.{topic}.{kind}.{policy}" for topic, kind in at.items() for policy in wanted
+    } <= {*listed}
 
 
 def test_overrides_of_qos(overridden, panda):
     """Publishers and subscriptions have the QoS of the parameters, and states are served."""
     node = overridden.peer.node
     (listener,) = node.get_subscriptions_info_by_topic("/strict/joint_states")
-    assert (listener.qos_profile.reliability, listener.qos_profile.depth) == (ReliabilityPolicy.RELIABLE, 7)
+    assert (listener.qos_profile.reliability, listener.qos_profile.depth) == (
+        ReliabilityPolicy.RELIABLE,
+        7,
+    )
     profiles = {
-        topic: node.get_publishers_info_by_topic(f"{overridden.name}/{topic}")[0].qos_profile for topic in OUTPUTS
+        topic: node.get_publishers_info_by_topic(f"{overridden.name}/{topic}")[0].qos_profile
+        for topic in OUTPUTS
     }
     assert profiles["state"].reliability == ReliabilityPolicy.BEST_EFFORT
     assert profiles["total_joint_rates"].reliability == ReliabilityPolicy.RELIABLE
@@ -101,31 +123,51 @@ def test_overrides_of_qos(overridden, panda):
 def test_messages_that_the_middleware_lost(monitor):
     """They are counted beside those received."""
     before = monitor.next_report()
-    (states,) = [one for one in monitor.process.node.subscriptions if one.topic_name == "/default/joint_states"]
-    (handler,) = [one for one in states.event_handlers if one.event_type == Lost.RCL_SUBSCRIPTION_MESSAGE_LOST]
+    (states,) = [
+        one
+        for one in monitor.process.node.subscriptions
+        if one.topic_name == "/default/joint_states"
+    ]
+    (handler,) = [
+        one for one in states.event_handlers if one.event_type == Lost.RCL_SUBSCRIPTION_MESSAGE_LOST
+    ]
     handler.callback(SimpleNamespace(total_count=7, total_count_change=3))
     assert monitor.next_report().since(before) == {"lost in transport": 3}
 
 
 TYPE = ["/intruder publishes std_msgs/msg/String on", "expected sensor_msgs/msg/JointState"]
 USELESS = [  # monitor, type, topic, QoS, words of the warning
-    ("overridden", JointState, "/strict/joint_states", BEST_EFFORT, ["QoS of /intruder", "incompatible"]),
+    (
+        "overridden",
+        JointState,
+        "/strict/joint_states",
+        BEST_EFFORT,
+        ["QoS of /intruder", "incompatible"],
+    ),
     ("running", String, "/default/joint_states", QoSProfile(depth=1), TYPE),
     ("running", String, "/default/robot_description", QoSProfile(depth=1), ["QoS of /intruder on"]),
 ]
 
 
-@pytest.mark.parametrize(("name", "kind", "topic", "qos", "words"), USELESS, ids=["QoS", "type", "not latched"])
+@pytest.mark.parametrize(
+    ("name", "kind", "topic", "qos", "words"), USELESS, ids=["QoS", "type", "not latched"]
+)
 def test_a_publisher_that_cannot_be_used(request, intruder, panda, name, kind, topic, qos, words):
     """A warning names it; the publisher that fits is served, and the latched description counts."""
     monitor = request.getfixturevalue(name)
     publisher = intruder.create_publisher(kind, topic, qos)
     monitor.serves(panda, 1)
-    publisher.publish(description(robot(UR5).urdf) if kind is String else panda.message(monitor.now, panda.samples[0]))
+    publisher.publish(
+        description(robot(UR5).urdf)
+        if kind is String
+        else panda.message(monitor.now, panda.samples[0])
+    )
     monitor.serves(panda, 2)
     report = monitor.next_report()
     entry = report.entries["joint states"]
-    assert entry.level == WARN and all(word in entry.message for word in [topic, *words]), entry.message
+    assert entry.level == WARN and all(word in entry.message for word in [topic, *words]), (
+        entry.message
+    )
     assert "/test" not in entry.message and report.values["robot"] == "panda"
     intruder.destroy_publisher(publisher)
     monitor.serves(panda)
@@ -135,7 +177,10 @@ def test_a_publisher_that_cannot_be_used(request, intruder, panda, name, kind, t
 def test_two_publishers_of_the_same_joints(monitor, intruder, panda):
     """In turns: one robot is served, the other is rejected as a jump and then as an interleaved source, both are named."""
     q, qd, tau, _ = panda.samples[0]
-    still, publisher = 0.0 * qd, intruder.create_publisher(JointState, "/default/joint_states", BEST_EFFORT)
+    still, publisher = (
+        0.0 * qd,
+        intruder.create_publisher(JointState, "/default/joint_states", BEST_EFFORT),
+    )
     with monitor.having(**{"plausibility.jump": 0.1}):
         before = monitor.next_report()
         for _ in range(4):
@@ -262,7 +307,9 @@ def test_names_that_would_act(peer):
         unknown = Diagonalize.Request(state=joint_state([ESCAPE], [0.0], [0.0]))
         for message in (
             peer.call(Diagonalize, f"{at}/diagonalize", unknown).message,
-            peer.call(SetPayload, f"{at}/set_payload", SetPayload.Request(link=f"{ESCAPE}{FIRE}")).message,
+            peer.call(
+                SetPayload, f"{at}/set_payload", SetPayload.Request(link=f"{ESCAPE}{FIRE}")
+            ).message,
             peer.set_parameter(at, "payloads", [f"{ESCAPE}=heavy"]).reason,
         ):
             assert r"\x1b]0;owned\x07\x1b[31m" in message and message.isprintable()

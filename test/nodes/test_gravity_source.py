@@ -26,7 +26,9 @@ class Carried(Monitor):
     """A monitor of a Panda on a vehicle, and its IMU."""
 
     def __init__(self, peer, name, **parameters):
-        super().__init__(peer, name, outputs=["coriolis"], robot_description=robot(PANDA).path, **parameters)
+        super().__init__(
+            peer, name, outputs=["coriolis"], robot_description=robot(PANDA).path, **parameters
+        )
         self.imu, self.node = peer.publisher(Imu, f"{name}/imu"), self.process.node
         self.state = robot(PANDA).samples[1]
         peer.pass_time(0.1)
@@ -72,11 +74,16 @@ def test_orientation_and_timeout(peer):
     with Carried(peer, "/tilted", gravity_imu="imu") as monitor:
         assert monitor.gravity() is None
         report = monitor.next_report()
-        assert report.entries["gravity"].level == WARN and "no message" in report.entries["gravity"].message
+        assert (
+            report.entries["gravity"].level == WARN
+            and "no message" in report.entries["gravity"].message
+        )
         assert report.count("rejected: gravity unknown") == 1
         for rotation in (TILT, np.eye(3), TILT @ TILT):
             monitor.send(orientation=rotation)
-            np.testing.assert_allclose(monitor.gravity(), expected(rotation, monitor.state), atol=1e-9)
+            np.testing.assert_allclose(
+                monitor.gravity(), expected(rotation, monitor.state), atol=1e-9
+            )
         assert monitor.next_report().entries["gravity"].level == OK
         peer.pass_time(1.1)
         assert monitor.gravity() is None
@@ -107,7 +114,11 @@ def test_specific_force_on_a_moving_link(peer):
 
 def test_observer_goes_on(peer):
     """The efforts of a tilted arm are explained while it tilts; nothing restarts and no revision changes."""
-    parameters = {"external_torque.gain": GAIN, "external_torque.friction": False, "gravity_imu": "imu"}
+    parameters = {
+        "external_torque.gain": GAIN,
+        "external_torque.friction": False,
+        "gravity_imu": "imu",
+    }
     with Carried(peer, "/rolling", **parameters) as monitor:
         subscribed(monitor)
         for k in range(60):
@@ -152,7 +163,10 @@ def test_frame_of_tf(peer):
     """By a fake of tf2_ros; a transform without a stamp is static."""
     module = ModuleType("tf2_ros")
     module.Buffer, module.TransformListener = Buffer, lambda buffer, node: None
-    with mock.patch.dict(sys.modules, tf2_ros=module), Carried(peer, "/framed", gravity_frame="world") as monitor:
+    with (
+        mock.patch.dict(sys.modules, tf2_ros=module),
+        Carried(peer, "/framed", gravity_frame="world") as monitor,
+    ):
         assert monitor.gravity() is None
         x, y, z, w = map(float, pin.Quaternion(TILT.T).coeffs())  # of the world in the root link
         stamp = SimpleNamespace(sec=0, nanosec=0)
@@ -173,7 +187,10 @@ def test_frame_of_tf(peer):
     ("parameters", "text"),
     [
         ({"gravity_frame": "world"}, "tf2_ros"),
-        ({"gravity_frame": "world", "gravity_imu": "imu"}, "'gravity_imu' is 'imu'; expected empty"),
+        (
+            {"gravity_frame": "world", "gravity_imu": "imu"},
+            "'gravity_imu' is 'imu'; expected empty",
+        ),
         ({"gravity_imu": "imu", "floating_base": True}, "'floating_base' is set"),
     ],
 )

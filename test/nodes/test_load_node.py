@@ -36,7 +36,11 @@ LOADED = Motion(robot(PANDA), payloads={HAND: (MASS, CENTER, 5e-4 * np.eye(3))})
 @pytest.fixture
 def monitor(peer, request):
     """Start a monitor that estimates a load on the hand."""
-    parameters = OBSERVED | {"load.link": HAND, "external_wrench.frames": [HAND]} | getattr(request, "param", {})
+    parameters = (
+        OBSERVED
+        | {"load.link": HAND, "external_wrench.frames": [HAND]}
+        | getattr(request, "param", {})
+    )
     with Monitor(peer, "/loaded", outputs=["state"], **parameters) as monitor:
         monitor.wrench = peer.topic(WrenchStamped, f"{monitor.name}/external_wrench")
         monitor.load = peer.topic(Load, f"{monitor.name}/load")
@@ -54,8 +58,12 @@ def payload(monitor):
 
 def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     found = feed(monitor, map(LOADED, range(900)))
-    assert any(one.collision for one in found[:400]) and not any(one.collision for one in found[750:])
-    assert np.linalg.norm(found[-1].external_torque) > 5.0  # the message has all of the external torque
+    assert any(one.collision for one in found[:400]) and not any(
+        one.collision for one in found[750:]
+    )
+    assert (
+        np.linalg.norm(found[-1].external_torque) > 5.0
+    )  # the message has all of the external torque
     force = monitor.wrench.messages[-1].wrench.force
     assert math.hypot(force.x, force.y, force.z) < 0.2 * 9.81 * MASS  # the wrench lacks the load
     last = monitor.load.messages[-1]
@@ -66,7 +74,10 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     assert 0.0 < deviation.x < 0.05 and last.payload.m == 0.0
     report = monitor.next_report()
     assert report.entries["load"].level == OK
-    assert report.entries["load"].message == f"load {last.mass:.3g} ± {last.mass_deviation:.2g} kg at '{HAND}'"
+    assert (
+        report.entries["load"].message
+        == f"load {last.mass:.3g} ± {last.mass_deviation:.2g} kg at '{HAND}'"
+    )
     assert "Picked up: load" in monitor.process.output
     # a push on the load is a collision
     q, qd, tau = zip(*map(LOADED, range(900, 1100)), strict=True)
@@ -92,7 +103,10 @@ def test_accept_and_reset(monitor):
     feed(monitor, map(FREE, range(1800, 2700)))
     down = monitor.load.messages[-1]
     assert down.is_load and down.mass == pytest.approx(-MASS, abs=0.1)
-    assert "Put down: load -1" in monitor.process.output and "Picked up: load -" not in monitor.process.output
+    assert (
+        "Put down: load -1" in monitor.process.output
+        and "Picked up: load -" not in monitor.process.output
+    )
     response = call(monitor, "reset_payload")
     assert response.success and payload(monitor) is None
     found = feed(monitor, map(FREE, range(2700, 2800)))
@@ -113,7 +127,10 @@ def test_reset_returns_to_the_payload_before(monitor):
     assert call(monitor, "reset_payload").success and payload(monitor).mass == 0.4
     feed(monitor, map(LOADED, range(1800, 2700)))
     assert call(monitor, "accept_payload").success
-    request.inertia.m, request.inertia.com.z = payload(monitor).mass, 0.3  # another payload of the same mass
+    request.inertia.m, request.inertia.com.z = (
+        payload(monitor).mass,
+        0.3,
+    )  # another payload of the same mass
     assert monitor.call(SetPayload, "set_payload", request).success
     assert call(monitor, "reset_payload").success and payload(monitor).com[2] == 0.3
 
@@ -187,7 +204,10 @@ def test_payload_that_the_driver_has_published_before(peer):
 
 def test_parameters_name_what_is_missing(peer):
     for changed, text in (
-        ({"external_torque.covariance": [0.0], "external_torque.covariance_joints": [""]}, "covariance"),
+        (
+            {"external_torque.covariance": [0.0], "external_torque.covariance_joints": [""]},
+            "covariance",
+        ),
         ({"external_torque.settles_on": "working_moment"}, "settles_on"),
         ({"load.link": "panda_link0"}, "a joint moves"),
         ({"load.link": "hook"}, "'hook'"),

@@ -65,7 +65,9 @@ def test_monitor_of_a_four_bar(peer, loops_file):
     coupler, rocker = four_bar_followers(crank)
     effort = [4.0, 0.3, 2.0, -1.0]
     with Monitor(peer, "/four_bar", outputs=("state",), **parameters) as monitor:
-        monitor.wait_for_report(lambda report: report.values.get("robot") == "four_bar", "the robot")
+        monitor.wait_for_report(
+            lambda report: report.values.get("robot") == "four_bar", "the robot"
+        )
         for factor in (1.0, 1.5):
             velocity = [factor * G[1] * 2.0, 0.5, 2.0, G[0] * 2.0]
             position = [rocker, 0.1, crank, coupler]
@@ -90,15 +92,23 @@ def test_monitor_of_an_open_loop(peer, loops_file):
     """A state in which a loop cannot be closed is dropped with an error that names it; the next one is published."""
     names = ["c", "p1", "r1"]
     with Monitor(
-        peer, "/five_bar", outputs=("state",), robot_description=five_bar(), loops_file=loops_file(FIVE_BAR)
+        peer,
+        "/five_bar",
+        outputs=("state",),
+        robot_description=five_bar(),
+        loops_file=loops_file(FIVE_BAR),
     ) as monitor:
-        monitor.wait_for_report(lambda report: report.values.get("robot") == "five_bar", "the robot")
+        monitor.wait_for_report(
+            lambda report: report.values.get("robot") == "five_bar", "the robot"
+        )
         good, apart = [0.1, -0.3, 0.4], [0.1, -1.5, 1.5]
         monitor.feed(joint_state(names, good, np.zeros(3), [], monitor.tick()), ("state",))
         before = monitor.next_report()
         begin = len(monitor.reports)
         monitor.feeder.publish(joint_state(names, apart, np.zeros(3), [], monitor.tick()))
-        report = monitor.wait_for_report(lambda report: report.since(before).get("rejected: open loop"), "it", begin)
+        report = monitor.wait_for_report(
+            lambda report: report.since(before).get("rejected: open loop"), "it", begin
+        )
         assert report.entries["joint states"].level == ERROR
         assert "loop 'five' (p1, p2, r1, r2) cannot be closed" in report.values["last rejection"]
         monitor.feed(joint_state(names, good, np.zeros(3), [], monitor.tick()), ("state",))
@@ -107,7 +117,11 @@ def test_monitor_of_an_open_loop(peer, loops_file):
 def test_simulator_of_a_four_bar(peer, loops_file):
     """Joint states have the followers' positions and rates, which close the loop."""
     states = peer.topic(JointState, "/bar/joint_states")
-    parameters = {"robot_description": four_bar(), "loops_file": loops_file(FOUR_BAR), "rate": 100.0}
+    parameters = {
+        "robot_description": four_bar(),
+        "loops_file": loops_file(FOUR_BAR),
+        "rate": 100.0,
+    }
     model = dd.load_urdf(four_bar(), loops=[FOUR_BAR])
     with peer.start("simulator", "-r", "__ns:=/bar", **parameters):
         peer.wait_until(lambda: len(states.messages) > 50, "joint states")
@@ -126,7 +140,12 @@ STRONG = '<limit effort="200" velocity="9"/>'
 
 def reduced(oracle, q, qd):
     """Return M, C of Christoffel and g of crank and arm: those of the tree by Pinocchio, G by trigonometry."""
-    names, position, G, rate = list(oracle.dof_names), np.zeros(4), np.zeros((4, 2)), np.zeros((4, 2))
+    names, position, G, rate = (
+        list(oracle.dof_names),
+        np.zeros(4),
+        np.zeros((4, 2)),
+        np.zeros((4, 2)),
+    )
     position[[names.index(name) for name in ("crank", "arm")]] = q
     G[names.index("crank"), 0] = G[names.index("arm"), 1] = 1.0
     for k, name in enumerate(("coupler", "rocker")):
@@ -134,7 +153,11 @@ def reduced(oracle, q, qd):
             lambda x, k=k: [four_bar_followers(y)[k] for y in x], 16, (q[0] - 0.2, q[0] + 0.2)
         )
         row = names.index(name)
-        position[row], G[row, 0], rate[row, 0] = angle(q[0]), angle.deriv()(q[0]), angle.deriv(2)(q[0]) * qd[0]
+        position[row], G[row, 0], rate[row, 0] = (
+            angle(q[0]),
+            angle.deriv()(q[0]),
+            angle.deriv(2)(q[0]) * qd[0],
+        )
     tree = oracle.at(position, G @ qd)
     return G.T @ tree.M @ G, G.T @ (tree.C_s @ G + tree.M @ rate), G.T @ tree.g
 
@@ -143,8 +166,17 @@ def test_controller_of_a_four_bar(peer, loops_file):
     """Tracking moves crank and arm to a set-point by two efforts, which are those of the reduced equations."""
     urdf = four_bar(crank=STRONG).replace('<axis xyz="1 0 0"/>', f'<axis xyz="1 0 0"/>{STRONG}')
     shared = {"robot_description": urdf, "loops_file": loops_file(FOUR_BAR)}
-    states, oracle, goal = peer.topic(JointState, "/led/joint_states"), Oracle(urdf), np.array([0.9, 0.2])
-    own = {"autostart": True, "robot_compensates_gravity": False, "use_sim_time": True, "effort_rate": ["*=1e5"]}
+    states, oracle, goal = (
+        peer.topic(JointState, "/led/joint_states"),
+        Oracle(urdf),
+        np.array([0.9, 0.2]),
+    )
+    own = {
+        "autostart": True,
+        "robot_compensates_gravity": False,
+        "use_sim_time": True,
+        "effort_rate": ["*=1e5"],
+    }
     with (
         Controller(peer, "/led", **own, **shared) as controller,
         peer.start("simulator", "-r", "__ns:=/led", lockstep=True, rate=250.0, **shared),
@@ -152,7 +184,8 @@ def test_controller_of_a_four_bar(peer, loops_file):
         controller.connect().simulator = SimpleNamespace(states=states)
         controller.set_point.publish(joint_state(["arm", "crank"], goal[::-1]))
         controller.wait_for(
-            lambda s: np.abs(np.array(states.messages[-1].position[:2]) - goal).max() < 1e-3, "the goal"
+            lambda s: np.abs(np.array(states.messages[-1].position[:2]) - goal).max() < 1e-3,
+            "the goal",
         )
     sent, checked, largest = {tuple(message.data) for message in controller.sent.messages}, 0, 0.0
     for k, status in enumerate(controller.status.messages):
@@ -189,20 +222,33 @@ def test_page_and_markers_of_a_four_bar(peer, loops_file):
         Monitor(peer, "/shown", outputs=("state",), **parameters) as monitor,
     ):
         markers = peer.topic(MarkerArray, f"{monitor.name}/markers")
-        monitor.wait_for_report(lambda report: report.values.get("robot") == "four_bar", "the robot")
+        monitor.wait_for_report(
+            lambda report: report.values.get("robot") == "four_bar", "the robot"
+        )
         peer.pass_time(3.0)
         with Stream(view.node.address, robot="/shown", hz=100) as stream:
             layout = stream.next(LAYOUT)
-            monitor.feed(joint_state(["arm", "crank"], [0.1, crank], [0.5, 2.0], [], monitor.tick()), ("state",))
+            monitor.feed(
+                joint_state(["arm", "crank"], [0.1, crank], [0.5, 2.0], [], monitor.tick()),
+                ("state",),
+            )
             frame = stream.next(FRAME, lambda frame: frame.t == monitor.now / S)
     np.testing.assert_allclose(frame["q"], [crank, 0.1, coupler, rocker], atol=1e-6)
-    np.testing.assert_allclose(layout["scene"]["rest"][2:], four_bar_followers(layout["scene"]["rest"][0]), atol=1e-9)
+    np.testing.assert_allclose(
+        layout["scene"]["rest"][2:], four_bar_followers(layout["scene"]["rest"][0]), atol=1e-9
+    )
     angles = {"crank": crank, "coupler": crank + coupler, "rocker": rocker}
-    origins = {"crank": np.zeros(3), "coupler": turned(crank, (CRANK, 0, 0)), "rocker": np.array([BASE, 0, 0])}
+    origins = {
+        "crank": np.zeros(3),
+        "coupler": turned(crank, (CRANK, 0, 0)),
+        "rocker": np.array([BASE, 0, 0]),
+    }
     placed = placed_by_page(layout["tree"], frame["q"], layout["links"])
     bones = {link["name"]: link["bones"] for link in layout["scene"]["links"]}
     assert [COUPLER, 0, 0] in bones["coupler"] and bones["rocker"] == [[ROCKER, 0, 0]]
-    drawn = [marker.pose.position for marker in markers.messages[-1].markers if marker.ns == "links"]
+    drawn = [
+        marker.pose.position for marker in markers.messages[-1].markers if marker.ns == "links"
+    ]
     assert len(drawn) == 4
     for name, center in CENTRES.items():
         there = turned(angles[name], center, origins[name])
@@ -216,7 +262,10 @@ def test_health_of_one_degree_of_freedom():
     for speed in (1e-3, 1.0, 30.0):
         state = RobotState(dynamics.model.start + 0.2, np.array([speed]), None, S, S, False)
         assert numerical_health(dynamics, state).level == OK
-    nu, qd = np.array([[0.3, 0.1], [0.3, 0.1], [0.0, 0.0]]), np.array([[1.0, -2.0], [1.0, -2.0], [0.0, 0.0]])
+    nu, qd = (
+        np.array([[0.3, 0.1], [0.3, 0.1], [0.0, 0.0]]),
+        np.array([[1.0, -2.0], [1.0, -2.0], [0.0, 0.0]]),
+    )
     found = coriolis_work(nu, np.array([[0.1, 0.2], [1e-14, 0.0], [0.0, 0.0]]), qd)
     np.testing.assert_allclose(found, [0.05 / np.sqrt(0.1 * 0.05), np.nan, np.nan])
 
@@ -226,17 +275,30 @@ def test_monitor_at_a_dead_point(peer, loops_file):
     """Where crank and coupler are in line, the rocker does not determine them; beyond, it is out of their reach."""
     dead = -np.arccos(((CRANK + COUPLER) ** 2 - BASE**2 - ROCKER**2) / (2.0 * BASE * ROCKER))
     file = loops_file(FOUR_BAR | {"independent": ["rocker"]})
-    with Monitor(peer, "/dead", outputs=("state",), robot_description=four_bar(), loops_file=file) as monitor:
-        monitor.wait_for_report(lambda report: report.values.get("robot") == "four_bar", "the robot")
+    with Monitor(
+        peer, "/dead", outputs=("state",), robot_description=four_bar(), loops_file=file
+    ) as monitor:
+        monitor.wait_for_report(
+            lambda report: report.values.get("robot") == "four_bar", "the robot"
+        )
         for apart, level in ((1e-2, OK), (1e-12, WARN)):
-            message = joint_state(["arm", "rocker"], [0.1, dead - apart], [0.0, 0.0], [], monitor.tick())
+            message = joint_state(
+                ["arm", "rocker"], [0.1, dead - apart], [0.0, 0.0], [], monitor.tick()
+            )
             loops = report_of_state(monitor, message)[1].entries["loops"]
             assert loops.level == level
         assert loops.message == "nearly singular: loop 'bar' (crank, coupler, rocker)"
         begin, count = len(monitor.reports), len(monitor.topics["state"].messages)
-        monitor.feeder.publish(joint_state(["arm", "rocker"], [0.1, dead + 1e-3], [0.0, 0.0], [], monitor.tick()))
-        report = monitor.wait_for_report(lambda report: report.count("rejected: open loop"), "it", begin)
-        assert report.entries["joint states"].level == ERROR and "loop 'bar'" in report.values["last rejection"]
+        monitor.feeder.publish(
+            joint_state(["arm", "rocker"], [0.1, dead + 1e-3], [0.0, 0.0], [], monitor.tick())
+        )
+        report = monitor.wait_for_report(
+            lambda report: report.count("rejected: open loop"), "it", begin
+        )
+        assert (
+            report.entries["joint states"].level == ERROR
+            and "loop 'bar'" in report.values["last rejection"]
+        )
         assert len(monitor.topics["state"].messages) == count
 
 

@@ -13,14 +13,29 @@ from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
-from diag_dynamics.nodes.monitor.markers import COLD, FORCE_LENGTH, HORIZON, HOT, LIFETIME, MIN_ENERGY, MarkerMaker
+from diag_dynamics.nodes.monitor.markers import (
+    COLD,
+    FORCE_LENGTH,
+    HORIZON,
+    HOT,
+    LIFETIME,
+    MIN_ENERGY,
+    MarkerMaker,
+)
 from diag_dynamics.page.layout import center_of_body, tree_of
 from diag_dynamics.page.scene import links_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from nodes import MS, PANDA, Monitor, S, nanoseconds, robot
 
-ROBOTS = pytest.mark.parametrize(("name", "floating"), [("panda", False), ("ur5", False), ("go2", True)])
-SHAPES = {"mesh": Marker.MESH_RESOURCE, "box": Marker.CUBE, "sphere": Marker.SPHERE, "cylinder": Marker.CYLINDER}
+ROBOTS = pytest.mark.parametrize(
+    ("name", "floating"), [("panda", False), ("ur5", False), ("go2", True)]
+)
+SHAPES = {
+    "mesh": Marker.MESH_RESOURCE,
+    "box": Marker.CUBE,
+    "sphere": Marker.SPHERE,
+    "cylinder": Marker.CYLINDER,
+}
 
 
 class Drawn:
@@ -37,7 +52,9 @@ class Drawn:
     def show(self, watch=None, qd=None):
         """Return the markers by namespace."""
         s = self.s if qd is None else self.dynamics.evaluate(self.q, qd)
-        state = RobotState(self.q, self.qd if qd is None else qd, None, 5 * S + 7, 5 * S, False, True)
+        state = RobotState(
+            self.q, self.qd if qd is None else qd, None, 5 * S + 7, 5 * S, False, True
+        )
         return by_space(self.maker.message(s, state, watch))
 
 
@@ -51,7 +68,9 @@ def by_space(message):
 def matrix(pose):
     """Return the placement (4x4) of a pose."""
     p, r = pose.position, pose.orientation
-    return pin.SE3(pin.Quaternion(r.w, r.x, r.y, r.z).matrix(), np.array([p.x, p.y, p.z])).homogeneous
+    return pin.SE3(
+        pin.Quaternion(r.w, r.x, r.y, r.z).matrix(), np.array([p.x, p.y, p.z])
+    ).homogeneous
 
 
 def vector(x):
@@ -62,7 +81,9 @@ def vector(x):
 def test_links_are_where_pinocchio_has_them(name, floating):
     """In the root link's axes, tinted by the share of their joints, each of its kind, size and file."""
     drawn = Drawn(name, floating)
-    model = pin.buildModelFromUrdf(str(find_urdf(name)), *([pin.JointModelFreeFlyer()] if floating else []))
+    model = pin.buildModelFromUrdf(
+        str(find_urdf(name)), *([pin.JointModelFreeFlyer()] if floating else [])
+    )
     data, q, k = model.createData(), pin.neutral(model), 7 if floating else 0
     q[:k] = drawn.q[:k]
     values = dict(zip(drawn.model.coordinate_names[k:], drawn.q[k:], strict=True))
@@ -73,26 +94,48 @@ def test_links_are_where_pinocchio_has_them(name, floating):
         if joint.nq == 1:
             q[joint.idx_q] = values[model.names[i]]
         elif joint.nq == 2:  # a continuous joint
-            q[joint.idx_q : joint.idx_q + 2] = np.cos(values[model.names[i]]), np.sin(values[model.names[i]])
+            q[joint.idx_q : joint.idx_q + 2] = (
+                np.cos(values[model.names[i]]),
+                np.sin(values[model.names[i]]),
+            )
     pin.framesForwardKinematics(model, data, q)
     root = data.oMf[model.getFrameId(drawn.model.root_link)]
-    shares = dict(zip(drawn.model.dof_names, drawn.s.energy_share / (drawn.s.kinetic_energy + MIN_ENERGY), strict=True))
+    shares = dict(
+        zip(
+            drawn.model.dof_names,
+            drawn.s.energy_share / (drawn.s.kinetic_energy + MIN_ENERGY),
+            strict=True,
+        )
+    )
     geometry = links_of(drawn.model, find_urdf(name))
-    shapes = [(link.name, shape) for link in geometry for shape in link.shapes or [None] * (link.ellipsoid is not None)]
+    shapes = [
+        (link.name, shape)
+        for link in geometry
+        for shape in link.shapes or [None] * (link.ellipsoid is not None)
+    ]
     moved_by = zip(drawn.model.link_names, tree_of(drawn.model)["links"], strict=True)
-    moved_by = {link: drawn.model.dof_names[one["dofs"][-1]] for link, one in moved_by if one["dofs"]}
+    moved_by = {
+        link: drawn.model.dof_names[one["dofs"][-1]] for link, one in moved_by if one["dofs"]
+    }
     for (link, shape), marker in zip(shapes, drawn.markers["links"], strict=True):
         if shape is not None:  # else an ellipsoid stands for it
-            there = (root.inverse() * data.oMf[model.getFrameId(link)]).homogeneous @ shape.placement
+            there = (
+                root.inverse() * data.oMf[model.getFrameId(link)]
+            ).homogeneous @ shape.placement
             np.testing.assert_allclose(matrix(marker.pose), there, atol=1e-9)
         assert marker.type == (SHAPES[shape.kind] if shape else Marker.SPHERE)
-        assert marker.mesh_resource.startswith("package://") == (marker.type == Marker.MESH_RESOURCE)
+        assert marker.mesh_resource.startswith("package://") == (
+            marker.type == Marker.MESH_RESOURCE
+        )
         tint = COLD + (shares[moved_by[link]] if link in moved_by else 0.0) * (HOT - COLD)
         assert [marker.color.r, marker.color.g, marker.color.b] == pytest.approx(tint, abs=1e-6)
     every = [marker for several in drawn.markers.values() for marker in several]
     assert len({(marker.ns, marker.id) for marker in every}) == len(every)
     for marker in every:
-        assert (nanoseconds(marker.header.stamp), marker.header.frame_id) == (5 * S + 7, drawn.model.root_link)
+        assert (nanoseconds(marker.header.stamp), marker.header.frame_id) == (
+            5 * S + 7,
+            drawn.model.root_link,
+        )
         assert nanoseconds(marker.lifetime) == LIFETIME * S and marker.color.a > 0.0
 
 
@@ -102,10 +145,14 @@ def test_ellipsoid_arrow_and_text(name, floating):
     model, link, s, q, qd = drawn.model, drawn.maker.link, drawn.s, drawn.q, drawn.qd
     root = drawn.dynamics.placement(q, model.root_link)[:3, :3]
     J = root.T @ drawn.dynamics.jacobian(q, link, frame="world")[:3]
-    (ellipsoid,), (arrow,), (text,) = (drawn.markers[space] for space in ("ellipsoid", "velocity", "text"))
+    (ellipsoid,), (arrow,), (text,) = (
+        drawn.markers[space] for space in ("ellipsoid", "velocity", "text")
+    )
     R, half = matrix(ellipsoid.pose)[:3, :3], 0.5 * vector(ellipsoid.scale) / drawn.maker.scale
     mobility = J @ np.linalg.solve(drawn.dynamics.mass_matrix(q), J.T)
-    np.testing.assert_allclose(R @ np.diag(half**2) @ R.T, mobility, rtol=1e-6, atol=1e-4 * mobility.max())
+    np.testing.assert_allclose(
+        R @ np.diag(half**2) @ R.T, mobility, rtol=1e-6, atol=1e-4 * mobility.max()
+    )
     begin, end = map(vector, arrow.points)
     v = J @ qd
     np.testing.assert_allclose((end - begin) / HORIZON, v, atol=1e-9)
@@ -127,18 +174,32 @@ class Watch(TorqueWatch):
     """One with a result of a push at the centre of mass of a link."""
 
     def __init__(self, drawn, link, force, collision=False, contact=True, known=True):
-        dyn, names, covariance = drawn.dynamics, drawn.model.dof_names, 0.01 * np.eye(drawn.model.nv)
+        dyn, names, covariance = (
+            drawn.dynamics,
+            drawn.model.dof_names,
+            0.01 * np.eye(drawn.model.nv),
+        )
         values = {name: one.default for name, one in PARAMETERS.items()}
-        values |= {"external_torque.gain": 25.0, "alarm.external_torque": 2.0, "alarm.contact_external_torque": 1.0}
+        values |= {
+            "external_torque.gain": 25.0,
+            "alarm.external_torque": 2.0,
+            "alarm.contact_external_torque": 1.0,
+        }
         if known:
             values |= {"external_torque.covariance_joints": [*names]}
             values |= {"external_torque.covariance": covariance.ravel().tolist()}
         super().__init__(dyn, Settings.of(values).observation)
-        epsilon = dyn.epsilon_from_wrench(drawn.q, link, [*force, 0, 0, 0], center_of_body(drawn.model, link))
+        epsilon = dyn.epsilon_from_wrench(
+            drawn.q, link, [*force, 0, 0, 0], center_of_body(drawn.model, link)
+        )
         torque = dyn.tau_from_epsilon(drawn.q, epsilon)
-        self.seen = Disturbance(True, "", epsilon, torque, float(np.linalg.norm(epsilon)), collision)
+        self.seen = Disturbance(
+            True, "", epsilon, torque, float(np.linalg.norm(epsilon)), collision
+        )
         if known:  # neighbouring links are often not distinguishable
-            self._touched = dyn.touched_link(drawn.q, torque, covariance)._replace(link=link, confidence=0.7)
+            self._touched = dyn.touched_link(drawn.q, torque, covariance)._replace(
+                link=link, confidence=0.7
+            )
         self._position, self.contact_torque, self._contact.on = drawn.q, torque, contact
 
 
@@ -155,12 +216,22 @@ def test_force_on_the_touched_link(link):
     R = data.oMf[robot.getFrameId(link)].rotation
     for collision in (False, True):
         markers = drawn.show(watch := Watch(drawn, link, FORCE, collision))
-        (ball,), (arrow,), lines = markers["collision"], markers["force"], markers["text"][0].text.splitlines()
+        (ball,), (arrow,), lines = (
+            markers["collision"],
+            markers["force"],
+            markers["text"][0].text.splitlines(),
+        )
         begin, end = map(vector, arrow.points)
-        np.testing.assert_allclose(begin, data.oMi[joint].act(robot.inertias[joint].lever), atol=1e-9)
-        np.testing.assert_allclose(end - begin, FORCE_LENGTH * drawn.maker.reach * R @ FORCE, atol=1e-6)
+        np.testing.assert_allclose(
+            begin, data.oMi[joint].act(robot.inertias[joint].lever), atol=1e-9
+        )
+        np.testing.assert_allclose(
+            end - begin, FORCE_LENGTH * drawn.maker.reach * R @ FORCE, atol=1e-6
+        )
         assert (ball.action == Marker.ADD) == ("collision" in lines) == collision
-        assert any(line.startswith(f"{link} (70 %): {np.linalg.norm(FORCE):.3g} ± ") for line in lines)
+        assert any(
+            line.startswith(f"{link} (70 %): {np.linalg.norm(FORCE):.3g} ± ") for line in lines
+        )
         torque = watch.seen.external_torque
         k = int(np.argmax(np.abs(torque)))
         assert f"external torque {abs(torque[k]):.3g} N m at {drawn.model.dof_names[k]}" in lines
@@ -174,7 +245,9 @@ def test_collision_without_a_covariance(link):
     for collision in (True, False):
         (ball,) = drawn.show(Watch(drawn, link, FORCE, collision, known=False))["collision"]
         assert (ball.action == Marker.ADD) == collision
-    np.testing.assert_allclose(vector(ball.pose.position), drawn.dynamics.placement(drawn.q, link)[:3, 3])
+    np.testing.assert_allclose(
+        vector(ball.pose.position), drawn.dynamics.placement(drawn.q, link)[:3, 3]
+    )
 
 
 def test_no_arrow_without_a_contact_or_a_link():
@@ -195,8 +268,13 @@ def test_shapes_of_links(tmp_path):
     """An ellipsoid stands for a link without shapes, a cylinder and two spheres are a capsule, viewers find meshes."""
     names = ("package:///arm/meshes/a.dae", "package://arm/b.dae", "hand.stl", "lost.stl")
     (tmp_path / "hand.stl").write_bytes(b"solid")
-    shapes = ['<capsule radius="0.1" length="0.6"/>', *(f'<mesh filename="{name}"/>' for name in names)]
-    visuals = "".join(f'<visual><origin xyz="0 0 1"/><geometry>{shape}</geometry></visual>' for shape in shapes)
+    shapes = [
+        '<capsule radius="0.1" length="0.6"/>',
+        *(f'<mesh filename="{name}"/>' for name in names),
+    ]
+    visuals = "".join(
+        f'<visual><origin xyz="0 0 1"/><geometry>{shape}</geometry></visual>' for shape in shapes
+    )
     path = tmp_path / "robot.urdf"
     path.write_text(f"""<robot name="bare"><link name="base"/><link name="bar"><inertial><origin xyz="0.1 0.2 0.3"
     rpy="0.3 0.2 0.1"/><mass value="2"/><inertia ixx="0.002" iyy="0.005" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -208,15 +286,25 @@ def test_shapes_of_links(tmp_path):
     message = maker.message(s, RobotState(model.neutral, np.zeros(1), None, 0, 0, False))
     bar, cylinder, low, high, *meshes = by_space(message)["links"]
     assert [mesh.mesh_resource for mesh in meshes] == [
-        *("package://arm/meshes/a.dae", "package://arm/b.dae", (tmp_path / "hand.stl").as_uri(), "lost.stl")
+        *(
+            "package://arm/meshes/a.dae",
+            "package://arm/b.dae",
+            (tmp_path / "hand.stl").as_uri(),
+            "lost.stl",
+        )
     ]
     d, X = vector(bar.scale), matrix(bar.pose)
     R = pin.rpy.rpyToMatrix(0.3, 0.2, 0.1)
-    inertia = X[:3, :3] @ np.diag(0.1 * (d @ d - d**2)) @ X[:3, :3].T  # of a solid ellipsoid, by its diameters
+    inertia = (
+        X[:3, :3] @ np.diag(0.1 * (d @ d - d**2)) @ X[:3, :3].T
+    )  # of a solid ellipsoid, by its diameters
     np.testing.assert_allclose(inertia, R @ np.diag([0.002, 0.005, 0.006]) @ R.T, atol=1e-12)
     np.testing.assert_allclose(X[:3, 3], [0.1, 0.2, 0.3])
     assert (cylinder.type, *vector(cylinder.scale)) == (Marker.CYLINDER, 0.2, 0.2, 0.6)
-    assert [(ball.type, ball.pose.position.z) for ball in (low, high)] == [(Marker.SPHERE, 0.7), (Marker.SPHERE, 1.3)]
+    assert [(ball.type, ball.pose.position.z) for ball in (low, high)] == [
+        (Marker.SPHERE, 0.7),
+        (Marker.SPHERE, 1.3),
+    ]
 
 
 # --- the topic

@@ -36,7 +36,9 @@ class Whole:
 
     def message(self, stamp=0, names=None, **position):
         """List all joints, or those given, shuffled; positions may be put in place of the right ones."""
-        names = np.random.default_rng(7).permutation(self.names if names is None else names).tolist()
+        names = (
+            np.random.default_rng(7).permutation(self.names if names is None else names).tolist()
+        )
         at = [self.names.index(name) for name in names]
         message = joint_state(names, self.position[at], self.velocity[at], self.effort[at], stamp)
         for name, value in position.items():
@@ -58,7 +60,9 @@ def use(monitor, id):
     """Put a robot in force, all joints fresh, and return it."""
     found = robot(id)
     monitor.describe(found.urdf)
-    monitor.wait_for_report(lambda report: report.values.get("robot") == found.oracle.xml.get("name"), id)
+    monitor.wait_for_report(
+        lambda report: report.values.get("robot") == found.oracle.xml.get("name"), id
+    )
     monitor.feed(Whole(found).message(monitor.tick()))
     monitor.forget()
     return found
@@ -76,29 +80,48 @@ def fan(monitor):
 def test_disagreement(monitor, fan):
     """Counted and named; states go on by the source joint. The tolerance holds for services, too, and changes at run time."""
     expected = 0.8 * fan.q[fan.robot.names.index(SOURCE)]
-    for apart, tolerance_, good in ((0.0099, 0.01, True), (0.0101, 0.01, False), (0.5, 0.6, True), (0.5, 0.0, True)):
+    for apart, tolerance_, good in (
+        (0.0099, 0.01, True),
+        (0.0101, 0.01, False),
+        (0.5, 0.6, True),
+        (0.5, 0.0, True),
+    ):
         before = monitor.next_report()
         with monitor.having(mimic_tolerance=tolerance_):
             message = fan.message(monitor.tick(), f2=expected + apart)
             fan.truth.check(monitor.feed(message), monitor.now)
             assert answer(monitor, "diagonalize", message, success=good)
             report = monitor.next_report()
-        assert report.since(before) == {"received": 1, "published": 1} | ({} if good else {"mimic disagreement": 1})
+        assert report.since(before) == {"received": 1, "published": 1} | (
+            {} if good else {"mimic disagreement": 1}
+        )
         assert report.level == (OK if good else WARN)
         if not good:
-            for text in (MIMIC, SOURCE, f"{expected + apart:.6g}"[:6], f"{expected:.6g}"[:6], "mimic_tolerance = 0.01"):
+            for text in (
+                MIMIC,
+                SOURCE,
+                f"{expected + apart:.6g}"[:6],
+                f"{expected:.6g}"[:6],
+                "mimic_tolerance = 0.01",
+            ):
                 assert text in report.values["last mimic disagreement"]
             assert "'f2' is …," in report.message
 
 
 # --- requests
 
-SERVICES = {"forward_dynamics": ForwardDynamics, "inverse_dynamics": InverseDynamics, "diagonalize": Diagonalize}
+SERVICES = {
+    "forward_dynamics": ForwardDynamics,
+    "inverse_dynamics": InverseDynamics,
+    "diagonalize": Diagonalize,
+}
 
 
 def answer(monitor, service, state, success=True, **fields):
     """Call a service and return its response."""
-    response = monitor.call(SERVICES[service], service, SERVICES[service].Request(state=state, **fields))
+    response = monitor.call(
+        SERVICES[service], service, SERVICES[service].Request(state=state, **fields)
+    )
     assert response.success == success, response.message
     return response
 
@@ -114,7 +137,9 @@ def test_services(monitor, listed):
     for name in own:
         state.velocity[state.name.index(name)] = 1e3
     response = answer(monitor, "forward_dynamics", state)
-    assert_close(response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance)
+    assert_close(
+        response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance
+    )
     acceleration = dict(zip(found.names, whole.qdd.tolist(), strict=True))
     acceleration = [acceleration.get(name, -1e3) for name in state.name]
     response = answer(monitor, "inverse_dynamics", state, acceleration=acceleration)
@@ -147,7 +172,9 @@ def test_floating_base(peer):
     request["base_twist"].linear.y, request["base_twist"].angular.x = 0.3, -0.2
     floating = Coupled(found.urdf, floating_base=True)
     base, rates = [0.0, 0.0, 0.5, 0.6, 0.0, 0.0, 0.8], [0.0, 0.3, 0.0, -0.2, 0.0, 0.0]
-    truth = floating.at(np.r_[base, whole.q], np.r_[rates, whole.qd], np.r_[np.zeros(6), whole.truth.state.tau])
+    truth = floating.at(
+        np.r_[base, whole.q], np.r_[rates, whole.qd], np.r_[np.zeros(6), whole.truth.state.tau]
+    )
     peer.publisher(String, "/base/robot_description", LATCHED).publish(description(found.urdf))
     with Monitor(peer, "/base", floating_base=True) as monitor:
         monitor.process.wait_for_text("Ready")
@@ -157,4 +184,6 @@ def test_floating_base(peer):
             assert_close(np.array(getattr(state, name)), getattr(truth, name), tolerance(truth))
         response = answer(monitor, "forward_dynamics", whole.message(), **request)
         unit = np.sqrt(np.diag(truth.M))
-        assert_close(np.array(response.acceleration) * unit, truth.acceleration * unit, tolerance(truth))
+        assert_close(
+            np.array(response.acceleration) * unit, truth.acceleration * unit, tolerance(truth)
+        )

@@ -76,7 +76,9 @@ def test_without_effort(monitor, panda, missing):
     available = [f"{JOINT}=false"] if missing == "effort_available" else ["*=true"]
     with monitor.having(effort_available=available):
         stamp = monitor.tick()
-        Truth(panda, q, qd, None).check(monitor.feed(joint_state(panda.names, q, qd, effort, stamp)), stamp)
+        Truth(panda, q, qd, None).check(
+            monitor.feed(joint_state(panda.names, q, qd, effort, stamp)), stamp
+        )
         without = {"one NaN": f"1: {FINGER}", "effort_available": f"1: {JOINT}"}
         listed = monitor.next_report().values["joints without effort"]
         assert listed == without.get(missing, f"8: {', '.join(panda.names)}")
@@ -86,7 +88,11 @@ def test_efforts_that_are_all_zero(monitor, panda):
     """They are reported with the largest gravity torque of the pose, unless the robot has gravity compensation."""
     text = "all efforts are 0, but gravity requires"
     q, qd, tau, _ = panda.samples[1]
-    for effort, includes_gravity, named in ((0.0 * tau, True, True), (tau, True, False), (0.0 * tau, False, False)):
+    for effort, includes_gravity, named in (
+        (0.0 * tau, True, True),
+        (tau, True, False),
+        (0.0 * tau, False, False),
+    ):
         with monitor.having(effort_includes_gravity=[f"*={includes_gravity}".lower()]):
             monitor.feed(joint_state(panda.names, q, qd, effort, monitor.tick()))
             report = monitor.next_report()
@@ -119,7 +125,9 @@ def test_efforts_without_gravity(monitor, panda, entry):
     g = panda.changed(gravity=gravity).oracle.gravity_torque(q)
     with monitor.having(effort_includes_gravity=[entry], gravity=list(gravity)):
         stamp = monitor.tick()
-        published = monitor.feed(joint_state(panda.names, q, qd, tau - np.where(some, g, 0.0), stamp))
+        published = monitor.feed(
+            joint_state(panda.names, q, qd, tau - np.where(some, g, 0.0), stamp)
+        )
         Truth(panda, q, qd, tau, gravity=gravity, computed=True).check(published, stamp)
 
 
@@ -135,16 +143,22 @@ def test_estimated_velocity(monitor, panda, absent):
             message = joint_state(panda.names, q + 0.01 * k * qd, sent, tau, stamp)
             monitor.publish(message)
         monitor.now = stamp = monitor.tick(10 * MS) + 40 * MS
-        published = monitor.feed(joint_state(panda.names, q + 0.05 * qd, sent, tau, stamp), ["state"])
+        published = monitor.feed(
+            joint_state(panda.names, q + 0.05 * qd, sent, tau, stamp), ["state"]
+        )
         velocity = np.array(published["state"].velocity)
         assert_close(velocity, qd, 1e-12)
-        published = {topic: seen.at(stamp) for topic, seen in monitor.topics.items() if seen.at(stamp)}
+        published = {
+            topic: seen.at(stamp) for topic, seen in monitor.topics.items() if seen.at(stamp)
+        }
         Truth(panda, q + 0.05 * qd, velocity, tau, estimated=True).check(published, stamp)
         assert {"state", "coriolis", "kinetic_energy"} <= {*published}
         report = monitor.next_report()
         assert report.since(before) == {"received": 6, "awaiting velocity": 1, "published": 5}
         joints = panda.names if absent == "all" else (JOINT,)
-        assert report.values["joints with estimated velocity"] == f"{len(joints)}: {', '.join(joints)}"
+        assert (
+            report.values["joints with estimated velocity"] == f"{len(joints)}: {', '.join(joints)}"
+        )
     monitor.serves(panda)
 
 
@@ -213,7 +227,9 @@ def test_simulated_time(peer):
         clock.publish(message)
         peer.graph.spin()
 
-    with Monitor(peer, "/sim", robot_description=ur5.path, use_sim_time=True, max_age=1.0) as monitor:
+    with Monitor(
+        peer, "/sim", robot_description=ur5.path, use_sim_time=True, max_age=1.0
+    ) as monitor:
         states = monitor.topics["state"]
         monitor.connect(ur5)
         monitor.process.wait_for_text("use_sim_time is set, but nothing publishes")
@@ -233,7 +249,12 @@ def test_simulated_time(peer):
         monitor.publish(ur5.message(103 * S, ur5.samples[1]))  # /clock stands still
         peer.pass_time(1.0)
         since = monitor.reports[-1].since(before)
-        assert since["clock jumped back"] == since["incomplete"] == since["rejected: stamp from the future"] == 1
+        assert (
+            since["clock jumped back"]
+            == since["incomplete"]
+            == since["rejected: stamp from the future"]
+            == 1
+        )
         set_clock(103 * S)
         monitor.now = 102 * S
         monitor.serves(ur5)
@@ -248,7 +269,11 @@ def test_simulated_time(peer):
 def test_every_parameter_is_described(monitor):
     """Each has a description, a type, a range where it is a number, and its choices."""
     listed = monitor.call(ListParameters, "list_parameters", ListParameters.Request()).result.names
-    own = {name for name in listed if not name.startswith(("qos_overrides.", "use_sim_time", "start_type_description"))}
+    own = {
+        name
+        for name in listed
+        if not name.startswith(("qos_overrides.", "use_sim_time", "start_type_description"))
+    }
     assert own == set(PARAMETERS)
     names = sorted(own)
     request = DescribeParameters.Request(names=names)
@@ -271,7 +296,12 @@ def test_every_parameter_is_described(monitor):
 
 @pytest.mark.parametrize(
     ("topic", "rate", "stride"),
-    [("mass_matrix_factors", None, 20), ("state", None, 1), ("state", 100.0, 10), ("state", 400.0, 2.5)],
+    [
+        ("mass_matrix_factors", None, 20),
+        ("state", None, 1),
+        ("state", 100.0, 10),
+        ("state", 400.0, 2.5),
+    ],
 )
 def test_rate_limit(monitor, panda, topic, rate, stride):
     """States at 1 kHz: the topic has its highest rate, up to a twentieth of a period early; others have every state."""
@@ -279,7 +309,9 @@ def test_rate_limit(monitor, panda, topic, rate, stride):
     rate = PARAMETERS[name].default if rate is None else rate
     count, first = 100, monitor.tick()
     with monitor.having(**{name: rate}):
-        monitor.publish(*(panda.message(first + k * MS, panda.samples[k % 3]) for k in range(count)))
+        monitor.publish(
+            *(panda.message(first + k * MS, panda.samples[k % 3]) for k in range(count))
+        )
     monitor.now = first + count * MS
     stamps = monitor.topics[topic].stamps
     assert stamps[0] == first
@@ -287,13 +319,19 @@ def test_rate_limit(monitor, panda, topic, rate, stride):
     assert all(gaps >= 0.95 * math.floor(stride))
     assert all(gaps <= math.ceil(stride))
     assert abs(len(stamps) - count / stride) <= 1 + 0.05 * count / stride
-    assert len(monitor.topics["kinetic_energy"].stamps) == len(monitor.topics["coriolis"].stamps) == count
+    assert (
+        len(monitor.topics["kinetic_energy"].stamps)
+        == len(monitor.topics["coriolis"].stamps)
+        == count
+    )
 
 
 def test_inverse_factor(monitor, panda):
     """The inverse l is published where the parameter says so."""
     with monitor.having(publish_inverse_factor=True):
-        message = monitor.feed(panda.message(monitor.tick(), panda.samples[1]))["mass_matrix_factors"]
+        message = monitor.feed(panda.message(monitor.tick(), panda.samples[1]))[
+            "mass_matrix_factors"
+        ]
         Truth(panda, *panda.samples[1][:3]).check_mass_matrix_factors(message, with_inverse=True)
 
 
@@ -347,7 +385,10 @@ def test_another_robot(by_topic):
     by_topic.forget()
     by_topic.publish(ur5.message(by_topic.tick(), ur5.samples[0], ur5.names[:4]))
     report = by_topic.next_report()
-    assert (report.level, report.message) == (WARN, f"joints without data: {', '.join(ur5.names[4:])}")
+    assert (report.level, report.message) == (
+        WARN,
+        f"joints without data: {', '.join(ur5.names[4:])}",
+    )
     assert report.values["missing joints"] == f"2: {', '.join(ur5.names[4:])}"
     assert not by_topic.topics["state"].messages
     by_topic.serves(ur5)
@@ -375,7 +416,9 @@ def test_another_tool(by_topic, monitor, panda, tool, tmp_path, by):
     else:
         (tmp_path / "tool.urdf").write_text(tool.urdf)
         before = monitor.serves(panda)["state"].model_revision
-        monitor.set_parameter("robot_description", tool.urdf if by == "parameter" else str(tmp_path / "tool.urdf"))
+        monitor.set_parameter(
+            "robot_description", tool.urdf if by == "parameter" else str(tmp_path / "tool.urdf")
+        )
     monitor.forget()
     monitor.publish(tool.message(monitor.tick(MS), tool.samples[1], ARM))
     published = monitor.feed(tool.message(monitor.tick(MS), tool.samples[1], [FINGER]), ["state"])
@@ -397,7 +440,9 @@ def test_payload_outlives_a_description(by_topic, panda, tool):
         applied = name != "ur5"
         model = replaced(by_topic, found.urdf, name).entries["model"]
         by_topic.serves(found.changed(payloads=payloads) if applied else found, 1)
-        assert {pair.key: pair.value for pair in model.values}["payloads"] == (f"1: {HAND}" if applied else "0")
+        assert {pair.key: pair.value for pair in model.values}["payloads"] == (
+            f"1: {HAND}" if applied else "0"
+        )
         assert model.level == (OK if applied else WARN)
         assert applied or model.message == f"payloads on unknown links: {HAND}"
     by_topic.call(SetPayload, "set_payload", SetPayload.Request(link=HAND))
@@ -408,7 +453,10 @@ def test_motionless_robot(by_topic):
     """A robot without a moving joint does not end the node."""
     iris = robots.robot("iris_description/robots/iris_simple.urdf").urdf
     replaced(by_topic, iris, "iris")
-    by_topic.publish(robot(UR5).message(by_topic.tick(), robot(UR5).samples[0]), joint_state(stamp=by_topic.tick()))
+    by_topic.publish(
+        robot(UR5).message(by_topic.tick(), robot(UR5).samples[0]),
+        joint_state(stamp=by_topic.tick()),
+    )
     response = by_topic.call(Diagonalize, "diagonalize", Diagonalize.Request())
     assert response.success, response.message
     assert response.state.kinetic_energy == 0.0
@@ -421,7 +469,9 @@ def test_names_of_another_robot(monitor, panda):
     """A driver whose prefix was changed: the report says which joints come."""
     q, qd, tau, _ = panda.samples[1]
     monitor.next_report()
-    monitor.publish(joint_state([f"left_{name}" for name in panda.names], q, qd, tau, monitor.tick()))
+    monitor.publish(
+        joint_state([f"left_{name}" for name in panda.names], q, qd, tau, monitor.tick())
+    )
     report = monitor.next_report()
     assert report.level == STALE
     assert "messages contain other joints, for example 'left_panda_joint1'" in report.message

@@ -59,7 +59,9 @@ class Live:
         """Return all that it has counted."""
         report = self.reports.next()
         values = {pair.key: pair.value for pair in report.entries["joint states"].values}
-        counts = {key: int(value) for key, value in values.items() if value.isdecimal() and "[" not in key}  # no unit
+        counts = {
+            key: int(value) for key, value in values.items() if value.isdecimal() and "[" not in key
+        }  # no unit
         return {key: n for key, n in counts.items() if n and key not in OF_THE_MOMENT}
 
 
@@ -70,7 +72,9 @@ def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
     text = case.urdf if isinstance(case.urdf, str) else case.urdf.read_text(encoding="utf-8")
     urdf.write_text(text, encoding="utf-8")
     messages = hostile_messages(case, 3, 500)
-    recording = dd.read_recording(write_case(tmp_path / "x.mcap", messages), case.model, parameters=case.own_parameters)
+    recording = dd.read_recording(
+        write_case(tmp_path / "x.mcap", messages), case.model, parameters=case.own_parameters
+    )
     states = recording.states
     assert len(recording) > 100 and states.stamp_received.any()
     live = Live(peer, f"/robot{list(CASES).index(name)}", urdf, case.parameters)
@@ -81,7 +85,10 @@ def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
     assert [nanoseconds(one.header.stamp) for one in published] == states.stamp.tolist()
     assert [nanoseconds(one.oldest_stamp) for one in published] == states.oldest_stamp.tolist()
     for field in ("position", "velocity"):
-        assert np.array([getattr(one, field) for one in published]).tobytes() == getattr(states, field).tobytes()
+        assert (
+            np.array([getattr(one, field) for one in published]).tobytes()
+            == getattr(states, field).tobytes()
+        )
     assert [one.effort_valid for one in published] == states.effort_known.tolist()
     assert [one.stamp_is_receive_time for one in published] == states.stamp_received.tolist()
     assert [one.velocity_estimated for one in published] == states.velocity_estimated.tolist()
@@ -92,7 +99,9 @@ def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
         s = dynamics.evaluate(states.position[k], states.velocity[k], effort)
         for field in ("nu", "xi", "coriolis", "gravity", "articulated_inertia", "epsilon", "kappa"):
             expected = getattr(s, field)
-            assert np.array(getattr(one, field)).tobytes() == (b"" if expected is None else expected.tobytes()), field
+            assert np.array(getattr(one, field)).tobytes() == (
+                b"" if expected is None else expected.tobytes()
+            ), field
         assert (one.kinetic_energy, one.power) == (s.kinetic_energy, s.effort_power or 0.0)
 
 
@@ -109,7 +118,12 @@ ARM = """<robot name="arm"><link name="base"/>
 <limit lower="-0.45" upper="3" velocity="4" effort="90"/><dynamics damping="0.3" friction="0.6"/></joint></robot>"""
 JOINTS = ("lift", "turn")
 PUSHED = {"external_torque.gain": 30.0, "external_torque.threshold": 6.0, "max_age": 0.0}
-ALARMS = {"external_torque.gain": 30.0, "max_age": 0.0, "alarm.joints": ["lift=2.5", "turn=1"], "alarm.release": 0.5}
+ALARMS = {
+    "external_torque.gain": 30.0,
+    "max_age": 0.0,
+    "alarm.joints": ["lift=2.5", "turn=1"],
+    "alarm.release": 0.5,
+}
 
 IDENTIFIED = """{joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}},
 couplings: {turn: {joints: {lift: -0.3}, friction: 0.4}}, motor_efforts: true}"""
@@ -158,7 +172,14 @@ OBSERVED = {
 }
 """Parameters on which external torque or collisions depend."""
 
-OTHERS = "alarm.contact_", "contact.", "external_torque.covariance", "external_wrench.", "gravity_", "load."
+OTHERS = (
+    "alarm.contact_",
+    "contact.",
+    "external_torque.covariance",
+    "external_wrench.",
+    "gravity_",
+    "load.",
+)
 OTHERS += "max_rate.", "reaction."
 """Prefixes of parameters of other fields, topics and services, and of what a recording lacks."""
 
@@ -172,8 +193,22 @@ NOT_OBSERVED = {
         "mimic",
         "massless",
     ),
-    *("odom_twist_frame", "odom_timeout", "max_age", "foreign_time", "mimic_tolerance", "publish_inverse_factor"),
-    *("warn_energy", "error_energy", "warn_energy_share", "error_energy_share", "markers.link", "publish_friction"),
+    *(
+        "odom_twist_frame",
+        "odom_timeout",
+        "max_age",
+        "foreign_time",
+        "mimic_tolerance",
+        "publish_inverse_factor",
+    ),
+    *(
+        "warn_energy",
+        "error_energy",
+        "warn_energy_share",
+        "error_energy_share",
+        "markers.link",
+        "publish_friction",
+    ),
 }
 """Parameters that choose the robot, clocks or outputs: other tests compare these."""
 
@@ -186,12 +221,26 @@ def pushed_messages():
     for k in range(900):
         t, phase = 0.01 * k, np.array([0.0, 1.0])
         w, a = np.array([2.0, 3.1]), np.array([0.7, 0.5])
-        q, qd, qdd = a * np.sin(w * t + phase), a * w * np.cos(w * t + phase), -a * w * w * np.sin(w * t + phase)
+        q, qd, qdd = (
+            a * np.sin(w * t + phase),
+            a * w * np.cos(w * t + phase),
+            -a * w * w * np.sin(w * t + phase),
+        )
         tau = pin.rnea(model, data, q, qd, qdd) + damping * qd + friction * np.tanh(qd / 5e-3)
         if k >= 600:  # at rest, under stiction, with messages of unequal age
-            q, qd, stiction = np.array([0.3, 0.3]) + 1e-6 * k, np.array([0.01, -0.02]), np.array([0.8, -0.4])
-            tau = pin.computeGeneralizedGravity(model, data, q) + stiction - np.array([0.0, 1.0]) * (700 <= k < 740)
-        tau -= np.array([4.0, 1.5]) * (150 <= k < 210 or 218 <= k < 230 or 400 <= k < 520) + 0.02 * rng.normal(size=2)
+            q, qd, stiction = (
+                np.array([0.3, 0.3]) + 1e-6 * k,
+                np.array([0.01, -0.02]),
+                np.array([0.8, -0.4]),
+            )
+            tau = (
+                pin.computeGeneralizedGravity(model, data, q)
+                + stiction
+                - np.array([0.0, 1.0]) * (700 <= k < 740)
+            )
+        tau -= np.array([4.0, 1.5]) * (
+            150 <= k < 210 or 218 <= k < 230 or 400 <= k < 520
+        ) + 0.02 * rng.normal(size=2)
         if 300 <= k < 320:
             continue
         qd = [] if 330 <= k < 340 else qd
@@ -211,7 +260,13 @@ def external_torque(messages):
             nanoseconds(one.header.stamp),
             list(one.external_torque),
             one.norm,
-            *(one.valid, one.collision, list(one.joint_collision), one.threshold, list(one.torque_threshold)),
+            *(
+                one.valid,
+                one.collision,
+                list(one.joint_collision),
+                one.threshold,
+                list(one.torque_threshold),
+            ),
         )
         for one in messages
     ]
@@ -219,7 +274,9 @@ def external_torque(messages):
 
 def analysed(folder, parameters):
     """Return what `analyse` writes of external torque, and how many collisions it counts, by the same parameters."""
-    (folder / "monitor.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}), encoding="utf-8")
+    (folder / "monitor.yaml").write_text(
+        yaml.safe_dump({"/**": {"ros__parameters": parameters}}), encoding="utf-8"
+    )
     given = ["--urdf", str(folder / "arm.urdf"), "--parameters", str(folder / "monitor.yaml")]
     out, summary = folder / "out.mcap", folder / "summary.json"
     outputs = ["--json", str(summary), "--mcap", str(out), "--topics", "external_torque", "--quiet"]
@@ -257,7 +314,9 @@ def test_live_and_offline_agree(peer, tmp_path, name):
     with live.process:
         live.feed(messages)
         published = external_torque(live.torque.messages)
-        values = {pair.key: pair.value for pair in live.reports.next().entries["external torque"].values}
+        values = {
+            pair.key: pair.value for pair in live.reports.next().entries["external torque"].values
+        }
     assert int(values["collisions"]) == count
     assert len(published) == len(offline) > 50
     for one, other in zip(published, offline, strict=True):

@@ -39,7 +39,11 @@ def made(no_discovery):
     rclpy.init(context=context)
 
     def make(*arguments, specs=PARAMETERS):
-        options = {"context": context, "cli_args": ["--ros-args", *arguments]} if arguments else {"context": context}
+        options = (
+            {"context": context, "cli_args": ["--ros-args", *arguments]}
+            if arguments
+            else {"context": context}
+        )
         nodes.append(Tabled("own", specs, **options))
         judge(nodes[-1], specs, nodes[-1].values.update)
         return nodes[-1]
@@ -119,7 +123,10 @@ def test_parameters_while_unconfigured(made):
     node = made(specs=OF_CONTROLLER)
     change = [Parameter("max_state_age", value=0.05)]
     result = node.set_parameters(change)[0]
-    assert not result.successful and "read-only while the node is configured. Call cleanup first" in result.reason
+    assert (
+        not result.successful
+        and "read-only while the node is configured. Call cleanup first" in result.reason
+    )
     node.is_unconfigured = True
     assert node.set_parameters(change)[0].successful and node.values["max_state_age"] == 0.05
 
@@ -287,7 +294,10 @@ def test_nodes_end_together(no_discovery, handlers, way):
         return nodes
 
     assert runner.run(lambda: list(make()), ["program"]) == 0
-    assert all(node.destroyed for node in nodes) and set(handlers) == {signal.SIGINT, signal.SIGTERM}
+    assert all(node.destroyed for node in nodes) and set(handlers) == {
+        signal.SIGINT,
+        signal.SIGTERM,
+    }
     assert not rclpy.ok()
 
 
@@ -315,13 +325,19 @@ def test_faults_of_the_user_are_one_line(no_discovery, handlers, capfd, where):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("position of joint 'joint 1' is 12.5, expected 3", "position of joint 'joint 1' is …, expected …"),
+        (
+            "position of joint 'joint 1' is 12.5, expected 3",
+            "position of joint 'joint 1' is …, expected …",
+        ),
         (
             "a state 0.034 s old, expected at most max_age = 0.02 s",
             "a state … s old, expected at most max_age = 0.02 s",
         ),
         ("target.pose.position is [nan, -1e-05, 2]", "target.pose.position is [nan, …, …]"),
-        ("stamp 1700000000.5 s behind /robot1/clock of panda_link0", "stamp … s behind /robot1/clock of panda_link0"),
+        (
+            "stamp 1700000000.5 s behind /robot1/clock of panda_link0",
+            "stamp … s behind /robot1/clock of panda_link0",
+        ),
     ],
 )
 def test_messages_of_diagnostics_stay(text, expected):

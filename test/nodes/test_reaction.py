@@ -23,18 +23,29 @@ from pushed import GAIN, Motion, feed, subscribed
 
 REACTION = "reaction"
 """Name of the entry on diagnostics."""
-THRESHOLDS = {"external_torque.gain": GAIN, "external_torque.friction": False, "alarm.external_torque": 20.0}
+THRESHOLDS = {
+    "external_torque.gain": GAIN,
+    "external_torque.friction": False,
+    "alarm.external_torque": 20.0,
+}
 THRESHOLDS["alarm.hold_off"] = 0.5
 UR5 = {"robot_description": str(find_urdf("ur5"))}
 JOINTS = np.array(robot(PANDA).names)
-PUSHED, FREE = (Motion(robot(PANDA), push * (JOINTS == "panda_joint2"), size=0.0)(0) for push in (30.0, 0.0))
+PUSHED, FREE = (
+    Motion(robot(PANDA), push * (JOINTS == "panda_joint2"), size=0.0)(0) for push in (30.0, 0.0)
+)
 
 
 class Stop:
     """A service whose calls are counted, with the time that it takes and its response."""
 
     def __init__(self, peer, name):
-        self.peer, self.calls, self.time, self.response = peer, 0, 0.0, Trigger.Response(success=True)
+        self.peer, self.calls, self.time, self.response = (
+            peer,
+            0,
+            0.0,
+            Trigger.Response(success=True),
+        )
         self.service = peer.node.create_service(Trigger, name, self._accept)
 
     def _accept(self, request, _):
@@ -89,7 +100,9 @@ def test_one_call_and_one_message_per_change(monitor):
 
 def test_late_subscribers_receive_the_present_value(monitor, peer):
     """The first value is false, although there was no change."""
-    with Monitor(peer, "/late", outputs=["state"], robot_description=robot(PANDA).path, **THRESHOLDS) as other:
+    with Monitor(
+        peer, "/late", outputs=["state"], robot_description=robot(PANDA).path, **THRESHOLDS
+    ) as other:
         subscribed(other)
         values = [peer.topic(Bool, f"{other.name}/collision", LATCHED).messages]
         feed(other, [FREE])
@@ -120,12 +133,18 @@ def test_a_collision_ends_without_a_result(monitor, peer):
 
 @pytest.mark.parametrize(
     "changed",
-    [{"alarm.external_torque": 0.0}, {"external_torque.gain": 0.0, "alarm.external_torque": 0.0}, UR5],
+    [
+        {"alarm.external_torque": 0.0},
+        {"external_torque.gain": 0.0, "alarm.external_torque": 0.0},
+        UR5,
+    ],
     ids=["thresholds", "gain", "robot"],
 )
 def test_a_collision_ends_with_the_parameters(peer, changed):
     """At once: thresholds are removed, the observer, or the robot."""
-    with Monitor(peer, "/changed", outputs=["state"], robot_description=robot(PANDA).path, **THRESHOLDS) as other:
+    with Monitor(
+        peer, "/changed", outputs=["state"], robot_description=robot(PANDA).path, **THRESHOLDS
+    ) as other:
         other.collision = peer.topic(Bool, f"{other.name}/collision", LATCHED)
         feed(subscribed(other), [FREE] + [PUSHED] * 60)
         assert published(other)[-1] is True
@@ -169,7 +188,10 @@ def test_failures(monitor, peer):
     stop = monitor.stop_service
     stop.response = Trigger.Response(success=False, message="brakes are stuck")
     feed(monitor, [PUSHED] * 60 + [FREE] * 300)
-    assert "Reaction failed: 'stop': the response is a failure: brakes are stuck" in monitor.process.output
+    assert (
+        "Reaction failed: 'stop': the response is a failure: brakes are stuck"
+        in monitor.process.output
+    )
     entry = monitor.next_report().entries[REACTION]
     assert entry.level == ERROR and "brakes are stuck" in entry.message
     stop.service.send_response = lambda *_: None
@@ -196,7 +218,9 @@ def test_contact_as_the_event(monitor, peer):
         "alarm.contact_external_torque": 9.0,
     }
     stop = Stop(peer, "/careful/stop")
-    with Monitor(peer, "/careful", outputs=["state"], robot_description=robot(PANDA).path, **parameters) as other:
+    with Monitor(
+        peer, "/careful", outputs=["state"], robot_description=robot(PANDA).path, **parameters
+    ) as other:
         subscribed(other)
         pushed = Motion(robot(PANDA), 15.0 * (JOINTS == "panda_joint2"), size=0.0)(0)
         found = feed(other, [FREE] * 3 + [pushed] * 100)
@@ -231,7 +255,9 @@ builtin_interfaces/Duration timeout
 def test_wrong_parameters(peer, monkeypatch, values, named):
     """The node does not start, and the error names the parameter."""
     monkeypatch.setitem(sys.modules, "controller_manager_msgs.srv", None)
-    values = {"reaction.service": "stop", "robot_description": robot(PANDA).path} | THRESHOLDS | values
+    values = (
+        {"reaction.service": "stop", "robot_description": robot(PANDA).path} | THRESHOLDS | values
+    )
     with pytest.raises(InputError) as error:
         Monitor(peer, "/wrong", outputs=["state"], **values)
     assert named in str(error.value)
@@ -246,14 +272,22 @@ def test_thresholds_stay_while_there_is_a_service(monitor):
 def test_request_of_switch_controller(monkeypatch):
     """Its fields by a class of the published definition; the package itself is not among the tests' packages."""
     own = definitions(
-        {"controller_manager_msgs/msg/Request": DEFINITION, "builtin_interfaces/msg/Duration": "int32 sec"}
+        {
+            "controller_manager_msgs/msg/Request": DEFINITION,
+            "builtin_interfaces/msg/Duration": "int32 sec",
+        }
     )
     request = message_type("controller_manager_msgs/msg/Request", own)
     request.BEST_EFFORT = 1
     kind = SimpleNamespace(Request=request)
     monkeypatch.setitem(sys.modules, "controller_manager_msgs", SimpleNamespace())
-    monkeypatch.setitem(sys.modules, "controller_manager_msgs.srv", SimpleNamespace(SwitchController=kind))
+    monkeypatch.setitem(
+        sys.modules, "controller_manager_msgs.srv", SimpleNamespace(SwitchController=kind)
+    )
     made, sent = service_request(SWITCH | {"reaction.activate": ["hold", ""]})
     assert made is kind and set(vars(sent)) == set(request.get_fields_and_field_types())
-    assert (sent.deactivate_controllers, sent.activate_controllers) == (["arm_controller"], ["hold"])
+    assert (sent.deactivate_controllers, sent.activate_controllers) == (
+        ["arm_controller"],
+        ["hold"],
+    )
     assert sent.strictness == 1 and sent.activate_asap and sent.timeout.sec == 0

@@ -78,7 +78,9 @@ def answer(monitor, robot, service, state, gravity=None, **fields):
 
 def check_acceleration(truth, response):
     """q̈ in the units of √M_kk, as all dofs weigh alike there, and ν̇ along it."""
-    assert_close(response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance)
+    assert_close(
+        response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance
+    )
     s = truth.state
     scale = sum(map(np.linalg.norm, (s.nu_dot, s.coriolis, s.gravity, s.epsilon)))
     assert_close(np.array(response.nu_dot), s.nu_dot, truth.tolerance, scale)
@@ -87,7 +89,9 @@ def check_acceleration(truth, response):
 # --- good requests
 
 
-@pytest.mark.parametrize("gravity", [None, GRAVITY], ids=["gravity of the model", "gravity of the request"])
+@pytest.mark.parametrize(
+    "gravity", [None, GRAVITY], ids=["gravity of the model", "gravity of the request"]
+)
 @pytest.mark.parametrize("sample", range(2))
 def test_dynamics(monitor, panda, sample, gravity):
     """q̈ of aba and τ of rnea, of shuffled names with a fixed joint among them; each service undoes the other."""
@@ -98,19 +102,27 @@ def test_dynamics(monitor, panda, sample, gravity):
 
     state = panda.message(0, (q, qd, np.zeros(len(q)), qdd))
     qdd_as_named = qdd[[panda.names.index(name) for name in state.name]].tolist()
-    effort = answer(monitor, panda, "inverse_dynamics", state, gravity, acceleration=qdd_as_named).effort
+    effort = answer(
+        monitor, panda, "inverse_dynamics", state, gravity, acceleration=qdd_as_named
+    ).effort
     expected = truth.state.oracle.inverse_dynamics(q, qd, qdd)
     assert_close(effort / truth.unit, expected / truth.unit, truth.tolerance)
 
-    response = answer(monitor, panda, "forward_dynamics", joint_state(panda.names, q, qd, effort), gravity)
+    response = answer(
+        monitor, panda, "forward_dynamics", joint_state(panda.names, q, qd, effort), gravity
+    )
     assert_close(response.acceleration * truth.unit, qdd * truth.unit, truth.tolerance)
 
 
-@pytest.mark.parametrize("gravity", [None, GRAVITY], ids=["gravity of the model", "gravity of the request"])
+@pytest.mark.parametrize(
+    "gravity", [None, GRAVITY], ids=["gravity of the model", "gravity of the request"]
+)
 def test_diagonalize(monitor, panda, gravity):
     """All that the node publishes, l included, for the state of the request and with its stamp."""
     stamp = 5 * S + 7
-    response = answer(monitor, panda, "diagonalize", panda.message(stamp, panda.samples[1]), gravity)
+    response = answer(
+        monitor, panda, "diagonalize", panda.message(stamp, panda.samples[1]), gravity
+    )
     truth = Truth(panda, *panda.samples[1][:3], gravity)
     topics = ("state", "coriolis", "kinetic_energy", "joint_space_dynamics")
     truth.check({topic: getattr(response, topic) for topic in topics}, stamp)
@@ -121,7 +133,9 @@ def test_diagonalize(monitor, panda, gravity):
 
 def wrench(numbers):
     """Return a Wrench of six numbers."""
-    force, torque = (Vector3(x=x, y=y, z=z) for x, y, z in np.reshape(numbers, (2, 3)).astype(float).tolist())
+    force, torque = (
+        Vector3(x=x, y=y, z=z) for x, y, z in np.reshape(numbers, (2, 3)).astype(float).tolist()
+    )
     return Wrench(force=force, torque=torque)
 
 
@@ -131,7 +145,10 @@ def test_wrenches(monitor, panda, in_world):
     q, qd, tau, qdd = panda.samples[0]
     truth = Truth(panda, q, qd, tau)
     oracle = truth.state.oracle
-    pushes = {"panda_hand": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6], "panda_link3": [-7.0, 8.0, 9.0, 1.0, -1.1, 1.2]}
+    pushes = {
+        "panda_hand": [1.0, 2.0, 3.0, 0.4, 0.5, 0.6],
+        "panda_link3": [-7.0, 8.0, 9.0, 1.0, -1.1, 1.2],
+    }
     effort = oracle.effort_of(q, pushes, "world" if in_world else "link")
     parts = [("panda_hand", 0.25), ("panda_link3", 1.0), ("panda_hand", 0.75)]
     fields = {
@@ -143,7 +160,9 @@ def test_wrenches(monitor, panda, in_world):
     response = answer(monitor, panda, "forward_dynamics", state, **fields)
     check_acceleration(Truth(panda, q, qd, tau + effort), response)
     qdd_as_named = qdd[[panda.names.index(name) for name in state.name]].tolist()
-    response = answer(monitor, panda, "inverse_dynamics", state, acceleration=qdd_as_named, **fields)
+    response = answer(
+        monitor, panda, "inverse_dynamics", state, acceleration=qdd_as_named, **fields
+    )
     expected = (oracle.inverse_dynamics(q, qd, qdd) - effort) / truth.unit
     assert_close(response.effort / truth.unit, expected, truth.tolerance)
     response = answer(monitor, panda, "diagonalize", state, **fields)
@@ -153,7 +172,9 @@ def test_wrenches(monitor, panda, in_world):
 def test_friction_is_opt_in(monitor, panda):
     """include_friction adds the URDF's damping, and nothing else does."""
     q, qd, tau, _ = panda.samples[0]
-    damping = np.array([2 * 0.3 if "finger" in name else 0.003 for name in panda.names])  # of two fingers
+    damping = np.array(
+        [2 * 0.3 if "finger" in name else 0.003 for name in panda.names]
+    )  # of two fingers
     state, truth = panda.message(0, panda.samples[0]), Truth(panda, q, qd, tau)
     assert not answer(monitor, panda, "diagonalize", state).state.friction_valid
     rubbed = answer(monitor, panda, "diagonalize", state, include_friction=True)
@@ -161,7 +182,9 @@ def test_friction_is_opt_in(monitor, panda):
     assert_close(np.array(rubbed.state.friction), truth.state.l @ (damping * qd), truth.tolerance)
     response = answer(monitor, panda, "forward_dynamics", state, include_friction=True)
     slowed = Truth(panda, q, qd, tau - damping * qd)
-    assert_close(response.acceleration * truth.unit, slowed.state.acceleration * truth.unit, truth.tolerance)
+    assert_close(
+        response.acceleration * truth.unit, slowed.state.acceleration * truth.unit, truth.tolerance
+    )
 
 
 # --- bad requests
@@ -180,7 +203,10 @@ BAD_STATES = {
     "effort too short": ({"effort": [1.0]}, "state.effort"),
     "position NaN": ({"position": [math.nan] * 8}, "position of joint 'panda_joint1'"),
     "velocity infinite": ({"velocity": [math.inf] * 8}, "velocity of joint 'panda_joint1'"),
-    "effort NaN": ({"names": NAMES, "effort": [0.0] * 7 + [math.nan]}, "joint 'panda_finger_joint1'"),
+    "effort NaN": (
+        {"names": NAMES, "effort": [0.0] * 7 + [math.nan]},
+        "joint 'panda_finger_joint1'",
+    ),
     "too large": ({"velocity": [1e200] * 8}, "are too large: a result overflows"),
 }
 
@@ -201,7 +227,9 @@ def answers_afterwards(monitor, panda):
     """After a bad request the services answer as before it."""
     yield
     truth = Truth(panda, *panda.samples[0][:3])
-    check_acceleration(truth, answer(monitor, panda, "forward_dynamics", panda.message(0, panda.samples[0])))
+    check_acceleration(
+        truth, answer(monitor, panda, "forward_dynamics", panda.message(0, panda.samples[0]))
+    )
 
 
 @pytest.mark.usefixtures("answers_afterwards")
@@ -220,7 +248,9 @@ def test_bad_gravity(monitor, panda, gravity):
     state = panda.message(0, panda.samples[0])
     for service, kind in SERVICES.items():
         assert_refused(ask(monitor, service, state, gravity), "gravity")
-        request = kind.Request(state=state, gravity=Vector3(x=gravity[0], y=gravity[1], z=gravity[2]))
+        request = kind.Request(
+            state=state, gravity=Vector3(x=gravity[0], y=gravity[1], z=gravity[2])
+        )
         assert monitor.call(kind, service, request).success
 
 
@@ -231,9 +261,15 @@ NAN_WRENCH = wrench([0, 0, math.nan, 0, 0, 0.0])
 @pytest.mark.parametrize(
     ("fields", "named"),
     [
-        ({"wrenches": [Wrench()]}, "wrenches has 1 entries, expected one for each of 0 wrench_links"),
+        (
+            {"wrenches": [Wrench()]},
+            "wrenches has 1 entries, expected one for each of 0 wrench_links",
+        ),
         ({"wrench_links": ["tool"], "wrenches": [Wrench()]}, "wrench_links: 'tool' is not a link"),
-        ({"wrench_links": ["panda_hand"], "wrenches": [NAN_WRENCH]}, "wrenches on link 'panda_hand' is "),
+        (
+            {"wrench_links": ["panda_hand"], "wrenches": [NAN_WRENCH]},
+            "wrenches on link 'panda_hand' is ",
+        ),
     ],
 )
 def test_bad_wrenches(monitor, panda, fields, named):
@@ -261,11 +297,16 @@ def test_before_and_after_the_model(peer):
     ur5 = robot(UR5)
     with Monitor(peer, "/later") as monitor:
         for service in SERVICES:
-            assert_refused(ask(monitor, service, ur5.message(0, ur5.samples[0])), "robot_description")
+            assert_refused(
+                ask(monitor, service, ur5.message(0, ur5.samples[0])), "robot_description"
+            )
         descriptions = peer.publisher(String, "/later/robot_description", LATCHED)
         descriptions.publish(description(ur5.urdf))
         peer.wait_until(
-            lambda: ask(monitor, "inverse_dynamics", ur5.message(0, ur5.samples[0])).success, "the robot to be in force"
+            lambda: ask(monitor, "inverse_dynamics", ur5.message(0, ur5.samples[0])).success,
+            "the robot to be in force",
         )
         truth = Truth(ur5, *ur5.samples[1][:3])
-        check_acceleration(truth, answer(monitor, ur5, "forward_dynamics", ur5.message(0, ur5.samples[1])))
+        check_acceleration(
+            truth, answer(monitor, ur5, "forward_dynamics", ur5.message(0, ur5.samples[1]))
+        )

@@ -40,7 +40,12 @@ def audit(report):
 def arm(peer):
     """A UR5 whose drives carry its weight, brake without commands, and know the joints in another order."""
     order = robot(UR5).names[::-1]
-    parameters = {"compensates_gravity": True, "command_timeout": 0.3, "without_command": "brake", "rate": 250.0}
+    parameters = {
+        "compensates_gravity": True,
+        "command_timeout": 0.3,
+        "without_command": "brake",
+        "rate": 250.0,
+    }
     with Simulator(peer, "/arm", UR5, command_joints=list(order), **parameters) as simulator:
         yield simulator
 
@@ -69,7 +74,9 @@ def test_silence_then_a_command(arm):
 
     arm.peer.wait_until(driven, "the last joint to turn")
     assert np.abs(moved[-1][: last - 2]).max() < 0.2 * abs(moved[-1][last])
-    report = arm.wait_for_report(lambda r: "no command for 0.3 s" in said(r, "commands"), "the time-out")
+    report = arm.wait_for_report(
+        lambda r: "no command for 0.3 s" in said(r, "commands"), "the time-out"
+    )
     assert number(report, "commands timed out") > number(before, "commands timed out")
     arm.peer.wait_until(lambda: not rates(arm.next_state()).any(), "the brakes to hold")
 
@@ -87,7 +94,10 @@ def test_bad_command(arm, data, named):
     before, begin = arm.reports.next(), len(arm.reports)
     arm.command(*data)
     report = arm.wait_for_report(lambda r: "rejected" in said(r, "commands"), "the refusal", begin)
-    assert named in report.values["last rejected command"] and report.entries["commands"].level == b"\1"
+    assert (
+        named in report.values["last rejected command"]
+        and report.entries["commands"].level == b"\1"
+    )
     rejected = [key for key in report.values if key.startswith("commands rejected: ")]
     assert sum(number(report, key) - number(before, key) for key in rejected) == 1
     good = 0.25
@@ -97,8 +107,12 @@ def test_bad_command(arm, data, named):
         arm.command(*data)
         return arm.next_state()
 
-    states = [drive() for _ in range(50)][5:]  # efforts are those of a step, positions those at its end
-    own = [np.array(s.effort) - robot(UR5).oracle.gravity_torque(np.array(s.position)) for s in states]
+    states = [drive() for _ in range(50)][
+        5:
+    ]  # efforts are those of a step, positions those at its end
+    own = [
+        np.array(s.effort) - robot(UR5).oracle.gravity_torque(np.array(s.position)) for s in states
+    ]
     np.testing.assert_allclose(own, good, atol=0.02)
     assert rates(states[-1]).any()
 
@@ -109,7 +123,9 @@ def test_bad_command(arm, data, named):
 def test_push(arm):
     """A wrench on the tool moves the arm, its work is in the audit, and it ends by itself; an unknown link is refused."""
     arm.push("nowhere", 1, 0, 0, 0, 0, 0)
-    arm.wait_for_report(lambda r: "'nowhere' is no link of this robot" in said(r, "commands"), "the refusal")
+    arm.wait_for_report(
+        lambda r: "'nowhere' is no link of this robot" in said(r, "commands"), "the refusal"
+    )
     before = audit(arm.reports.next())
 
     def moved():
@@ -149,7 +165,9 @@ def test_pause_step_reset_and_set_state(arm):
         assert asked <= end - steps * MS + 2
         arm.peer.wait_until(lambda end=end: arm.states.stamps[-1] == end, "what came of the steps")
         stepped = [stamp for stamp in arm.states.stamps if stamp > before]
-        assert len(stepped) == periods and end - stepped[0] == pytest.approx(steps * MS - min(steps, 4) * MS, abs=2)
+        assert len(stepped) == periods and end - stepped[0] == pytest.approx(
+            steps * MS - min(steps, 4) * MS, abs=2
+        )
     answer = arm.call(Step, "step", steps=2000)  # seconds in next to no time
     assert answer.success
     for steps in (0, 10_001):
@@ -177,7 +195,9 @@ def test_payload_at_run_time(arm):
     arm.peer.wait_until(lambda: arm.truth.messages, "the truth")
     revision = arm.truth.messages[-1].model_revision
     assert arm.peer.set_parameter(arm.name, "payloads", ["tool0=3.0 0 0 0.1"]).successful
-    arm.peer.wait_until(lambda: arm.truth.messages[-1].model_revision == revision + 1, "another model")
+    arm.peer.wait_until(
+        lambda: arm.truth.messages[-1].model_revision == revision + 1, "another model"
+    )
     for name, value, named in (
         ("payloads", ["wing=1.0"], "wing"),
         ("gravity", [0.0, np.nan, 0.0], "gravity"),
@@ -217,7 +237,13 @@ def test_lockstep(peer):
     to all of its nodes, is not for the one that makes time.
     """
     noise = [1e-3, 1e-2, 0.0]
-    parameters = {"lockstep": True, "rate": 500.0, "sensor_noise": noise, "seed": 3, "use_sim_time": True}
+    parameters = {
+        "lockstep": True,
+        "rate": 500.0,
+        "sensor_noise": noise,
+        "seed": 3,
+        "use_sim_time": True,
+    }
     clock = peer.topic(Clock, "/clock")
     with Simulator(peer, "/lockstep", PANDA, **parameters) as simulator:
         own = dd.Simulation(simulator.model, step=1e-3)
@@ -227,21 +253,40 @@ def test_lockstep(peer):
             effort = rng.normal(size=8)
             stamp = begin + k * PERIOD
             simulator.command(*effort)
-            peer.wait_until(lambda stamp=stamp: simulator.truth.at(stamp) and simulator.states.at(stamp), f"state {k}")
+            peer.wait_until(
+                lambda stamp=stamp: simulator.truth.at(stamp) and simulator.states.at(stamp),
+                f"state {k}",
+            )
             own.advance(effort, steps=2)
             truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
-            assert list(truth.position) == own.q.tolist() and list(truth.velocity) == own.qd.tolist()
+            assert (
+                list(truth.position) == own.q.tolist() and list(truth.velocity) == own.qd.tolist()
+            )
             assert list(truth.effort) == own.effort.tolist()
-            seen.append([np.array(state.position[:8]) - own.q, np.array(state.velocity[:8]) - own.qd])
+            seen.append(
+                [np.array(state.position[:8]) - own.q, np.array(state.velocity[:8]) - own.qd]
+            )
         deviation = np.std(seen, axis=(0, 2))
         np.testing.assert_allclose(deviation, noise[:2], rtol=0.1)
         peer.wait_until(lambda: nanoseconds(clock.messages[-1].clock) == stamp, "its time")
         # Nobody commands: time stands still, who comes late sees the last state, and diagnostics say why.
-        late = [peer.topic(kind, topic) for kind, topic in ((JointState, "/lockstep/joint_states"), (Clock, "/clock"))]
+        late = [
+            peer.topic(kind, topic)
+            for kind, topic in ((JointState, "/lockstep/joint_states"), (Clock, "/clock"))
+        ]
         peer.wait_until(lambda: all(topic.messages for topic in late), "the last state once more")
-        assert nanoseconds(late[0].messages[0].header.stamp) == nanoseconds(late[1].messages[0].clock) == stamp
-        report = simulator.wait_for_report(lambda r: "waiting for a command" in said(r, "pace"), "the wait")
-        assert report.entries["pace"].level == b"\1" and report.entries["pace"].hardware_id == simulator.model.name
+        assert (
+            nanoseconds(late[0].messages[0].header.stamp)
+            == nanoseconds(late[1].messages[0].clock)
+            == stamp
+        )
+        report = simulator.wait_for_report(
+            lambda r: "waiting for a command" in said(r, "pace"), "the wait"
+        )
+        assert (
+            report.entries["pace"].level == b"\1"
+            and report.entries["pace"].hardware_id == simulator.model.name
+        )
         assert {nanoseconds(m.header.stamp) for m in late[0].messages} == {stamp}
         simulator.command(*[np.nan] * 8)
         simulator.wait_for_report(lambda r: "rejected" in said(r, "commands"), "the refusal")
@@ -282,7 +327,9 @@ def test_lockstep_goes_on(peer):
 
         def goes_on(what):
             stamp = simulator.states.stamps[-1]
-            peer.wait_until(lambda: simulator.states.stamps[-1] > stamp + S // 10, f"time to go on after {what}")
+            peer.wait_until(
+                lambda: simulator.states.stamps[-1] > stamp + S // 10, f"time to go on after {what}"
+            )
 
         goes_on("the start")
         for steps in (0, 7):
@@ -291,7 +338,9 @@ def test_lockstep_goes_on(peer):
                 assert simulator.call(Step, "step", steps=1).success
             assert simulator.call(SetBool, "pause", data=False).success
             goes_on(f"a pause with {steps} steps")
-        peer.pass_time(3.0)  # until the commander is no newcomer, for which states are repeated anyway
+        peer.pass_time(
+            3.0
+        )  # until the commander is no newcomer, for which states are repeated anyway
         wrong.append(np.nan)
         goes_on("a rejected command")
         for _ in range(3):
@@ -321,14 +370,21 @@ def test_sensors(peer):
     Odometry goes with its joint state; a free base is put wherever it is asked to be.
     """
     grid, delay = 2.0**-10, 0.05
-    errors = {"sensor_delay": delay, "sensor_dropped": 0.3, "sensor_resolution": [grid, 0.0, 0.0], "seed": 1}
+    errors = {
+        "sensor_delay": delay,
+        "sensor_dropped": 0.3,
+        "sensor_resolution": [grid, 0.0, 0.0],
+        "seed": 1,
+    }
     parameters = {"floating_base": True, "rate": 100.0, "gravity": [0.0, 0.0, 0.0]}
     with Simulator(peer, "/sensed", UR5, **errors, **parameters) as simulator:
         base, turning = Pose(), Twist()
         base.position.x, base.orientation.z, base.orientation.w = 2.0, 0.6, 0.8
         turning.angular.z = 0.5
         still = joint_state(simulator.robot.names, [0.3] * 6, ())
-        answer = simulator.call(SetState, "set_state", state=still, base_pose=base, base_twist=turning)
+        answer = simulator.call(
+            SetState, "set_state", state=still, base_pose=base, base_twist=turning
+        )
         assert answer.success, answer.message
 
         def put():
@@ -337,17 +393,27 @@ def test_sensors(peer):
         first = peer.wait_until(put, "the base where it was put")[0]
         at, o = nanoseconds(first.header.stamp), first.pose.pose.orientation
         peer.wait_until(lambda: simulator.truth.at(at), "the truth")
-        np.testing.assert_allclose([o.x, o.y, o.z, o.w], simulator.truth.at(at).position[3:7], atol=1e-12)
+        np.testing.assert_allclose(
+            [o.x, o.y, o.z, o.w], simulator.truth.at(at).position[3:7], atol=1e-12
+        )
         for _ in range(2):
             count = len(simulator.states.messages)
-            peer.wait_until(lambda count=count: len(simulator.states.messages) > count + 100, "joint states")
+            peer.wait_until(
+                lambda count=count: len(simulator.states.messages) > count + 100, "joint states"
+            )
             peer.graph.skip(0.5)
-        report = simulator.wait_for_report(lambda r: float(r.values["dropped lag [s]"]) > 0.3, "time that was let go")
+        report = simulator.wait_for_report(
+            lambda r: float(r.values["dropped lag [s]"]) > 0.3, "time that was let go"
+        )
         assert number(report, "joint states lost") > 20
         stamps = [stamp for stamp in simulator.states.stamps if stamp > at]
         assert np.diff(simulator.truth.stamps).max() > 0.3 * S
-        assert len(stamps) > 100 and set(stamps) <= set(simulator.odometry.stamps) & set(simulator.truth.stamps)
+        assert len(stamps) > 100 and set(stamps) <= set(simulator.odometry.stamps) & set(
+            simulator.truth.stamps
+        )
         for stamp in stamps:
             truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
-            np.testing.assert_allclose(state.position, grid * np.round(np.array(truth.position[7:]) / grid), atol=1e-12)
+            np.testing.assert_allclose(
+                state.position, grid * np.round(np.array(truth.position[7:]) / grid), atol=1e-12
+            )
             np.testing.assert_allclose(state.velocity, truth.velocity[6:], atol=1e-12)

@@ -22,7 +22,9 @@ from simulators import Simulator
 def collect(simulator, count):
     """Receive so many joint states from now on and return them."""
     simulator.states.forget()
-    simulator.peer.wait_until(lambda: len(simulator.states.messages) >= count, f"{count} joint states")
+    simulator.peer.wait_until(
+        lambda: len(simulator.states.messages) >= count, f"{count} joint states"
+    )
     return simulator.states.messages[:count]
 
 
@@ -37,7 +39,9 @@ def wave(peer):
 def vectors(simulator, message):
     """Position, velocity and effort of the independent joints, in the order of the oracle's dofs."""
     at = [message.name.index(name) for name in simulator.robot.names]
-    return tuple(np.array(values)[at] for values in (message.position, message.velocity, message.effort))
+    return tuple(
+        np.array(values)[at] for values in (message.position, message.velocity, message.effort)
+    )
 
 
 # --- what it publishes
@@ -51,8 +55,13 @@ def test_joint_states(wave):
         for values in (message.position, message.velocity, message.effort):
             assert len(values) == len(message.name) and np.isfinite(values).all()
         assert message.position[follower] == message.position[leader]
-        assert message.velocity[follower] == message.velocity[leader] and message.effort[follower] == 0.0
-    q, _, tau = (np.array(values) for values in zip(*(vectors(wave, m) for m in wave.recorded), strict=True))
+        assert (
+            message.velocity[follower] == message.velocity[leader]
+            and message.effort[follower] == 0.0
+        )
+    q, _, tau = (
+        np.array(values) for values in zip(*(vectors(wave, m) for m in wave.recorded), strict=True)
+    )
     assert (np.ptp(q, axis=0) > 1e-3).all() and (np.ptp(tau, axis=0) > 1e-3).all()
 
 
@@ -61,7 +70,11 @@ def test_description(wave):
     topic = wave.peer.topic(String, "/wave/robot_description", LATCHED)
     wave.peer.wait_until(lambda: topic.messages, "the description")
     text = topic.messages[0].data
-    assert text.startswith("<") and wave.robot.urdf.endswith(text) and len(text) > 0.9 * len(wave.robot.urdf)
+    assert (
+        text.startswith("<")
+        and wave.robot.urdf.endswith(text)
+        and len(text) > 0.9 * len(wave.robot.urdf)
+    )
 
 
 def test_description_of_a_xacro_file(peer, tmp_path):
@@ -88,7 +101,9 @@ def test_monitor_of_a_simulator(wave):
     with Monitor(wave.peer, "/wave") as monitor:
         wave.states.forget()
         topics = monitor.topics
-        wave.peer.wait_until(lambda: len(topics["kinetic_energy"].stamps) >= 200, "kinetic energies")
+        wave.peer.wait_until(
+            lambda: len(topics["kinetic_energy"].stamps) >= 200, "kinetic energies"
+        )
         compared = set(topics["kinetic_energy"].stamps) & set(wave.states.stamps)
         for stamp in compared:
             published = {name: topic.at(stamp) for name, topic in topics.items() if topic.at(stamp)}
@@ -154,7 +169,10 @@ WRONG = {
     "no such motion": ({"robot_description": PANDA_PATH, "motion": "dance"}, "motion"),
     "two types": ({"gravity": "[0, 0.0, -9.81]"}, "Sequence should be of same type"),  # so says rcl
     "rate of 0": ({"robot_description": PANDA_PATH, "rate": 0.0}, "rate"),
-    "order and base": ({"robot_description": PANDA_PATH, "order": 1, "floating_base": True}, "parameter 'order' is 1"),
+    "order and base": (
+        {"robot_description": PANDA_PATH, "order": 1, "floating_base": True},
+        "parameter 'order' is 1",
+    ),
     "no such joint": (
         {"robot_description": PANDA_PATH, "command_joints": "[elbow]"},
         "parameter 'command_joints' names 'elbow'",
@@ -176,10 +194,17 @@ def test_bad_parameters(peer, parameters, said):
 def test_inertias_that_are_off_from_the_description(peer):
     """The simulated robot is a perturbed one, of which the published URDF says nothing."""
     described = peer.topic(String, "/off/robot_description", LATCHED)
-    with Simulator(peer, "/off", UR5, inertia_error=0.3, inertia_error_seed=5, rate=100.0) as simulator:
-        peer.wait_until(lambda: len(simulator.truth.messages) >= 50 and described.messages, "the truth")
+    with Simulator(
+        peer, "/off", UR5, inertia_error=0.3, inertia_error_seed=5, rate=100.0
+    ) as simulator:
+        peer.wait_until(
+            lambda: len(simulator.truth.messages) >= 50 and described.messages, "the truth"
+        )
         model = load_urdf(robot(UR5).path)
-        assert load_urdf(described.messages[0].data).links["mass"].tolist() == model.links["mass"].tolist()
+        assert (
+            load_urdf(described.messages[0].data).links["mass"].tolist()
+            == model.links["mass"].tolist()
+        )
         nominal, real = DiagonalDynamics(model), DiagonalDynamics(model.perturbed(0.3, 5))
         deviations = []
         for message in simulator.truth.messages[10:]:
@@ -188,14 +213,18 @@ def test_inertias_that_are_off_from_the_description(peer):
             assert K > 0.0 and pytest.approx(real.evaluate(q, qd).kinetic_energy, rel=1e-9) == K
             deviations.append(abs(nominal.evaluate(q, qd).kinetic_energy / K - 1.0))
         assert max(deviations) > 0.05
-        simulator.process.wait_for_text("Simulated inertias differ from the description by up to 30%")
+        simulator.process.wait_for_text(
+            "Simulated inertias differ from the description by up to 30%"
+        )
 
 
 def test_gravity_that_is_set_while_it_loads(peer):
     """It counts from the first state on."""
     simulator, moon = Simulator(peer, "/early", UR5, waits=False), (0.0, 0.0, -1.62)
     with simulator:
-        assert simulator.process.node.set_parameters([Parameter("gravity", value=moon)])[0].successful
+        assert simulator.process.node.set_parameters([Parameter("gravity", value=moon)])[
+            0
+        ].successful
         assert not simulator.truth.messages
         peer.wait_until(lambda: simulator.truth.messages, "a state")
         message = simulator.truth.messages[-1]
@@ -209,7 +238,9 @@ def test_flexible_joints(peer, tmp_path):
     name, stiffness = "shoulder_lift_joint", 2000.0
     spring = {"stiffness": stiffness, "rotor_inertia": 1e-4, "gear": 50.0, "effort": "spring"}
     Parameters.from_dict({"flexible_joints": {name: spring}}).save(tmp_path / "arm.yaml")
-    with Simulator(peer, "/springs", UR5, rate=250.0, parameters_file=str(tmp_path / "arm.yaml")) as simulator:
+    with Simulator(
+        peer, "/springs", UR5, rate=250.0, parameters_file=str(tmp_path / "arm.yaml")
+    ) as simulator:
         peer.wait_until(lambda: len(simulator.truth.messages) >= 50, "the truth")
         truths = {nanoseconds(one.header.stamp): one for one in simulator.truth.messages}
         states = list(simulator.states.messages)
@@ -218,5 +249,9 @@ def test_flexible_joints(peer, tmp_path):
         truth, place = truths[nanoseconds(measured.header.stamp)], measured.name.index(name)
         torque = measured.effort[place]
         stretches.append(measured.position[place] - truth.position[k])
-        assert truth.effort[k] == torque == pytest.approx(stiffness * stretches[-1], rel=1e-9, abs=1e-9)
+        assert (
+            truth.effort[k]
+            == torque
+            == pytest.approx(stiffness * stretches[-1], rel=1e-9, abs=1e-9)
+        )
     assert len(stretches) >= 20 and np.abs(stretches).max() > 1e-3

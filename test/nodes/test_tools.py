@@ -25,11 +25,23 @@ from robots import robot_path
 def test_messages_there_and_back():
     text = "{header: {frame_id: arm, stamp: {sec: 3}}, name: [a, b], position: [1, 2.5]}"
     message = from_yaml(JointState, text)
-    assert message.header.stamp.sec == 3 and list(message.position) == [1.0, 2.5] and message.name == ["a", "b"]
-    assert from_yaml(JointState, to_yaml(message)) == message and from_yaml(JointState, "") == JointState()
-    assert read_field(message, "header.frame_id") == "arm" and read_field(message, "position[1]") == 2.5
+    assert (
+        message.header.stamp.sec == 3
+        and list(message.position) == [1.0, 2.5]
+        and message.name == ["a", "b"]
+    )
+    assert (
+        from_yaml(JointState, to_yaml(message)) == message
+        and from_yaml(JointState, "") == JointState()
+    )
+    assert (
+        read_field(message, "header.frame_id") == "arm"
+        and read_field(message, "position[1]") == 2.5
+    )
     assert find_type("sensor_msgs/msg/JointState") is JointState
-    value = from_yaml(ParameterValue, "{type: 5, bool_value: true, byte_array_value: [7], string_value: 'on'}")
+    value = from_yaml(
+        ParameterValue, "{type: 5, bool_value: true, byte_array_value: [7], string_value: 'on'}"
+    )
     assert from_yaml(ParameterValue, to_yaml(value)[: to_yaml(value).index("byte")]).bool_value
     assert list(value.byte_array_value) == [b"\x07"]
 
@@ -38,7 +50,10 @@ def test_messages_there_and_back():
     ("text", "error"),
     [
         ("{nam: [a]}", "request has no field 'nam'. Did you mean 'name'?"),
-        ("{xyz: 1}", "request has no field 'xyz'; expected one of header, name, position, velocity, effort."),
+        (
+            "{xyz: 1}",
+            "request has no field 'xyz'; expected one of header, name, position, velocity, effort.",
+        ),
         ("{position: a}", "request.position is 'a'; expected sequence<double>."),
         ("{header: {stamp: {sec: 1.5}}}", "request.header.stamp.sec is 1.5; expected int32."),
         ("{name: [1]}", "request.name is 1; expected string."),
@@ -65,7 +80,10 @@ def test_types_that_are_none(name):
 def robot(peer):
     """Start a simulator and a monitor in a namespace."""
     parameters = {"robot_description": robot_path(PANDA), "motion": "wave", "rate": 100.0}
-    with peer.start("simulator", "-r", "__ns:=/arm", **parameters), peer.start("monitor", "-r", "__ns:=/arm"):
+    with (
+        peer.start("simulator", "-r", "__ns:=/arm", **parameters),
+        peer.start("monitor", "-r", "__ns:=/arm"),
+    ):
         peer.pass_time(1.0)
         yield "/arm/diag_dynamics"
 
@@ -107,8 +125,16 @@ def test_topics(robot, output_of):
     """Echo and hz; a similar name where there is no such topic; latched topics arrive."""
     state = yaml.safe_load(output_of("topic", "echo", "--once", "arm/joint_states"))
     assert len(state["name"]) == len(state["position"]) == 9  # fingers and mimic joint
-    assert float(output_of("topic", "echo", "--once", f"{robot}/kinetic_energy", "--field", "total")) > 0.0
-    assert output_of("topic", "echo", "--once", "/arm/robot_description", "--field", "data").count("<link") > 8
+    assert (
+        float(output_of("topic", "echo", "--once", f"{robot}/kinetic_energy", "--field", "total"))
+        > 0.0
+    )
+    assert (
+        output_of("topic", "echo", "--once", "/arm/robot_description", "--field", "data").count(
+            "<link"
+        )
+        > 8
+    )
     rate = output_of("topic", "hz", "--once", "/arm/joint_states").split()
     assert rate[:2] == ["average", "rate:"] and float(rate[2]) == pytest.approx(100.0, rel=0.05)
     error = output_of("topic", "hz", "/arm/joint_state", status=1)
@@ -122,16 +148,24 @@ def test_services(robot, output_of):
     """Call, with and without a type, also for parameters; a wrong request names the field."""
     pause = ("service", "call", f"{robot}_simulator/pause")
     assert yaml.safe_load(output_of(*pause, "{data: true}"))["success"] is True
-    assert yaml.safe_load(output_of(*pause, "std_srvs/srv/SetBool", "{data: false}"))["success"] is True
+    assert (
+        yaml.safe_load(output_of(*pause, "std_srvs/srv/SetBool", "{data: false}"))["success"]
+        is True
+    )
     assert "request has no field 'dat'" in output_of(*pause, "{dat: true}", status=1)
     parameters = ("service", "call", f"{robot}/get_parameters", "{names: [gravity]}")
     gravity = output_of(*parameters, "--field", "values[0].double_array_value")
     assert yaml.safe_load(gravity) == [0.0, 0.0, -9.81]
     error = output_of("service", "call", f"{robot}_simulator/paus", "--timeout", "1", status=1)
-    assert f"no service {robot}_simulator/paus within 1 s. Did you mean {robot}_simulator/pause?" in error
+    assert (
+        f"no service {robot}_simulator/paus within 1 s. Did you mean {robot}_simulator/pause?"
+        in error
+    )
 
 
-@pytest.mark.parametrize("arguments", [("topic", "list"), ("service", "list"), ("param", "get", "/a", "b")])
+@pytest.mark.parametrize(
+    "arguments", [("topic", "list"), ("service", "list"), ("param", "get", "/a", "b")]
+)
 def test_commands_of_ros2cli_alone(arguments, capsys):
     """Only `topic echo`, `topic hz` and `service call` stand in for ros2cli."""
     if arguments[0] == "param":

@@ -35,19 +35,44 @@ class Robot:
         self.node = peer.extra_node("diag_dynamics", namespace)
         self.states = self.node.create_publisher(DiagonalizedState, f"{name}/state", MANY)
         self.torques = self.node.create_publisher(ExternalTorque, f"{name}/external_torque", MANY)
-        self.description = self.node.create_publisher(String, f"{namespace}/robot_description", LATCHED)
+        self.description = self.node.create_publisher(
+            String, f"{namespace}/robot_description", LATCHED
+        )
         self.description.publish(String(data=URDF))
 
-    def publish(self, nu=(1.0, 2.0, 3.0), effort=(10.0, -45.0, 1.0), external=(1.0, 2.0, 0.5), count=10, **fields):
+    def publish(
+        self,
+        nu=(1.0, 2.0, 3.0),
+        effort=(10.0, -45.0, 1.0),
+        external=(1.0, 2.0, 0.5),
+        count=10,
+        **fields,
+    ):
         """Publish states and external torques at 50 Hz; `fields` are those of the external torque."""
         nu = np.array(nu)
-        values = {"nu": nu, "velocity": 0.5 * nu, "coriolis": 0.1 * nu[::-1], "articulated_inertia": 1.0 + 0.0 * nu}
+        values = {
+            "nu": nu,
+            "velocity": 0.5 * nu,
+            "coriolis": 0.1 * nu[::-1],
+            "articulated_inertia": 1.0 + 0.0 * nu,
+        }
         values = {field: value.tolist() for field, value in values.items()}
-        state = DiagonalizedState(dof_names=self.names, power=-1.5, effort_valid=True, effort=list(effort), **values)
-        defaults = {"norm": 0.5, "threshold": math.inf, "torque_norm": 2.0, "torque_norm_threshold": 30.0}
+        state = DiagonalizedState(
+            dof_names=self.names, power=-1.5, effort_valid=True, effort=list(effort), **values
+        )
+        defaults = {
+            "norm": 0.5,
+            "threshold": math.inf,
+            "torque_norm": 2.0,
+            "torque_norm_threshold": 30.0,
+        }
         defaults |= {"torque_threshold": [20.0, 10.0, 5.0]}
-        torque = ExternalTorque(dof_names=self.names, valid=True, external_torque=list(external), **(defaults | fields))
-        torque.joint_collision = (np.abs(external) > np.array(torque.torque_threshold or math.inf)).tolist()
+        torque = ExternalTorque(
+            dof_names=self.names, valid=True, external_torque=list(external), **(defaults | fields)
+        )
+        torque.joint_collision = (
+            np.abs(external) > np.array(torque.torque_threshold or math.inf)
+        ).tolist()
         torque.collision = any(torque.joint_collision)
         for _ in range(count):
             for publisher, message in ((self.torques, torque), (self.states, state)):
@@ -122,13 +147,23 @@ def make_screen(peer, monkeypatch):
 def test_a_robot_on_the_screen(make_robot, make_screen):
     """Energies of joints, torques with limits, external torque with its alarm; sorted, until the user quits."""
     screen = make_screen()
-    assert "waiting for states on any topic of type diag_dynamics/msg/DiagonalizedState" in screen.frame()
+    assert (
+        "waiting for states on any topic of type diag_dynamics/msg/DiagonalizedState"
+        in screen.frame()
+    )
     robot = make_robot("/one")
     assert "waiting for states on /one/diag_dynamics/state" in screen.frame(seconds=1.0)
     robot.publish(count=100)
     text = screen.frame()
-    assert all(part in text for part in ("/one", "K 7.00 J", "net power -1.50 W", " Hz", "late", "peak 7.00 J"))
-    assert screen.rows(3) == [["shoulder", "0.500", "0.500"], ["elbow", "2.00", "2.00"], ["wrist", "4.50", "4.50"]]
+    assert all(
+        part in text
+        for part in ("/one", "K 7.00 J", "net power -1.50 W", " Hz", "late", "peak 7.00 J")
+    )
+    assert screen.rows(3) == [
+        ["shoulder", "0.500", "0.500"],
+        ["elbow", "2.00", "2.00"],
+        ["wrist", "4.50", "4.50"],
+    ]
     assert screen.rows(5, "2") == [
         ["shoulder", "10.0", "10.0", "10", "%"],
         ["elbow", "-45.0", "45.0", "90", "%"],
@@ -168,12 +203,21 @@ def test_peaks_pause_and_silence(make_robot, make_screen):
 def test_several_robots(make_robot, make_screen):
     """Tab shows one robot after the other, `o` all of them; a simulator's own states are not shown unasked."""
     robots = [make_robot(f"/{name}") for name in ("left", "right")]
-    robots[0].node.create_publisher(DiagonalizedState, "/left/diag_dynamics_simulator/ground_truth", MANY)
+    robots[0].node.create_publisher(
+        DiagonalizedState, "/left/diag_dynamics_simulator/ground_truth", MANY
+    )
     screen = make_screen()
     for robot in robots:
         robot.publish(count=50)
-    assert [screen.frame().split()[:2], screen.frame("\t").split()[:2]] == [["/left", "1/2"], ["/right", "2/2"]]
-    lines = [line.split()[:3] for line in screen.frame("o").splitlines() if line.startswith(("/left", "/right"))]
+    assert [screen.frame().split()[:2], screen.frame("\t").split()[:2]] == [
+        ["/left", "1/2"],
+        ["/right", "2/2"],
+    ]
+    lines = [
+        line.split()[:3]
+        for line in screen.frame("o").splitlines()
+        if line.startswith(("/left", "/right"))
+    ]
     assert lines == [["/left", "7.00", "7.00"], ["/right", "7.00", "7.00"]]
 
 
@@ -181,11 +225,17 @@ def test_invalid_messages(make_robot, make_screen):
     """They are counted, and end nothing."""
     robot, screen = make_robot("/odd"), make_screen(topics=["/odd/diag_dynamics/state"])
     robot.publish()
-    for fields in ({"nu": [1.0, 2.0]}, {"velocity": [1.0] * 5}, {"nu": [1.0] * 3, "effort": [], "effort_valid": True}):
+    for fields in (
+        {"nu": [1.0, 2.0]},
+        {"velocity": [1.0] * 5},
+        {"nu": [1.0] * 3, "effort": [], "effort_valid": True},
+    ):
         robot.states.publish(DiagonalizedState(dof_names=NAMES, **fields))
     thresholds = [0.0, -1.0, math.nan]
     robot.torques.publish(
-        ExternalTorque(dof_names=NAMES, valid=True, external_torque=[1.0], torque_threshold=thresholds)
+        ExternalTorque(
+            dof_names=NAMES, valid=True, external_torque=[1.0], torque_threshold=thresholds
+        )
     )
     for text in ("no XML", "<robot><joint name='wrist'><limit effort='much'/></joint></robot>"):
         robot.description.publish(String(data=text))
@@ -227,7 +277,10 @@ def test_every_frame_fits(make_robot, make_screen, size):
         assert len(lines) == size[1] and max(map(cell_len, lines)) <= size[0], keys
         if len(keys) == 100 and size[0] >= 80:  # the arrows scroll, to the last joint at most
             shown = [f"joint_{k} " in text for k in (0, 59)]
-            assert shown == ([False, True] if keys[0] == "down" else [True, False]) and " of 60" in text
+            assert (
+                shown == ([False, True] if keys[0] == "down" else [True, False])
+                and " of 60" in text
+            )
 
 
 HOSTILE = ["\x1b]0;title\x07", "[red]shoulder[/]", "[/nothing]\n", "\u202e名前のとても長い関節"]
@@ -270,7 +323,11 @@ def test_lines(peer, make_robot, capsys):
     peer.pass_time(3.5)
     text = capsys.readouterr().out
     line = "/plain: K 7.00 J, peak 7.00; wrist 4.50, elbow 2.00, shoulder 0.500 J; external elbow 2.00 of 10.0 N m; 50 Hz\n"
-    assert line in text and "50 Hz; ALARM collision: elbow\n" in text and "/plain: no state for" in text
+    assert (
+        line in text
+        and "50 Hz; ALARM collision: elbow\n" in text
+        and "/plain: no state for" in text
+    )
     assert "/nobody/state: waiting for states on /nobody/state" in text
     assert text.isascii() and "\x1b" not in text
     assert node.finished.done()
@@ -290,7 +347,8 @@ def test_a_pipe_that_nobody_reads(peer, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "arguments", ["--rate 0", "--rate nan", "--duration -1", "--state /no-topic", "--state relative"]
+    "arguments",
+    ["--rate 0", "--rate nan", "--duration -1", "--state /no-topic", "--state relative"],
 )
 def test_wrong_arguments(arguments, capsys):
     """The command ends with status 2 and names the argument."""
@@ -300,7 +358,8 @@ def test_wrong_arguments(arguments, capsys):
 
 
 @pytest.mark.parametrize(
-    ("terminal", "kind", "screen"), [(True, "xterm", True), (True, "dumb", False), (False, "xterm", False)]
+    ("terminal", "kind", "screen"),
+    [(True, "xterm", True), (True, "dumb", False), (False, "xterm", False)],
 )
 def test_pipes_and_simple_terminals_get_lines(monkeypatch, terminal, kind, screen):
     monkeypatch.setattr(top.sys, "stdout", SimpleNamespace(isatty=lambda: terminal))

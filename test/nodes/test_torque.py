@@ -25,7 +25,9 @@ def through(steps):
 def running(peer):
     """Start a monitor of the Panda that observes external torque, and subscribe to torque and contact."""
     parameters = {"external_torque.gain": GAIN, "external_torque.friction": False}
-    with Monitor(peer, "/pushed", outputs=["state"], robot_description=robot(PANDA).path, **parameters) as monitor:
+    with Monitor(
+        peer, "/pushed", outputs=["state"], robot_description=robot(PANDA).path, **parameters
+    ) as monitor:
         yield subscribed(monitor).connect(robot(PANDA))
 
 
@@ -49,7 +51,12 @@ def restart(monitor):
 def nothing(message):
     """Return whether a message says that nothing is known, and no more."""
     empty = not len(message.residual) and not len(message.external_torque)
-    return empty and not message.valid and message.norm == message.torque_norm == 0.0 and not message.collision
+    return (
+        empty
+        and not message.valid
+        and message.norm == message.torque_norm == 0.0
+        and not message.collision
+    )
 
 
 # --- external torque
@@ -61,7 +68,10 @@ def test_a_push_on_a_moving_arm(monitor, panda, settles_on):
     motion = Motion(panda, 6.0 * np.sin(1 + np.arange(len(panda.names))))
     with monitor.having(**{"external_torque.settles_on": settles_on}):
         restart(monitor)
-        found, states = feed(monitor, map(motion, range(60))), [motion.oracle.at(*motion(k)) for k in range(60)]
+        found, states = (
+            feed(monitor, map(motion, range(60))),
+            [motion.oracle.at(*motion(k)) for k in range(60)],
+        )
     assert nothing(found[0])
     tau = np.array([motion(k)[2] for k in range(60)])
     momentum, rate = [x.nu for x in states], [x.epsilon - x.coriolis - x.gravity for x in states]
@@ -77,7 +87,9 @@ def test_a_push_on_a_moving_arm(monitor, panda, settles_on):
         if settles_on == "working_moment":
             r, torque = filtered, m @ filtered
         np.testing.assert_allclose(found[k].residual, r, atol=1e-7 * np.linalg.norm(r))
-        np.testing.assert_allclose(found[k].external_torque, torque, atol=1e-7 * np.linalg.norm(torque))
+        np.testing.assert_allclose(
+            found[k].external_torque, torque, atol=1e-7 * np.linalg.norm(torque)
+        )
         assert found[k].norm == pytest.approx(np.linalg.norm(r), rel=1e-7)
         assert found[k].valid and not found[k].collision
     last = found[-1]
@@ -136,11 +148,17 @@ def test_missing_efforts(monitor, standing, panda):
     assert nothing(none) and part.valid and math.isnan(part.norm) and not part.collision
     assert np.isnan(part.external_torque).tolist() == (np.arange(len(tau)) == 2).tolist()
     after = feed(monitor, [standing(0)])[0]
-    assert after.valid and np.abs(np.delete(after.external_torque, 2)).max() > 0.0 and not math.isnan(before.norm)
+    assert (
+        after.valid
+        and np.abs(np.delete(after.external_torque, 2)).max() > 0.0
+        and not math.isnan(before.norm)
+    )
     monitor.next_report()
     feed(monitor, [(q, qd, one)])
     entry = monitor.next_report().entries[TORQUE]
-    assert entry.level == WARN and entry.message.endswith(f"joints without effort: 1: {panda.names[2]}")
+    assert entry.level == WARN and entry.message.endswith(
+        f"joints without effort: 1: {panda.names[2]}"
+    )
 
 
 # --- collisions
@@ -155,7 +173,9 @@ def test_collision_and_release(monitor, standing, free):
     """Begins above one threshold, ends below the other; it is reported at once, alone, and counted."""
     level = np.linalg.norm(np.linalg.solve(standing.oracle.factor(standing.middle), standing.push))
     high, low = round(0.6 * level, 3), round(0.2 * level, 3)
-    with monitor.having(**{"external_torque.threshold": high, "external_torque.release_threshold": low}):
+    with monitor.having(
+        **{"external_torque.threshold": high, "external_torque.release_threshold": low}
+    ):
         feed(monitor, [free] * 3)
         report = monitor.next_report()
         assert report.entries[TORQUE].message == "no collision"
@@ -181,13 +201,20 @@ def test_alarms(monitor, panda, free):
     limits = dict.fromkeys(panda.names, 40.0) | {"panda_joint2": 20.0}
     detector = AlarmDetector(panda.names, AlarmThresholds(limits, 25.0, 50.0))
     pushed = Motion(panda, 30.0 * (np.array(panda.names) == "panda_joint2"), size=0.0)(0)
-    values = {"alarm.joints": ["panda_joint2=20", "*=40"], "alarm.external_torque": 25.0, "alarm.norm": 50.0}
+    values = {
+        "alarm.joints": ["panda_joint2=20", "*=40"],
+        "alarm.external_torque": 25.0,
+        "alarm.norm": 50.0,
+    }
     with monitor.having(**values):
         restart(monitor)
         feed(monitor, [free] * 3)
         before, count = monitor.next_report().count("collisions"), len(monitor.reports)
         found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
-        judged = [detector.update(1e-9 * nanoseconds(m.header.stamp), m.residual, m.external_torque) for m in found]
+        judged = [
+            detector.update(1e-9 * nanoseconds(m.header.stamp), m.residual, m.external_torque)
+            for m in found
+        ]
         assert [m.collision for m in found] == [one.alarm[0] for one in judged]
         assert sum(one.begins[0] for one in judged) == 1 and not found[-1].collision
         for m, one in zip(found, judged, strict=True):
@@ -203,7 +230,11 @@ def test_alarms(monitor, panda, free):
         assert monitor.reports[count].count("collisions") == before + 1
 
 
-LOWER = {"alarm.contact_joints": ["*=12"], "alarm.contact_external_torque": 15.0, "alarm.contact_norm": 40.0}
+LOWER = {
+    "alarm.contact_joints": ["*=12"],
+    "alarm.contact_external_torque": 15.0,
+    "alarm.contact_norm": 40.0,
+}
 
 
 def covariance(panda, deviation=0.1):
@@ -220,15 +251,25 @@ def test_contact_thresholds(monitor, panda, free):
     values = {"alarm.joints": ["*=20"]}
     with monitor.having(**values):
         message = feed(monitor, [free])[0]
-        assert not message.contact and message.contact_threshold == message.contact_torque_norm_threshold == math.inf
+        assert (
+            not message.contact
+            and message.contact_threshold == message.contact_torque_norm_threshold == math.inf
+        )
         assert not len(message.contact_torque_threshold) and message.touched_link == ""
     with monitor.having(**values, **LOWER):
         feed(monitor, [free] * 3)
         before = monitor.next_report().count("contacts")
         found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 150)
-        judged = [lower.update(1e-9 * nanoseconds(m.header.stamp), m.residual, m.external_torque) for m in found]
+        judged = [
+            lower.update(1e-9 * nanoseconds(m.header.stamp), m.residual, m.external_torque)
+            for m in found
+        ]
         assert [m.contact for m in found] == [one.alarm[0] for one in judged]
-        assert any(m.contact for m in found) and not found[-1].contact and not any(m.collision for m in found)
+        assert (
+            any(m.contact for m in found)
+            and not found[-1].contact
+            and not any(m.collision for m in found)
+        )
         assert (found[0].contact_torque_norm_threshold, found[0].contact_threshold) == (15.0, 40.0)
         assert list(found[0].contact_torque_threshold) == [12.0] * len(panda.names)
         report = monitor.next_report()
@@ -244,7 +285,9 @@ def test_touched_link(monitor, panda, free):
     dynamics = dd.DiagonalDynamics(dd.load_urdf(panda.path))
     oracle = Motion(panda, size=0.0).oracle
     q = free[0]
-    pushed = Motion(panda, oracle.effort_of(q, {"panda_link4": [30.0, 20.0, 25.0, 0, 0, 0]}, "link"), size=0.0)(0)
+    pushed = Motion(
+        panda, oracle.effort_of(q, {"panda_link4": [30.0, 20.0, 25.0, 0, 0, 0]}, "link"), size=0.0
+    )(0)
     noise = covariance(panda)
     with monitor.having(**{"alarm.joints": ["*=10"]}, **noise):
         restart(monitor)
@@ -261,9 +304,16 @@ def test_touched_link(monitor, panda, free):
         assert found[-1].touched_link and 0.0 < found[-1].touched_link_confidence < 1.0
         message = monitor.reports[count].entries[TORQUE].message
         first = next(m for m in found if m.collision)
-        assert message.startswith(f"collision: {first.touched_link} ({first.touched_link_confidence:.2f}): panda_joint")
-        assert last_line(monitor).startswith(f"Collision: {first.touched_link} ({first.touched_link_confidence:.2f}): ")
-        assert f"collision: {found[-1].touched_link} (" in monitor.next_report().entries[TORQUE].message
+        assert message.startswith(
+            f"collision: {first.touched_link} ({first.touched_link_confidence:.2f}): panda_joint"
+        )
+        assert last_line(monitor).startswith(
+            f"Collision: {first.touched_link} ({first.touched_link_confidence:.2f}): "
+        )
+        assert (
+            f"collision: {found[-1].touched_link} ("
+            in monitor.next_report().entries[TORQUE].message
+        )
     values = noise | {"external_torque.covariance_joints": ["*" + name for name in panda.names]}
     result = monitor.set_parameters(values)
     assert not result.successful and "external_torque.covariance_joints lacks" in result.reason
@@ -273,10 +323,24 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     """A node takes it by --params-file: gain, friction, and every threshold."""
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
     thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5, {"panda_joint2": 2.5}, 7.5)
-    trust = {"asked": 1 / 60, "duration": 300.0, "alarms": 4, "held_out": 5, "method": "tail", "peaks": 50}
-    contact = Calibration(norm=3.5, joints={"*": 9.0}, external_torque=30.0, gain=GAIN, friction=True, **trust)
+    trust = {
+        "asked": 1 / 60,
+        "duration": 300.0,
+        "alarms": 4,
+        "held_out": 5,
+        "method": "tail",
+        "peaks": 50,
+    }
+    contact = Calibration(
+        norm=3.5, joints={"*": 9.0}, external_torque=30.0, gain=GAIN, friction=True, **trust
+    )
     covariance = np.diag(np.arange(1.0, 1.0 + len(panda.names)))
-    noise = {"contact": contact, "covariance": covariance, "names": panda.names, "settles_on": "working_moment"}
+    noise = {
+        "contact": contact,
+        "covariance": covariance,
+        "names": panda.names,
+        "settles_on": "working_moment",
+    }
     found = Calibration(**vars(thresholds), gain=GAIN, friction=True, **trust, **noise)
     found.save(tmp_path / "alarms.yaml")
     arguments = "--params-file", str(tmp_path / "alarms.yaml")
@@ -288,8 +352,15 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
         values |= {"alarm.release": 0.6, "alarm.hold_off": 0.3, "alarm.standing": 1.5}
         values |= {"alarm.rest_joints": ["panda_joint2=2.5"], "alarm.rest_external_torque": 7.5}
         values |= {"alarm.contact_rest_joints": [""], "alarm.contact_rest_external_torque": 0.0}
-        values |= {"alarm.contact_norm": 3.5, "alarm.contact_external_torque": 30.0, "alarm.contact_joints": ["*=9.0"]}
-        values |= {"external_torque.settles_on": "working_moment", "external_torque.covariance_joints": [*panda.names]}
+        values |= {
+            "alarm.contact_norm": 3.5,
+            "alarm.contact_external_torque": 30.0,
+            "alarm.contact_joints": ["*=9.0"],
+        }
+        values |= {
+            "external_torque.settles_on": "working_moment",
+            "external_torque.covariance_joints": [*panda.names],
+        }
         values["external_torque.covariance"] = covariance.ravel().tolist()
         assert peer.get_parameters(monitor.name, list(values)) == values
 
@@ -339,7 +410,10 @@ def check_contact(message, expected, points):
 def points_of(panda, limits=None):
     """Return the dynamics and points that the monitor has by default, or with limits."""
     model = dd.load_urdf(panda.path)
-    points = [*dd.link_geometry(model, panda.path).points, *(limits.contact_points() if limits else ())]
+    points = [
+        *dd.link_geometry(model, panda.path).points,
+        *(limits.contact_points() if limits else ()),
+    ]
     return dd.DiagonalDynamics(model), dd.ContactPoints(model, points, limits, "limit")
 
 

@@ -15,7 +15,15 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import CancelResponse, GoalResponse
 from trajectory_msgs.msg import JointTrajectory
 
-from controllers import START_AT, begin_at_rest, lockstep_arm, pose_error, pose_message, pose_of, trajectory
+from controllers import (
+    START_AT,
+    begin_at_rest,
+    lockstep_arm,
+    pose_error,
+    pose_message,
+    pose_of,
+    trajectory,
+)
 from nodes import UR5, S, nanoseconds, robot
 
 NAMES = robot(UR5).names
@@ -73,15 +81,26 @@ class Handle:
 class Server:
     """An action server whose requests are calls of the test; rclpy calls the callbacks in the same order."""
 
-    def __init__(self, node, kind, name, execute, *, goal_callback, handle_accepted_callback, cancel_callback):
-        self.accept, self.begin, self.confirm = goal_callback, handle_accepted_callback, cancel_callback
+    def __init__(
+        self, node, kind, name, execute, *, goal_callback, handle_accepted_callback, cancel_callback
+    ):
+        self.accept, self.begin, self.confirm = (
+            goal_callback,
+            handle_accepted_callback,
+            cancel_callback,
+        )
         self.destroyed, node.action = False, self
         assert name == "~/follow_joint_trajectory"
 
     def send(self, message, path=(), goal=(), time=0.0):
         """Return the handle of a goal, or None if it is rejected."""
         seconds = SimpleNamespace(sec=int(time), nanosec=round(S * (time % 1.0)))
-        fields = {"trajectory": message, "path_tolerance": path, "goal_tolerance": goal, "goal_time_tolerance": seconds}
+        fields = {
+            "trajectory": message,
+            "path_tolerance": path,
+            "goal_tolerance": goal,
+            "goal_time_tolerance": seconds,
+        }
         request = Message(**fields)
         if self.accept(request) == GoalResponse.REJECT:
             return None
@@ -105,7 +124,9 @@ class Buffer:
 
     def lookup_transform(self, target, source, time):
         if source != "table":
-            raise LookupError(f'"{source}" passed to lookupTransform argument source_frame does not exist')
+            raise LookupError(
+                f'"{source}" passed to lookupTransform argument source_frame does not exist'
+            )
         assert target == "world"  # the root of a UR5
         return self.transform
 
@@ -118,7 +139,11 @@ def arm(peer):
         stack.enter_context(mock.patch.dict(sys.modules, tf2_ros=module))
         stack.enter_context(mock.patch(f"{MODULE}.ActionServer", Server))
         stack.enter_context(mock.patch(f"{MODULE}.FollowJointTrajectory", STAND_IN))
-        values = {"controlled_link": "tool0", "effort_rate": ["*=5000.0"], "max_rate.feedback": 50.0}
+        values = {
+            "controlled_link": "tool0",
+            "effort_rate": ["*=5000.0"],
+            "max_rate.feedback": 50.0,
+        }
         arm = stack.enter_context(lockstep_arm(peer, "/followed", list(NAMES), **values))
         arm.results = peer.topic(DiagnosticStatus, f"{arm.name}/trajectory_result")
         arm.feedback = peer.topic(JointTrajectory, f"{arm.name}/trajectory_feedback")
@@ -161,7 +186,9 @@ def test_a_topic_reports_feedback_and_success(arm):
         desired, actual, error = message.points
         state = arm.simulator.states.repeated(nanoseconds(message.header.stamp))
         np.testing.assert_array_equal(actual.positions, state.position)
-        np.testing.assert_allclose(error.positions, np.subtract(desired.positions, actual.positions), atol=1e-12)
+        np.testing.assert_allclose(
+            error.positions, np.subtract(desired.positions, actual.positions), atol=1e-12
+        )
         t = desired.time_from_start.sec + 1e-9 * desired.time_from_start.nanosec
         part = min(t, 1.0) ** 2 * (3.0 - 2.0 * min(t, 1.0))  # a cubic between rests, written out
         np.testing.assert_allclose(desired.positions, START + part * 0.1, atol=2e-3)
@@ -221,9 +248,18 @@ def test_abort(arm, by):
 def test_rejection_names_the_joint(arm):
     for send, reason in (
         (lambda: server(arm).send(to_goal(NAMES[1:], GOAL[1:])), f"lacks joint '{NAMES[0]}'"),
-        (lambda: server(arm).send(to_goal(goal=START + 7.0)), f"of joint '{NAMES[0]}' is 7.3, expected within"),
-        (lambda: server(arm).send(trajectory([(0.0, GOAL, [0] * 6)], NAMES)), "from where joint 'shoulder"),
-        (lambda: server(arm).send(to_goal(), goal=[SimpleNamespace(name="wing")]), "goal_tolerance has 'wing'"),
+        (
+            lambda: server(arm).send(to_goal(goal=START + 7.0)),
+            f"of joint '{NAMES[0]}' is 7.3, expected within",
+        ),
+        (
+            lambda: server(arm).send(trajectory([(0.0, GOAL, [0] * 6)], NAMES)),
+            "from where joint 'shoulder",
+        ),
+        (
+            lambda: server(arm).send(to_goal(), goal=[SimpleNamespace(name="wing")]),
+            "goal_tolerance has 'wing'",
+        ),
         (lambda: arm.trajectory.publish(to_goal(NAMES[1:], GOAL[1:])), f"lacks joint '{NAMES[0]}'"),
     ):
         arm.results.forget()
@@ -259,7 +295,9 @@ def test_a_pose_in_a_frame_of_tf(arm):
     if arm.process.node.time.now() > 2 * S:
         arm.refuses(lambda: arm.target.publish(pose_message("table", position)), "the transform is")
     arm.process.node._transforms = None
-    arm.refuses(lambda: arm.target.publish(pose_message("table", position)), "needs package tf2_ros")
+    arm.refuses(
+        lambda: arm.target.publish(pose_message("table", position)), "needs package tf2_ros"
+    )
 
 
 def test_deactivation_aborts_and_cleanup_removes_the_action(arm):

@@ -34,7 +34,9 @@ def test_messages_of_other_layouts_are_read():
         (["a", "c"], [], 0.0),
         (["one"], [0.5], 0.25),
     ):
-        message = ExternalTorque(dof_names=names, residual=residual, norm=norm, collision=norm > 5.0)
+        message = ExternalTorque(
+            dof_names=names, residual=residual, norm=norm, collision=norm > 5.0
+        )
         fields = reader.read(serialize_message(message))
         assert list(reader.message.dof_names) == names
         assert (fields["norm"].item(), fields["collision"].item()) == (norm, norm > 5.0)
@@ -57,7 +59,9 @@ def view(start_view):
 def start_monitor(peer, id, namespace, **parameters):
     """Start a monitor that observes external torque, and wait until a view shows its robot."""
     observed = {"external_torque.gain": 25.0, "external_torque.threshold": 1e6}
-    monitor = Monitor(peer, namespace, robot_description=robot(id).path, **observed, **parameters).connect(robot(id))
+    monitor = Monitor(
+        peer, namespace, robot_description=robot(id).path, **observed, **parameters
+    ).connect(robot(id))
     peer.pass_time(3.0)
     return monitor
 
@@ -88,12 +92,18 @@ def test_numbers_are_those_of_the_messages(monitor, view, panda):
             message = monitor.serves(panda, sample)["state"]
             frame = frame_of(stream, monitor.now)
             for name, field in FIELDS.items():
-                np.testing.assert_array_equal(frame[name], np.array(getattr(message, field), dtype=np.float32))
+                np.testing.assert_array_equal(
+                    frame[name], np.array(getattr(message, field), dtype=np.float32)
+                )
             assert frame["K"] == np.float32(message.kinetic_energy)
-            np.testing.assert_allclose(frame["p_effort"] + frame["p_gravity"], message.power, rtol=1e-4, atol=1e-4)
+            np.testing.assert_allclose(
+                frame["p_effort"] + frame["p_gravity"], message.power, rtol=1e-4, atol=1e-4
+            )
             s = dyn.evaluate(message.position, message.velocity, message.effort)
             np.testing.assert_allclose(frame["link_energy"], s.link_energy, rtol=1e-5, atol=1e-7)
-            velocity = dyn.link_velocity(message.position, message.velocity, "panda_hand", frame="world")[:3]
+            velocity = dyn.link_velocity(
+                message.position, message.velocity, "panda_hand", frame="world"
+            )[:3]
             np.testing.assert_allclose(frame["link_velocity"], velocity, rtol=1e-5, atol=1e-6)
             assert frame.flags <= {"no_external_torque", "late"}
 
@@ -123,7 +133,9 @@ def test_external_torque(peer, monitor, view, panda, monkeypatch):
 def test_thresholds_diagnostics_and_heartbeat(peer, monitor, view, panda, monkeypatch):
     """The page has thresholds of the monitor, diagnostics of the robot's nodes, and whether states come."""
     stale = "diag_dynamics.page.stream.STALE"
-    monkeypatch.setattr(stale, np.inf)  # the server reads the time of the machine, which may be busy
+    monkeypatch.setattr(
+        stale, np.inf
+    )  # the server reads the time of the machine, which may be busy
     monitor.next_report()
     with stream_of(view) as stream:
         monitor.serves(panda)
@@ -139,11 +151,16 @@ def test_thresholds_diagnostics_and_heartbeat(peer, monitor, view, panda, monkey
 def test_statuses_that_are_not_repeated_are_removed(peer, monitor, view, monkeypatch):
     """As that of external torque when it is no longer observed."""
     with stream_of(view) as stream:
-        stream.next(DIAGNOSTICS, lambda found: any(one["name"].endswith("external torque") for one in found))
+        stream.next(
+            DIAGNOSTICS, lambda found: any(one["name"].endswith("external torque") for one in found)
+        )
         with monitor.having(external_torque__gain=0.0):
             monkeypatch.setattr("diag_dynamics.nodes.view.DIAGNOSTICS_TIMEOUT", 0.0)
             peer.pass_time(1.0)
-            stream.next(DIAGNOSTICS, lambda found: not any(one["name"].endswith("external torque") for one in found))
+            stream.next(
+                DIAGNOSTICS,
+                lambda found: not any(one["name"].endswith("external torque") for one in found),
+            )
 
 
 def test_states_of_wrong_lengths_end_no_stream(peer, monitor, view, panda):
@@ -162,9 +179,15 @@ def test_states_of_wrong_lengths_end_no_stream(peer, monitor, view, panda):
 def test_it_only_reads(peer, monitor, view):
     """It publishes its own diagnostics and what every node publishes, and calls for parameters alone."""
     # A lifecycle node's ~/transition_event is not rclpy's, and so not on the test's graph.
-    topics = {topic for topic, ends in peer.graph.publishers.items() if any(end.end.node is view.node for end in ends)}
+    topics = {
+        topic
+        for topic, ends in peer.graph.publishers.items()
+        if any(end.end.node is view.node for end in ends)
+    }
     assert topics == {"/parameter_events", "/diagnostics"}
-    assert {client.service_name.rpartition("/")[2] for client in view.node.clients} == {"get_parameters"}
+    assert {client.service_name.rpartition("/")[2] for client in view.node.clients} == {
+        "get_parameters"
+    }
 
 
 def test_a_payload_of_the_monitor_is_one_of_the_page(peer, monitor, view, panda):
@@ -201,7 +224,10 @@ def test_other_robots_are_found(peer, monitor, view):
 def test_restart_of_the_monitor(peer, view):
     """The stream stays, and goes on with the next monitor; another robot has another layout."""
     layouts = []
-    with start_monitor(peer, UR5, "/again") as monitor, stream_of(view, "/again", link="tool0") as stream:
+    with (
+        start_monitor(peer, UR5, "/again") as monitor,
+        stream_of(view, "/again", link="tool0") as stream,
+    ):
         last = monitor.now
         for id in (UR5, PANDA):
             monitor.process.stop()
@@ -216,7 +242,9 @@ def test_restart_of_the_monitor(peer, view):
 
 def test_restart_of_the_view(peer, start_view, monitor, panda, monkeypatch):
     """It ends though a page is open, and the next one has the same port; a third one names the port, and ends."""
-    monkeypatch.setattr("diag_dynamics.page.server.HEARTBEAT", 1000.0)  # states alone wake the sender
+    monkeypatch.setattr(
+        "diag_dynamics.page.server.HEARTBEAT", 1000.0
+    )  # states alone wake the sender
     second = ("-r", "__node:=second_view")
     with start_view(*second) as view, stream_of(view) as stream:
         stream.next(HEARTBEAT)
@@ -253,9 +281,16 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
     about = stream.layout["contact"]
     names = [(point["name"], point["link"]) for point in about["points"]]
     assert names == list(zip(message.point_names, message.link_names, strict=True))
-    fields = {"speed": "speed", "mass": "reflected_mass", "energy": "transferable_energy", "allowed": "allowed_speed"}
+    fields = {
+        "speed": "speed",
+        "mass": "reflected_mass",
+        "energy": "transferable_energy",
+        "allowed": "allowed_speed",
+    }
     for name, field in fields.items():
-        np.testing.assert_array_equal(frame[f"contact_{name}"], np.array(getattr(message, field), dtype=np.float32))
+        np.testing.assert_array_equal(
+            frame[f"contact_{name}"], np.array(getattr(message, field), dtype=np.float32)
+        )
     worst = int(frame["contact_worst"])
     assert worst == message.worst
     place = np.array(message.positions[3 * worst : 3 * worst + 3], dtype=np.float32)
@@ -313,5 +348,7 @@ def test_xacro_file_with_arguments(peer, view, tmp_path):
         assert "Showing robot 'expanded' of /expanded/diag_dynamics" in view.output
         with stream_of(view, "/expanded") as stream:
             assert stream.next(LAYOUT)["dofs"] == ["left_turn"]
-    with pytest.raises(InputError, match=r"expected a URDF or xacro file\. Nodes do not read MJCFs"):
+    with pytest.raises(
+        InputError, match=r"expected a URDF or xacro file\. Nodes do not read MJCFs"
+    ):
         Monitor(peer, "/mjcf", robot_description=str(mjcf))

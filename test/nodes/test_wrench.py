@@ -33,7 +33,9 @@ def pushed(wrench, link=HAND):
 def jacobian(link):
     """Return Pinocchio's J at the pose of :func:`pushed`, column by column of Jᵀ."""
     still = Motion(ARM, size=0.0)
-    return np.array([still.oracle.effort_of(still.middle, {link: one}, "link") for one in np.eye(6)])
+    return np.array(
+        [still.oracle.effort_of(still.middle, {link: one}, "link") for one in np.eye(6)]
+    )
 
 
 class Frames:
@@ -43,7 +45,9 @@ class Frames:
         self.monitor, self.peer = monitor, monitor.peer
         self.hand = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench")
         self.forearm = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench/{FOREARM}")
-        self.estimates = self.peer.topic(ExternalWrench, f"{monitor.name}/external_wrench_estimates")
+        self.estimates = self.peer.topic(
+            ExternalWrench, f"{monitor.name}/external_wrench_estimates"
+        )
 
     def feed(self, *states):
         """Publish states and forget earlier messages; return the stamps."""
@@ -52,7 +56,9 @@ class Frames:
         stamps = []
         for q, qd, tau in states:
             stamps.append(self.monitor.tick(STEP))
-            self.monitor.publish(joint_state(ARM.names, q, qd, () if tau is None else tau, stamps[-1]))
+            self.monitor.publish(
+                joint_state(ARM.names, q, qd, () if tau is None else tau, stamps[-1])
+            )
         return stamps
 
     def at(self, frame):
@@ -63,7 +69,10 @@ class Frames:
 @pytest.fixture(scope="module")
 def running(peer):
     """Start a monitor of the Panda with two frames."""
-    values = TORQUE | {"external_wrench.frames": f"[{HAND}, {FOREARM}]", "robot_description": ARM.path}
+    values = TORQUE | {
+        "external_wrench.frames": f"[{HAND}, {FOREARM}]",
+        "robot_description": ARM.path,
+    }
     with Monitor(peer, "/wrench", outputs=["state"], **values) as monitor:
         yield Frames(monitor.connect(ARM))
 
@@ -93,7 +102,9 @@ def test_wrench_on_the_hand(frames):
     estimate = frames.at(HAND)[-1]
     assert estimate.valid and not estimate.unobserved and estimate.chi_square < 1e-6
     assert estimate.wrench == last.wrench and nanoseconds(estimate.header.stamp) == stamps[-1]
-    np.testing.assert_allclose(np.reshape(estimate.covariance, (6, 6)), np.linalg.inv(J @ J.T), atol=1e-9)
+    np.testing.assert_allclose(
+        np.reshape(estimate.covariance, (6, 6)), np.linalg.inv(J @ J.T), atol=1e-9
+    )
 
 
 def test_weights_of_the_noise(frames):
@@ -101,7 +112,10 @@ def test_weights_of_the_noise(frames):
     rng, n = np.random.default_rng(1), len(ARM.names)
     A = 0.1 * rng.normal(size=(n, n))
     noise = A @ A.T + 0.01 * np.eye(n)
-    values = {"external_torque.covariance": noise.ravel().tolist(), "external_torque.covariance_joints": [*ARM.names]}
+    values = {
+        "external_torque.covariance": noise.ravel().tolist(),
+        "external_torque.covariance_joints": [*ARM.names],
+    }
     with frames.monitor.having(**values, **WIDE):
         frames.feed(*[pushed(FORCE)(0)] * 400)
     J, estimate = jacobian(HAND), frames.at(HAND)[-1]
@@ -129,7 +143,10 @@ def test_rates(frames):
     rates = {"max_rate.external_wrench": 100.0, "max_rate.external_wrench_estimates": 50.0}
     with frames.monitor.having(**rates):
         frames.feed(*[pushed(FORCE)(0)] * 101)
-    assert set(np.diff(frames.hand.stamps)) == {5 * STEP} and frames.hand.stamps == frames.forearm.stamps
+    assert (
+        set(np.diff(frames.hand.stamps)) == {5 * STEP}
+        and frames.hand.stamps == frames.forearm.stamps
+    )
     assert set(np.diff([nanoseconds(one.header.stamp) for one in frames.at(HAND)])) == {10 * STEP}
     assert len(frames.at(HAND)) == len(frames.at(FOREARM))
 
@@ -144,7 +161,10 @@ def test_frames_of_a_running_node(frames):
         assert frames.hand.messages[-1].header.frame_id == FOREARM and not frames.forearm.messages
     result = frames.monitor.set_parameters({name: ["tool0"]})
     assert not result.successful
-    assert "parameter 'external_wrench.frames' has 'tool0', expected links of robot 'panda'" in result.reason
+    assert (
+        "parameter 'external_wrench.frames' has 'tool0', expected links of robot 'panda'"
+        in result.reason
+    )
     with frames.monitor.having(**{name: [""]}):
         frames.feed(*[pushed(FORCE)(0)] * 10)
         assert not frames.hand.messages and not frames.estimates.messages
@@ -155,7 +175,10 @@ def test_limits_of_the_deviation(frames):
     frames.feed(*[pushed(FORCE)(0)] * 10)
     counts = [len(frames.at(FOREARM)[-1].unobserved) // 6]
     for force, torque in ((0.1, 0.01), (1e4, 1e4)):
-        values = {"external_wrench.max_force_deviation": force, "external_wrench.max_torque_deviation": torque}
+        values = {
+            "external_wrench.max_force_deviation": force,
+            "external_wrench.max_torque_deviation": torque,
+        }
         with frames.monitor.having(**values):
             frames.feed(*[pushed(FORCE)(0)] * 10)
             counts.append(len(frames.at(FOREARM)[-1].unobserved) // 6)
@@ -168,7 +191,13 @@ def test_limits_of_the_deviation(frames):
 def test_frames_without_an_observer(peer):
     """The error names both parameters."""
     with pytest.raises(InputError, match=r"external_torque\.gain is 0.*external_wrench\.frames"):
-        Monitor(peer, "/lone", outputs=["state"], robot_description=ARM.path, **{"external_wrench.frames": f"[{HAND}]"})
+        Monitor(
+            peer,
+            "/lone",
+            outputs=["state"],
+            robot_description=ARM.path,
+            **{"external_wrench.frames": f"[{HAND}]"},
+        )
 
 
 def test_frames_with_one_topic(peer):
@@ -176,11 +205,18 @@ def test_frames_with_one_topic(peer):
     frames = {"external_wrench.frames": ["a_b", HAND, "a-b", "a.b"]}
     with pytest.raises(InputError, match=r"'a-b' and 'a\.b'.*~/external_wrench/a_b"):
         Monitor(
-            peer, "/alike", outputs=["state"], robot_description=ARM.path, **frames, **{"external_torque.gain": 25.0}
+            peer,
+            "/alike",
+            outputs=["state"],
+            robot_description=ARM.path,
+            **frames,
+            **{"external_torque.gain": 25.0},
         )
 
 
-@pytest.mark.parametrize(("frame", "token"), [("tool-0", "tool_0"), ("7/é", "link_7__"), (HAND, HAND)])
+@pytest.mark.parametrize(
+    ("frame", "token"), [("tool-0", "tool_0"), ("7/é", "link_7__"), (HAND, HAND)]
+)
 def test_names_of_topics(frame, token):
     """Characters that no topic has are replaced."""
     assert frame_token(frame) == token

@@ -45,7 +45,9 @@ BARE = """<?xml version="1.0"?>
     <limit lower="-1" upper="1" effort="9" velocity="1"/></joint></robot>"""
 
 TRUTH = {
-    "shoulder_pan_joint": dd.JointParameters(damping=4.0, friction=6.0, effort_offset=1.0, armature=2.0),
+    "shoulder_pan_joint": dd.JointParameters(
+        damping=4.0, friction=6.0, effort_offset=1.0, armature=2.0
+    ),
     "elbow_joint": dd.JointParameters(damping=2.0, friction=3.0, effort_offset=-0.5, armature=0.9),
     "wrist_3_joint": dd.JointParameters(damping=0.3, friction=0.6, effort_offset=0.1, armature=0.1),
 }
@@ -111,7 +113,9 @@ def test_help_lists_every_command(run):
     for name in LIBRARY:
         status, out, _ = run([name, "--help"])
         assert status == 0 and f"usage: diag-dynamics {name}" in out
-        assert ("exit status: 0" in out) == (name in ("analyse", "calibrate", "identify", "inspect"))
+        assert ("exit status: 0" in out) == (
+            name in ("analyse", "calibrate", "identify", "inspect")
+        )
     assert all((ROOT / "scripts" / name).is_file() for name in NODES)
     assert re.fullmatch(r"diag_dynamics \d+\.\d+\.\d+\n", run("--version")[1])
 
@@ -119,10 +123,17 @@ def test_help_lists_every_command(run):
 def test_without_ros(run, monkeypatch):
     """Commands of ROS say in one line how to get one; the others work."""
     find = util.find_spec
-    monkeypatch.setattr(util, "find_spec", lambda name, *rest: None if name == "rclpy" else find(name, *rest))
+    monkeypatch.setattr(
+        util, "find_spec", lambda name, *rest: None if name == "rclpy" else find(name, *rest)
+    )
     for command in ("monitor", "topic list"):
         status, _, error = run(command)
-        assert status == 1 and error.count("\n") == 1 and "requires ROS 2" in error and "make setup" in error
+        assert (
+            status == 1
+            and error.count("\n") == 1
+            and "requires ROS 2" in error
+            and "make setup" in error
+        )
     status, out, _ = run("robots")
     assert status == 0 and "ur_description/urdf/ur5_robot" in out.split()
 
@@ -131,13 +142,31 @@ def test_without_ros(run, monkeypatch):
 def test_a_process_without_ros(tmp_path):
     """The installed program in an environment where no module of ROS can be imported."""
     names = "rclpy", "sensor_msgs", "std_msgs", "builtin_interfaces", "rosidl_runtime_py"
-    (tmp_path / "sitecustomize.py").write_text(f"import sys; sys.modules.update(dict.fromkeys({names!r}))")
-    (tmp_path / "x.csv").write_text("t,q_a,qd_a\n" + "".join(f"{k / 100},0.1,0\n" for k in range(9)))
+    (tmp_path / "sitecustomize.py").write_text(
+        f"import sys; sys.modules.update(dict.fromkeys({names!r}))"
+    )
+    (tmp_path / "x.csv").write_text(
+        "t,q_a,qd_a\n" + "".join(f"{k / 100},0.1,0\n" for k in range(9))
+    )
     (tmp_path / "arm.urdf").write_text(urdf_of("a"))
     path = os.pathsep.join([str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "diag_dynamics", "analyse", "x.csv", "--urdf", "arm.urdf", "--json", "-"]
+    command = [
+        sys.executable,
+        "-m",
+        "diag_dynamics",
+        "analyse",
+        "x.csv",
+        "--urdf",
+        "arm.urdf",
+        "--json",
+        "-",
+    ]
     done = subprocess.run(
-        command, env=os.environ | {"PYTHONPATH": path}, cwd=tmp_path, capture_output=True, timeout=300
+        command,
+        env=os.environ | {"PYTHONPATH": path},
+        cwd=tmp_path,
+        capture_output=True,
+        timeout=300,
     )
     assert done.returncode == 0 and json.loads(done.stdout)["states"] == 9
     assert 'diag-dynamics = "diag_dynamics.cli.main:main"' in (ROOT / "pyproject.toml").read_text()
@@ -173,26 +202,56 @@ REFUSED = [  # command line, message; the exit status is 2
     ("inspect arm.urdf.xacro", "Give side:=VALUE"),
     ("inspect arm.urdf.xacro mass:=2", "Undefined substitution argument side"),
     ("inspect arm.urdf.xacro side:=a side:=b", "'side' is 'a' and 'b'; expected one value"),
-    ("inspect panda side:=left", "'side:=left' is a xacro argument, but robot 'panda' is no .xacro file"),
+    (
+        "inspect panda side:=left",
+        "'side:=left' is a xacro argument, but robot 'panda' is no .xacro file",
+    ),
     ("inspect arm.xml side:=left", "is no .xacro file"),
     ("layout nobody --tool foxglove", "nobody"),
     ("layout panda --tool plotjuggler --set max_agee=1", "'max_age' meant"),
-    ("layout panda --tool plotjuggler --set locked_joints.panda_finger_joint1=0", "'locked_joints' meant"),
+    (
+        "layout panda --tool plotjuggler --set locked_joints.panda_finger_joint1=0",
+        "'locked_joints' meant",
+    ),
     ("excite nobody -o {tmp}/x.json", "nobody"),
     ("excite panda", "output is missing; expected -o OUT.json"),
-    ("excite panda --range elbow=1 -o {tmp}/x.json", "--range has 'elbow=1'; expected JOINT=LOWER:UPPER"),
+    (
+        "excite panda --range elbow=1 -o {tmp}/x.json",
+        "--range has 'elbow=1'; expected JOINT=LOWER:UPPER",
+    ),
     ("excite panda -o /nowhere/x.json", "there is no folder '/nowhere'"),
     ("analyse", "recording is missing"),
-    ("analyse side:=left side=left.csv", "a xacro argument, but --urdf is missing. Give --urdf FILE.xacro."),
-    ("calibrate monday.csv --urdf ur5_robot -o {tmp}/a.yaml --false-alarms often", "--false-alarms is 'often'"),
+    (
+        "analyse side:=left side=left.csv",
+        "a xacro argument, but --urdf is missing. Give --urdf FILE.xacro.",
+    ),
+    (
+        "calibrate monday.csv --urdf ur5_robot -o {tmp}/a.yaml --false-alarms often",
+        "--false-alarms is 'often'",
+    ),
     ("calibrate monday.csv --urdf ur5_robot", "-o/--output"),
-    ("calibrate nan.csv --urdf ur5_robot -o {tmp}/a.yaml", "no state of the recording has efforts of all joints"),
+    (
+        "calibrate nan.csv --urdf ur5_robot -o {tmp}/a.yaml",
+        "no state of the recording has efforts of all joints",
+    ),
     ("identify monday.csv --urdf ur5_robot --what colour", "'colour'"),
     ("identify monday.csv --urdf ur5_robot -o monday.csv", "is an input. Choose another file"),
-    ("identify monday.csv --urdf ur5_robot --reference nan.csv -o nan.csv", "is an input. Choose another file"),
-    ("identify monday.csv --urdf ur5_robot --json /nowhere/q.json", "there is no folder '/nowhere'"),
-    ("identify monday.csv --urdf ur5_robot --set floating_base=true", "identify supports fixed bases only"),
-    ("identify still.csv --urdf arm.xml --write-urdf {tmp}/new.urdf", "--write-urdf requires a URDF"),
+    (
+        "identify monday.csv --urdf ur5_robot --reference nan.csv -o nan.csv",
+        "is an input. Choose another file",
+    ),
+    (
+        "identify monday.csv --urdf ur5_robot --json /nowhere/q.json",
+        "there is no folder '/nowhere'",
+    ),
+    (
+        "identify monday.csv --urdf ur5_robot --set floating_base=true",
+        "identify supports fixed bases only",
+    ),
+    (
+        "identify still.csv --urdf arm.xml --write-urdf {tmp}/new.urdf",
+        "--write-urdf requires a URDF",
+    ),
     ("identify nan.csv --urdf ur5_robot", "no state of the recording has efforts of all joints"),
     ("identify huge.csv --urdf ur5_robot", "set effort_scale, or raise both"),
     *((f"{name} monday.csv {LATE} ur5_robot", "contains no ") for name in ("analyse", "identify")),
@@ -207,7 +266,9 @@ def test_refused(line, message, run, folder, tmp_path):
     status, out, error = run(line)
     assert (status, out) == (2, "") and message in error and "Traceback" not in error
     assert "usage:" in error or error.count("\n") == 1
-    assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before and not list(tmp_path.iterdir())
+    assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before and not list(
+        tmp_path.iterdir()
+    )
 
 
 # --- The robot of a command
@@ -215,7 +276,11 @@ def test_refused(line, message, run, folder, tmp_path):
 ROBOTS = [  # command line, status, text on either stream
     ("inspect arm.urdf.xacro side:=left mass:=2.5", 0, "mass     2.5 kg"),
     (["inspect", "arm.urdf.xacro side:=left 'mass:=2.5'"], 0, "mass     2.5 kg"),
-    ("inspect arm.urdf.xacro side:=left msas:=2", 0, "warning: The xacro argument 'msas' has no effect"),
+    (
+        "inspect arm.urdf.xacro side:=left msas:=2",
+        0,
+        "warning: The xacro argument 'msas' has no effect",
+    ),
     ("inspect panda", 0, "mass     17.452 kg"),
     ("inspect panda_description/urdf/panda --json", 0, '"status": 0'),
     ("inspect ur5", 1, "warning  centre of mass outside of the geometry's bounding box"),
@@ -226,11 +291,17 @@ ROBOTS = [  # command line, status, text on either stream
     ("excite arm.urdf.xacro side:=left --trials 1 -o {tmp}/x", 0, "left_turn"),
     ("analyse side:=left side=left.csv --urdf arm.urdf.xacro --json -", 0, '"states": 3'),
     ("identify side=left.csv --urdf arm.urdf.xacro side:=left", 2, "efforts of all joints"),
-    ("calibrate side=left.csv --urdf arm.urdf.xacro side:=left -o {tmp}/a.yaml", 2, "efforts of all joints"),
+    (
+        "calibrate side=left.csv --urdf arm.urdf.xacro side:=left -o {tmp}/a.yaml",
+        2,
+        "efforts of all joints",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("line", "expected", "text"), ROBOTS, ids=[str(line)[:60] for line, *_ in ROBOTS])
+@pytest.mark.parametrize(
+    ("line", "expected", "text"), ROBOTS, ids=[str(line)[:60] for line, *_ in ROBOTS]
+)
 def test_robots(line, expected, text, run):
     """A URDF, an MJCF, a name, and a xacro file with its arguments anywhere on the line, of every command."""
     status, out, error = run(line)
@@ -254,14 +325,41 @@ def test_inspect_for_programs(run):
     assert set(document) == {"source", "status", "facts", "checks", "findings"}
     assert set(document["checks"]) == set(CHECKS)
     for finding in document["findings"]:
-        assert set(finding) == {"severity", "check", "what", "links", "joints", "values", "unit", "remedy"}
+        assert set(finding) == {
+            "severity",
+            "check",
+            "what",
+            "links",
+            "joints",
+            "values",
+            "unit",
+            "remedy",
+        }
         assert finding["severity"] in SEVERITIES and finding["check"] in CHECKS
     assert set(document["facts"]) == {
-        *("name", "links", "joints", "moving_joints", "degrees_of_freedom", "floating_base", "root_link", "total_mass"),
-        *("mimic_joints", "coupled_groups", "locked_joints", "links_without_inertial", "frames", "poses"),
+        *(
+            "name",
+            "links",
+            "joints",
+            "moving_joints",
+            "degrees_of_freedom",
+            "floating_base",
+            "root_link",
+            "total_mass",
+        ),
+        *(
+            "mimic_joints",
+            "coupled_groups",
+            "locked_joints",
+            "links_without_inertial",
+            "frames",
+            "poses",
+        ),
         *("condition_of_mass_matrix", "kinetic_energy_at_velocity_limits", "tips"),
     }
-    assert [one["joints"] for one in document["findings"] if one["check"] == "loading"] == [["turn"]]
+    assert [one["joints"] for one in document["findings"] if one["check"] == "loading"] == [
+        ["turn"]
+    ]
     document = json.loads(run("inspect nowhere.urdf --json")[1])
     assert document["status"] == 2 and "no such file" in document["error"]
 
@@ -271,19 +369,27 @@ def test_estimated_inertias(run, tmp_path):
     new = tmp_path / "new.urdf"
     status, out, _ = run(f"inspect bare.urdf {ESTIMATE}")
     assert status == 0 and "arm: 6 kg, estimated from collision box" in out
-    assert "<!-- estimated by diag_dynamics from collision box at 1000 kg/m3 -->" in new.read_text(encoding="utf-8")
+    assert "<!-- estimated by diag_dynamics from collision box at 1000 kg/m3 -->" in new.read_text(
+        encoding="utf-8"
+    )
     with pytest.warns(dd.InertiaWarning):
         model = dd.load_urdf("bare.urdf", estimate_inertias=1000.0)
     assert model.bodies.tobytes() == dd.load_urdf(new).bodies.tobytes()
-    status, _, error = run(["inspect", new, "--estimate-inertias", 500, "-o", tmp_path / "none.urdf"])
+    status, _, error = run(
+        ["inspect", new, "--estimate-inertias", 500, "-o", tmp_path / "none.urdf"]
+    )
     assert status == 1 and "No file was written" in error and not (tmp_path / "none.urdf").exists()
     mesh = '<link name="base"><visual><geometry><mesh filename="x.stl"/></geometry></visual></link>'
     (tmp_path / "mesh.urdf").write_text(BARE.replace('<link name="base"/>', mesh))
-    status, out, _ = run("inspect {tmp}/mesh.urdf --estimate-inertias 1000 -o {tmp}/other.urdf --json")
+    status, out, _ = run(
+        "inspect {tmp}/mesh.urdf --estimate-inertias 1000 -o {tmp}/other.urdf --json"
+    )
     document = json.loads(out)
     assert status == 1 and set(document) == {"written", "density", "estimated", "failed"}
     (arm,) = document["estimated"]
-    assert set(arm) == {"link", "mass", "centre", "inertia", "from"} and arm["mass"] == pytest.approx(6.0)
+    assert set(arm) == {"link", "mass", "centre", "inertia", "from"} and arm[
+        "mass"
+    ] == pytest.approx(6.0)
     assert list(document["failed"]) == ["base"] and Path(document["written"]).is_file()
 
 
@@ -305,7 +411,10 @@ def assert_report(page, quality):
         assert f"± {half:.1g}" in row.xpath("td")[1].findtext("i")
         assert float(row.xpath("td")[1].text) == pytest.approx(TRUTH[name].friction, rel=0.05)
     verdicts = [row.xpath("td")[1].text for row in tables["steps"].xpath("tr")]
-    assert verdicts == ["start", *("accepted" if rung["taken"] else "rejected" for rung in quality["ladder"][1:])]
+    assert verdicts == [
+        "start",
+        *("accepted" if rung["taken"] else "rejected" for rung in quality["ladder"][1:]),
+    ]
     names = [row.findtext("td") for row in tables["combination"].xpath("tr")]
     assert names == [one["name"] for one in quality["base_parameters"]["parameters"]]
     assert not root.xpath("//script | //link[@href != 'data:,'] | //img")
@@ -313,9 +422,16 @@ def assert_report(page, quality):
 
 def test_identify(run, tmp_path):
     """Files have what was found."""
-    outputs = {"-o": "arm.yaml", "--json": "q.json", "--report": "page.html", "--write-urdf": "new.urdf"}
+    outputs = {
+        "-o": "arm.yaml",
+        "--json": "q.json",
+        "--report": "page.html",
+        "--write-urdf": "new.urdf",
+    }
     options = " ".join(f"{option} {{tmp}}/{name}" for option, name in outputs.items())
-    status, out, error = run(f"identify monday.csv --urdf ur5_robot --what friction,rotors {options}")
+    status, out, error = run(
+        f"identify monday.csv --urdf ur5_robot --what friction,rotors {options}"
+    )
     assert status == 0 and all(f"Wrote {tmp_path / name}" in error for name in outputs.values())
     assert "friction, rotors" in out.splitlines()[0]
     found = dd.Parameters.load(tmp_path / "arm.yaml")
@@ -336,7 +452,9 @@ def test_identify(run, tmp_path):
 def test_known_parameters(run, tmp_path):
     """With the true parameters no other improves the model, and none is lost."""
     dd.Parameters(joints=TRUTH).save(tmp_path / "arm.yaml")
-    known = "--urdf ur5_robot --parameters {tmp}/arm.yaml --what friction -o {tmp}/after.yaml --json -"
+    known = (
+        "--urdf ur5_robot --parameters {tmp}/arm.yaml --what friction -o {tmp}/after.yaml --json -"
+    )
     status, out, _ = run(f"identify monday.csv {known}")
     quality = json.loads(out)
     assert (status, quality["taken"], quality["shared"]) == (1, [], [])
@@ -373,7 +491,9 @@ def test_compile_in_this_process(run, tmp_path, monkeypatch):
     monkeypatch.setattr(compiling, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(compiling, "UNITS", {"a": 3, "b": 1})
     monkeypatch.setattr(compiling, "compile_unit", done.append)
-    monkeypatch.setattr(compiling, "ProcessPoolExecutor", lambda jobs, **_: ThreadPoolExecutor(jobs))
+    monkeypatch.setattr(
+        compiling, "ProcessPoolExecutor", lambda jobs, **_: ThreadPoolExecutor(jobs)
+    )
     monkeypatch.setattr(compiling, "code_folder", lambda module: tmp_path)
     monkeypatch.setattr(compiling, "source_path", lambda module: source)
     source.touch()
@@ -408,7 +528,9 @@ LONG = {"sweeps.kinematics": 1, "simulation.steps": 14, "sweeps.batch": 9, "swee
 @pytest.mark.parametrize("end", ["all", "first", "killed"])
 def test_a_signal_ends_compiling(end, tmp_path):
     """A terminal sends Ctrl-C to all processes, a launcher to the first one. All end; what was compiled is kept."""
-    (tmp_path / "sitecustomize.py").write_text(f"from diag_dynamics.cli import compile as c; c.UNITS = {LONG!r}")
+    (tmp_path / "sitecustomize.py").write_text(
+        f"from diag_dynamics.cli import compile as c; c.UNITS = {LONG!r}"
+    )
     path = os.pathsep.join([str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
         [sys.executable, ROOT / "scripts/diag-dynamics", "compile", "--jobs", "2"],
@@ -424,7 +546,10 @@ def test_a_signal_ends_compiling(end, tmp_path):
     else:
         process.send_signal(signal.SIGINT if end == "first" else signal.SIGKILL)
     _, error = process.communicate(timeout=300)  # ends when all processes have closed stderr
-    assert end == "killed" or (error, process.returncode) == ("diag-dynamics compile: interrupted.\n", 130)
+    assert end == "killed" or (error, process.returncode) == (
+        "diag-dynamics compile: interrupted.\n",
+        130,
+    )
     kernels = {path.name.split("-")[0] for path in (tmp_path / "diag_dynamics").rglob("*.nbc")}
     assert "configuration.integrate" in kernels and "steps.advance" not in kernels
 
@@ -450,16 +575,32 @@ def test_compiled_where_it_is_installed(tmp_path):
     )
 
     def cmake(*arguments, **environment):
-        command, options = ["cmake", *map(str, arguments)], {"capture_output": True, "text": True, "check": True}
+        command, options = (
+            ["cmake", *map(str, arguments)],
+            {"capture_output": True, "text": True, "check": True},
+        )
         return subprocess.run(command, env=os.environ | environment, cwd=tmp_path, **options)
 
     build, place = tmp_path / "build", tmp_path / "elsewhere"
     cmake("-S", tmp_path, "-B", build, f"-DCMAKE_INSTALL_PREFIX={tmp_path}/configured")
     said = cmake("--install", build, "--prefix", place)
-    assert f"['compile', '--if-needed', '--quiet'] {place} {place}/lib/python/diag_dynamics/__init__.py" in said.stdout
+    assert (
+        f"['compile', '--if-needed', '--quiet'] {place} {place}/lib/python/diag_dynamics/__init__.py"
+        in said.stdout
+    )
     assert "about half a minute" in said.stdout and said.stderr == ""
-    assert "could not be compiled ahead" in cmake("--install", build, "--prefix", place, STATUS="1").stderr
-    for mark in ({"DESTDIR": str(tmp_path / "package")}, {"CONDA_BUILD": "1"}, {"HOME": str(tmp_path / "nowhere")}):
-        assert "['compile'" not in cmake("--install", build, "--prefix", tmp_path / "made", **mark).stdout
+    assert (
+        "could not be compiled ahead"
+        in cmake("--install", build, "--prefix", place, STATUS="1").stderr
+    )
+    for mark in (
+        {"DESTDIR": str(tmp_path / "package")},
+        {"CONDA_BUILD": "1"},
+        {"HOME": str(tmp_path / "nowhere")},
+    ):
+        assert (
+            "['compile'"
+            not in cmake("--install", build, "--prefix", tmp_path / "made", **mark).stdout
+        )
     cmake("-S", tmp_path, "-B", build, "-DDIAG_DYNAMICS_COMPILE=OFF")
     assert "['compile'" not in cmake("--install", build, "--prefix", place).stdout

@@ -40,19 +40,28 @@ def node_parameters(node):
 
 
 def test_generated_files_are_fresh():
-    stale = [path.name for path, text in TABLES.files().items() if path.read_text(encoding="utf-8") != text]
+    stale = [
+        path.name
+        for path, text in TABLES.files().items()
+        if path.read_text(encoding="utf-8") != text
+    ]
     assert stale == [], "run make docs-tables"
 
 
 def test_pages_have_a_table_of_every_node():
     """The site replaces the markers by tables, in which every parameter, topic and service stands."""
     pages = {
-        name: TABLES.expand((DOCS / f"{name}.md").read_text(encoding="utf-8")) for name in ("parameters", "interfaces")
+        name: TABLES.expand((DOCS / f"{name}.md").read_text(encoding="utf-8"))
+        for name in ("parameters", "interfaces")
     }
     assert not any(TABLES.MARKER.search(text) for text in pages.values())
     for node in NODES:
-        assert [name for name in node_parameters(node) if f"| `{name}` |" not in pages["parameters"]] == []
-        assert [one.name for one in INTERFACES[node] if f"| `{one.name}` |" not in pages["interfaces"]] == []
+        assert [
+            name for name in node_parameters(node) if f"| `{name}` |" not in pages["parameters"]
+        ] == []
+        assert [
+            one.name for one in INTERFACES[node] if f"| `{one.name}` |" not in pages["interfaces"]
+        ] == []
     files = [path for folder in ("msg", "srv") for path in (ROOT / folder).iterdir()]
     assert [path.stem for path in files if f"### {path.stem}\n" not in pages["interfaces"]] == []
 
@@ -66,11 +75,23 @@ def keys_in(path):
         if re.search("status|report|values|health|listeners", function.name):
             for node in ast.walk(function):
                 keys = node.keys if isinstance(node, ast.Dict) else [getattr(node, "slice", None)]
-                found |= {key.value for key in keys if isinstance(key, ast.Constant) and isinstance(key.value, str)}
+                found |= {
+                    key.value
+                    for key in keys
+                    if isinstance(key, ast.Constant) and isinstance(key.value, str)
+                }
     return found
 
 
-MONITOR = "input_statistics", "watches", "external_torque", "monitored_robot", "monitor", "reaction", "gravity"
+MONITOR = (
+    "input_statistics",
+    "watches",
+    "external_torque",
+    "monitored_robot",
+    "monitor",
+    "reaction",
+    "gravity",
+)
 REPORTING = {
     "monitor": [f"monitor/{name}" for name in MONITOR],
     "controller": ["controller/record", "controller/controller"],
@@ -84,10 +105,15 @@ REPORTING = {
 def test_diagnostics_are_documented(node):
     """docs/diagnostics.yaml has every key that a node reports, and every cause of a rejection."""
     documented = [key for entry in TABLES.diagnostics()[node].values() for key in entry]
-    keys = set().union(*(keys_in(ROOT / "diag_dynamics" / "nodes" / f"{name}.py") for name in REPORTING[node]))
+    keys = set().union(
+        *(keys_in(ROOT / "diag_dynamics" / "nodes" / f"{name}.py") for name in REPORTING[node])
+    )
     keys -= {*node_parameters(node), COMPENSATES}
     if node == "monitor":
-        keys |= {f"rejected: {cause}" for cause in CAUSES.values()} | {*COUNTS.values(), *EVENTS.values()}
+        keys |= {f"rejected: {cause}" for cause in CAUSES.values()} | {
+            *COUNTS.values(),
+            *EVENTS.values(),
+        }
     assert [key for key in sorted(keys) if not any(key in one for one in documented)] == []
 
 
@@ -95,7 +121,9 @@ def flatten(tree, prefix=""):
     """Return the leaves of nested dictionaries by dotted name."""
     leaves = {}
     for key, value in tree.items():
-        leaves |= flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+        leaves |= (
+            flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+        )
     return leaves
 
 
@@ -107,7 +135,9 @@ def test_installed_configuration_holds_the_defaults(node):
     assert written == {name: spec.default for name, spec in node_parameters(node).items()}
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "config" / "robots").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "config" / "robots").glob("*.yaml")), ids=lambda path: path.stem
+)
 def test_configuration_of_a_robot_names_parameters_of_the_monitor(path):
     written = yaml.safe_load(path.read_text(encoding="utf-8"))["/**"]["ros__parameters"]
     assert set(parameters_of([path])) == set(flatten(written)) <= set(node_parameters("monitor"))
@@ -158,8 +188,14 @@ def test_access_policy_allows_the_interfaces(node):
     """It allows no other ones; test_deployed.py compares the policy with the nodes."""
     policy = ET.parse(ROOT / "config" / "sros2_policy.xml").getroot()
     profiles = [profile for profile in policy.iter("profile") if profile.get("node") == NODES[node]]
-    paths = {IN: "topics[@subscribe]/topic", OUT: "topics[@publish]/topic", SERVICE: "services[@reply]/service"}
-    common = OF_EVERY_NODE | ({"~/transition_event", *dict(LIFECYCLE)} if node == "controller" else set())
+    paths = {
+        IN: "topics[@subscribe]/topic",
+        OUT: "topics[@publish]/topic",
+        SERVICE: "services[@reply]/service",
+    }
+    common = OF_EVERY_NODE | (
+        {"~/transition_event", *dict(LIFECYCLE)} if node == "controller" else set()
+    )
     for kind, path in paths.items():
         allowed = {element.text for profile in profiles for element in profile.findall(path)}
         assert allowed - common == {one.name for one in INTERFACES[node] if one.kind == kind}
@@ -190,7 +226,9 @@ def test_blocks_run(page, compiled, tmp_path, monkeypatch, capsys):
     names = {}
     for block in blocks_of(page):
         where = f"{page.name}, line {block.line}"
-        assert block.language == "text" or block.how in (WAYS_WITH_TEXT if block.what else WAYS), where
+        assert block.language == "text" or block.how in (WAYS_WITH_TEXT if block.what else WAYS), (
+            where
+        )
         if block.how == "parameters of monitor":
             path = tmp_path / "parameters.yaml"
             path.write_text(block.code, encoding="utf-8")
@@ -199,7 +237,9 @@ def test_blocks_run(page, compiled, tmp_path, monkeypatch, capsys):
             if block.language == "python":
                 exec(compile("\n" * block.line + block.code, page.name, "exec"), names)
             else:
-                command = f'diag-dynamics() {{ "{sys.executable}" -m diag_dynamics "$@"; }}\n{block.code}'
+                command = (
+                    f'diag-dynamics() {{ "{sys.executable}" -m diag_dynamics "$@"; }}\n{block.code}'
+                )
                 subprocess.run(["bash", "-euo", "pipefail", "-c", command], check=True)
     if page.stem == "README":  # its last number is the error of ν̇ + C = ε
         assert abs(float(capsys.readouterr().out.split()[-1])) < 1e-12

@@ -38,13 +38,17 @@ def test_public_names_are_importable():
 
 
 def test_type_checkers_find_the_public_names():
-    imported = re.findall(r"^    from diag_dynamics\S* import (\w+) as \1$", SOURCES[PACKAGE / "__init__.py"], re.M)
+    imported = re.findall(
+        r"^    from diag_dynamics\S* import (\w+) as \1$", SOURCES[PACKAGE / "__init__.py"], re.M
+    )
     assert sorted(imported) == dd.__all__
 
 
 def test_importing_the_package_is_cheap():
     script = "import sys, diag_dynamics; print({'numba', 'yourdfpy', 'rclpy', 'numpy'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     assert done.stdout.strip() == "set()"
 
 
@@ -59,7 +63,9 @@ def test_cmake_lists_every_interface():
 
 def imported_packages(source):
     """Return the names of the packages that a source imports."""
-    return set(re.findall(r"^ *(?:import|from) (\w+)(?:\.\S+)?(?: as \w+| import .*)?$", source, re.M))
+    return set(
+        re.findall(r"^ *(?:import|from) (\w+)(?:\.\S+)?(?: as \w+| import .*)?$", source, re.M)
+    )
 
 
 def test_package_xml_declares_what_is_imported():
@@ -67,12 +73,19 @@ def test_package_xml_declares_what_is_imported():
     package = ET.parse(ROOT / "package.xml").getroot()
     declared = {element.text for element in package if element.tag.endswith("depend")}
     keys = {
-        name: f"python3-{name}" for name in ("aiohttp", "numba", "numpy", "lxml", "rich", "matplotlib", "scipy", "yaml")
+        name: f"python3-{name}"
+        for name in ("aiohttp", "numba", "numpy", "lxml", "rich", "matplotlib", "scipy", "yaml")
     }
     keys |= {"yourdfpy": "python3-yourdfpy-pip", "llvmlite": keys["numba"]}
-    extra = re.search(r"^recordings = (\[.*\])$", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)[1]
+    extra = re.search(
+        r"^recordings = (\[.*\])$", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M
+    )[1]
     declared |= {re.split("[<>=]", name)[0] for name in json.loads(extra)}
-    packages = set().union(*map(imported_packages, SOURCES.values())) - sys.stdlib_module_names - {"diag_dynamics"}
+    packages = (
+        set().union(*map(imported_packages, SOURCES.values()))
+        - sys.stdlib_module_names
+        - {"diag_dynamics"}
+    )
     assert len(packages) > 15
     assert {keys.get(name, name) for name in packages} - declared == set()
 
@@ -83,7 +96,9 @@ def test_versions_and_licences_agree():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     licences = [element.text for element in package.iterfind("license")]
     assert package.findtext("version") == citation["version"] == dd.__version__
-    assert f'license = "{" AND ".join(licences)}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'license = "{" AND ".join(licences)}"' in (ROOT / "pyproject.toml").read_text(
+        encoding="utf-8"
+    )
     assert citation["license"] == licences[0]
 
 
@@ -95,12 +110,16 @@ def test_compiled_code_is_stale_after_any_change_of_its_sources():
     for path, source in SOURCES.items():
         if "from diag_dynamics.numerics" in source:
             lines = re.findall(r"^(?:import|from) .*diag_dynamics.*$", source, re.M)
-            assert all(re.match(r"from diag_dynamics\S* import ", line) for line in lines), f"{path}: {lines}"
+            assert all(re.match(r"from diag_dynamics\S* import ", line) for line in lines), (
+                f"{path}: {lines}"
+            )
 
 
 def test_the_page_makes_no_html_of_text():
     """Names in messages come from strangers."""
-    forbidden = re.compile(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function")
+    forbidden = re.compile(
+        r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function"
+    )
     for path in (ROOT / "web" / "src").rglob("*.js"):
         assert not forbidden.search(path.read_text(encoding="utf-8")), path
 
@@ -112,7 +131,9 @@ def test_the_map_of_the_paper_names_what_exists():
     """In docs/paper.md each row names tests or a measurement, and functions as file::function."""
     tests = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "test").rglob("test_*.py"))
     rows = [
-        line for line in (ROOT / "docs" / "paper.md").read_text(encoding="utf-8").splitlines() if line.startswith("| ")
+        line
+        for line in (ROOT / "docs" / "paper.md").read_text(encoding="utf-8").splitlines()
+        if line.startswith("| ")
     ]
     rows = [row for row in rows if not row.startswith(("| number", "| claim"))]
     assert len(rows) > 50
@@ -121,7 +142,9 @@ def test_the_map_of_the_paper_names_what_exists():
         assert named or "measured:" in row, row
         assert [name for name in named if f"\ndef {name}(" not in tests] == []
         for file, function in re.findall(r"`([\w/]+\.py)::(?!test_)(?:\w+\.)?(\w+)`", row):
-            assert re.search(rf"^ *(?:def|class) {function}\b", SOURCES[PACKAGE / file], re.M), f"{file}::{function}"
+            assert re.search(rf"^ *(?:def|class) {function}\b", SOURCES[PACKAGE / file], re.M), (
+                f"{file}::{function}"
+            )
 
 
 # --- Examples ---
@@ -157,7 +180,9 @@ def test_notebook(empty_folder):
         assert not cell["outputs"]
         exec(compile("".join(cell["source"]), f"cell {k}", "exec"), names)
     batch = names["batch"]
-    np.testing.assert_allclose(batch.energy_share.sum(axis=1), batch.kinetic_energy, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        batch.energy_share.sum(axis=1), batch.kinetic_energy, rtol=0.0, atol=1e-9
+    )
 
 
 # --- Launch files ---
@@ -169,11 +194,15 @@ def node_parameters(node):
 
 def test_the_example_for_ros2_control_fits_together():
     """The controller commands the joints of the effort controller, in its order: those of the arm."""
-    example = yaml.safe_load((ROOT / "config" / "effort_controllers.yaml").read_text(encoding="utf-8"))
+    example = yaml.safe_load(
+        (ROOT / "config" / "effort_controllers.yaml").read_text(encoding="utf-8")
+    )
     parameters = {node: section["ros__parameters"] for node, section in example.items()}
     own, joints = parameters["diag_dynamics_controller"], parameters["effort_controller"]["joints"]
     assert own["command_joints"] == joints
-    assert set(joints) == set(dd.load_urdf(robot_path("ur_description/urdf/ur5_robot.urdf")).dof_names)
+    assert set(joints) == set(
+        dd.load_urdf(robot_path("ur_description/urdf/ur5_robot.urdf")).dof_names
+    )
     assert set(own) - {"robot_compensates_gravity"} <= set(node_parameters("controller"))
     assert own["robot_compensates_gravity"] in (False, True)
 
@@ -183,7 +212,13 @@ LAUNCHED = {
     "monitor": ({"use_sim_time": "true", "view": "true"}, {"monitor": TIME, "view": TIME}),
     "simulator": (
         {"robot_description": "/my.urdf", "without_command": "zero", "publish_clock": "true"},
-        {"simulator": {"robot_description": "/my.urdf", "without_command": "zero", "publish_clock": True}},
+        {
+            "simulator": {
+                "robot_description": "/my.urdf",
+                "without_command": "zero",
+                "publish_clock": True,
+            }
+        },
     ),
     "controller": (
         {"robot_compensates_gravity": "true", "autostart": "false"},
@@ -191,14 +226,23 @@ LAUNCHED = {
     ),
     "demo": (
         {"robot_description": "<robot>1: x</robot>", "view": "true"},
-        {"simulator": {"robot_description": "<robot>1: x</robot>", "motion": "wave"}, "monitor": {}, "view": {}},
+        {
+            "simulator": {"robot_description": "<robot>1: x</robot>", "motion": "wave"},
+            "monitor": {},
+            "view": {},
+        },
     ),
     "control": (
         {"robot_compensates_gravity": "true", "robot_description": "/my.urdf"},
         {
-            "simulator": {"robot_description": "/my.urdf", "compensates_gravity": True, "publish_clock": True}
+            "simulator": {
+                "robot_description": "/my.urdf",
+                "compensates_gravity": True,
+                "publish_clock": True,
+            }
             | {"without_command": "brake", "command_timeout": 0.5},
-            "controller": TIME | {"robot_compensates_gravity": True, "autostart": True, "check_time": 0.0},
+            "controller": TIME
+            | {"robot_compensates_gravity": True, "autostart": True, "check_time": 0.0},
             "monitor": TIME,
         },
     ),
@@ -215,7 +259,11 @@ def test_launches_give_parameters(file):
     for executable, node in nodes.items():
         assert (node.name, node.namespace, node.files) == (NODES[executable], "arm", ["my.yaml"])
         assert (ROOT / "scripts" / executable).is_file()
-        assert set(node.parameters) <= {"robot_compensates_gravity", "use_sim_time", *node_parameters(executable)}
+        assert set(node.parameters) <= {
+            "robot_compensates_gravity",
+            "use_sim_time",
+            *node_parameters(executable),
+        }
     assert {executable: node.parameters for executable, node in nodes.items()} == expected
     for node in launched(file).values():
         assert not node.files and "robot_description" not in node.parameters

@@ -38,7 +38,9 @@ TIMEOUT = 300.0  # [s]
 def motion(model, seconds, seed):
     """Return times, positions, velocities and efforts of a robot whose URDF lacks friction and rotor inertia."""
     unknown = dd.JointParameters(damping=2.0, friction=3.0, armature=0.2)
-    real = dd.DiagonalDynamics(model.with_parameters(dd.Parameters(joints=dict.fromkeys(model.dof_names, unknown))))
+    real = dd.DiagonalDynamics(
+        model.with_parameters(dd.Parameters(joints=dict.fromkeys(model.dof_names, unknown)))
+    )
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, seconds, 1.0 / RATE)[:, None]
     w = rng.uniform(0.8, 2.0, (2, model.nv))
@@ -64,12 +66,23 @@ def files(tmp_path_factory):
         messages = [description(urdf, begin - 1)]
         for t, *values in zip(*columns, strict=True):
             at = begin + round(t * 1e9)
-            messages.append(Message("/joint_states", at, serialized(at, model.dof_names, *values, frame="base_link")))
+            messages.append(
+                Message(
+                    "/joint_states", at, serialized(at, model.dof_names, *values, frame="base_link")
+                )
+            )
         write_rosbag2(folder / name, messages, MCAP)
         if name == "my_bag":
-            header = ["t", *(f"{quantity}{k}" for quantity in ("q", "qd", "tau") for k in range(1, 7))]
+            header = [
+                "t",
+                *(f"{quantity}{k}" for quantity in ("q", "qd", "tau") for k in range(1, 7)),
+            ]
             np.savetxt(
-                folder / "log.csv", np.column_stack(columns), delimiter=",", header=",".join(header), comments=""
+                folder / "log.csv",
+                np.column_stack(columns),
+                delimiter=",",
+                header=",".join(header),
+                comments="",
             )
     (recorded,) = (folder / "my_bag").glob("*.mcap")
     for name in ("a_day", "run", "monday", "tuesday"):
@@ -79,7 +92,9 @@ def files(tmp_path_factory):
         shutil.copy(ROOT / "config" / "contact_limits.example.yaml", folder / f"{name}.yaml")
     recordings = [dd.read_recording(folder / name, model) for name in ("free_1", "free_2")]
     dd.identify(recordings, model).save(folder / "arm.yaml")
-    dd.calibrate(recordings, dd.DiagonalDynamics(model), gain=25.0, false_alarms=1 / 60).save(folder / "alarms.yaml")
+    dd.calibrate(recordings, dd.DiagonalDynamics(model), gain=25.0, false_alarms=1 / 60).save(
+        folder / "alarms.yaml"
+    )
     return folder
 
 
@@ -104,7 +119,9 @@ BLOCKS = [
 ]
 
 PROGRAMS = [
-    pytest.param(page, block, id=f"{page}-{block.line}") for page, block in BLOCKS if block.language == "python"
+    pytest.param(page, block, id=f"{page}-{block.line}")
+    for page, block in BLOCKS
+    if block.language == "python"
 ]
 
 
@@ -114,7 +131,10 @@ def test_programs_run(page, block, files, monkeypatch):
     """Run a program with the files and names of the text around it."""
     import_module("matplotlib").use("agg")
     monkeypatch.chdir(files)
-    exec(compile("\n" * block.line + block.code, f"docs/{page}.md", "exec"), dict(GIVEN.get(page, {})))
+    exec(
+        compile("\n" * block.line + block.code, f"docs/{page}.md", "exec"),
+        dict(GIVEN.get(page, {})),
+    )
 
 
 COMMANDS = [
@@ -143,7 +163,9 @@ def test_maps_are_read(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     blocks = blocks_of(DOCS / "recordings.md")
-    (numbers,) = [yaml.safe_load(block.code) for block in blocks if block.how == "columns of a table"]
+    (numbers,) = [
+        yaml.safe_load(block.code) for block in blocks if block.how == "columns of a table"
+    ]
     np.savetxt("numbers.csv", np.c_[np.arange(50) * 0.01, np.zeros((50, 9))], delimiter=",")
     recording = dd.read_recording("numbers.csv", model(), columns=numbers)
     assert recording.q.shape == (50, 3)

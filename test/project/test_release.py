@@ -33,16 +33,24 @@ def run(*command, **options):
 
 def test_sdist_is_complete_and_the_wheel_works_without_ros(tmp_path):
     shutil.copytree(ROOT, tmp_path / "checkout", ignore=shutil.ignore_patterns(*BUILT))
-    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", tmp_path, tmp_path / "checkout")
+    run(
+        sys.executable, "-m", "build", "--no-isolation", "--outdir", tmp_path, tmp_path / "checkout"
+    )
     with tarfile.open(tmp_path / f"diag_dynamics-{dd.__version__}.tar.gz") as archive:
         packed = {member.name.partition("/")[2] for member in archive.getmembers()}
-    committed = {name for name in run("git", "ls-files", cwd=ROOT).stdout.splitlines() if (ROOT / name).is_file()}
+    committed = {
+        name
+        for name in run("git", "ls-files", cwd=ROOT).stdout.splitlines()
+        if (ROOT / name).is_file()
+    }
     assert committed - packed == set()
     (wheel,) = tmp_path.glob("*.whl")
     site = tmp_path / "site"
     run(sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", site, wheel)
     modules = {path.relative_to(ROOT) for path in (ROOT / "diag_dynamics").rglob("*.py")}
-    assert {path for path in [*modules, Path("diag_dynamics/py.typed")] if not (site / path).is_file()} == set()
+    assert {
+        path for path in [*modules, Path("diag_dynamics/py.typed")] if not (site / path).is_file()
+    } == set()
     program = (
         "import diag_dynamics as dd; print(dd.__file__, dd.load_urdf, dd.DiagonalDynamics, dd.Simulation)\n"
         "from diag_dynamics.wire.definitions import our_definitions\n"
@@ -70,11 +78,14 @@ def test_the_site_has_every_page_and_every_public_name(tmp_path):
     pages = [path.relative_to(ROOT).with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")]
     assert [page for page in pages if not (tmp_path / "html" / page).is_file()] == []
     titles = [
-        re.search("<title>(.*)</title>", (tmp_path / "html" / page).read_text(encoding="utf-8"))[1] for page in pages
+        re.search("<title>(.*)</title>", (tmp_path / "html" / page).read_text(encoding="utf-8"))[1]
+        for page in pages
     ]
     assert len(set(titles)) == len(titles)
     inventory = InventoryFile.loads((tmp_path / "html" / "objects.inv").read_bytes(), uri="").data
-    documented = set().union(*(names for kind, names in inventory.items() if kind.startswith("py:")))
+    documented = set().union(
+        *(names for kind, names in inventory.items() if kind.startswith("py:"))
+    )
     assert {f"diag_dynamics.{name}" for name in dd.__all__} - documented == set()
 
 
@@ -96,12 +107,17 @@ def test_systemd_accepts_the_unit(unit):
 
 
 def test_deployments_start_commands_that_exist():
-    started = [re.search(r"exec diag-dynamics (\w+)", unit.read_text(encoding="utf-8"))[1] for unit in UNITS]
+    started = [
+        re.search(r"exec diag-dynamics (\w+)", unit.read_text(encoding="utf-8"))[1]
+        for unit in UNITS
+    ]
     compose = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text(encoding="utf-8"))
     started += [service["command"][0] for service in compose["services"].values()]
     assert len(started) > 5
     assert set(started) <= set(COMMANDS)
-    copied = re.findall(r"^COPY (\S+) ", (ROOT / "deploy" / "Dockerfile").read_text(encoding="utf-8"), re.M)
+    copied = re.findall(
+        r"^COPY (\S+) ", (ROOT / "deploy" / "Dockerfile").read_text(encoding="utf-8"), re.M
+    )
     assert [source for source in copied if not (ROOT / source).exists()] == []
     run("bash", "-n", ROOT / "deploy" / "entrypoint.sh")
 
@@ -124,9 +140,15 @@ UNREACHABLE = {
     ids=["not writable", "blank in the path", "no network"],
 )
 def test_setup_reports_its_failure_in_one_line(folder, message, tmp_path):
-    variables = {name: value for name, value in os.environ.items() if not name.startswith(("AMENT_PREFIX", "PIP_"))}
+    variables = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("AMENT_PREFIX", "PIP_"))
+    }
     variables |= UNREACHABLE | {"DIAG_DYNAMICS_BUILD": folder or str(tmp_path)}
-    done = subprocess.run([ROOT / "scripts" / "setup"], env=variables, capture_output=True, text=True)
+    done = subprocess.run(
+        [ROOT / "scripts" / "setup"], env=variables, capture_output=True, text=True
+    )
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert message in line
@@ -156,16 +178,22 @@ WRITTEN = {
 
 
 def run_benchmarks(folder, *arguments):
-    path = os.pathsep.join([str(BENCHMARKS.parent), str(BENCHMARKS), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join(
+        [str(BENCHMARKS.parent), str(BENCHMARKS), os.environ.get("PYTHONPATH", "")]
+    )
     command = [sys.executable, *map(str, arguments)]
-    return subprocess.run(command, cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True)
+    return subprocess.run(
+        command, cwd=folder, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
+    )
 
 
 @pytest.mark.live
 @pytest.mark.ros
 @pytest.mark.parametrize("part", WRITTEN)
 def test_short_form_writes_results(part, ros_domain, tmp_path, compiled):
-    done = run_benchmarks(tmp_path, BENCHMARKS / "run.py", "--short", "--only", part, "--output", tmp_path / "results")
+    done = run_benchmarks(
+        tmp_path, BENCHMARKS / "run.py", "--short", "--only", part, "--output", tmp_path / "results"
+    )
     assert done.returncode == 0, done.stderr
     assert WRITTEN[part] <= {path.name for path in (tmp_path / "results").iterdir()}
     assert part != "library" or re.search(r"outputs of \d+ robots agree to \de-\d\d", done.stderr)
@@ -178,6 +206,12 @@ def test_outputs_agree_within_a_tolerance(monkeypatch):
     x = np.array([1.0, -2.0, 3.0])
     assert compare("robot", "x", x, x) == 0.0
     assert compare("robot", "x", x * (1 + 0.5 * TOLERANCE), x) > 0.0
-    for wrong in (x * (1 + 2 * TOLERANCE), x[::-1], np.array([1.0, np.nan, 3.0]), x * np.inf, x[:2]):
+    for wrong in (
+        x * (1 + 2 * TOLERANCE),
+        x[::-1],
+        np.array([1.0, np.nan, 3.0]),
+        x * np.inf,
+        x[:2],
+    ):
         with pytest.raises(DisagreementError):
             compare("robot", "x", wrong, x)

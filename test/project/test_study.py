@@ -22,7 +22,9 @@ def test_page_and_tables_agree_with_the_data(monkeypatch):
 
     text = study_page.PAGE.read_text(encoding="utf-8")
     assert text.count("<!-- study: ") == 3 and study_page.filled(text, DATA) == text
-    assert study_page.details(DATA) == (BENCHMARKS / "results" / "study.md").read_text(encoding="utf-8")
+    assert study_page.details(DATA) == (BENCHMARKS / "results" / "study.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_every_law_was_tuned_to_the_same_peak_torque():
@@ -35,13 +37,19 @@ def test_every_law_was_tuned_to_the_same_peak_torque():
 def test_short_form(tmp_path):
     command = [sys.executable, BENCHMARKS / "study.py", "--short", "--output", tmp_path]
     path = os.pathsep.join([str(BENCHMARKS.parent), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True)
+    done = subprocess.run(
+        command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
-    assert {"study.md", "study_ratios.png", "study_contests.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"study.md", "study_ratios.png", "study_contests.png"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
     data = json.loads((tmp_path / "study.json").read_text(encoding="utf-8"))
     (damping,), (ratios,), (energies,) = (data[key] for key in ("damping", "ratios", "energies"))
     nu = damping["laws"]["ν, 5"]
-    np.testing.assert_allclose([*nu["rate"], *nu["cost"]], 1.0, atol=0.01)  # held torques: c·period / 2
+    np.testing.assert_allclose(
+        [*nu["rate"], *nu["cost"]], 1.0, atol=0.01
+    )  # held torques: c·period / 2
     assert ratios["laws"]["ζ law"] == [0.7] * 20
     assert energies["laws"]["joints, observer"]["joint"] < 1.25 < energies["laws"]["sum"]["joint"]
     full = {(one["robot"], one["law"], one["task"]): one for one in DATA["contests"]}

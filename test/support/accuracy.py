@@ -30,4 +30,6 @@ def assert_close(actual, expected, tolerance, scale=None):
     assert np.isfinite(actual).all()
     scale = norm(expected) if scale is None else scale
     error = norm(actual - expected)
-    assert error <= tolerance * scale, f"relative error {error / scale if scale else np.inf:.1e} > {tolerance:.1e}"
+    assert error <= tolerance * scale, (
+        f"relative error {error / scale if scale else np.inf:.1e} > {tolerance:.1e}"
+    )

@@ -20,14 +20,20 @@ Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 def state_at(stamp, q, qd=None):
     """State of the robot at a time [ns], at rest by default."""
     qd = np.zeros(len(q)) if qd is None else qd
-    return RobotState(np.array(q, dtype=float), np.array(qd, dtype=float), None, stamp, stamp, False)
+    return RobotState(
+        np.array(q, dtype=float), np.array(qd, dtype=float), None, stamp, stamp, False
+    )
 
 
 def waypoints(points):
     """Waypoints of (time, positions, velocities, accelerations)."""
     times, tables, given = np.array([float(point[0]) for point in points]), [], []
     for k in (1, 2, 3):
-        tables.append(np.array([point[k] if len(point) > k else np.zeros(len(point[1])) for point in points], float))
+        tables.append(
+            np.array(
+                [point[k] if len(point) > k else np.zeros(len(point[1])) for point in points], float
+            )
+        )
         given.append(np.array([len(point) > k for point in points]))
     return Waypoints(times, *tables, *given[1:])
 
@@ -40,7 +46,9 @@ def gravity_of(q):
 def pose_of(q):
     """Position and axes of a UR5's tool by Pinocchio."""
     oracle = robot(UR5).oracle.full
-    pin.framesForwardKinematics(oracle.model, oracle.data, oracle.configuration(np.array(q, dtype=float)))
+    pin.framesForwardKinematics(
+        oracle.model, oracle.data, oracle.configuration(np.array(q, dtype=float))
+    )
     placed = oracle.data.oMf[oracle.model.getFrameId("tool0")]
     return placed.translation.copy(), placed.rotation.copy()
 
@@ -64,11 +72,17 @@ def pinocchio_command(mode, q, qd, target, gain=1.0):
         return state.g + 50.0 * (target - q) - 2.0 * damping @ qd
     if mode == "tracking":
         K = gain * np.where(names == "wrist_1_joint", 30.0, 20.0)
-        limits = [float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names]
-        q_d, qd_d, qdd_d = target if isinstance(target, tuple) else (target, np.zeros(6), np.zeros(6))
+        limits = [
+            float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names
+        ]
+        q_d, qd_d, qdd_d = (
+            target if isinstance(target, tuple) else (target, np.zeros(6), np.zeros(6))
+        )
         back = np.clip(10.0 * (q_d - q), np.negative(limits), limits)
         qd_r, qdd_r = qd_d + back, qdd_d + np.where(np.abs(back) < limits, 10.0 * (qd_d - qd), 0.0)
-        return state.M @ qdd_r + state.C_s @ qd_r + state.g - state.m @ (K * (state.m.T @ (qd - qd_r)))
+        return (
+            state.M @ qdd_r + state.C_s @ qd_r + state.g - state.m @ (K * (state.m.T @ (qd - qd_r)))
+        )
     position, axes = pose_of(q)
     wrench = np.zeros(6)
     wrench[:3] = 200.0 * (target[0] - position)

@@ -65,7 +65,9 @@ def arm(*names):
 def header(stamp, frame):
     """Return a Header; `stamp` in nanoseconds, or seconds and nanoseconds."""
     time = stamp if isinstance(stamp, tuple) else divmod(stamp, S)
-    return JAZZY.types["std_msgs/msg/Header"](JAZZY.types["builtin_interfaces/msg/Time"](*time), frame)
+    return JAZZY.types["std_msgs/msg/Header"](
+        JAZZY.types["builtin_interfaces/msg/Time"](*time), frame
+    )
 
 
 def serialized(stamp, names, position, velocity=(), effort=(), frame="", order="<"):
@@ -88,7 +90,11 @@ def numbered(count, topics=("/joint_states",), disorder=0, longest=40, seed=0):
             topics[k % len(topics)],
             START + k * MS,
             serialized(
-                START + k * MS, ["a"], [1e-4 * k], [0.1], frame=rng.bytes(int(rng.integers(longest)) // 2).hex()
+                START + k * MS,
+                ["a"],
+                [1e-4 * k],
+                [0.1],
+                frame=rng.bytes(int(rng.integers(longest)) // 2).hex(),
             ),
         )
         for k in order.tolist()
@@ -113,9 +119,13 @@ def write_mcap(
         schemas, channels = {}, {}
         for one in messages:
             if one.type not in schemas:
-                schemas[one.type] = writer.register_schema(one.type, schema, definitions.get(one.type, "").encode())
+                schemas[one.type] = writer.register_schema(
+                    one.type, schema, definitions.get(one.type, "").encode()
+                )
             if one.topic not in channels:
-                channels[one.topic] = writer.register_channel(one.topic, encoding, schemas[one.type], metadata or {})
+                channels[one.topic] = writer.register_channel(
+                    one.topic, encoding, schemas[one.type], metadata or {}
+                )
             writer.add_message(channels[one.topic], one.log_time, one.data, one.log_time)
         writer.finish()
     return path
@@ -124,7 +134,9 @@ def write_mcap(
 def of_ros1(messages):
     """Return messages in the encoding of ROS 1, their types without ``/msg/``."""
     return [
-        one._replace(data=bytes(JAZZY.cdr_to_ros1(one.data, one.type)), type=one.type.replace("/msg/", "/"))
+        one._replace(
+            data=bytes(JAZZY.cdr_to_ros1(one.data, one.type)), type=one.type.replace("/msg/", "/")
+        )
         for one in messages
     ]
 
@@ -178,8 +190,12 @@ def write_ros1(path, messages, compression=None, chunk=2000):
         connections = {}
         for k, one in enumerate(messages):
             if one.topic not in connections:
-                connections[one.topic] = writer.add_connection(one.topic, JOINT_STATE, typestore=NOETIC)
-            raw = k.to_bytes(4, "little") + bytes(JAZZY.cdr_to_ros1(one.data, JOINT_STATE))[4:]  # `seq` is k
+                connections[one.topic] = writer.add_connection(
+                    one.topic, JOINT_STATE, typestore=NOETIC
+                )
+            raw = (
+                k.to_bytes(4, "little") + bytes(JAZZY.cdr_to_ros1(one.data, JOINT_STATE))[4:]
+            )  # `seq` is k
             writer.write(connections[one.topic], one.log_time, raw)
     return path
 
@@ -190,18 +206,27 @@ def odometry(stamp, link, pose, twist):
     def geometry(name, *fields):
         return JAZZY.types[f"geometry_msgs/msg/{name}"](*fields)
 
-    point, orientation = geometry("Point", *map(float, pose[:3])), geometry("Quaternion", *map(float, pose[3:]))
+    point, orientation = (
+        geometry("Point", *map(float, pose[:3])),
+        geometry("Quaternion", *map(float, pose[3:])),
+    )
     linear, angular = (geometry("Vector3", *map(float, part)) for part in (twist[:3], twist[3:]))
     place = geometry("PoseWithCovariance", geometry("Pose", point, orientation), np.zeros(36))
     motion = geometry("TwistWithCovariance", geometry("Twist", linear, angular), np.zeros(36))
-    return bytes(JAZZY.serialize_cdr(JAZZY.types[ODOMETRY](header(stamp, "odom"), link, place, motion), ODOMETRY))
+    return bytes(
+        JAZZY.serialize_cdr(
+            JAZZY.types[ODOMETRY](header(stamp, "odom"), link, place, motion), ODOMETRY
+        )
+    )
 
 
 def write_floating(path, joints, bases):
     """Write joint states (pairs of bytes and log time) and odometries (pairs of log time and bytes); return the path."""
     sent = [(now, 0, Message("/odom", now, raw, ODOMETRY)) for now, raw in bases]
     sent += [(now, 1, Message("/joint_states", now, raw)) for raw, now in joints]
-    return write_mcap(path, [one for _, _, one in sorted(sent, key=lambda one: one[:2])], chunk_size=20_000)
+    return write_mcap(
+        path, [one for _, _, one in sorted(sent, key=lambda one: one[:2])], chunk_size=20_000
+    )
 
 
 def read(path, topic=None):
@@ -218,7 +243,9 @@ def read(path, topic=None):
     np.testing.assert_allclose(recording.q[:, 0], 1e-4 * numbers, rtol=1e-15)
     assert (np.diff(numbers) > 0).all()
     gaps = "lost by gaps in stamps"  # of what is missing
-    return numbers.tolist(), [(one.cause, one.text) for one in recording.findings if one.cause != gaps]
+    return numbers.tolist(), [
+        (one.cause, one.text) for one in recording.findings if one.cause != gaps
+    ]
 
 
 def unread(findings):

@@ -18,9 +18,14 @@ TIMEOUT = 100.0
 
 def require():
     """Return Playwright's sync API and the path of Chromium; fail where one of them is missing."""
-    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    path = next(
+        filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+    )
     if path is None:
-        pytest.fail("Chromium is not installed. apt-get install --no-install-recommends chromium", pytrace=False)
+        pytest.fail(
+            "Chromium is not installed. apt-get install --no-install-recommends chromium",
+            pytrace=False,
+        )
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
@@ -62,7 +67,10 @@ class Tab:
         self.said, self.asked = [], set()
         self.page.on("console", self._record)
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.add("{0.scheme}://{0.netloc}".format(urlsplit(request.url))))
+        self.page.on(
+            "request",
+            lambda request: self.asked.add("{0.scheme}://{0.netloc}".format(urlsplit(request.url))),
+        )
 
     def __enter__(self):
         """Return the tab."""

@@ -58,7 +58,9 @@ def stacked(position, axes):
 
 def close(actual, expected):
     """Assert equality to 1e-9, the accuracy of commands."""
-    np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-9 * max(1.0, np.abs(expected).max()))
+    np.testing.assert_allclose(
+        actual, expected, rtol=0, atol=1e-9 * max(1.0, np.abs(expected).max())
+    )
 
 
 def frictionless(model, q, qd=None, step=1e-3):

@@ -39,7 +39,9 @@ START_AT = (0.3, -1.2, 1.4, -0.6, 0.5, 0.2)
 class Controller:
     """A controller, its outputs and its inputs."""
 
-    def __init__(self, peer, namespace, *arguments, commands="effort_controller/commands", **parameters):
+    def __init__(
+        self, peer, namespace, *arguments, commands="effort_controller/commands", **parameters
+    ):
         """Start it; a context at whose end it ends."""
         self.peer, self.name, self.namespace = peer, f"{namespace}/{NODE}", namespace
         self.status = peer.topic(ControllerStatus, f"{self.name}/status")
@@ -66,7 +68,9 @@ class Controller:
 
     def listens(self):
         """Whether it takes targets."""
-        return all(end.get_subscription_count() for end in (self.target, self.trajectory, self.set_point))
+        return all(
+            end.get_subscription_count() for end in (self.target, self.trajectory, self.set_point)
+        )
 
     def connect(self):
         """Wait until it controls."""
@@ -94,14 +98,18 @@ class Controller:
         """
         at, begun, told = len(self.status.messages) if since is None else since, None, None
         while begun is None or nanoseconds(told.header.stamp) - begun < timeout * S:
-            self.peer.wait_until(lambda at=at: len(self.status.messages) > at, f"a status, and {what}", START)
+            self.peer.wait_until(
+                lambda at=at: len(self.status.messages) > at, f"a status, and {what}", START
+            )
             new, at = self.status.messages[at:], len(self.status.messages)
             if status := next(filter(condition, new), None):
                 return status
             told = new[-1]
             begun = nanoseconds(new[0].header.stamp) if begun is None else begun
         said = f"phase {told.phase}, mode {told.mode}, K {told.energy:g}, {told.message}"
-        raise AssertionError(f"waited {timeout:g} s by the stamps in vain for {what}; last status: {said}")
+        raise AssertionError(
+            f"waited {timeout:g} s by the stamps in vain for {what}; last status: {said}"
+        )
 
     def ask(self, mode):
         """Ask for a law."""
@@ -121,7 +129,11 @@ class Controller:
 
         def told(report):
             inputs = report.entries.get("inputs")
-            return inputs and "rejected: " in inputs.message and said in report.values["last rejection"]
+            return (
+                inputs
+                and "rejected: " in inputs.message
+                and said in report.values["last rejection"]
+            )
 
         self.wait_for_report(told, f"refusal: {said}", begin)
 
@@ -144,10 +156,14 @@ def joints_by_graph(peer, monkeypatch):
     def joints_of_controller(node, controller, patience):
         if not (service := peer.graph.services.get(f"{controller}/get_parameters")):
             return None
-        (joints,) = service.callback(GetParameters.Request(names=["joints"]), GetParameters.Response()).values
+        (joints,) = service.callback(
+            GetParameters.Request(names=["joints"]), GetParameters.Response()
+        ).values
         return list(joints.string_array_value)
 
-    monkeypatch.setattr("diag_dynamics.nodes.controller.controller.joints_of_controller", joints_of_controller)
+    monkeypatch.setattr(
+        "diag_dynamics.nodes.controller.controller.joints_of_controller", joints_of_controller
+    )
 
 
 # --- with a simulator
@@ -172,14 +188,26 @@ class PassedOn(Topic):
 def lockstep_arm(peer, namespace, order, **parameters):
     """A UR5 at 250 Hz in lockstep with its controller, whose commands are in the order of joints `order`."""
     simulated = {"lockstep": True, "rate": 250.0, "command_joints": order, "wrench_timeout": 0.0}
-    own = {"robot_compensates_gravity": False, "autostart": True, "use_sim_time": True, "command_joints": order}
-    with effort_controller(peer, namespace, order), Simulator(peer, namespace, UR5, **simulated) as simulator:
+    own = {
+        "robot_compensates_gravity": False,
+        "autostart": True,
+        "use_sim_time": True,
+        "command_joints": order,
+    }
+    with (
+        effort_controller(peer, namespace, order),
+        Simulator(peer, namespace, UR5, **simulated) as simulator,
+    ):
         put(simulator, START_AT)
         quiet(simulator)
-        with Controller(peer, namespace, commands="effort_controller/asked", **own, **parameters) as controller:
+        with Controller(
+            peer, namespace, commands="effort_controller/asked", **own, **parameters
+        ) as controller:
             controller.simulator, controller.sent = simulator, PassedOn(controller, simulator)
             states = peer.publisher(JointState, simulator.states.subscription.topic_name)
-            states.publish(simulator.states.messages[-1])  # the controller was not there when it came
+            states.publish(
+                simulator.states.messages[-1]
+            )  # the controller was not there when it came
             yield controller.connect()
             peer.node.destroy_publisher(states)
 
@@ -225,12 +253,24 @@ def desired_by_differences(arm, k):
     statuses = arm.status.messages[max(k - 2, 0) : k + 1]
     times = [nanoseconds(status.header.stamp) for status in statuses]
     states = [arm.simulator.states.repeated(time) for time in times]
-    tracked = all(s.phase == ACTIVE and s.mode == "tracking" and s.tracking_error_valid for s in statuses)
-    if len(statuses) < 3 or None in states or not tracked or times[2] - times[1] != times[1] - times[0]:
+    tracked = all(
+        s.phase == ACTIVE and s.mode == "tracking" and s.tracking_error_valid for s in statuses
+    )
+    if (
+        len(statuses) < 3
+        or None in states
+        or not tracked
+        or times[2] - times[1] != times[1] - times[0]
+    ):
         return None
     dt = (times[2] - times[1]) * 1e-9
-    both = zip(states, statuses, strict=True)  # followers of loops come after the degrees of freedom
-    q = [np.add(state.position[: len(status.tracking_error)], status.tracking_error) for state, status in both]
+    both = zip(
+        states, statuses, strict=True
+    )  # followers of loops come after the degrees of freedom
+    q = [
+        np.add(state.position[: len(status.tracking_error)], status.tracking_error)
+        for state, status in both
+    ]
     return q[2], (q[2] - q[1]) / dt, (q[2] - 2.0 * q[1] + q[0]) / dt**2
 
 
@@ -257,7 +297,9 @@ def check_commands(arm, mode, target, least=50, every=1):
         if checked >= 2 * least:
             continue
         expected = pinocchio_command(mode, q, qd, aim)
-        np.testing.assert_allclose(status.effort_command, expected, atol=2e-9 * max(1.0, np.abs(expected).max()))
+        np.testing.assert_allclose(
+            status.effort_command, expected, atol=2e-9 * max(1.0, np.abs(expected).max())
+        )
         checked, first = checked + (np.abs(qd).max() > 1e-3), first or status
     assert checked >= least, f"{checked} of {len(arm.status.messages)} commands to check"
     assert mode != "tracking" or nearest < 1e-3
@@ -269,7 +311,9 @@ def pose_error(status):
     """Norms of position and orientation error; infinite where there is none."""
     if not status.pose_error_valid:
         return (np.inf, np.inf)
-    return tuple(np.linalg.norm([e.x, e.y, e.z]) for e in (status.position_error, status.orientation_error))
+    return tuple(
+        np.linalg.norm([e.x, e.y, e.z]) for e in (status.position_error, status.orientation_error)
+    )
 
 
 def pose_message(link, position, axes=None):
@@ -278,7 +322,9 @@ def pose_message(link, position, axes=None):
     message.header.frame_id = link
     p, o = message.pose.position, message.pose.orientation
     p.x, p.y, p.z = map(float, position)
-    o.x, o.y, o.z, o.w = map(float, pin.Quaternion(np.eye(3) if axes is None else np.array(axes)).coeffs())
+    o.x, o.y, o.z, o.w = map(
+        float, pin.Quaternion(np.eye(3) if axes is None else np.array(axes)).coeffs()
+    )
     return message
 
 
@@ -289,7 +335,9 @@ def trajectory(points, names, stamp=0):
     for seconds, *fields in points:
         point = JointTrajectoryPoint()
         point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(seconds * S), S)
-        for field, values in zip(("positions", "velocities", "accelerations"), fields, strict=False):
+        for field, values in zip(
+            ("positions", "velocities", "accelerations"), fields, strict=False
+        ):
             setattr(point, field, [float(x) for x in values])
         message.points.append(point)
     return message

@@ -60,7 +60,11 @@ class Coupling:
         self._held = dict(locked)
         self.mimics, self.locked = {}, dict(locked)
         for name, element in self.joints.items():
-            if element.find("mimic") is not None and element.get("type") != "fixed" and name not in locked:
+            if (
+                element.find("mimic") is not None
+                and element.get("type") != "fixed"
+                and name not in locked
+            ):
                 leader, multiplier, offset = self._position(name)
                 if leader is None:
                     self.locked[name] = offset
@@ -167,7 +171,9 @@ class Coupling:
         """Return all nodes, base to tip."""
         left, found = list(dict.fromkeys(self.node(name) for name in self.moving)), []
         while left:
-            node = next(n for n in left if self.node_inboard(n) is None or self.node_inboard(n) in found)
+            node = next(
+                n for n in left if self.node_inboard(n) is None or self.node_inboard(n) in found
+            )
             left.remove(node)
             found.append(node)
         return found
@@ -221,7 +227,9 @@ class Coupled:
         """Build it from URDF text; `dof_names` are the independent dofs, base to tip, in the caller's order."""
         self.xml, self._payloads = ET.fromstring(urdf), dict(payloads or {})
         self.coupling = coupling = Coupling(self.xml, dict(locked_joints or {}))
-        moved = {name: inertia for name, inertia in (armature or {}).items() if name in coupling.moving}
+        moved = {
+            name: inertia for name, inertia in (armature or {}).items() if name in coupling.moving
+        }
         urdf = with_payloads(urdf, self._payloads)
         self.full = full = self.Full(urdf, None, gravity, moved, floating_base, coupling.locked)
         own = {}  # dofs by joint
@@ -247,7 +255,10 @@ class Coupled:
         for row, name in enumerate(full.dof_names):
             leader, multiplier, _ = mimics.get(name, Mimic(name, 1.0, 0.0))
             self.G[row, self.dof_names.index(leader)] = multiplier
-        at = {full.model.names[j]: (full._first[j], COORDINATES[full.model.nvs[j]]) for j in full._joints}
+        at = {
+            full.model.names[j]: (full._first[j], COORDINATES[full.model.nvs[j]])
+            for j in full._joints
+        }
         self._chosen = [at[name][0] + i for name in self.joint_names for i in range(at[name][1])]
         self.joint_of_coordinate = [name for name in self.joint_names for _ in range(at[name][1])]
         self.nq = len(self._chosen)
@@ -278,7 +289,11 @@ class Coupled:
         nodes = [self._node(k) for k in range(self.nv)]
         inboard = [self._nodes_inboard[node] for node in nodes]
         return [
-            frozenset(j for j in range(self.nv) if nodes[j] in inboard[k] or (nodes[j] == nodes[k] and j < k))
+            frozenset(
+                j
+                for j in range(self.nv)
+                if nodes[j] in inboard[k] or (nodes[j] == nodes[k] and j < k)
+            )
             for k in range(self.nv)
         ]
 
@@ -328,7 +343,9 @@ class Coupled:
 
     def at(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None = None) -> "CoupledState":
         """Return the oracle's answers at one state."""
-        return CoupledState(self, *(None if x is None else np.array(x, float) for x in (q, qd, tau)))
+        return CoupledState(
+            self, *(None if x is None else np.array(x, float) for x in (q, qd, tau))
+        )
 
     # --- dynamics
 
@@ -368,7 +385,9 @@ class Coupled:
         scaled = M / np.outer(unit, unit)
         return np.linalg.solve(scaled, (tau - bias) / unit) / unit
 
-    def effort_of(self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str) -> np.ndarray:
+    def effort_of(
+        self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str
+    ) -> np.ndarray:
         """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or the world."""
         return self.G.T @ self.full.effort_of(self.q_full(q), wrenches, frame)
 
@@ -411,7 +430,9 @@ class CoupledState(State):
 
 def oracle_of(robot: Robot, dof_names: tuple[str, ...] | None = None, **more) -> Oracle | Coupled:
     """Return the oracle of a robot, which couples its mimic joints where the robot does."""
-    return (Coupled if robot.mimic == "embed" else Oracle)(robot.urdf, dof_names, **robot.options, **more)
+    return (Coupled if robot.mimic == "embed" else Oracle)(
+        robot.urdf, dof_names, **robot.options, **more
+    )
 
 
 # --- robots
@@ -425,7 +446,9 @@ ROMEO = "romeo_description/urdf/romeo.urdf"
 def mimic_tags(urdf: str) -> dict[str, str]:
     """Return the source joint of each mimic joint that is not fixed."""
     elements = [e for e in ET.fromstring(urdf).findall("joint") if e.find("mimic") is not None]
-    return {e.get("name"): e.find("mimic").get("joint") for e in elements if e.get("type") != "fixed"}
+    return {
+        e.get("name"): e.find("mimic").get("joint") for e in elements if e.get("type") != "fixed"
+    }
 
 
 def wheel() -> list[Robot]:
@@ -435,7 +458,9 @@ def wheel() -> list[Robot]:
     return [robot(id)._replace(locked_joints=hands if id == ROMEO else {}) for id in ids]
 
 
-def mimicking(element: str, leader: str, multiplier: float | None = None, offset: float | None = None) -> str:
+def mimicking(
+    element: str, leader: str, multiplier: float | None = None, offset: float | None = None
+) -> str:
     """Return a <joint> that follows another; attributes that are None are left out."""
     attributes = "".join(
         f' {name}="{float(value)!r}"'
@@ -490,7 +515,9 @@ def _parallel_gripper() -> Robot:
         finger, bar, tip = (f"{side}_{part}" for part in ("finger", "bar", "tip"))
         for name, mass in ((finger, 0.2), (bar, 0.1), (tip, 0.15)):
             elements.append(link(f"{name}_link", mass, (0, 0, 0.03), **box))
-        swing = joint(finger, R, "palm", f"{finger}_link", axis=(0, 1, 0), xyz=(0.03 * sign, 0, 0.1))
+        swing = joint(
+            finger, R, "palm", f"{finger}_link", axis=(0, 1, 0), xyz=(0.03 * sign, 0, 0.1)
+        )
         elements.append(swing if side == "left" else mimicking(swing, "left_finger", -1.0))
         other = joint(bar, R, "palm", f"{bar}_link", axis=(0, 1, 0), xyz=(0.05 * sign, 0, 0.1))
         elements.append(mimicking(other, finger))
@@ -508,28 +535,58 @@ NAMED = {
         ),
         tree(
             "several followers of one leader",
-            *(("base", "arm", R), ("arm", "f1", R), ("arm", "f2", R, "f1", 0.8), ("arm", "f3", P, "f1", -0.4)),
+            *(
+                ("base", "arm", R),
+                ("arm", "f1", R),
+                ("arm", "f2", R, "f1", 0.8),
+                ("arm", "f3", P, "f1", -0.4),
+            ),
             ("f1", "g1", R, "f1", 1.3),
         ),
         tree(
             "multiplier 0",
-            *(("base", "a", R), ("a", "b", R, "a", 0.0, 0.6), ("b", "c", R, "a", 0.5), ("c", "d", R, "b", 2.0, 0.1)),
+            *(
+                ("base", "a", R),
+                ("a", "b", R, "a", 0.0, 0.6),
+                ("b", "c", R, "a", 0.5),
+                ("c", "d", R, "b", 2.0, 0.1),
+            ),
             ("d", "e", R),
         ),
         tree(
-            "leader outboard of its follower", ("base", "a", R), ("a", "b", R, "c", 0.9), ("b", "c", R), ("c", "d", R)
+            "leader outboard of its follower",
+            ("base", "a", R),
+            ("a", "b", R, "c", 0.9),
+            ("b", "c", R),
+            ("c", "d", R),
         ),
         tree(
             "overlapping groups merge",
-            *(("base", "a1", R), ("a1", "b1", R), ("b1", "a2", R, "a1", 0.8), ("a2", "b2", R, "b1", -0.6)),
+            *(
+                ("base", "a1", R),
+                ("a1", "b1", R),
+                ("b1", "a2", R, "a1", 0.8),
+                ("a2", "b2", R, "b1", -0.6),
+            ),
             *(("b2", "a3", R, "a2", 0.9), ("a3", "free", R)),
         ),
         tree(
             "sibling groups interleaved by name",
-            *(("base", "hand", R), ("hand", "a", R), ("hand", "b", R), ("hand", "c", R, "a"), ("hand", "d", R, "b")),
+            *(
+                ("base", "hand", R),
+                ("hand", "a", R),
+                ("hand", "b", R),
+                ("hand", "c", R, "a"),
+                ("hand", "d", R, "b"),
+            ),
             *(("a", "tip_a", R), ("d", "tip_d", R)),
         ),
-        tree("planar joint inside an aggregate", ("base", "a", R), ("a", "p", "planar"), ("p", "b", R, "a", 0.7)),
+        tree(
+            "planar joint inside an aggregate",
+            ("base", "a", R),
+            ("a", "p", "planar"),
+            ("p", "b", R, "a", 0.7),
+        ),
         tree(
             "floating joint inside an aggregate",
             *(("base", "a", R), ("a", "p", "floating"), ("p", "b", R, "a", 0.7), ("p", "c", R)),
@@ -541,11 +598,29 @@ NAMED = {
         ),
         tree(
             "massless follower link",
-            *(("base", "a", R), ("a", "b", R), ("a", "c", R, "b", -0.6), ("c", "d", P, "b"), ("d", "e", R)),
+            *(
+                ("base", "a", R),
+                ("a", "b", R),
+                ("a", "c", R, "b", -0.6),
+                ("c", "d", P, "b"),
+                ("d", "e", R),
+            ),
             massless=("c", "d"),
         ),
-        tree("continuous leader", ("base", "a", C), ("a", "b", C), ("b", "c", C, "b", -2.0), ("b", "d", C, "a")),
-        tree("one freedom", ("base", "a", R), ("a", "b", R, "a"), ("b", "c", R, "a", 0.5), ("a", "d", P, "a", 0.2)),
+        tree(
+            "continuous leader",
+            ("base", "a", C),
+            ("a", "b", C),
+            ("b", "c", C, "b", -2.0),
+            ("b", "d", C, "a"),
+        ),
+        tree(
+            "one freedom",
+            ("base", "a", R),
+            ("a", "b", R, "a"),
+            ("b", "c", R, "a", 0.5),
+            ("a", "d", P, "a", 0.2),
+        ),
         tree(
             "massless leader link",
             *(("base", "a", R), ("a", "b", R), ("a", "c", R, "b", -0.8), ("c", "d", R)),
@@ -553,22 +628,41 @@ NAMED = {
         ),
         tree(
             "massless on the way",
-            *(("base", "a", R), ("a", "b", R, "a", 0.5), ("b", "c", R, "a", 0.4), ("c", "d", R, "a", 0.3)),
+            *(
+                ("base", "a", R),
+                ("a", "b", R, "a", 0.5),
+                ("b", "c", R, "a", 0.4),
+                ("c", "d", R, "a", 0.3),
+            ),
             massless=("a", "b", "c"),
         ),
         tree(
             "leader is fixed",
-            *(("base", "a", R), ("a", "weld", "fixed"), ("weld", "b", R, "weld", 2.0, 0.4), ("b", "c", R, "b", 3.0)),
+            *(
+                ("base", "a", R),
+                ("a", "weld", "fixed"),
+                ("weld", "b", R, "weld", 2.0, 0.4),
+                ("b", "c", R, "b", 3.0),
+            ),
             *(("c", "d", R), ("d", "e", R, "d", 0.5)),
         ),
         tree(
             "snake of two",
-            *((str(k - 1) if k else "base", str(k), R, *((str(k % 2), 0.9**k) if k > 1 else ())) for k in range(10)),
+            *(
+                (str(k - 1) if k else "base", str(k), R, *((str(k % 2), 0.9**k) if k > 1 else ()))
+                for k in range(10)
+            ),
         ),
         tree(
             "nested three deep",
             *(("base", "a", R), ("a", "b", R, "a", 0.5), ("b", "c", R), ("b", "d", R, "c", -0.5)),
-            *(("d", "e", R), ("d", "f", P, "e", 0.4), ("e", "g", R), ("g", "h", R, "g", 0.3), ("a", "i", R)),
+            *(
+                ("d", "e", R),
+                ("d", "f", P, "e", 0.4),
+                ("e", "g", R),
+                ("g", "h", R, "g", 0.3),
+                ("a", "i", R),
+            ),
         ),
         _parallel_gripper(),
     )
@@ -582,17 +676,24 @@ def coupled_tree(seed: int) -> Robot:
     count = int(rng.integers(5, 15))
     kinds = rng.choice([R, C, P, "planar", "floating"], count, p=(0.35, 0.15, 0.3, 0.12, 0.08))
     names = [f"{chr(ord('a') + int(rng.integers(26)))}_{k}" for k in range(count)]
-    hub, bushy = int(rng.integers(-1, 3)), float(rng.choice([0.1, 0.3, 0.7]))  # one link has many children
+    hub, bushy = (
+        int(rng.integers(-1, 3)),
+        float(rng.choice([0.1, 0.3, 0.7])),
+    )  # one link has many children
     parents = []
     for k in range(count):
         draw = rng.random()
-        parents.append(min(hub, k - 1) if draw < bushy else int(rng.integers(-1, k)) if draw > 0.85 else k - 1)
+        parents.append(
+            min(hub, k - 1) if draw < bushy else int(rng.integers(-1, k)) if draw > 0.85 else k - 1
+        )
     mimics = _random_groups(rng, [k for k in range(count) if kinds[k] in SINGLE], parents)
     elements = [_body("base", rng)]
     for k in range(count):
         parent = f"link_{parents[k]}" if parents[k] >= 0 else "base"
         if rng.random() < 0.15:
-            elements.append(joint(f"weld_{k}", "fixed", parent, f"plate_{k}", xyz=rng.uniform(-0.2, 0.2, 3)))
+            elements.append(
+                joint(f"weld_{k}", "fixed", parent, f"plate_{k}", xyz=rng.uniform(-0.2, 0.2, 3))
+            )
             elements.append(_body(f"plate_{k}", rng) if rng.random() < 0.5 else link(f"plate_{k}"))
             parent = f"plate_{k}"
         element = _crooked(names[k], str(kinds[k]), parent, f"link_{k}", rng)
@@ -603,12 +704,16 @@ def coupled_tree(seed: int) -> Robot:
         bare = k in mimics and rng.random() < 0.3
         elements.append(link(f"link_{k}") if bare else _body(f"link_{k}", rng))
     armature = {
-        names[k]: float(rng.uniform(0.01, 0.5)) for k in range(count) if kinds[k] in SINGLE and rng.random() < 0.4
+        names[k]: float(rng.uniform(0.01, 0.5))
+        for k in range(count)
+        if kinds[k] in SINGLE and rng.random() < 0.4
     }
     return Robot(f"coupled_tree_{seed}", description(f"coupled_tree_{seed}", *elements), armature)
 
 
-def _random_groups(rng: np.random.Generator, single: list[int], parents: list[int]) -> dict[int, tuple]:
+def _random_groups(
+    rng: np.random.Generator, single: list[int], parents: list[int]
+) -> dict[int, tuple]:
     """Return leader, multiplier and offset by follower: groups of joints that are near each other, mostly."""
 
     def path(k):
@@ -619,12 +724,22 @@ def _random_groups(rng: np.random.Generator, single: list[int], parents: list[in
         if len(free) < 2:
             break
         first = int(rng.choice(free))
-        near = sorted((len(set(path(first)) ^ set(path(k))) + rng.uniform(0, 4), k) for k in free if k != first)
+        near = sorted(
+            (len(set(path(first)) ^ set(path(k))) + rng.uniform(0, 4), k)
+            for k in free
+            if k != first
+        )
         members = [first, *(k for _, k in near[: int(rng.choice([1, 1, 2, 3]))])]
         rng.shuffle(members)
         for i, k in enumerate(members[1:], start=1):
             leader = members[int(rng.integers(i)) if rng.random() < 0.4 else 0]
-            multiplier = 0.0 if rng.random() < 0.08 else float(rng.choice([-1, 1]) * rng.uniform(0.3, 1.5))
-            mimics[k] = (leader, multiplier, float(rng.uniform(-1, 1)) if rng.random() < 0.5 else None)
+            multiplier = (
+                0.0 if rng.random() < 0.08 else float(rng.choice([-1, 1]) * rng.uniform(0.3, 1.5))
+            )
+            mimics[k] = (
+                leader,
+                multiplier,
+                float(rng.uniform(-1, 1)) if rng.random() < 0.5 else None,
+            )
         free = [k for k in free if k not in members]
     return mimics

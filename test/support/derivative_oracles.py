@@ -73,7 +73,11 @@ class RateOracle(Oracle):
         if max(self.model.nvs) > 1:
             M, ad = self.mass_matrix(q), self.brackets(qd)
             momentum, e = M @ qd, np.eye(self.nv)
-            terms += [M @ ad, -ad.T @ M, -np.column_stack([self.brackets(x).T @ momentum for x in e])]
+            terms += [
+                M @ ad,
+                -ad.T @ M,
+                -np.column_stack([self.brackets(x).T @ momentum for x in e]),
+            ]
         return [0.5 * part for part in terms]
 
     def brackets(self, x: np.ndarray) -> np.ndarray:
@@ -98,7 +102,9 @@ def link_placement(oracle, q: np.ndarray, link: str) -> pin.SE3:
     return oracle.data.oMf[at].copy()
 
 
-def jacobian(oracle, q: np.ndarray, link: str, point=(0.0, 0.0, 0.0), frame: str = "link") -> np.ndarray:
+def jacobian(
+    oracle, q: np.ndarray, link: str, point=(0.0, 0.0, 0.0), frame: str = "link"
+) -> np.ndarray:
     """Return J (6 × nv), linear first, of the velocity of a point given in the link's axes; in axes of link or world."""
     if isinstance(oracle, Coupled):
         return jacobian(oracle.full, oracle.q_full(q), link, point, frame) @ oracle.G
@@ -131,13 +137,20 @@ class CoupledRates(Coupled):
 
     def coriolis_terms(self, q: np.ndarray, qd: np.ndarray) -> list[np.ndarray]:
         """Return the terms of GᵀC_sG."""
-        return [self.G.T @ part @ self.G for part in self.full.coriolis_terms(self.q_full(q), self.G @ qd)]
+        return [
+            self.G.T @ part @ self.G
+            for part in self.full.coriolis_terms(self.q_full(q), self.G @ qd)
+        ]
 
     def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return GᵀṀG."""
         return self.G.T @ self.full.mass_matrix_rate(self.q_full(q), self.G @ qd) @ self.G
 
 
-def rate_oracle_of(robot: Robot, dof_names: tuple[str, ...] | None = None) -> RateOracle | CoupledRates:
+def rate_oracle_of(
+    robot: Robot, dof_names: tuple[str, ...] | None = None
+) -> RateOracle | CoupledRates:
     """Return the oracle of a robot, which couples its mimic joints where the robot does."""
-    return (CoupledRates if robot.mimic == "embed" else RateOracle)(robot.urdf, dof_names, **robot.options)
+    return (CoupledRates if robot.mimic == "embed" else RateOracle)(
+        robot.urdf, dof_names, **robot.options
+    )

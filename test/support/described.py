@@ -37,7 +37,8 @@ class Robot:
         self.root = next(
             link.get("name")
             for link in self.oracle.xml.findall("link")
-            if link.get("name") not in {child.get("link") for child in self.oracle.xml.findall("joint/child")}
+            if link.get("name")
+            not in {child.get("link") for child in self.oracle.xml.findall("joint/child")}
         )
         rng = np.random.default_rng(len(self.names))
         self.shuffled = tuple(rng.permutation(self.names).tolist())

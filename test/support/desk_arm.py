@@ -25,7 +25,9 @@ URDF = "".join(
         LINK.format(name="upper", centre="0.06 0 0", mass=0.12, small=2e-5, large=1.6e-4),
         LINK.format(name="fore", centre="0.05 0.004 0", mass=0.09, small=1e-5, large=9e-5),
         JOINT.format(name="pan", parent="base", child="column", origin="0 0 0.05", axis="0 0 1"),
-        JOINT.format(name="lift", parent="column", child="upper", origin="0 0.02 0.06", axis="0 1 0"),
+        JOINT.format(
+            name="lift", parent="column", child="upper", origin="0 0.02 0.06", axis="0 1 0"
+        ),
         JOINT.format(name="elbow", parent="upper", child="fore", origin="0.12 0 0", axis="0 1 0"),
         "</robot>",
     )
@@ -37,17 +39,26 @@ def motion(duration=12.0, rate=100.0, gravity=DOWN, seed=1):
     """Return times, positions, rates and Pinocchio's efforts of a smooth motion."""
     rng, count = np.random.default_rng(seed), len(JOINTS)
     t = np.arange(0.0, duration, 1.0 / rate)
-    w, phase = 2.0 * np.pi * rng.uniform(0.15, 0.6, (3, count)), rng.uniform(0.0, 2.0 * np.pi, (3, count))
+    w, phase = (
+        2.0 * np.pi * rng.uniform(0.15, 0.6, (3, count)),
+        rng.uniform(0.0, 2.0 * np.pi, (3, count)),
+    )
     size = rng.uniform(0.25, 0.55, (3, count))
     angles = w * t[:, None, None] + phase
     q, qd, qdd = (
-        (size * values).sum(axis=1) for values in (np.sin(angles), w * np.cos(angles), -(w**2) * np.sin(angles))
+        (size * values).sum(axis=1)
+        for values in (np.sin(angles), w * np.cos(angles), -(w**2) * np.sin(angles))
     )
     model = pin.buildModelFromXML(URDF)
     assert tuple(model.names)[1:] == JOINTS
     model.gravity.linear = np.array(gravity)
     data = model.createData()
-    return t, q, qd, np.array([pin.rnea(model, data, *state) for state in zip(q, qd, qdd, strict=True)])
+    return (
+        t,
+        q,
+        qd,
+        np.array([pin.rnea(model, data, *state) for state in zip(q, qd, qdd, strict=True)]),
+    )
 
 
 def worn(tau, qd, seed=2):
@@ -65,5 +76,12 @@ def recording(t, q, qd, tau):
 def write_table(path, t, q, qd, tau):
     """Write a table of the motion, whose columns `analyse` and `identify` read without a map."""
     header = ["t", *(f"{kind}_{name}" for kind in ("q", "qd", "tau") for name in JOINTS)]
-    np.savetxt(path, np.column_stack([t, q, qd, tau]), delimiter=",", comments="", header=",".join(header), fmt="%.17g")
+    np.savetxt(
+        path,
+        np.column_stack([t, q, qd, tau]),
+        delimiter=",",
+        comments="",
+        header=",".join(header),
+        fmt="%.17g",
+    )
     return path

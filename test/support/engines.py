@@ -48,7 +48,10 @@ class Mujoco:
         for j in range(self.model.njnt):
             name, first = self.model.joint(j).name, self.model.jnt_dofadr[j]
             suffixes = [f"/{suffix}" for suffix in FLOATING] if name == "root_joint" else [""]
-            at |= {name + suffix: (first + i, self.model.jnt_qposadr[j]) for i, suffix in enumerate(suffixes)}
+            at |= {
+                name + suffix: (first + i, self.model.jnt_qposadr[j])
+                for i, suffix in enumerate(suffixes)
+            }
         assert sorted(at) == sorted(dof_names)
         self.dof = np.array([at[name][0] for name in dof_names])
         self.single = [k for k, name in enumerate(dof_names) if "/" not in name]
@@ -101,7 +104,9 @@ def reference(oracle, q, qd, effort, duration, h, more=lambda x, v: 0.0):
 
     def chart_rate(x, u, v):
         at, d = pin.integrate(model, x, u), 1e-4
-        ends = (pin.difference(model, x, pin.integrate(model, at, s * d * v)) for s in (1, -1, 2, -2))
+        ends = (
+            pin.difference(model, x, pin.integrate(model, at, s * d * v)) for s in (1, -1, 2, -2)
+        )
         f, b, ff, bb = ends
         return (8 * (f - b) - (ff - bb)) / (12 * d)
 
@@ -174,8 +179,12 @@ def scene(name):
 def ours(scene, duration):
     """Return the simulation after some time [s], by steps of 1 ms."""
     zero = np.zeros(scene.model.nv)
-    sim = dd.Simulation(scene.model, scene.q, scene.qd, damping=scene.damping, friction=zero, limits=False)
-    sim.advance(scene.tau, steps=round(duration / sim.step_size), f_ext={scene.link: PUSH}, frame="world")
+    sim = dd.Simulation(
+        scene.model, scene.q, scene.qd, damping=scene.damping, friction=zero, limits=False
+    )
+    sim.advance(
+        scene.tau, steps=round(duration / sim.step_size), f_ext={scene.link: PUSH}, frame="world"
+    )
     return sim
 
 
@@ -196,7 +205,9 @@ def by_mujoco(scene, duration, h):
 
     def carry(spec):
         mass, com, inertia = PAYLOAD
-        body = spec.body(scene.link).add_body(name="payload", pos=com, mass=mass, inertia=np.diag(inertia))
+        body = spec.body(scene.link).add_body(
+            name="payload", pos=com, mass=mass, inertia=np.diag(inertia)
+        )
         body.ipos, body.explicitinertial = (0.0, 0.0, 0.0), True
 
     floating = scene.model.floating_base

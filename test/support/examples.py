@@ -22,7 +22,9 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 settings.register_profile("full", settings.get_profile("gate"), max_examples=100)
-settings.register_profile("thorough", settings.get_profile("gate"), derandomize=False, max_examples=10_000)
+settings.register_profile(
+    "thorough", settings.get_profile("gate"), derandomize=False, max_examples=10_000
+)
 settings.load_profile("gate")
 
 _all_robots = False
@@ -42,7 +44,9 @@ def all_robots_selected() -> bool:
 def examples(count: int) -> settings:
     """Return hypothesis settings: `count` examples in the full tier, at most GATE_EXAMPLES in the gate."""
     chosen = settings().max_examples
-    return settings(max_examples=min(count, chosen) if chosen == GATE_EXAMPLES else count * chosen // 100)
+    return settings(
+        max_examples=min(count, chosen) if chosen == GATE_EXAMPLES else count * chosen // 100
+    )
 
 
 def some_of(cases, stride):

@@ -68,7 +68,9 @@ class FloatingMonitor(Monitor):
     def joints_message(self, stamp, some=slice(None), effort=None):
         """Return a joint state with some of the joints."""
         effort = np.zeros(len(self.joints)) if effort is None else effort
-        return joint_state(self.joints[some], self.q[7:][some], self.v[6:][some], effort[some], stamp)
+        return joint_state(
+            self.joints[some], self.q[7:][some], self.v[6:][some], effort[some], stamp
+        )
 
     def answer(self, effort=None, step=S, **odometry):
         """Publish odometry and all joints of one stamp, and return what comes back by topic."""
@@ -88,13 +90,17 @@ class FloatingMonitor(Monitor):
         assert state.position_names[6] == "root_joint/qw"
         assert state.header.frame_id == "base_link"
         same = np.sign(np.dot(state.position[3:7], self.q[3:7]))
-        position = np.r_[state.position[:3], same * np.array(state.position[3:7]), state.position[7:]]
+        position = np.r_[
+            state.position[:3], same * np.array(state.position[3:7]), state.position[7:]
+        ]
         np.testing.assert_allclose(position, self.q, atol=1e-12)
         np.testing.assert_allclose(state.velocity, self.v, atol=1e-12)
         np.testing.assert_allclose(state.nu, nu, atol=1e-11)
         gravity = np.linalg.solve(m, pin.computeGeneralizedGravity(self.model, self.data, self.q))
         np.testing.assert_allclose(state.gravity, gravity, atol=1e-10)
-        assert abs(np.dot(state.nu, state.coriolis)) < 1e-12 * np.linalg.norm(nu) * np.linalg.norm(state.coriolis)
+        assert abs(np.dot(state.nu, state.coriolis)) < 1e-12 * np.linalg.norm(nu) * np.linalg.norm(
+            state.coriolis
+        )
         K = 0.5 * self.v @ (np.triu(M) + np.triu(M, 1).T) @ self.v
         assert math.isclose(energy.total, K, rel_tol=1e-12)
         assert math.isclose(energy.base_energy, 0.5 * nu[:6] @ nu[:6], rel_tol=1e-11)

@@ -16,7 +16,18 @@ ODD = {
 """Values of one joint that are not believed."""
 DELAYS = 1, 40, 3000, 40_000
 FAULTS = (
-    *(*ODD, "cut", "flipped", "late", "early", "no stamp", "jump", "wrong length", "no velocity", "foreign"),
+    *(
+        *ODD,
+        "cut",
+        "flipped",
+        "late",
+        "early",
+        "no stamp",
+        "jump",
+        "wrong length",
+        "no velocity",
+        "foreign",
+    ),
     *("twice", "garbage", "one more", "jump back", "some", "some"),
 )
 
@@ -28,8 +39,13 @@ class Driver:
         self.rng, self.effort = np.random.default_rng(seed), effort
         joints = joints_of(model)
         self.names = list(names or joints.names)
-        places = [joints.names.index(joints.mimics[n].leader if n in joints.mimics else n) for n in self.names]
-        low, high = (np.nan_to_num(x[places], posinf=1.0, neginf=-1.0) for x in (joints.lower, joints.upper))
+        places = [
+            joints.names.index(joints.mimics[n].leader if n in joints.mimics else n)
+            for n in self.names
+        ]
+        low, high = (
+            np.nan_to_num(x[places], posinf=1.0, neginf=-1.0) for x in (joints.lower, joints.upper)
+        )
         self.middle, self.reach = 0.5 * (low + high), np.minimum(0.2, 0.2 * (high - low))
         self.phase = 0.7 * np.array(places)
         following = [joints.mimics[n][1:] if n in joints.mimics else (1.0, 0.0) for n in self.names]
@@ -44,7 +60,9 @@ class Driver:
         """Return names, positions, velocities and efforts at a time [ns]."""
         begin, end = self.stuck
         t = ((begin if begin <= stamp < end else stamp) - START) / S
-        position = self.multiplier * (self.middle + self.reach * np.sin(t + self.phase)) + self.offset
+        position = (
+            self.multiplier * (self.middle + self.reach * np.sin(t + self.phase)) + self.offset
+        )
         velocity = self.multiplier * self.reach * np.cos(t + self.phase)
         return self.names, position, velocity, np.sin(self.phase + 3.0 * t) if self.effort else ()
 
@@ -68,7 +86,10 @@ class Driver:
         elif fault == "jump":
             position += rng.choice([0.05, 0.2, 1.0])
         elif fault == "jump back":
-            position, velocity = self.multiplier * self.middle + self.offset, np.full(len(names), 0.3)
+            position, velocity = (
+                self.multiplier * self.middle + self.offset,
+                np.full(len(names), 0.3),
+            )
         elif fault == "wrong length":
             position = position[:-1]
         elif fault == "no velocity":

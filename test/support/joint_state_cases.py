@@ -55,7 +55,9 @@ COUNTERS = sorted(
 def wiring(counter):
     """Return the shortest case that raises a counter."""
     cases = (one for cases in TABLE.values() for one in cases)
-    raising = (one for one in cases if any(counter in (step.outcome, *step.also) for step in one.steps))
+    raising = (
+        one for one in cases if any(counter in (step.outcome, *step.also) for step in one.steps)
+    )
     return min(raising, key=lambda one: len(one.steps))
 
 

@@ -90,6 +90,8 @@ def joint_state(names, position=(), velocity=(), effort=(), stamp=NOW, frame="",
     return bags.serialized(stamp, names, position, velocity, effort, frame, order)
 
 
-def odometry(stamp=NOW, position=(1, 2, 3), orientation=(0, 0, 0, 1), twist=(0,) * 6, child="trunk"):
+def odometry(
+    stamp=NOW, position=(1, 2, 3), orientation=(0, 0, 0, 1), twist=(0,) * 6, child="trunk"
+):
     """Return the bytes of a nav_msgs/Odometry."""
     return bags.odometry(stamp, child, (*position, *orientation), twist)

@@ -72,7 +72,11 @@ class Reader:
     def __init__(self, robot, parameters, as_bytes=False):
         chosen, self._as_bytes = settings(parameters), as_bytes
         self.counts, self.states, self.rejections = Counter(), [], []
-        self.base = OdometryBase(robot, chosen.values["odom_twist_frame"] == "header") if robot.floating_base else None
+        self.base = (
+            OdometryBase(robot, chosen.values["odom_twist_frame"] == "header")
+            if robot.floating_base
+            else None
+        )
         self.assembler = StateAssembler(joints_of(robot), chosen.inputs, self.base)
 
     def read(self, message):
@@ -90,8 +94,12 @@ class Reader:
 
     def result(self):
         """Return what came of all messages."""
-        more = Counter({LOST: self.assembler.lost, "time jumped back": self.base.jumps if self.base else 0})
-        return Result(self.states, positive(self.counts + self.assembler.counts + more), self.rejections)
+        more = Counter(
+            {LOST: self.assembler.lost, "time jumped back": self.base.jumps if self.base else 0}
+        )
+        return Result(
+            self.states, positive(self.counts + self.assembler.counts + more), self.rejections
+        )
 
     def configure(self, parameters):
         """Use other parameters from now on."""
@@ -102,10 +110,13 @@ class Reader:
         """Return the outcome of a message."""
         if message.odometry:
             try:
-                return self.assembler.accept_odometry(read_message(message.raw, ODOMETRY), message.now)
+                return self.assembler.accept_odometry(
+                    read_message(message.raw, ODOMETRY), message.now
+                )
             except ValueError as error:
                 return Rejected(
-                    "malformed", f"odom: {len(message.raw)} bytes, expected a nav_msgs/msg/Odometry ({error})"
+                    "malformed",
+                    f"odom: {len(message.raw)} bytes, expected a nav_msgs/msg/Odometry ({error})",
                 )
         if self._as_bytes:
             return self.assembler.accept(message.raw, message.now)
@@ -118,9 +129,20 @@ class Reader:
 
 def as_state(position, velocity, effort, newest, oldest, received, estimated, partial=None):
     """Return a state as plain lists, numbers and bytes."""
-    effort, partial = None if effort is None else effort.tolist(), None if partial is None else partial.tobytes()
+    effort, partial = (
+        None if effort is None else effort.tolist(),
+        None if partial is None else partial.tobytes(),
+    )
     stamps = int(newest), int(oldest)
-    return State(position.tolist(), velocity.tolist(), effort, *stamps, bool(received), bool(estimated), partial)
+    return State(
+        position.tolist(),
+        velocity.tolist(),
+        effort,
+        *stamps,
+        bool(received),
+        bool(estimated),
+        partial,
+    )
 
 
 def positive(counts):
@@ -142,7 +164,10 @@ def read_columns(robot, parameters, messages, pieces=1):
     kinds = np.array([JOINT_STATE, ODOMETRY])
     for part in np.array_split(np.arange(len(messages)), pieces):
         found = intake.read(decode_messages(decoder, recorded([messages[k] for k in part]), kinds))
-        efforts = [row if known else None for row, known in zip(found.effort, found.effort_known, strict=True)]
+        efforts = [
+            row if known else None
+            for row, known in zip(found.effort, found.effort_known, strict=True)
+        ]
         some = np.isfinite(found.effort).any(axis=1) & ~found.effort_known
         partial = [row if known else None for row, known in zip(found.effort, some, strict=True)]
         columns = (
@@ -165,7 +190,11 @@ def recorded(messages):
     data = np.frombuffer(b"".join(message.raw for message in messages), dtype=np.uint8)
     times = np.array([message.now for message in messages], dtype=int)
     return Messages(
-        data, np.array([int(message.odometry) for message in messages], dtype=int), np.cumsum(size) - size, size, times
+        data,
+        np.array([int(message.odometry) for message in messages], dtype=int),
+        np.cumsum(size) - size,
+        size,
+        times,
     )
 
 

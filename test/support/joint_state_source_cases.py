@@ -22,7 +22,9 @@ def _driver(time, outcome="published", *, amplitude=0.7, **more):
 def _pose(time, outcome="published", *, pose=(0, 0, 0), velocity=(0, 0, 0), **more):
     """Step of a source that always says the same, `time` [ns] after NOW."""
     words = ("in turns",) if outcome == INTERLEAVED or more.get("also") == INTERLEAVED else ()
-    return whole(NOW + time, outcome, *words, position=list(pose), velocity=list(velocity), effort=[], **more)
+    return whole(
+        NOW + time, outcome, *words, position=list(pose), velocity=list(velocity), effort=[], **more
+    )
 
 
 def _both(*steps):
@@ -40,7 +42,12 @@ def _in_turns(*steps):
     return [step for _, step in _both(*steps)]
 
 
-GOOD, JUMP, ELSEWHERE, MOVED = {}, {"outcome": "jump"}, {"outcome": INTERLEAVED}, {"also": "positions jumped"}
+GOOD, JUMP, ELSEWHERE, MOVED = (
+    {},
+    {"outcome": "jump"},
+    {"outcome": INTERLEAVED},
+    {"also": "positions jumped"},
+)
 BARE, NAMED = {"outcome": "no velocity"}, {"outcome": "no velocity", "also": INTERLEAVED}
 EACH = range(0, 2000 * MS, 10 * MS)
 """Stamps of the driver, less NOW."""
@@ -67,7 +74,10 @@ SOURCES = {
         _at([time - 5 * MS for time in EACH], _pose, GOOD, GOOD, then=ELSEWHERE),
         _at(EACH, _driver, JUMP, MOVED, then=GOOD),
     ),
-    "zeros and the driver at one stamp": (_at(EACH, _driver, then=GOOD), _at(EACH, _pose, JUMP, then=ELSEWHERE)),
+    "zeros and the driver at one stamp": (
+        _at(EACH, _driver, then=GOOD),
+        _at(EACH, _pose, JUMP, then=ELSEWHERE),
+    ),
     "zeros less often than the driver": (
         _at(EACH, _driver, then=GOOD),
         _at(range(5 * MS, 2000 * MS, 100 * MS), _pose, JUMP, then=ELSEWHERE),
@@ -109,7 +119,9 @@ def _pick_and_place(time, rest=0.3):
 
 def _sine(time):
     w = 2 * math.pi
-    return [x * math.sin(w * time) for x in (0.5, 0.3, 0.4)], [x * w * math.cos(w * time) for x in (0.5, 0.3, 0.4)]
+    return [x * math.sin(w * time) for x in (0.5, 0.3, 0.4)], [
+        x * w * math.cos(w * time) for x in (0.5, 0.3, 0.4)
+    ]
 
 
 def _held(time):
@@ -127,7 +139,11 @@ def _one_robot(motion, count, velocities):
     steps = []
     for k in range(count):
         position, velocity = motion(0.01 * k)
-        sent = _counted(velocity, RATE) if velocities == "all" or (velocities == "some" and k % 3) else []
+        sent = (
+            _counted(velocity, RATE)
+            if velocities == "all" or (velocities == "some" and k % 3)
+            else []
+        )
         raw = joint_state(NAMES, _counted(position, COUNT), sent, (), NOW + 10 * k * MS)
         steps.append(step(raw, "published" if k or sent else "awaiting velocity"))
     return steps
@@ -142,7 +158,12 @@ COARSE_CASES = [
         velocity_filter_time=0.0,
     )
     for motion in (_pick_and_place, _sine, _held)
-    for velocities, missing in (("all", "reject"), ("all", "estimate"), ("some", "estimate"), ("no", "estimate"))
+    for velocities, missing in (
+        ("all", "reject"),
+        ("all", "estimate"),
+        ("some", "estimate"),
+        ("no", "estimate"),
+    )
 ]
 
 SOURCE_CASES = [

@@ -40,7 +40,14 @@ class Case(NamedTuple):
     robot: str = "arm"
 
 
-OUTCOMES = ("published", "incomplete", "foreign", "followers only", "awaiting velocity", "before odometry")
+OUTCOMES = (
+    "published",
+    "incomplete",
+    "foreign",
+    "followers only",
+    "awaiting velocity",
+    "before odometry",
+)
 
 
 def step(raw, outcome="published", *words, also=(), now=NOW, **state):
@@ -50,7 +57,9 @@ def step(raw, outcome="published", *words, also=(), now=NOW, **state):
     return Step(raw, outcome if known else f"rejected: {outcome}", state or None, also, words, now)
 
 
-def whole(stamp=NOW, outcome="published", *words, names=NAMES, shift=0.0, also=(), now=NOW, **fields):
+def whole(
+    stamp=NOW, outcome="published", *words, names=NAMES, shift=0.0, also=(), now=NOW, **fields
+):
     """Step of a message with joints at 1, 2, 3 plus `shift`, velocities ten times and efforts a hundred times as large.
 
     `fields` replace fields of the message, or, with the prefix ``state_``, of the expected state. By default the state is
@@ -58,15 +67,25 @@ def whole(stamp=NOW, outcome="published", *words, names=NAMES, shift=0.0, also=(
     """
     base = [shift + NAMES.index(name) + 1.0 for name in names]
     sent = {"position": base, "velocity": [10 * x for x in base], "effort": [100 * x for x in base]}
-    state = {key.removeprefix("state_"): value for key, value in fields.items() if key.startswith("state_")}
+    state = {
+        key.removeprefix("state_"): value
+        for key, value in fields.items()
+        if key.startswith("state_")
+    }
     sent |= {key: value for key, value in fields.items() if not key.startswith("state_")}
     if outcome == "published" and set(names) == set(NAMES):
         at = now if stamp == 0 else stamp
         whole_effort = len(sent["effort"]) == 3 and all(map(math.isfinite, sent["effort"]))
         values = {field: _in_order(names, sent[field]) for field in ("position", "velocity")}
         values["effort"] = _in_order(names, sent["effort"]) if whole_effort else None
-        state = values | {"newest": at, "oldest": at, "received": stamp == 0, "estimated": False} | state
-    return step(joint_state(names, **sent, stamp=stamp), outcome, *words, also=also, now=now, **state)
+        state = (
+            values
+            | {"newest": at, "oldest": at, "received": stamp == 0, "estimated": False}
+            | state
+        )
+    return step(
+        joint_state(names, **sent, stamp=stamp), outcome, *words, also=also, now=now, **state
+    )
 
 
 def _in_order(names, values):
@@ -80,7 +99,9 @@ def hand(stamp=NOW, outcome="followers only", *words, effort=(), also=(), now=NO
     return step(raw, outcome, *words, also=also, now=now)
 
 
-def all_of(stamp=NOW, *, own=(0, 0, 0), also=(), joints=(100, 200, 300), effort=(100, 200, 300), **position):
+def all_of(
+    stamp=NOW, *, own=(0, 0, 0), also=(), joints=(100, 200, 300), effort=(100, 200, 300), **position
+):
     """Step of a message with joints and mimic joints; `own` are efforts of the latter, `effort` those of the state."""
     position = {"shoulder": 1, "elbow": 2, "wrist": 3} | IN_PLACE | position
     names = ("pinky", "shoulder", "thumb", "elbow", "heel", "wrist")
@@ -92,12 +113,28 @@ def all_of(stamp=NOW, *, own=(0, 0, 0), also=(), joints=(100, 200, 300), effort=
 
 
 def positions(
-    stamp, *values, rates=None, velocity=(), outcome="", words=(), also=(), now=NOW, estimated=True, names=NAMES
+    stamp,
+    *values,
+    rates=None,
+    velocity=(),
+    outcome="",
+    words=(),
+    also=(),
+    now=NOW,
+    estimated=True,
+    names=NAMES,
 ):
     """Step of a message with positions and perhaps velocities; `rates` are the velocities of the state, if it makes one."""
     state = {} if rates is None else {"velocity": list(rates), "estimated": estimated}
     outcome = outcome or ("awaiting velocity" if rates is None else "published")
-    return step(joint_state(names, values, velocity, (), stamp), outcome, *words, also=also, now=now, **state)
+    return step(
+        joint_state(names, values, velocity, (), stamp),
+        outcome,
+        *words,
+        also=also,
+        now=now,
+        **state,
+    )
 
 
 def case(name, *steps, robot="arm", **parameters):
@@ -107,6 +144,11 @@ def case(name, *steps, robot="arm", **parameters):
 
 
 ARM, GRIPPER = NAMES[:2], NAMES[2:]
-PAST, FUTURE, LATE, JUMPED = "stamp from the past", "stamp from the future", "late", "time jumped back"
+PAST, FUTURE, LATE, JUMPED = (
+    "stamp from the past",
+    "stamp from the future",
+    "late",
+    "time jumped back",
+)
 IMPLAUSIBLE = "implausible value"
 INTERLEAVED = "interleaved sources"

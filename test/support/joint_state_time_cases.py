@@ -41,14 +41,29 @@ ORDERS = {
     "confirmed a second later": ([OLD, OLD + S], PAST, JUMPED),
     "not confirmed after more than a second": ([OLD, OLD + S + 1, OLD + S + 1], PAST, PAST, JUMPED),
     "not confirmed by an older stamp": ([OLD, OLD - 1, OLD], PAST, PAST, JUMPED),
-    "strays between good stamps": ([OLD, NOW, OLD, NOW + 1, OLD], PAST, "published", PAST, "published", PAST),
+    "strays between good stamps": (
+        [OLD, NOW, OLD, NOW + 1, OLD],
+        PAST,
+        "published",
+        PAST,
+        "published",
+        PAST,
+    ),
     "a late stamp confirms nothing": ([OLD, NOW - 1, OLD], PAST, LATE, PAST),
     "twice": ([OLD, OLD, OLD - 2 * S, OLD - 2 * S], PAST, JUMPED, PAST, JUMPED),
     "five late over half a second": (TOO_LATE, LATE, LATE, LATE, LATE, JUMPED),
     "four late are too few": ([NOW - 900 * MS + k * 200 * MS for k in range(4)], *[LATE] * 4),
-    "five late over less than half a second": ([TOO_LATE[0] + k * 124 * MS for k in range(5)], *[LATE] * 5),
+    "five late over less than half a second": (
+        [TOO_LATE[0] + k * 124 * MS for k in range(5)],
+        *[LATE] * 5,
+    ),
     "late stamps that go back begin anew": ([*TOO_LATE[:4], *TOO_LATE[2:]], *[LATE] * 7),
-    "late stamps with a good one between": ([*TOO_LATE[:4], NOW, TOO_LATE[4]], *[LATE] * 4, "published", LATE),
+    "late stamps with a good one between": (
+        [*TOO_LATE[:4], NOW, TOO_LATE[4]],
+        *[LATE] * 4,
+        "published",
+        LATE,
+    ),
     "from the past into what is late": (
         [NOW - 1100 * MS + k * 150 * MS for k in range(5)],
         PAST,
@@ -65,27 +80,47 @@ def _ordered(stamp, outcome):
 ORDER_CASES = [
     *(
         case(
-            f"malformed stamp {stamp}", whole(1 * S), whole(stamp, "malformed stamp", f"{stamp[0]} s and {stamp[1]} ns")
+            f"malformed stamp {stamp}",
+            whole(1 * S),
+            whole(stamp, "malformed stamp", f"{stamp[0]} s and {stamp[1]} ns"),
         )
         for stamp in ((-1, 0), (-1, S - 1), (-(2**31), 0), (5, S), (0, 2**32 - 1))
     ),
     case("malformed stamp of mimic joints", hand((-1, 5), "malformed stamp")),
-    case("largest stamp", whole(NOW), *(whole((2**31 - 1) * S + S - 1 - behind) for behind in (7, 1, 0))),
+    case(
+        "largest stamp",
+        whole(NOW),
+        *(whole((2**31 - 1) * S + S - 1 - behind) for behind in (7, 1, 0)),
+    ),
     case("stamp of a nanosecond", whole(1)),
     case("no stamp: time of reception", whole(0), whole(0, now=NOW + MS), hand(0)),
     case(
-        "neither stamp nor clock", whole(0, "no time", "/clock", now=0), whole(5 * S, now=0), hand(0, "no time", now=0)
+        "neither stamp nor clock",
+        whole(0, "no time", "/clock", now=0),
+        whole(5 * S, now=0),
+        hand(0, "no time", now=0),
     ),
     case(
         "time of reception stands for the stamp as long as one joint has none",
         whole(0),
         whole(NOW + 100 * MS, names=("wrist", "elbow"), state_received=True, state_oldest=NOW),
-        whole(NOW + 100 * MS, names=("shoulder",), state_received=False, state_oldest=NOW + 100 * MS),
+        whole(
+            NOW + 100 * MS, names=("shoulder",), state_received=False, state_oldest=NOW + 100 * MS
+        ),
     ),
-    case("times of reception have an order", whole(0), whole(0, LATE, now=NOW - 1), whole(0, PAST, now=NOW - S - 1)),
+    case(
+        "times of reception have an order",
+        whole(0),
+        whole(0, LATE, now=NOW - 1),
+        whole(0, PAST, now=NOW - S - 1),
+    ),
     case(
         "stamps and times of reception are not compared",
-        *(step for k in range(3) for step in (whole(0, now=NOW + k * MS), whole(20 * S + k * MS, shift=k))),
+        *(
+            step
+            for k in range(3)
+            for step in (whole(0, now=NOW + k * MS), whole(20 * S + k * MS, shift=k))
+        ),
         whole(20 * S, LATE),
     ),
     *(
@@ -100,7 +135,10 @@ ORDER_CASES = [
         )
         for parameters, span in SPANS
     ),
-    *(case(name, whole(NOW), *map(_ordered, stamps, outcomes)) for name, (stamps, *outcomes) in ORDERS.items()),
+    *(
+        case(name, whole(NOW), *map(_ordered, stamps, outcomes))
+        for name, (stamps, *outcomes) in ORDERS.items()
+    ),
     case(
         "late by the joint concerned",
         whole(NOW),
@@ -114,7 +152,13 @@ ORDER_CASES = [
         "older than other joints is not late",
         whole(NOW),
         whole(NOW + 300 * MS, names=GRIPPER),
-        whole(NOW + 100 * MS, names=ARM, shift=1.0, state_position=[2, 3, 3], state_oldest=NOW + 100 * MS),
+        whole(
+            NOW + 100 * MS,
+            names=ARM,
+            shift=1.0,
+            state_position=[2, 3, 3],
+            state_oldest=NOW + 100 * MS,
+        ),
     ),
     case(
         "malformed messages say nothing of the time",
@@ -187,7 +231,11 @@ def _at(later, behind, outcome="published", *words, **more):
 SET = 4 * S
 CLOCKS = {
     "in step at the bound": [_at(0, S), _at(2 * S, S), _at(2 * S, -S)],
-    "from the past": [_at(0, S), _at(S, S + 1, PAST, "shoulder", "1.000 s behind", "max_age"), _at(S, S)],
+    "from the past": [
+        _at(0, S),
+        _at(S, S + 1, PAST, "shoulder", "1.000 s behind", "max_age"),
+        _at(S, S),
+    ],
     "from the future": [_at(0, 0), _at(S, -S - 1, FUTURE, "1.000 s ahead", "max_age"), _at(S, -S)],
     "foreign from the first on": [_at(0, 72 * S), _at(MS, 72 * S), _at(2 * MS, -72 * S)],
     "foreign until well within the bound": [
@@ -211,7 +259,11 @@ CLOCKS = {
         _at(21 * S - 1, -SET - S - 1, FUTURE),
         _at(21 * S, -SET - S - 1),
     ],
-    "up to max_age it is the same distance": [_at(0, 0), _at(S, -SET, FUTURE), _at(11 * S, -SET - S)],
+    "up to max_age it is the same distance": [
+        _at(0, 0),
+        _at(S, -SET, FUTURE),
+        _at(11 * S, -SET - S),
+    ],
     "one stamp in step and the ten seconds begin anew": [
         _at(0, 0),
         _at(S, -SET, FUTURE),
@@ -234,7 +286,11 @@ CLOCKS = {
         hand(NOW - S - 1, PAST, "thumb"),
         hand(NOW + S + 1, FUTURE, "thumb"),
     ],
-    "before the clock begins and without stamp": [whole(50 * S, now=0), whole(0, now=7 * S), whole(NOW, now=0)],
+    "before the clock begins and without stamp": [
+        whole(50 * S, now=0),
+        whole(0, now=7 * S),
+        whole(NOW, now=0),
+    ],
 }
 
 FOREIGN_REFUSED = {
@@ -250,7 +306,10 @@ FOREIGN_REFUSED = {
 
 CLOCK_CASES = [
     *(case(f"clock: {name}", *steps, max_age=1.0) for name, steps in CLOCKS.items()),
-    *(case(f"foreign: {name}", *steps, max_age=1.0, foreign_time="reject") for name, steps in FOREIGN_REFUSED.items()),
+    *(
+        case(f"foreign: {name}", *steps, max_age=1.0, foreign_time="reject")
+        for name, steps in FOREIGN_REFUSED.items()
+    ),
     case("clock: no max_age", _at(0, 0), _at(0, -500 * S), _at(S, -500 * S), foreign_time="reject"),
     *(
         case(
@@ -277,7 +336,11 @@ CLOCK_CASES = [
 
 def _aged(later, outcome="published", *words, **more):
     """Step of shoulder and elbow so much later than NOW [ns]."""
-    more = {"state_position": [1, 2, 3], "state_oldest": NOW} | more if outcome == "published" else more
+    more = (
+        {"state_position": [1, 2, 3], "state_oldest": NOW} | more
+        if outcome == "published"
+        else more
+    )
     return whole(NOW + later, outcome, *words, names=ARM, **more)
 
 
@@ -287,11 +350,22 @@ AGE_CASES = [
         whole(NOW),
         _aged(500 * MS),
         _aged(500 * MS + 1, "stale joint", "wrist", "0.5 s"),
-        whole(NOW + 400 * MS, names=GRIPPER, state_newest=NOW + 500 * MS + 1, state_oldest=NOW + 400 * MS),
+        whole(
+            NOW + 400 * MS,
+            names=GRIPPER,
+            state_newest=NOW + 500 * MS + 1,
+            state_oldest=NOW + 400 * MS,
+        ),
     ),
     case("no timeout", whole(NOW), _aged(9000 * S), joint_timeout=0.0),
     *(
-        case(f"exactly {ms} ms", whole(NOW), _aged(ms * MS), _aged(ms * MS + 1, "stale joint"), joint_timeout=ms / 1000)
+        case(
+            f"exactly {ms} ms",
+            whole(NOW),
+            _aged(ms * MS),
+            _aged(ms * MS + 1, "stale joint"),
+            joint_timeout=ms / 1000,
+        )
         for ms in (1, 70, 290, 300, 1001, 1013, 2301)
     ),
     case(
@@ -321,11 +395,18 @@ LOST_CASES = [
     ),
     case(
         "late messages count",
-        *(s for k in range(40) for s in (whole(NOW + k * PERIOD), whole(NOW + k * PERIOD - 1, LATE))),
+        *(
+            s
+            for k in range(40)
+            for s in (whole(NOW + k * PERIOD), whole(NOW + k * PERIOD - 1, LATE))
+        ),
     ),
     case(
         "unreadable messages are no gaps",
-        *(whole(NOW + k * PERIOD) if k % 8 != 7 else step(b"\0\1\0\0 nothing", "malformed") for k in range(60)),
+        *(
+            whole(NOW + k * PERIOD) if k % 8 != 7 else step(b"\0\1\0\0 nothing", "malformed")
+            for k in range(60)
+        ),
     ),
     case("pauses are no gaps", *(whole(NOW + (k + 200 * (k // 8)) * PERIOD) for k in range(40))),
 ]
@@ -339,14 +420,18 @@ POSE = [1, 2, 3, 0, 0, 0, 1]
 def base(stamp=NOW, outcome="", *words, also=(), now=NOW, **fields):
     """Step of odometry; by default it makes no state."""
     rejected = f"odometry rejected: {outcome}" if outcome else "odometry"
-    return step(odometry(stamp, **fields), rejected, *words, also=also, now=now)._replace(odometry=True)
+    return step(odometry(stamp, **fields), rejected, *words, also=also, now=now)._replace(
+        odometry=True
+    )
 
 
 def _turtle(stamp=NOW, outcome="published", *words, also=(), now=NOW, **state):
     """Step of the joint of the robot with a floating base."""
     state = {"position": [*POSE, 0.3], "velocity": [0] * 6 + [0.4], "effort": [0] * 6 + [7]} | state
     raw = joint_state(("shoulder",), [0.3], [0.4], [7.0], stamp)
-    return step(raw, outcome, *words, also=also, now=now, **(state if outcome == "published" else {}))
+    return step(
+        raw, outcome, *words, also=also, now=now, **(state if outcome == "published" else {})
+    )
 
 
 BAD_ODOMETRY = {
@@ -368,7 +453,12 @@ ODOMETRY_CASES = [
         base(NOW, twist=TWIST),
         _turtle(NOW + 20 * MS, velocity=[*TWIST, 0.4], newest=NOW + 20 * MS, oldest=NOW),
         base(NOW + 30 * MS, child="/trunk", position=(7, 8, 9)),
-        _turtle(NOW + 25 * MS, position=[7, 8, 9, *POSE[3:], 0.3], newest=NOW + 30 * MS, oldest=NOW + 25 * MS),
+        _turtle(
+            NOW + 25 * MS,
+            position=[7, 8, 9, *POSE[3:], 0.3],
+            newest=NOW + 30 * MS,
+            oldest=NOW + 25 * MS,
+        ),
         robot="floating",
     ),
     *(
@@ -405,7 +495,12 @@ ODOMETRY_CASES = [
         for name, (fields, *words) in BAD_ODOMETRY.items()
     ),
     *(
-        case(f"quaternion of length {length}", base(orientation=(0, 0, 0, length)), _turtle(), robot="floating")
+        case(
+            f"quaternion of length {length}",
+            base(orientation=(0, 0, 0, length)),
+            _turtle(),
+            robot="floating",
+        )
         for length in (0.991, 1.009)
     ),
     case(
@@ -475,7 +570,8 @@ ODOMETRY_CASES = [
     case(
         "a robot that is all base",
         base(NOW, twist=TWIST)._replace(
-            outcome="published from odometry", state={"position": POSE, "velocity": list(TWIST), "effort": None}
+            outcome="published from odometry",
+            state={"position": POSE, "velocity": list(TWIST), "effort": None},
         ),
         base(NOW - 1, LATE),
         robot="brick",

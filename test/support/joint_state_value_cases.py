@@ -49,15 +49,29 @@ NAME_CASES = [
         plausibility__effort=1000.0,
     ),
     *(
-        case(f"foreign: {names}", whole(), step(joint_state(names, [NAN] * 5, stamp=(-1, 0)), "foreign"))
+        case(
+            f"foreign: {names}",
+            whole(),
+            step(joint_state(names, [NAN] * 5, stamp=(-1, 0)), "foreign"),
+        )
         for names in ((), ("lid",), ("lid", "wheel"))
     ),
     case(
         "big endian",
-        *[step(joint_state(NAMES, [1, 2, 3], [10, 20, 30], [], order=">"), position=[1, 2, 3], velocity=[10, 20, 30])]
+        *[
+            step(
+                joint_state(NAMES, [1, 2, 3], [10, 20, 30], [], order=">"),
+                position=[1, 2, 3],
+                velocity=[10, 20, 30],
+            )
+        ]
         * 3,
     ),
-    case("duplicate joint", whole(), whole(NOW + MS, "duplicate name", "elbow", names=("elbow", "wrist", "elbow"))),
+    case(
+        "duplicate joint",
+        whole(),
+        whole(NOW + MS, "duplicate name", "elbow", names=("elbow", "wrist", "elbow")),
+    ),
     case(
         "duplicate name of another robot",
         step(joint_state(("wrist", "lid", "lid"), [1, 2, 3], [1, 2, 3]), "duplicate name", "lid"),
@@ -67,7 +81,11 @@ NAME_CASES = [
         whole(NOW, "incomplete", names=("elbow",)),
         whole(NOW + 100 * MS, "incomplete", names=("wrist",)),
         whole(
-            NOW + 50 * MS, names=("shoulder",), state_position=[1, 2, 3], state_newest=NOW + 100 * MS, state_oldest=NOW
+            NOW + 50 * MS,
+            names=("shoulder",),
+            state_position=[1, 2, 3],
+            state_newest=NOW + 100 * MS,
+            state_oldest=NOW,
         ),
         whole(
             NOW + 200 * MS,
@@ -100,7 +118,10 @@ LENGTHS = {
 NUMBER_CASES = [
     *(
         case(
-            f"{when}: {name}", *[whole()] * (when == "later"), whole(NOW + MS, *outcome, **fields), whole(NOW + 2 * MS)
+            f"{when}: {name}",
+            *[whole()] * (when == "later"),
+            whole(NOW + MS, *outcome, **fields),
+            whole(NOW + 2 * MS),
         )
         for name, (fields, *outcome) in LENGTHS.items()
         for when in ("at first", "later")
@@ -112,8 +133,18 @@ NUMBER_CASES = [
         whole(NOW, names=GRIPPER, state_position=[1, 2, 3]),
     ),
     *(
-        case(f"effort {effort}", whole(), whole(NOW + MS, effort=effort, also=also), whole(NOW + 2 * MS))
-        for effort, also in (([], ()), ([NAN] * 3, ()), ([100, NAN, 300], ()), ([100, 200, INF], "implausible effort"))
+        case(
+            f"effort {effort}",
+            whole(),
+            whole(NOW + MS, effort=effort, also=also),
+            whole(NOW + 2 * MS),
+        )
+        for effort, also in (
+            ([], ()),
+            ([NAN] * 3, ()),
+            ([100, NAN, 300], ()),
+            ([100, 200, INF], "implausible effort"),
+        )
     ),
     case(
         "effort unknown in a piece",
@@ -122,7 +153,12 @@ NUMBER_CASES = [
         whole(NOW, names=ARM, state_effort=None),
         whole(NOW, names=GRIPPER, state_effort=[100, 200, 300]),
     ),
-    case("bytes that are no message", whole(), step(b"\0\1\0\0 nothing", "malformed"), whole(NOW + MS)),
+    case(
+        "bytes that are no message",
+        whole(),
+        step(b"\0\1\0\0 nothing", "malformed"),
+        whole(NOW + MS),
+    ),
 ]
 
 # --- plausibility limits
@@ -173,14 +209,24 @@ LIMIT_CASES = [
         )
         for parameters, field, values, *words in LIMITS
     ),
-    case("infinite velocity with a bound", REST, _values("no velocity", "elbow", velocity=[0, INF, 0]), **VELOCITY),
+    case(
+        "infinite velocity with a bound",
+        REST,
+        _values("no velocity", "elbow", velocity=[0, INF, 0]),
+        **VELOCITY,
+    ),
     case(
         "implausible message in pieces",
         REST,
         whole(NOW, IMPLAUSIBLE, "'wrist'", names=GRIPPER),
         plausibility__position=2.5,
     ),
-    case("mimic joints have no bounds", REST, hand(thumb=1e9, also="mimic disagreement"), plausibility__position=2.5),
+    case(
+        "mimic joints have no bounds",
+        REST,
+        hand(thumb=1e9, also="mimic disagreement"),
+        plausibility__position=2.5,
+    ),
 ]
 
 # --- efforts
@@ -235,7 +281,14 @@ EFFORT_CASES = [
 DISAGREES = "mimic disagreement"
 MIMIC_CASES = [
     case("mimic joints may be listed", whole(NOW), all_of(NOW + MS), whole(NOW + 2 * MS)),
-    case("mimic joints alone", hand(), whole(NOW), hand(NOW + 100 * MS), whole(NOW + 50 * MS), whole(NOW + 9 * S)),
+    case(
+        "mimic joints alone",
+        hand(),
+        whole(NOW),
+        hand(NOW + 100 * MS),
+        whole(NOW + 50 * MS),
+        whole(NOW + 9 * S),
+    ),
     *(
         case(
             f"reflected efforts {own}",
@@ -256,12 +309,18 @@ MIMIC_CASES = [
         whole(),
         all_of(own=(0, INF, 1), effort=[100, 200, 303], also="implausible effort"),
     ),
-    case("effort of the source joint is needed", whole(), all_of(own=(1, 2, 3), joints=(100, 200, NAN), effort=None)),
+    case(
+        "effort of the source joint is needed",
+        whole(),
+        all_of(own=(1, 2, 3), joints=(100, 200, NAN), effort=None),
+    ),
     case(
         "implausible efforts count once for each message",
         whole(),
         all_of(own=(2000, 0, 10), effort=[100, 200, 330], also="implausible effort"),
-        all_of(own=(2000, 2000, INF), joints=(1e4, 0, -1e4), effort=None, also="implausible effort"),
+        all_of(
+            own=(2000, 2000, INF), joints=(1e4, 0, -1e4), effort=None, also="implausible effort"
+        ),
         plausibility__effort=1000.0,
     ),
     case(
@@ -299,14 +358,41 @@ MIMIC_CASES = [
         whole(state_effort=[100, 210, 300]),
     ),
     *(
-        case(f"mimic joint at {heel}", whole(), all_of(heel=heel, also=[DISAGREES] * apart), all_of(NOW + MS))
-        for heel, apart in ((1.0099, 0), (1.0101, 1), (0.9901, 0), (0.9899, 1), (NAN, 0), (INF, 0), (-INF, 0))
+        case(
+            f"mimic joint at {heel}",
+            whole(),
+            all_of(heel=heel, also=[DISAGREES] * apart),
+            all_of(NOW + MS),
+        )
+        for heel, apart in (
+            (1.0099, 0),
+            (1.0101, 1),
+            (0.9901, 0),
+            (0.9899, 1),
+            (NAN, 0),
+            (INF, 0),
+            (-INF, 0),
+        )
     ),
-    case("two mimic joints apart count once", whole(), all_of(thumb=-5.6, heel=7.0, pinky=NAN, also=DISAGREES)),
+    case(
+        "two mimic joints apart count once",
+        whole(),
+        all_of(thumb=-5.6, heel=7.0, pinky=NAN, also=DISAGREES),
+    ),
     case("no mimic_tolerance", whole(), all_of(heel=1e9), mimic_tolerance=0.0),
-    case("another mimic_tolerance", whole(), all_of(heel=2.0), all_of(heel=2.1, also=DISAGREES), mimic_tolerance=1.0),
+    case(
+        "another mimic_tolerance",
+        whole(),
+        all_of(heel=2.0),
+        all_of(heel=2.1, also=DISAGREES),
+        mimic_tolerance=1.0,
+    ),
     *(
-        case(f"continuous mimic joint at {position:.3f}", *[step(raw, also=[DISAGREES] * apart)] * 3, robot="wheel")
+        case(
+            f"continuous mimic joint at {position:.3f}",
+            *[step(raw, also=[DISAGREES] * apart)] * 3,
+            robot="wheel",
+        )
         for position, apart in ((7.0, 1), (1.0 + 2 * PI, 0), (1.0 - 4 * PI, 0), (INF, 0))
         for raw in (joint_state(("drive", "wheel"), [1.0, position], [0.0, 0.0]),)
     ),
@@ -342,11 +428,21 @@ MIMIC_CASES = [
 
 
 def _rest(
-    k, position=(0, 0, 0), outcome="published", *words, velocity=(0, 0, 0), also=(), names=NAMES, now=NOW, **state
+    k,
+    position=(0, 0, 0),
+    outcome="published",
+    *words,
+    velocity=(0, 0, 0),
+    also=(),
+    names=NAMES,
+    now=NOW,
+    **state,
 ):
     """Step of joints at rest after k periods."""
     values = {"position": list(position), "velocity": list(velocity), "effort": []}
-    return whole(NOW + k * PERIOD, outcome, *words, names=names, also=also, now=now, **values, **state)
+    return whole(
+        NOW + k * PERIOD, outcome, *words, names=names, also=also, now=now, **values, **state
+    )
 
 
 STEPS = [
@@ -380,14 +476,23 @@ def _step_case(position, velocities, periods, explained):
         return *start, _rest(1 + periods, position, velocity=after)
     name = NAMES[max(range(3), key=lambda k: abs(position[k]))]
     refused = _rest(
-        1 + periods, position, "jump", f"'{name}': position went from 0 to", "plausibility.jump", velocity=after
+        1 + periods,
+        position,
+        "jump",
+        f"'{name}': position went from 0 to",
+        "plausibility.jump",
+        velocity=after,
     )
     return *start, refused, _rest(2 + periods)
 
 
 STEP_CASES = [
     *(
-        case(f"step {row[0]} in {row[2]} periods at {row[1]}", *_step_case(*row), plausibility__jump=0.1)
+        case(
+            f"step {row[0]} in {row[2]} periods at {row[1]}",
+            *_step_case(*row),
+            plausibility__jump=0.1,
+        )
         for row in STEPS
     ),
     case(
@@ -422,7 +527,13 @@ STEP_CASES = [
             for k in range(1, 5)
             for step in (
                 _rest(k, [(-1) ** k], "jump", names=GRIPPER, velocity=[0]),
-                _rest(k, [0.01 * k] * 2, names=ARM, velocity=[0, 0], state_position=[0.01 * k] * 2 + [0]),
+                _rest(
+                    k,
+                    [0.01 * k] * 2,
+                    names=ARM,
+                    velocity=[0, 0],
+                    state_position=[0.01 * k] * 2 + [0],
+                ),
             )
         ),
         _rest(5, (1, 2, 3), "jump"),
@@ -448,7 +559,12 @@ STEP_CASES = [
         "jump where velocities are estimated",
         positions(NOW, 0, 0, 0),
         positions(NOW + PERIOD, 0.08, 0, 0, rates=[10, 0, 0]),
-        *(positions(NOW + k * PERIOD, 0.08, 0.5, 0, outcome="jump", words=("'elbow'", "0 and nan")) for k in (2, 3)),
+        *(
+            positions(
+                NOW + k * PERIOD, 0.08, 0.5, 0, outcome="jump", words=("'elbow'", "0 and nan")
+            )
+            for k in (2, 3)
+        ),
         positions(NOW + 4 * PERIOD, 0.08, 0.5, 0, also="positions jumped"),
         positions(NOW + 5 * PERIOD, 0.08, 0.5, 0, rates=[0, 0, 0]),
         plausibility__jump=0.1,
@@ -482,7 +598,9 @@ ESTIMATES = {
         positions(NOW + 120 * MS, 10, 6, 9, velocity=[1, NAN, 3], rates=[1, 50, 3]),
     ],
     "an infinite velocity is not missing": [
-        positions(NOW, 1, 2, 3, velocity=[1, sign * INF, 3], outcome="no velocity", words=("elbow",))
+        positions(
+            NOW, 1, 2, 3, velocity=[1, sign * INF, 3], outcome="no velocity", words=("elbow",)
+        )
         for sign in (1, -1)
     ],
     "rejected messages are no steps": [
@@ -513,7 +631,14 @@ ESTIMATE_CASES = [
         case(
             f"a step too fast: {moved}",
             *_ramp(0, (100, 100, 100), 11),
-            positions(NOW + 110 * MS, 11, 10 + moved, 11, outcome=IMPLAUSIBLE, words=("'elbow'", "faster than 120")),
+            positions(
+                NOW + 110 * MS,
+                11,
+                10 + moved,
+                11,
+                outcome=IMPLAUSIBLE,
+                words=("'elbow'", "faster than 120"),
+            ),
             *_ramp(12, (100, 100, 100), 15),
             missing_velocity="estimate",
             velocity_filter_time=0.1,
@@ -524,7 +649,9 @@ ESTIMATE_CASES = [
     case(
         "steps of joints with velocities are not judged",
         *(
-            positions(NOW + k * 10 * MS, 1, x, 1, velocity=[1, 2, 3], rates=[1, 2, 3], estimated=False)
+            positions(
+                NOW + k * 10 * MS, 1, x, 1, velocity=[1, 2, 3], rates=[1, 2, 3], estimated=False
+            )
             for k, x in enumerate((0, 50, 0))
         ),
         missing_velocity="estimate",
@@ -545,7 +672,9 @@ ESTIMATE_CASES = [
         velocity_filter_time=0.0,
     ),
     case(
-        "velocities are refused", _ramp(0, (2, 2, 2), 1)[0]._replace(outcome="rejected: no velocity"), whole(NOW + MS)
+        "velocities are refused",
+        _ramp(0, (2, 2, 2), 1)[0]._replace(outcome="rejected: no velocity"),
+        whole(NOW + MS),
     ),
 ]
 
@@ -574,7 +703,13 @@ HELD = lambda t: [0.3, t, t]  # noqa: E731
 STUCK_CASES = [
     case(
         f"{name} ({action})",
-        *_stuck(12, 100 * MS, position, velocity, _from(time) if action == "reject" else lambda _: "published"),
+        *_stuck(
+            12,
+            100 * MS,
+            position,
+            velocity,
+            _from(time) if action == "reject" else lambda _: "published",
+        ),
         *([whole(NOW + 1300 * MS, position=[9, 9, 9], velocity=[1, 1, 1])] if time < 2 else []),
         stuck_timeout=0.5,
         stuck_values=action,

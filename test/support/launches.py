@@ -63,11 +63,14 @@ STAND_INS = {
         "launch.launch_description_sources", PythonLaunchDescriptionSource=lambda path: path
     ),
     "launch.substitutions": module(
-        "launch.substitutions", LaunchConfiguration=lambda name: lambda configurations: configurations[name]
+        "launch.substitutions",
+        LaunchConfiguration=lambda name: lambda configurations: configurations[name],
     ),
     "launch_ros": module("launch_ros"),
     "launch_ros.actions": module("launch_ros.actions", Node=SimpleNamespace),
-    "launch_ros.parameter_descriptions": module("launch_ros.parameter_descriptions", ParameterValue=parameter_value),
+    "launch_ros.parameter_descriptions": module(
+        "launch_ros.parameter_descriptions", ParameterValue=parameter_value
+    ),
 }
 
 
@@ -78,5 +81,10 @@ def launched(name, **arguments):
         nodes = perform(str(FOLDER / f"{name}.launch.py"), context)
     for node in nodes:
         node.files = [one for one in node.parameters if isinstance(one, str)]
-        node.parameters = {key: value for one in node.parameters if isinstance(one, dict) for key, value in one.items()}
+        node.parameters = {
+            key: value
+            for one in node.parameters
+            if isinstance(one, dict)
+            for key, value in one.items()
+        }
     return {node.executable: node for node in nodes}

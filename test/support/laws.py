@@ -41,7 +41,12 @@ class Case(NamedTuple):
         return self.t.oracle
 
 
-def case_of(dyn: dd.DiagonalDynamics, oracle: Oracle | Coupled, sample: robots.Sample, rounding: float = 1e-12) -> Case:
+def case_of(
+    dyn: dd.DiagonalDynamics,
+    oracle: Oracle | Coupled,
+    sample: robots.Sample,
+    rounding: float = 1e-12,
+) -> Case:
     """Evaluate one state."""
     t = oracle.at(sample.q, sample.qd, sample.tau)
     s, f = dyn.evaluate(sample.q, sample.qd, sample.tau), dyn.factors(sample.q)
@@ -62,7 +67,13 @@ def load(robot: robots.Robot, **more) -> Robot:
     """Load a robot in library and oracle, and evaluate its samples."""
     model = dd.load_urdf(robot.source, mimic=robot.mimic, **robot.options, **more)
     dyn, oracle = dd.DiagonalDynamics(model), oracle_of(robot, model.dof_names, **more)
-    return Robot(robot.id, model, dyn, oracle, [case_of(dyn, oracle, s) for s in robots.samples(robot.id, oracle)])
+    return Robot(
+        robot.id,
+        model,
+        dyn,
+        oracle,
+        [case_of(dyn, oracle, s) for s in robots.samples(robot.id, oracle)],
+    )
 
 
 def assert_same(actual, expected):
@@ -72,7 +83,16 @@ def assert_same(actual, expected):
 
 
 FIELDS = (
-    *("nu", "xi", "epsilon", "kappa", "coriolis", "coriolis_unnormalized", "gravity", "articulated_inertia"),
+    *(
+        "nu",
+        "xi",
+        "epsilon",
+        "kappa",
+        "coriolis",
+        "coriolis_unnormalized",
+        "gravity",
+        "articulated_inertia",
+    ),
     *("kinetic_energy", "energy_share", "link_energy", "power"),
 )
 
@@ -92,11 +112,19 @@ def everything(dyn, sample) -> dict:
         "articulated_inertia_rate": s.articulated_inertia_rate,
         **{name: getattr(f, name) for name in ("m", "l", "unit", "D")},
         **{name: getattr(dyn, name)(q) for name in ("mass_matrix", "gravity_torque", "log_det")},
-        **{name: getattr(dyn, name)(q, qd) for name in ("bias", "mass_matrix_rate", "log_det_rate")},
+        **{
+            name: getattr(dyn, name)(q, qd) for name in ("bias", "mass_matrix_rate", "log_det_rate")
+        },
         **{name: getattr(dyn, name)(q, tau) for name in ("epsilon_from_tau", "tau_from_epsilon")},
         **{name: getattr(dyn, name)(q, qd) for name in ("nu_from_qd", "qd_from_nu")},
-        **{name: getattr(dyn, name)(q, qd, qdd) for name in ("m_rate_transposed", "coriolis_bracket")},
-        **{name: getattr(dyn, name)(q, qd, qdd) for name in ("mass_matrix_rate_times", "coriolis_product")},
+        **{
+            name: getattr(dyn, name)(q, qd, qdd)
+            for name in ("m_rate_transposed", "coriolis_bracket")
+        },
+        **{
+            name: getattr(dyn, name)(q, qd, qdd)
+            for name in ("mass_matrix_rate_times", "coriolis_product")
+        },
         "momentum": np.concatenate(dyn.momentum(q, qd)),
         "forward_dynamics": dyn.forward_dynamics(q, qd, tau),
         "inverse_dynamics": dyn.inverse_dynamics(q, qd, qdd),
@@ -123,7 +151,9 @@ def unnormalized_scale(t) -> float:
 def wrenches_on(model, seed) -> dict[str, np.ndarray]:
     """Return wrenches on the root, a tip and some other links, those without inertia among them."""
     rng = np.random.default_rng(seed)
-    names = dict.fromkeys((model.link_names[0], model.link_names[-1], *map(str, rng.choice(model.link_names, 4))))
+    names = dict.fromkeys(
+        (model.link_names[0], model.link_names[-1], *map(str, rng.choice(model.link_names, 4)))
+    )
     return {name: 10 * rng.standard_normal(6) for name in names}
 
 
@@ -221,7 +251,9 @@ def coriolis(c):
 
 def coriolis_by_difference(c):
     """C = ℓc − ṁᵀq̇, ṁ from differences of Pinocchio's factor: no recursion, no Coriolis matrix."""
-    assert_close(c.s.coriolis, c.t.coriolis_by_difference, tolerance_of_differences(c.t), c.t.coriolis_scale)
+    assert_close(
+        c.s.coriolis, c.t.coriolis_by_difference, tolerance_of_differences(c.t), c.t.coriolis_scale
+    )
 
 
 def coriolis_unnormalized(c):
@@ -252,7 +284,9 @@ def bias(c):
 def inverse_dynamics(c):
     """τ of rnea, gravity included."""
     tau = c.oracle.inverse_dynamics(c.t.q, c.t.qd, c.sample.qdd)
-    assert_close(c.dyn.inverse_dynamics(c.t.q, c.t.qd, c.sample.qdd) / c.unit, tau / c.unit, c.tolerance)
+    assert_close(
+        c.dyn.inverse_dynamics(c.t.q, c.t.qd, c.sample.qdd) / c.unit, tau / c.unit, c.tolerance
+    )
 
 
 def forward_dynamics(c):
@@ -322,7 +356,9 @@ def external_wrenches(c):
         effort = c.oracle.effort_of(q, wrenches, frame)
         s = c.dyn.evaluate(q, qd, tau, wrenches, frame=frame)
         expected = np.linalg.solve(t.m, effort)
-        scale = max(norm(expected), norm(t.epsilon))  # wrenches on a robot that is one joint may do nothing
+        scale = max(
+            norm(expected), norm(t.epsilon)
+        )  # wrenches on a robot that is one joint may do nothing
         assert_close(s.external, expected, c.tolerance, scale)
         assert_same(fields(s), fields(c.s, "power"))
         # s.epsilon is that of τ alone; the equation of motion has the wrenches as a further term
@@ -346,10 +382,15 @@ def friction(c):
     """
     model, oracle = c.model, c.oracle
     full, G = getattr(oracle, "full", oracle), getattr(oracle, "G", np.eye(model.nv))
-    given = {element.get("name"): element.find("dynamics") for element in oracle.xml.findall("joint")}
+    given = {
+        element.get("name"): element.find("dynamics") for element in oracle.xml.findall("joint")
+    }
 
     def numbers(name):
-        values = [given[joint].get(name) if given.get(joint) is not None else 0 for joint in full.joint_of_dof]
+        values = [
+            given[joint].get(name) if given.get(joint) is not None else 0
+            for joint in full.joint_of_dof
+        ]
         return np.array([float(value or 0) for value in values])
 
     damping, coulomb = (G**2).T @ numbers("damping"), np.abs(G).T @ numbers("friction")
@@ -368,7 +409,9 @@ def friction(c):
     assert_close(actual / c.unit, expected, c.tolerance, norm(expected) + norm(resisting / c.unit))
     terms = (slowed.nu_dot, s.coriolis, s.gravity, s.friction, s.epsilon)
     assert_close(sum(terms[:4]), s.epsilon, c.tolerance, sum(map(norm, terms)))
-    assert_close(s.power, slowed.power, c.tolerance, norm(s.nu) * (sum(map(norm, terms)) + t.coriolis_scale))
+    assert_close(
+        s.power, slowed.power, c.tolerance, norm(s.nu) * (sum(map(norm, terms)) + t.coriolis_scale)
+    )
 
 
 def power_balance_by_difference(c):
@@ -405,7 +448,11 @@ def sweeps_invert_each_other(c):
     dyn, t, unit = c.dyn, c.t, c.unit
     assert_close(dyn.qd_from_nu(t.q, dyn.nu_from_qd(t.q, t.qd)) * unit, t.qd * unit, c.tolerance)
     assert_close(dyn.nu_from_qd(t.q, dyn.qd_from_nu(t.q, t.qd)), t.qd, c.tolerance)
-    assert_close(dyn.tau_from_epsilon(t.q, dyn.epsilon_from_tau(t.q, t.tau)) / unit, t.tau / unit, c.tolerance)
+    assert_close(
+        dyn.tau_from_epsilon(t.q, dyn.epsilon_from_tau(t.q, t.tau)) / unit,
+        t.tau / unit,
+        c.tolerance,
+    )
     assert_close(dyn.epsilon_from_tau(t.q, dyn.tau_from_epsilon(t.q, t.tau)), t.tau, c.tolerance)
 
 

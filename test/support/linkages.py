@@ -36,7 +36,12 @@ def four_bar(rocker="", crank="", kind="continuous"):
         + _joint("crank", "base", "crank", "0 0 0", kind, more=crank)
         + _joint("coupler", "crank", "coupler", f"{CRANK} 0 0")
         + _joint(
-            "rocker", "base", "rocker", f"{BASE} 0 0", "revolute" if "limit" in rocker else "continuous", more=rocker
+            "rocker",
+            "base",
+            "rocker",
+            f"{BASE} 0 0",
+            "revolute" if "limit" in rocker else "continuous",
+            more=rocker,
         )
         + _joint("arm", "coupler", "arm", "0.4 0 0.1", axis="1 0 0")
         + "</robot>"
@@ -103,4 +108,6 @@ def placed_by_page(tree, q, names):
             X[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
         world.append((world[body["parent"]] if world else np.eye(4)) @ rest @ X)
     links = zip(names, tree["links"], strict=True)
-    return {name: world[link["body"]] @ np.reshape(link["placement"], (4, 4)) for name, link in links}
+    return {
+        name: world[link["body"]] @ np.reshape(link["placement"], (4, 4)) for name, link in links
+    }

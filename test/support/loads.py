@@ -34,10 +34,14 @@ class Arm:
 
     def __init__(self, name, gravity=(0.0, 0.0, -9.81)):
         self.name, self.link, self.gravity = name, LINKS[name], gravity
-        self.locked = {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02} if name == "panda" else {}
+        self.locked = (
+            {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02} if name == "panda" else {}
+        )
         self.urdf = robots.robot(FILES[name]).urdf
         locked = {joint: at for joint, at in self.locked.items() if not joint.endswith("2")}
-        self.dynamics = dd.DiagonalDynamics(dd.load_urdf(self.urdf, locked_joints=locked, gravity=gravity))
+        self.dynamics = dd.DiagonalDynamics(
+            dd.load_urdf(self.urdf, locked_joints=locked, gravity=gravity)
+        )
         self.free = self.oracle()
         self.deviation = np.array(NOISE[name])
 

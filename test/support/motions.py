@@ -24,7 +24,9 @@ def fourier(rng, t, low, high, fastest=1.7, base=0.1, harmonics=5, share=0.35):
     q = sine @ a.T + cosine @ b.T
     qd = (cosine * w) @ a.T - (sine * w) @ b.T
     qdd = -(sine * w**2) @ a.T - (cosine * w**2) @ b.T
-    scale = np.minimum(share * (high - low) / np.abs(q).max(axis=0), fastest / np.abs(qd).max(axis=0))
+    scale = np.minimum(
+        share * (high - low) / np.abs(q).max(axis=0), fastest / np.abs(qd).max(axis=0)
+    )
     return 0.5 * (low + high) + scale * q, scale * qd, scale * qdd
 
 

@@ -81,7 +81,9 @@ class GraphPublisher(Proxy):
         self.graph, self.latched = graph, deque(maxlen=max(1, real.qos_profile.depth))
         self.end = Endpoint(node, real.msg_type, real.topic_name, real.qos_profile)
         self.handle = SimpleNamespace(
-            publish_raw=self.send, get_subscription_count=self.get_subscription_count, topic_name=real.topic_name
+            publish_raw=self.send,
+            get_subscription_count=self.get_subscription_count,
+            topic_name=real.topic_name,
         )
 
     def publish(self, message):
@@ -100,7 +102,9 @@ class GraphPublisher(Proxy):
 
     def get_subscription_count(self):
         """Count matched subscriptions."""
-        return sum(matches(self, subscription) for subscription in self.graph.subscriptions[self.end.topic])
+        return sum(
+            matches(self, subscription) for subscription in self.graph.subscriptions[self.end.topic]
+        )
 
 
 class GraphSubscription(Proxy):
@@ -118,7 +122,9 @@ class GraphSubscription(Proxy):
     def take(self, raw):
         """Call the callback with a message, or with its bytes where the node wants those."""
         if not self.destroyed:
-            self._real.callback(raw if self._real.raw else deserialize_message(raw, self._real.msg_type))
+            self._real.callback(
+                raw if self._real.raw else deserialize_message(raw, self._real.msg_type)
+            )
 
 
 def matches(publisher, subscription):
@@ -230,7 +236,9 @@ def in_process(kind):
             self.graph = type(self).graph
             self.output, self.timers_ = [], []
             super().__init__(*args, **kwargs)
-            for service in self.services:  # those of a lifecycle node are not made by create_service
+            for (
+                service
+            ) in self.services:  # those of a lifecycle node are not made by create_service
                 self.graph.offer(service)
 
         # --- time and log
@@ -247,7 +255,11 @@ def in_process(kind):
         def create_timer(self, period, callback, callback_group=None, clock=None, autostart=True):
             clock = clock or self.get_clock()
             steady = clock.clock_type == ClockType.STEADY_TIME
-            read = (lambda: self.graph.steady) if steady else (lambda: clock.now().nanoseconds / SECOND)
+            read = (
+                (lambda: self.graph.steady)
+                if steady
+                else (lambda: clock.now().nanoseconds / SECOND)
+            )
             timer = GraphTimer(self.graph, float(period), callback, read)
             self.graph.timers.append(timer)
             self.timers_.append(timer)
@@ -279,10 +291,15 @@ def in_process(kind):
             return len(self.graph.subscriptions[self.resolve_topic_name(topic)])
 
         def get_publishers_info_by_topic(self, topic, no_mangle=False):
-            return [publisher.end.info for publisher in self.graph.publishers[self.resolve_topic_name(topic)]]
+            return [
+                publisher.end.info
+                for publisher in self.graph.publishers[self.resolve_topic_name(topic)]
+            ]
 
         def get_subscriptions_info_by_topic(self, topic, no_mangle=False):
-            return [one.end.info for one in self.graph.subscriptions[self.resolve_topic_name(topic)]]
+            return [
+                one.end.info for one in self.graph.subscriptions[self.resolve_topic_name(topic)]
+            ]
 
         def get_topic_names_and_types(self, no_demangle=False):
             return self.graph.topics()
@@ -293,7 +310,9 @@ def in_process(kind):
             return self.graph.offer(super().create_service(*args, **kwargs))
 
         def destroy_service(self, service):
-            self.graph.services = {name: one for name, one in self.graph.services.items() if one is not service}
+            self.graph.services = {
+                name: one for name, one in self.graph.services.items() if one is not service
+            }
             return super().destroy_service(service)
 
         def create_client(self, *args, **kwargs):
@@ -399,7 +418,9 @@ class Graph(contextlib.AbstractContextManager):
                 for end in [end for end in ends[topic] if end.end.node is node]:
                     self._drop(ends, end)
         own = set(node.services)
-        self.services = {name: service for name, service in self.services.items() if service not in own}
+        self.services = {
+            name: service for name, service in self.services.items() if service not in own
+        }
         if node in self.nodes:
             self.nodes.remove(node)
 
@@ -430,7 +451,9 @@ class Graph(contextlib.AbstractContextManager):
         if subscription.end.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
             for publisher in self.publishers[subscription.end.topic]:
                 for raw in (
-                    [*publisher.latched][-subscription.end.qos.depth :] if matches(publisher, subscription) else ()
+                    [*publisher.latched][-subscription.end.qos.depth :]
+                    if matches(publisher, subscription)
+                    else ()
                 ):
                     self.deliver(subscription, raw)
         return subscription

@@ -83,7 +83,9 @@ class Topic:
     def at(self, stamp):
         """Return the one message with this stamp [ns]; None if there is none yet."""
         found = self._at.get(stamp, ())
-        assert len(found) <= 1, f"{len(found)} messages on {self.subscription.topic_name} with one stamp"
+        assert len(found) <= 1, (
+            f"{len(found)} messages on {self.subscription.topic_name} with one stamp"
+        )
         return found[0] if found else None
 
     def repeated(self, stamp):
@@ -195,18 +197,26 @@ class Peer(contextlib.AbstractContextManager):
 
     def set_parameter(self, node, name, value):
         """Set a parameter of a node and return the result."""
-        request = SetParameters.Request(parameters=[Parameter(name=name, value=parameter_value(value))])
+        request = SetParameters.Request(
+            parameters=[Parameter(name=name, value=parameter_value(value))]
+        )
         return self.call(SetParameters, f"{node}/set_parameters", request).results[0]
 
     def set_parameters_atomically(self, node, values):
         """Set several parameters of a node, all or none, and return the result."""
-        parameters = [Parameter(name=name, value=parameter_value(value)) for name, value in values.items()]
+        parameters = [
+            Parameter(name=name, value=parameter_value(value)) for name, value in values.items()
+        ]
         request = SetParametersAtomically.Request(parameters=parameters)
-        return self.call(SetParametersAtomically, f"{node}/set_parameters_atomically", request).result
+        return self.call(
+            SetParametersAtomically, f"{node}/set_parameters_atomically", request
+        ).result
 
     def get_parameters(self, node, names):
         """Return parameters of a node as Python values, by name."""
-        values = self.call(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=list(names))).values
+        values = self.call(
+            GetParameters, f"{node}/get_parameters", GetParameters.Request(names=list(names))
+        ).values
         return {name: python_value(value) for name, value in zip(names, values, strict=True)}
 
     def transition(self, node, label):
@@ -229,7 +239,9 @@ def parameter_value(value):
         (list, ParameterType.PARAMETER_DOUBLE_ARRAY, "double_array_value"),
     ):
         if isinstance(value, list) and all(isinstance(one, str) for one in value):
-            return ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=value)
+            return ParameterValue(
+                type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=value
+            )
         if isinstance(value, kind):
             return ParameterValue(type=number, **{field: value})
     raise TypeError(value)
@@ -237,7 +249,16 @@ def parameter_value(value):
 
 def python_value(value):
     """Return the Python value of a message."""
-    fields = ("bool", "integer", "double", "string", "byte_array", "bool_array", "integer_array", "double_array")
+    fields = (
+        "bool",
+        "integer",
+        "double",
+        "string",
+        "byte_array",
+        "bool_array",
+        "integer_array",
+        "double_array",
+    )
     found = getattr(value, f"{[*fields, 'string_array'][value.type - 1]}_value")
     return found if isinstance(found, (bool, int, float, str)) else list(found)
 
@@ -289,22 +310,32 @@ class Report(NamedTuple):
     def counts(self):
         """Return all counters that are not zero."""
         known = (*OUTCOMES, *OTHER_COUNTERS)
-        names = [key for key in self.values if key in known or key.startswith(("rejected: ", "odometry rejected: "))]
+        names = [
+            key
+            for key in self.values
+            if key in known or key.startswith(("rejected: ", "odometry rejected: "))
+        ]
         return {key: self.count(key) for key in names if self.count(key)}
 
     def since(self, before):
         """Return what has been counted since an earlier report, by key."""
         counts, earlier = self.counts(), before.counts()
-        return {key: n - earlier.get(key, 0) for key, n in counts.items() if n != earlier.get(key, 0)}
+        return {
+            key: n - earlier.get(key, 0) for key, n in counts.items() if n != earlier.get(key, 0)
+        }
 
     def outcomes(self):
         """Return what has become of all joint states received, in all."""
-        return sum(n for key, n in self.counts().items() if key in OUTCOMES or key.startswith("rejected: "))
+        return sum(
+            n for key, n in self.counts().items() if key in OUTCOMES or key.startswith("rejected: ")
+        )
 
 
 def report_of(array, name):
     """Put the entries of one node together; None if it has none in this array."""
-    statuses = [status for status in array.status if status.name.startswith(f"{name.lstrip('/')}: ")]
+    statuses = [
+        status for status in array.status if status.name.startswith(f"{name.lstrip('/')}: ")
+    ]
     if not statuses:
         return None
     worst = max(statuses, key=lambda status: SEVERITY.index(status.level))
@@ -334,7 +365,9 @@ class Reports(list):
         begin = len(self) if begin is None else begin
         try:
             return self._wait_until(
-                lambda: next(filter(condition, self[begin:]), None), f"a report of {what} by {self._name}", timeout
+                lambda: next(filter(condition, self[begin:]), None),
+                f"a report of {what} by {self._name}",
+                timeout,
             )
         except AssertionError as error:
             raise AssertionError(f"{error}; the last reports: {self[begin:][-3:]}") from error
@@ -345,12 +378,14 @@ class Reports(list):
         Its stamp is compared with the clock, because an older report may be in transit. Not for nodes in simulated time.
         """
         now = self._node.get_clock().now().nanoseconds
-        return self.wait_for(lambda report: report.stamp > now and len(report.entries) > 1, "anything")
+        return self.wait_for(
+            lambda report: report.stamp > now and len(report.entries) > 1, "anything"
+        )
 
 
-BELIEVING = {f"plausibility.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_effort", "jump")} | {
-    "stuck_timeout": 0.0
-}
+BELIEVING = {
+    f"plausibility.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_effort", "jump")
+} | {"stuck_timeout": 0.0}
 """Parameters of a monitor that takes states drawn at random, up to 90 times as fast as the URDF allows and no motion."""
 
 
@@ -382,13 +417,21 @@ class Monitor(contextlib.AbstractContextManager):
         self.name = f"{namespace}/{name}"
         self.now = 1000 * S
         self.feeder = peer.publisher(JointState, f"{namespace}/{joint_states}")
-        self.topics = {topic: peer.topic(OUTPUTS[topic], f"{self.name}/{topic}") for topic in outputs}
+        self.topics = {
+            topic: peer.topic(OUTPUTS[topic], f"{self.name}/{topic}") for topic in outputs
+        }
         self.reports = Reports(peer.node, peer.wait_until, self.name)
-        defaults = {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} | {"max_age": MAX_AGE} if live else {"max_age": 0.0}
+        defaults = (
+            {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} | {"max_age": MAX_AGE}
+            if live
+            else {"max_age": 0.0}
+        )
         defaults |= BELIEVING
         for topic in (joint_states, "odom") if reliable else ():
             defaults[f"qos_overrides.{namespace}/{topic}.subscription.reliability"] = "reliable"
-        self.process = peer.start("monitor", "-r", f"__ns:={namespace}", *arguments, **(defaults | parameters))
+        self.process = peer.start(
+            "monitor", "-r", f"__ns:={namespace}", *arguments, **(defaults | parameters)
+        )
 
     def __exit__(self, *error):
         self.process.__exit__(*error)

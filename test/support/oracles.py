@@ -51,12 +51,16 @@ class Oracle:
         if floating_base:
             self.model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer(), ROOT, False)
         else:
-            self.model = pin.buildModelFromXML(urdf, False)  # False: mimic joints are ordinary joints
+            self.model = pin.buildModelFromXML(
+                urdf, False
+            )  # False: mimic joints are ordinary joints
         if locked_joints:
             self.model = self._reduced(locked_joints)
         self.data = self.model.createData()
         if not self.model.check(self.data):
-            raise ValueError("Pinocchio's crba is wrong on models whose joints are not numbered depth-first")
+            raise ValueError(
+                "Pinocchio's crba is wrong on models whose joints are not numbered depth-first"
+            )
         self.model.gravity.linear = np.array(gravity, dtype=float)
         own = {  # of every dof: its joint, and where it stands in Pinocchio's velocity vector
             f"{self.model.names[j]}/{suffix}".rstrip("/"): (j, self.model.idx_vs[j] + i)
@@ -87,7 +91,9 @@ class Oracle:
         for name, position in locked_joints.items():
             joint = self.model.getJointId(name)
             at, circular = self.model.idx_qs[joint], self.model.nqs[joint] == 2
-            q[at : at + 1 + circular] = (np.cos(position), np.sin(position)) if circular else position
+            q[at : at + 1 + circular] = (
+                (np.cos(position), np.sin(position)) if circular else position
+            )
             ids.append(joint)
         return pin.buildReducedModel(self.model, ids, q)
 
@@ -155,7 +161,9 @@ class Oracle:
     @property
     def joint_of_coordinate(self) -> list[str]:
         """Return the joint's name of each coordinate."""
-        return [self.model.names[j] for j in self._joints for _ in range(COORDINATES[self.model.nvs[j]])]
+        return [
+            self.model.names[j] for j in self._joints for _ in range(COORDINATES[self.model.nvs[j]])
+        ]
 
     # --- between the caller's order of dofs and Pinocchio's
 
@@ -173,7 +181,10 @@ class Oracle:
         """Return Pinocchio's configuration vector."""
         out = np.empty(self.model.nq)
         for j in self._joints:
-            own, at = q[self._first[j] : self._first[j] + COORDINATES[self.model.nvs[j]]], self.model.idx_qs[j]
+            own, at = (
+                q[self._first[j] : self._first[j] + COORDINATES[self.model.nvs[j]]],
+                self.model.idx_qs[j],
+            )
             if self.model.nqs[j] == 2:
                 out[at : at + 2] = np.cos(own[0]), np.sin(own[0])
             elif self.model.nvs[j] == 3:
@@ -200,22 +211,37 @@ class Oracle:
             if nv == 1:
                 out[first] += step[k]
             elif self._order[k] == self.model.idx_vs[j]:
-                end = pin.integrate(self.model, self.configuration(q), self.to_pin(step)) if end is None else end
+                end = (
+                    pin.integrate(self.model, self.configuration(q), self.to_pin(step))
+                    if end is None
+                    else end
+                )
                 if nv == 3:
-                    out[first : first + 3] = end[at], end[at + 1], np.arctan2(end[at + 3], end[at + 2])
+                    out[first : first + 3] = (
+                        end[at],
+                        end[at + 1],
+                        np.arctan2(end[at + 3], end[at + 2]),
+                    )
                 else:
                     out[first : first + 7] = end[at : at + 7]
         return out
 
     def at(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None = None) -> "State":
         """Return the oracle's answers at one state."""
-        return State(self, np.array(q, float), np.array(qd, float), None if tau is None else np.array(tau, float))
+        return State(
+            self,
+            np.array(q, float),
+            np.array(qd, float),
+            None if tau is None else np.array(tau, float),
+        )
 
     # --- functions of the configuration
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """Return M(q), armature included."""
-        upper = np.triu(pin.crba(self.model, self.data, self.configuration(q)))  # crba fills that triangle only
+        upper = np.triu(
+            pin.crba(self.model, self.data, self.configuration(q))
+        )  # crba fills that triangle only
         return self.from_pin(upper + np.triu(upper, 1).T)
 
     def unit_factor(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -231,7 +257,9 @@ class Oracle:
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
         """Return g(q)."""
-        return self.from_pin(pin.computeGeneralizedGravity(self.model, self.data, self.configuration(q)))
+        return self.from_pin(
+            pin.computeGeneralizedGravity(self.model, self.data, self.configuration(q))
+        )
 
     # --- along a motion
 
@@ -248,14 +276,18 @@ class Oracle:
     def bias(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return c(q, q̇), the velocity terms of M q̈ + c + g = τ."""
         gravity = self.model.gravity.linear.copy()
-        self.model.gravity.linear = np.zeros(3)  # rather than take away g, which may be far larger than c
+        self.model.gravity.linear = np.zeros(
+            3
+        )  # rather than take away g, which may be far larger than c
         nle = pin.nonLinearEffects(self.model, self.data, self.configuration(q), self.to_pin(qd))
         self.model.gravity.linear = gravity
         return self.from_pin(nle)
 
     def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return Pinocchio's C_s with c = C_s q̇ and Ṁ = C_s + C_sᵀ."""
-        C_s = pin.computeCoriolisMatrix(self.model, self.data, self.configuration(q), self.to_pin(qd))
+        C_s = pin.computeCoriolisMatrix(
+            self.model, self.data, self.configuration(q), self.to_pin(qd)
+        )
         return self.from_pin(C_s)
 
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
@@ -268,7 +300,9 @@ class Oracle:
         args = self.configuration(q), self.to_pin(qd), self.to_pin(tau)
         return self.from_pin(pin.aba(self.model, self.data, *args))
 
-    def effort_of(self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str) -> np.ndarray:
+    def effort_of(
+        self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str
+    ) -> np.ndarray:
         """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or the world."""
         axes = {"link": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}[frame]
         tau, configuration = np.zeros(self.nv), self.configuration(q)
@@ -290,7 +324,9 @@ class Oracle:
             frame = self.model.getFrameId(name, pin.FrameType.BODY)
             twist = pin.getFrameVelocity(self.model, self.data, frame, pin.LOCAL)
             at_com = twist.linear + np.cross(twist.angular, com)
-            energy[name] = 0.5 * mass * at_com @ at_com + 0.5 * twist.angular @ inertia @ twist.angular
+            energy[name] = (
+                0.5 * mass * at_com @ at_com + 0.5 * twist.angular @ inertia @ twist.angular
+            )
         return energy
 
     def child_link(self, k: int) -> str:
@@ -423,7 +459,9 @@ class State:
         Where both vanish identically (one joint, a gantry, rotors about principal axes) all is rounding, and
         10⁻²|ν||q̇| stands in; in every robot that has a Coriolis term they are that and more.
         """
-        terms = np.linalg.norm(np.linalg.solve(self.m, self.c)) + np.linalg.norm(self.mdot.T @ self.qd)
+        terms = np.linalg.norm(np.linalg.solve(self.m, self.c)) + np.linalg.norm(
+            self.mdot.T @ self.qd
+        )
         return float(max(terms, 1e-2 * np.linalg.norm(self.nu) * np.linalg.norm(self.qd)))
 
     @cached_property
@@ -467,11 +505,19 @@ def _inertial(link: ET.Element) -> tuple[float, np.ndarray, np.ndarray]:
         return 0.0, np.zeros(3), np.zeros((3, 3))
     origin = inertial.find("origin")
     xyz, rpy = (
-        np.zeros(3) if origin is None else np.array((origin.get(name) or "0 0 0").split(), dtype=float)
+        np.zeros(3)
+        if origin is None
+        else np.array((origin.get(name) or "0 0 0").split(), dtype=float)
         for name in ("xyz", "rpy")
     )
     i = {name: float(value) for name, value in inertial.find("inertia").attrib.items()}
-    local = np.array([[i["ixx"], i["ixy"], i["ixz"]], [i["ixy"], i["iyy"], i["iyz"]], [i["ixz"], i["iyz"], i["izz"]]])
+    local = np.array(
+        [
+            [i["ixx"], i["ixy"], i["ixz"]],
+            [i["ixy"], i["iyy"], i["iyz"]],
+            [i["ixz"], i["iyz"], i["izz"]],
+        ]
+    )
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     R = np.array(
         [

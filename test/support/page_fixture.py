@@ -56,9 +56,21 @@ def content():
     model = dd.load_urdf(ARM)
     dyn, scene = dd.DiagonalDynamics(model), scene_of(model, ARM)
     residual = dyn.epsilon_from_tau(Q, EXTERNAL)[None]
-    observed = {"residual": residual, "external_torque": EXTERNAL[None], "norm": np.linalg.norm(residual, axis=1)}
+    observed = {
+        "residual": residual,
+        "external_torque": EXTERNAL[None],
+        "norm": np.linalg.norm(residual, axis=1),
+    }
     state = States.of(
-        T, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **observed, **CONTACT, collision=True, latency=0.003
+        T,
+        Q,
+        QD,
+        EFFORT,
+        dyn.evaluate(Q, QD, EFFORT),
+        **observed,
+        **CONTACT,
+        collision=True,
+        latency=0.003,
     )
     flags = {"velocity_estimated": True, "receive_time": True, "latency": 2.0}
     unknown = States.of(T + 0.1, Q, QD, None, dyn.evaluate(Q, QD), **flags)
@@ -104,7 +116,15 @@ def _columns():
     """Return a packed ramp, a parabola, a constant, and numbers with gaps."""
     k = np.arange(6.0)
     packed = pack(
-        np.stack([k - 3.0, 0.5 * k * k, np.full(6, 2.5), [math.nan, 1.0, math.inf, -math.inf, -1.0, 0.5]], axis=1)
+        np.stack(
+            [
+                k - 3.0,
+                0.5 * k * k,
+                np.full(6, 2.5),
+                [math.nan, 1.0, math.inf, -math.inf, -1.0, 0.5],
+            ],
+            axis=1,
+        )
     )
     return {"rows": len(k), "columns": packed.columns, "data": _text(packed.data)}
 

@@ -53,13 +53,23 @@ class Operators:
         self.n = n = oracle.nv
         assert list(model.nvs)[1:] == [1] * n
         configuration = oracle.configuration(q)
-        columns = [pin.computeJointJacobian(model, data, configuration, j).reshape(6, n) for j in range(1, n + 1)]
+        columns = [
+            pin.computeJointJacobian(model, data, configuration, j).reshape(6, n)
+            for j in range(1, n + 1)
+        ]
         pin.forwardKinematics(model, data, configuration)
         placements = list(data.oMi)[1:]
         turns = [np.kron(np.eye(2), X.rotation) for X in placements]
         self.origins = [X.translation.copy() for X in placements]
-        self.H = stacked([(R @ c[ANGULAR_FIRST, k])[None] for k, (R, c) in enumerate(zip(turns, columns, strict=True))])
-        inertias = [body.matrix()[np.ix_(ANGULAR_FIRST, ANGULAR_FIRST)] for body in list(model.inertias)[1:]]
+        self.H = stacked(
+            [
+                (R @ c[ANGULAR_FIRST, k])[None]
+                for k, (R, c) in enumerate(zip(turns, columns, strict=True))
+            ]
+        )
+        inertias = [
+            body.matrix()[np.ix_(ANGULAR_FIRST, ANGULAR_FIRST)] for body in list(model.inertias)[1:]
+        ]
         self.M = stacked([R @ body @ R.T for R, body in zip(turns, inertias, strict=True)])
         self.E_phi = np.zeros((6 * n, 6 * n))
         for k, parent in enumerate(self.parents):
@@ -92,7 +102,12 @@ class Operators:
 
     def _algorithm_4_1(self):
         """P = φ P⁺ φ* + M, D = H P H*, G = P H* D⁻¹, τ̄ = 1 − G H, P⁺ = τ̄ P, from the tips to the base."""
-        P, D, G, rest = self.M.copy(), np.zeros(self.n), np.zeros((6 * self.n, self.n)), np.zeros_like(self.M)
+        P, D, G, rest = (
+            self.M.copy(),
+            np.zeros(self.n),
+            np.zeros((6 * self.n, self.n)),
+            np.zeros_like(self.M),
+        )
         for k in reversed(range(self.n)):
             at, H = self.at(k), self.H[k, self.at(k)]
             own = P[at, at]

@@ -37,7 +37,12 @@ def add(x, y):
 def sine_and_cosine(x):
     """Return sine and cosine."""
     s, c = np.sin(x[0]), np.cos(x[0])
-    return (s, c * x[1], c * x[2], c * x[3] - s * x[1] * x[2]), (c, -s * x[1], -s * x[2], -s * x[3] - c * x[1] * x[2])
+    return (s, c * x[1], c * x[2], c * x[3] - s * x[1] * x[2]), (
+        c,
+        -s * x[1],
+        -s * x[2],
+        -s * x[3] - c * x[1] * x[2],
+    )
 
 
 def polynomial(coefficients):
@@ -75,7 +80,9 @@ def point_masses(link):
     second, axes = np.linalg.eigh(0.5 * np.trace(inertia) * np.eye(3) - inertia)
     assert second.min() > 0.0, link.get("name")
     away = axes * np.sqrt(3.0 * second / mass)
-    return np.full(6, mass / 6.0), _numbers(inertial.find("origin"), "xyz", "0 0 0") + np.hstack([away, -away]).T
+    return np.full(6, mass / 6.0), _numbers(inertial.find("origin"), "xyz", "0 0 0") + np.hstack(
+        [away, -away]
+    ).T
 
 
 class PointMasses:
@@ -84,9 +91,15 @@ class PointMasses:
     `start` has all positions, nearly closed; `armature` is by joint. `names` are independent joints in order.
     """
 
-    def __init__(self, urdf, names, pairs, start, armature=None, curves=None, gravity=(0.0, 0.0, -9.81)):
+    def __init__(
+        self, urdf, names, pairs, start, armature=None, curves=None, gravity=(0.0, 0.0, -9.81)
+    ):
         robot = ET.fromstring(urdf)
-        self.joints = {joint.get("name"): joint for joint in robot.findall("joint") if joint.get("type") != "fixed"}
+        self.joints = {
+            joint.get("name"): joint
+            for joint in robot.findall("joint")
+            if joint.get("type") != "fixed"
+        }
         self.of_child = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
         self.links = {link.get("name"): point_masses(link) for link in robot.findall("link")}
         self.names, self.pairs, self.curves = list(names), pairs, curves or {}
@@ -133,7 +146,10 @@ class PointMasses:
         places, errors = self._places(q), []
         for a, point_a, b, point_b in self.pairs:
             ends = [
-                add(product(np.matmul, places[link][0], constant(np.array(x, float))), places[link][1])
+                add(
+                    product(np.matmul, places[link][0], constant(np.array(x, float))),
+                    places[link][1],
+                )
                 for link, x in ((a, point_a), (b, point_b))
             ]
             errors.append(add(ends[0], tuple(-x for x in ends[1])))
@@ -152,12 +168,19 @@ class PointMasses:
             return all
         for step in range(60):
             still = {name: constant(x[0]) for name, x in all.items()}
-            J = np.array([self._open(still | {name: (still[name][0], 1.0, 0.0, 0.0)})[1] for name in self.followers]).T
+            J = np.array(
+                [
+                    self._open(still | {name: (still[name][0], 1.0, 0.0, 0.0)})[1]
+                    for name in self.followers
+                ]
+            ).T
             change = np.linalg.lstsq(J, np.array(self._open(all)).T, rcond=1e-9)[0]
             change *= min(1.0, 0.3 / max(1e-300, np.abs(change[:, 0]).max()))
             for name, d in zip(self.followers, change, strict=True):
                 all[name] = tuple(x - y for x, y in zip(all[name], d, strict=True))
-            if step > 3 and np.abs(change).max() < 1e-13 * (1.0 + np.abs([all[name] for name in self.followers]).max()):
+            if step > 3 and np.abs(change).max() < 1e-13 * (
+                1.0 + np.abs([all[name] for name in self.followers]).max()
+            ):
                 break
         assert np.abs(self._open(all)[0]).max() < 1e-11
         return all

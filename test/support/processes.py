@@ -32,7 +32,11 @@ class Process(contextlib.AbstractContextManager):
     def __init__(self, command, **options):
         """Start it, in a session of its own: a Ctrl-C at the test run does not reach it."""
         self.command = [str(part) for part in command]
-        options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT} | options
+        options = {
+            "stdin": subprocess.DEVNULL,
+            "stdout": subprocess.PIPE,
+            "stderr": subprocess.STDOUT,
+        } | options
         options["env"] = (options.get("env") or os.environ) | {"PYTHONFAULTHANDLER": "1"}
         self.popen = subprocess.Popen(self.command, start_new_session=True, **options)
         self._said = b""
@@ -67,7 +71,10 @@ class Process(contextlib.AbstractContextManager):
         return [(f"output of {process}", process.tail()) for process in cls.started[-4:]]
 
     def __str__(self):
-        return " ".join(part.rsplit("/", 1)[-1] for part in self.command[1:4]) + f", pid {self.popen.pid}"
+        return (
+            " ".join(part.rsplit("/", 1)[-1] for part in self.command[1:4])
+            + f", pid {self.popen.pid}"
+        )
 
     @property
     def output(self):
@@ -82,7 +89,9 @@ class Process(contextlib.AbstractContextManager):
     def wait_for(self, condition, what, timeout=START):
         """Wait until a condition on the output holds."""
         with self._changed:
-            self._changed.wait_for(lambda: self._descriptor is None or condition(self.output), timeout)
+            self._changed.wait_for(
+                lambda: self._descriptor is None or condition(self.output), timeout
+            )
         if not condition(self.output):
             self.dump_stacks()
             raise AssertionError(f"{self}: waited in vain for {what}")
@@ -156,7 +165,9 @@ def locked_domain():
     for domain in random.SystemRandom().sample(range(1, 102), 101):
         try:
             lock = os.open(
-                Path(tempfile.gettempdir(), f"diag_dynamics_ros_domain_{domain}"), os.O_RDWR | os.O_CREAT, 0o666
+                Path(tempfile.gettempdir(), f"diag_dynamics_ros_domain_{domain}"),
+                os.O_RDWR | os.O_CREAT,
+                0o666,
             )
         except PermissionError:  # another user's
             continue

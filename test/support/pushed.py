@@ -25,7 +25,11 @@ class Motion:
     def __call__(self, k):
         w, t = 4.0, 1e-9 * STEP * k
         q, qd = self.middle + self.size * np.sin(w * t), self.size * w * np.cos(w * t)
-        return q, qd, self.oracle.inverse_dynamics(q, qd, -self.size * w**2 * np.sin(w * t)) - self.push
+        return (
+            q,
+            qd,
+            self.oracle.inverse_dynamics(q, qd, -self.size * w**2 * np.sin(w * t)) - self.push,
+        )
 
 
 def subscribed(monitor):
@@ -40,6 +44,8 @@ def feed(monitor, states):
     """Publish states `STEP` apart; return the message of external torque of each."""
     found = []
     for q, qd, tau in states:
-        monitor.publish(joint_state(robot(PANDA).names, q, qd, () if tau is None else tau, monitor.tick(STEP)))
+        monitor.publish(
+            joint_state(robot(PANDA).names, q, qd, () if tau is None else tau, monitor.tick(STEP))
+        )
         found.append(monitor.torque.at(monitor.now))
     return found

@@ -34,7 +34,9 @@ class Recording:
     def __init__(self, folder):
         self.folder, self.urdf = folder, folder / "arm.urdf"
         self.urdf.write_text(ARM)
-        (folder / "limits.yaml").write_text("regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}")
+        (folder / "limits.yaml").write_text(
+            "regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}"
+        )
         self.model = dd.load_urdf(str(self.urdf))
         self.dyn = dd.DiagonalDynamics(self.model)
         self.t, self.q, self.qd, self.tau = self.motion((PUSHED,))
@@ -53,7 +55,17 @@ class Recording:
         """Analyse columns; return the path of the report and the summary."""
         path, html, summary = (self.folder / f"{name}.{kind}" for kind in ("npz", "html", "json"))
         np.savez(path, **columns)
-        arguments = ["analyse", path, "--urdf", self.urdf, "--report", html, "--json", summary, *options]
+        arguments = [
+            "analyse",
+            path,
+            "--urdf",
+            self.urdf,
+            "--report",
+            html,
+            "--json",
+            summary,
+            *options,
+        ]
         assert main(list(map(str, arguments))) in (0, 1)
         return html, json.loads(summary.read_text(encoding="utf-8"))
 

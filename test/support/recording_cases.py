@@ -59,13 +59,20 @@ CASES = {
             *("incomplete", "foreign", "implausible effort", "lost by gaps in stamps"),
         ),
     ),
-    "stuck values refused": Case(PANDA, {"stuck_values": "reject", "stuck_timeout": 0.05}, ("rejected: stuck",)),
+    "stuck values refused": Case(
+        PANDA, {"stuck_values": "reject", "stuck_timeout": 0.05}, ("rejected: stuck",)
+    ),
     "foreign stamps refused": Case(PANDA, {"foreign_time": "reject", "max_age": 0.02}),
     "few rules": Case(
-        PANDA, dict.fromkeys(("max_age", "plausibility.jump", "plausibility.beyond_limits", "joint_timeout"), 0.0)
+        PANDA,
+        dict.fromkeys(
+            ("max_age", "plausibility.jump", "plausibility.beyond_limits", "joint_timeout"), 0.0
+        ),
     ),
     "estimated velocities": Case(PANDA, {"missing_velocity": "estimate"}),
-    "scaled efforts": Case(PANDA, {"effort_scale": ["*=0.5"], "effort_available": ["panda_joint3=false"]}),
+    "scaled efforts": Case(
+        PANDA, {"effort_scale": ["*=0.5"], "effort_available": ["panda_joint3=false"]}
+    ),
     "mimic joint": Case("parallel gripper", {}, ("mimic disagreement", "followers only")),
     "floating base": Case(
         "solo_description/robots/solo12.urdf",
@@ -114,7 +121,9 @@ def hostile_messages(case, seed, count=900):
     """
     model = case.model
     joints = joints_of(model)
-    drivers = [Driver(model, seed, [*joints.names, *joints.mimics])] if case.robot in NAMED else None
+    drivers = (
+        [Driver(model, seed, [*joints.names, *joints.mimics])] if case.robot in NAMED else None
+    )
     pairs = hostile(model, seed, count, drivers=drivers)
     messages = [Message("/joint_states", now, raw) for raw, now in pairs]
     if model.floating_base:

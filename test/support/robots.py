@@ -54,7 +54,9 @@ EXCLUDED = {
     "hector_description/robots/quadrotor_base.urdf": Exclusion(MOTIONLESS),
     "iris_description/robots/iris_simple.urdf": Exclusion(MOTIONLESS),
     "romeo_description/urdf/romeo.urdf": Exclusion(SINGULAR, _ROMEO_HANDS),
-    "romeo_description/urdf/romeo_laas_small.urdf": Exclusion(SINGULAR, ("l_gripper_joint", "r_gripper_joint")),
+    "romeo_description/urdf/romeo_laas_small.urdf": Exclusion(
+        SINGULAR, ("l_gripper_joint", "r_gripper_joint")
+    ),
     "ur_description/urdf/ur3.urdf": Exclusion(EMPTY),
 }
 
@@ -65,7 +67,9 @@ def robots_folder() -> Path:
     try:
         files = distribution(WHEEL).files or []
     except PackageNotFoundError as error:
-        raise RuntimeError(f"the tests need the robots of {WHEEL!r}: pip install {WHEEL}") from error
+        raise RuntimeError(
+            f"the tests need the robots of {WHEEL!r}: pip install {WHEEL}"
+        ) from error
     for file in files:
         if file.suffix == ".urdf" and "robots" in file.parts:
             path = Path(file.locate()).resolve()
@@ -81,7 +85,9 @@ def robot_path(robot: str) -> Path:
 @cache
 def all_robots() -> tuple[str, ...]:
     """Return the id of every URDF of the wheel: its path below the `robots` folder."""
-    return tuple(sorted(p.relative_to(robots_folder()).as_posix() for p in robots_folder().rglob("*.urdf")))
+    return tuple(
+        sorted(p.relative_to(robots_folder()).as_posix() for p in robots_folder().rglob("*.urdf"))
+    )
 
 
 def regular_robots() -> tuple[str, ...]:
@@ -119,7 +125,11 @@ class Robot(NamedTuple):
     @property
     def urdf(self) -> str:
         """Return the XML text."""
-        return self.source.read_text(encoding="utf-8") if isinstance(self.source, Path) else self.source
+        return (
+            self.source.read_text(encoding="utf-8")
+            if isinstance(self.source, Path)
+            else self.source
+        )
 
 
 def robot(id: str) -> Robot:
@@ -127,7 +137,9 @@ def robot(id: str) -> Robot:
     return Robot(id, robot_path(id))
 
 
-def link(name: str, mass: float = 0.0, com=(0, 0, 0), inertia=(0, 0, 0, 0, 0, 0), rpy=(0, 0, 0)) -> str:
+def link(
+    name: str, mass: float = 0.0, com=(0, 0, 0), inertia=(0, 0, 0, 0, 0, 0), rpy=(0, 0, 0)
+) -> str:
     """Return a URDF link; `inertia` is ixx ixy ixz iyy iyz izz about the centre of mass."""
     if not mass:
         return f'<link name="{name}"/>'
@@ -139,7 +151,9 @@ def link(name: str, mass: float = 0.0, com=(0, 0, 0), inertia=(0, 0, 0, 0, 0, 0)
     )
 
 
-def joint(name: str, kind: str, parent: str, child: str, axis=(0, 0, 1), xyz=(0, 0, 0), rpy=(0, 0, 0)) -> str:
+def joint(
+    name: str, kind: str, parent: str, child: str, axis=(0, 0, 1), xyz=(0, 0, 0), rpy=(0, 0, 0)
+) -> str:
     """Return a URDF joint."""
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
@@ -188,7 +202,9 @@ BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0,
 
 def arm(*more: str, kind: str = "revolute") -> str:
     """Return the URDF of one link on a base, and of other elements."""
-    return description("arm", link("base"), link("upper", **BOX), joint("shoulder", kind, "base", "upper"), *more)
+    return description(
+        "arm", link("base"), link("upper", **BOX), joint("shoulder", kind, "base", "upper"), *more
+    )
 
 
 ARM = arm()
@@ -261,7 +277,9 @@ PENDULUM = description(
     "pendulum",
     link("base"),
     link("rod", 0.8, (0, 0.05, -0.4), (0.02, 0.001, 0, 0.015, 0, 0.01)),
-    joint("pivot", "continuous", "base", "rod", axis=(1, 0, 0), xyz=(0.1, 0.2, 0.3), rpy=(0, 0, 0.4)),
+    joint(
+        "pivot", "continuous", "base", "rod", axis=(1, 0, 0), xyz=(0.1, 0.2, 0.3), rpy=(0, 0, 0.4)
+    ),
 )
 
 GANTRY = description(
@@ -300,7 +318,9 @@ def random_tree(seed: int, joints: int = 12, kinds: tuple[str, ...] = KINDS) -> 
             elements.append(link(f"link_{k}", *_random_inertia(rng)))
             elements.append(joint(f"weld_{k}", "fixed", f"link_{k}", f"tool_{k}", **pose))
             elements.append(link(f"tool_{k}", *_random_inertia(rng), rpy=rng.uniform(-3, 3, 3)))
-            elements.append(joint(f"mark_{k}", "fixed", f"tool_{k}", f"frame_{k}", rpy=rng.uniform(-3, 3, 3)))
+            elements.append(
+                joint(f"mark_{k}", "fixed", f"tool_{k}", f"frame_{k}", rpy=rng.uniform(-3, 3, 3))
+            )
             elements.append(link(f"frame_{k}"))
         elif k % 4 == 1 and k + 1 < joints:  # all of the inertia sits behind a fixed joint
             elements.append(link(f"link_{k}"))
@@ -323,21 +343,32 @@ def _random_inertia(rng) -> tuple:
 def _geared(seed: int) -> Robot:
     """Return a random tree with armature at two joints in three."""
     urdf = random_tree(seed)
-    names = [j.get("name") for j in ET.fromstring(urdf).findall("joint") if j.get("type") != "fixed"]
+    names = [
+        j.get("name") for j in ET.fromstring(urdf).findall("joint") if j.get("type") != "fixed"
+    ]
     rng = np.random.default_rng(seed)
-    return Robot(f"geared_tree_{seed}", urdf, {n: rng.uniform(0.01, 2) for i, n in enumerate(names) if i % 3})
+    return Robot(
+        f"geared_tree_{seed}", urdf, {n: rng.uniform(0.01, 2) for i, n in enumerate(names) if i % 3}
+    )
 
 
 def textbook_robots() -> tuple[Robot, ...]:
     """Return the robots with closed forms; their bases have no inertia, so they do not float."""
-    return (Robot("pendulum", PENDULUM), Robot("gantry", GANTRY), Robot("two_link_arm", TwoLinkArm().urdf))
+    return (
+        Robot("pendulum", PENDULUM),
+        Robot("gantry", GANTRY),
+        Robot("two_link_arm", TwoLinkArm().urdf),
+    )
 
 
 def random_robots() -> tuple[Robot, ...]:
     """Return the robots made at random; every one of them is regular."""
     return (
         *(Robot(f"random_tree_{seed}", random_tree(seed)) for seed in range(4)),
-        *(Robot(f"mobile_tree_{seed}", random_tree(seed, kinds=KINDS + SEVERAL)) for seed in (20, 21, 22)),
+        *(
+            Robot(f"mobile_tree_{seed}", random_tree(seed, kinds=KINDS + SEVERAL))
+            for seed in (20, 21, 22)
+        ),
         *(_geared(seed) for seed in (10, 11)),
     )
 
@@ -355,7 +386,10 @@ def coupled_robots() -> tuple[Robot, ...]:
     """Return robots whose mimic joints are coupled: those of the wheel, and those written for the tests."""
     from coupling import NAMED, wheel  # which import this module
 
-    return tuple(robot._replace(id=f"{robot.id}+coupled", mimic="embed") for robot in (*wheel(), *NAMED.values()))
+    return tuple(
+        robot._replace(id=f"{robot.id}+coupled", mimic="embed")
+        for robot in (*wheel(), *NAMED.values())
+    )
 
 
 GATE = (
@@ -379,7 +413,12 @@ GATE = (
 
 def robots_to_test() -> tuple[Robot, ...]:
     """Return the robots that the laws run over: :data:`GATE` in the gate, all of them in the full tier."""
-    fixed = (*(robot(id) for id in regular_robots()), *cured_robots(), *random_robots(), *coupled_robots())
+    fixed = (
+        *(robot(id) for id in regular_robots()),
+        *cured_robots(),
+        *random_robots(),
+        *coupled_robots(),
+    )
     motionless = (robot(id) for id, exclusion in EXCLUDED.items() if exclusion.reason == MOTIONLESS)
     every = textbook_robots() + fixed + tuple(robot.floating for robot in (*fixed, *motionless))
     if all_robots_selected():
@@ -390,7 +429,11 @@ def robots_to_test() -> tuple[Robot, ...]:
 
 # --- states
 
-SPEEDS = (0.3, 1.0, 10.0)  # one sample each, [rad/s] or [m/s]; at the last the velocity terms dominate
+SPEEDS = (
+    0.3,
+    1.0,
+    10.0,
+)  # one sample each, [rad/s] or [m/s]; at the last the velocity terms dominate
 
 
 class Sample(NamedTuple):
@@ -409,7 +452,10 @@ def samples(id: str, oracle) -> list[Sample]:
     names = sorted(oracle.dof_names)
     at = [names.index(name) for name in oracle.dof_names]
     reach = np.array(
-        [0.3 if oracle.is_prismatic(k) else 6.0 if oracle.is_circular(k) else 3.0 for k in range(oracle.nv)]
+        [
+            0.3 if oracle.is_prismatic(k) else 6.0 if oracle.is_circular(k) else 3.0
+            for k in range(oracle.nv)
+        ]
     )
     out = []
     for speed in SPEEDS:

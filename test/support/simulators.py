@@ -22,7 +22,9 @@ class Simulator:
         """Start it; a context, which begins with its first state if it `waits` for that, and at whose end it ends."""
         self.peer, self.robot, self.name = peer, robot(id), f"{namespace}/{NODE}"
         self._waits, self._moves_itself = waits, parameters.get("motion") == "wave"
-        self.model = dd.load_urdf(self.robot.path, floating_base=parameters.get("floating_base", False))
+        self.model = dd.load_urdf(
+            self.robot.path, floating_base=parameters.get("floating_base", False)
+        )
         self.states = peer.topic(JointState, f"{namespace}/joint_states")
         self.odometry = peer.topic(Odometry, f"{namespace}/odom")
         self.truth = peer.topic(DiagonalizedState, f"{self.name}/ground_truth")
@@ -37,7 +39,9 @@ class Simulator:
         if self._waits:
             inputs = (self.wrenches,) if self._moves_itself else (self.wrenches, self.commands)
             ready = [one.get_subscription_count for one in inputs]
-            self.peer.wait_until(lambda: all(count() for count in ready) and self.states.messages, self.name, START)
+            self.peer.wait_until(
+                lambda: all(count() for count in ready) and self.states.messages, self.name, START
+            )
             self.peer.wait_until(self.truth.subscription.get_publisher_count, "its truth")
             self.peer.become_known(self.name)
         return self

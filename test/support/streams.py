@@ -61,8 +61,16 @@ class Stream:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
         self.socket.settimeout(timeout)
         self.socket.connect((url.hostname, url.port))
-        headers = [f"GET /stream?{urlencode(query)} HTTP/1.1", f"Host: {url.netloc}", "Sec-WebSocket-Version: 13"]
-        headers += ["Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg=="]
+        headers = [
+            f"GET /stream?{urlencode(query)} HTTP/1.1",
+            f"Host: {url.netloc}",
+            "Sec-WebSocket-Version: 13",
+        ]
+        headers += [
+            "Connection: Upgrade",
+            "Upgrade: websocket",
+            "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==",
+        ]
         headers += [f"Origin: {origin}"] if origin else []
         self.socket.sendall("\r\n".join([*headers, "", ""]).encode())
         self._buffer, self._news, self.layout = b"", [], None

@@ -25,19 +25,28 @@ class Truth:
 
     def __init__(self, robot, q, qd, tau=None, gravity=None, estimated=False, computed=False):
         """Take the state in the order of robot.names."""
-        self.robot, self.estimated, self.effort_tolerance = robot, estimated, 1e-13 if computed else 1e-15
+        self.robot, self.estimated, self.effort_tolerance = (
+            robot,
+            estimated,
+            1e-13 if computed else 1e-15,
+        )
         oracle = robot.oracle if gravity is None else robot.make_oracle(robot.urdf, gravity=gravity)
         self.state = oracle.at(q, qd, tau)
         self.tolerance = tolerance(self.state)
         # |ε_g| ≤ √mass |g|: where gravity happens to have little moment, errors are relative to that
-        self.gravity_scale = np.sqrt(oracle.mass) * np.linalg.norm(EARTH if gravity is None else gravity)
+        self.gravity_scale = np.sqrt(oracle.mass) * np.linalg.norm(
+            EARTH if gravity is None else gravity
+        )
         self.unit = np.sqrt(np.diag(self.state.M))
 
     def check_header(self, message, stamp):
         """Stamp, frame and names: those of the input, the root link, and the joints from base to tip."""
         assert nanoseconds(message.header.stamp) == stamp
         assert message.header.frame_id == self.robot.root
-        assert tuple(message.name if type(message) is JointState else message.dof_names) == self.robot.names
+        assert (
+            tuple(message.name if type(message) is JointState else message.dof_names)
+            == self.robot.names
+        )
 
     def check_vector(self, actual, expected, scale=None):
         """One number per dof, compared in the units given by the caller."""
@@ -68,12 +77,16 @@ class Truth:
         self.check_vector(message.coriolis, s.coriolis, s.coriolis_scale)
         root = np.sqrt(s.D)
         scale = s.coriolis_scale + np.linalg.norm(s.Ddot * s.xi / root)
-        self.check_vector(message.coriolis_unnormalized / root, s.coriolis_unnormalized / root, scale)
+        self.check_vector(
+            message.coriolis_unnormalized / root, s.coriolis_unnormalized / root, scale
+        )
         self.check_gravity(message.gravity)
 
     def check_gravity(self, epsilon_g):
         expected = self.state.gravity
-        self.check_vector(epsilon_g, expected, max(np.linalg.norm(expected), 1e-3 * self.gravity_scale))
+        self.check_vector(
+            epsilon_g, expected, max(np.linalg.norm(expected), 1e-3 * self.gravity_scale)
+        )
 
     def check_mass_matrix_factors(self, message, with_inverse=False):
         s, nv = self.state, len(self.robot.names)
@@ -94,7 +107,11 @@ class Truth:
         assert message.base_energy == 0.0  # a fixed base
         assert_close(sum(message.energy_share), K, 1e-12)
         assert sorted(message.link_names) == sorted(s.link_energy)
-        assert_close(np.array(message.link_energy), [s.link_energy[name] for name in message.link_names], 1e-12)
+        assert_close(
+            np.array(message.link_energy),
+            [s.link_energy[name] for name in message.link_names],
+            1e-12,
+        )
         assert message.power_valid == (s.tau is not None)
         self.check_power(message.power)
 
@@ -103,7 +120,9 @@ class Truth:
         if s.tau is None:
             assert power == 0.0
             return
-        scale = np.linalg.norm(s.nu) * (np.linalg.norm(s.epsilon) + np.linalg.norm(s.gravity) + s.coriolis_scale)
+        scale = np.linalg.norm(s.nu) * (
+            np.linalg.norm(s.epsilon) + np.linalg.norm(s.gravity) + s.coriolis_scale
+        )
         assert_close(power, s.power, self.tolerance, scale)
 
     def check_joint_space_dynamics(self, message):
@@ -118,7 +137,9 @@ class Truth:
         s = self.state
         assert list(message.position) == s.q.tolist()
         assert list(message.velocity) == s.qd.tolist()
-        assert_close(np.array(message.effort), [] if s.tau is None else s.tau, self.effort_tolerance)
+        assert_close(
+            np.array(message.effort), [] if s.tau is None else s.tau, self.effort_tolerance
+        )
         assert message.velocity_estimated == self.estimated
         self.check_total_joint_rates(message)
         self.check_working_moments(message)

@@ -29,12 +29,24 @@ from diag_dynamics.joint_states.joints import Options, joints_of
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, ManagedNode
-from diag_dynamics.nodes.controller.record import Record, problems_of_limits, status_message, values_of_loop
+from diag_dynamics.nodes.controller.record import (
+    Record,
+    problems_of_limits,
+    status_message,
+    values_of_loop,
+)
 from diag_dynamics.nodes.controller.trajectories import ACTION, Trajectories
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
-from diag_dynamics.nodes.support.diagnostics import ERROR, WARN, Diagnostics, Status, counted, shortened
+from diag_dynamics.nodes.support.diagnostics import (
+    ERROR,
+    WARN,
+    Diagnostics,
+    Status,
+    counted,
+    shortened,
+)
 from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
@@ -67,7 +79,9 @@ class ControllerNode(ManagedNode):
     def __init__(self, **options):
         super().__init__(NODES["controller"], PARAMETERS, **options)
         required = ParameterDescriptor(description=f"Required: {WHY_REQUIRED}.")
-        self.values[COMPENSATES] = self.declare_parameter(COMPENSATES, Parameter.Type.BOOL, required).value
+        self.values[COMPENSATES] = self.declare_parameter(
+            COMPENSATES, Parameter.Type.BOOL, required
+        ).value
         self._loop = self._states = self._descriptions = self._watch = self._trajectories = None
         self._description, self._refused, self._other = None, "", None
         self._published, self._subscribed, self._offered = [], [], []
@@ -77,12 +91,16 @@ class ControllerNode(ManagedNode):
         self._last_time = None  # of anything [ns]
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
-        self._diagnostics = Diagnostics(self, self._report, lambda: self._loop and self._loop.dynamics.model)
+        self._diagnostics = Diagnostics(
+            self, self._report, lambda: self._loop and self._loop.dynamics.model
+        )
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
         self._starting = self.values["autostart"]  # activates itself as soon as there is a robot
         if not self._starting:
             todo = f"ros2 lifecycle set {self.get_fully_qualified_name()} configure"
-            self.get_logger().info(f"Waiting to be configured: {todo}. Or start the node with -p autostart:=true.")
+            self.get_logger().info(
+                f"Waiting to be configured: {todo}. Or start the node with -p autostart:=true."
+            )
         elif self.trigger_configure() != SUCCESS:
             self.destroy_node()
             raise InputError(self.failure)
@@ -99,7 +117,9 @@ class ControllerNode(ManagedNode):
     def configure(self):
         """Load the robot or wait for one; make publishers and services."""
         if self.values[COMPENSATES] is None:
-            raise InputError(f"parameter '{COMPENSATES}' is not set and has no default. Set {WHY_REQUIRED}.")
+            raise InputError(
+                f"parameter '{COMPENSATES}' is not set and has no default. Set {WHY_REQUIRED}."
+            )
         self._commands = self._publisher(Float64MultiArray, COMMANDS)
         self._status = self._publisher(ControllerStatus, "~/status")
         self._status_limit = RateLimit(self.values["max_rate.status"])
@@ -108,7 +128,9 @@ class ControllerNode(ManagedNode):
         self._trajectories = Trajectories(self, self._publisher, self._take_goal, self._cancel)
         for mode in MODES:
             callback = answered(self, Trigger, partial(self._switch, mode))
-            self._offered.append(self.create_service(Trigger, f"~/mode/{mode}", callback, qos_profile=SERVICE_QOS))
+            self._offered.append(
+                self.create_service(Trigger, f"~/mode/{mode}", callback, qos_profile=SERVICE_QOS)
+            )
         if self.values["robot_description"]:
             self._loader.load(self.values["robot_description"], dict(self.values))
         else:
@@ -130,24 +152,42 @@ class ControllerNode(ManagedNode):
         self._states.forget_clock()
         self._last_time = None
         self._record.begin()
-        newest = QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT)
+        newest = QoSProfile(
+            depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
+        )
         self._subscribe(JointState, "joint_states", self._take_joint_state, newest, raw=True)
         loop, model = self._loop, self._loop.dynamics.model
         names = model.dof_names
         for kind, topic, take in (
-            (PoseStamped, "target", lambda message: loop.take_pose(*received.pose(message, model, self._transforms))),
+            (
+                PoseStamped,
+                "target",
+                lambda message: loop.take_pose(*received.pose(message, model, self._transforms)),
+            ),
             (JointTrajectory, "trajectory", self._take_trajectory),
-            (JointState, "set_point", lambda message: loop.take_set_point(received.set_point(message, names))),
+            (
+                JointState,
+                "set_point",
+                lambda message: loop.take_set_point(received.set_point(message, names)),
+            ),
             (Float64, SCALE, lambda message: loop.take_scale(message.data, self.time.now())),
         ):
-            self._subscribe(kind, topic, partial(self._take_target, topic, take), QoSProfile(depth=1))
+            self._subscribe(
+                kind, topic, partial(self._take_target, topic, take), QoSProfile(depth=1)
+            )
         # Simulated time where the node uses it; else steady time: timers stop while system time is set back.
         clock = self.get_clock() if self.get_clock().ros_time_is_active else steady_clock()
-        self._watch = self.create_timer(self.values["max_state_age"] / WATCHES, self._look, clock=clock)
-        self.get_logger().info(plain(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}."))
+        self._watch = self.create_timer(
+            self.values["max_state_age"] / WATCHES, self._look, clock=clock
+        )
+        self.get_logger().info(
+            plain(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
+        )
 
     def _subscribe(self, kind, topic, take, qos, **options):
-        self._subscribed.append(connected(self.create_subscription, kind, topic, take, qos, **options))
+        self._subscribed.append(
+            connected(self.create_subscription, kind, topic, take, qos, **options)
+        )
 
     def deactivate(self):
         """Send a last command, the gravity torque of the robot, and unsubscribe."""
@@ -196,7 +236,9 @@ class ControllerNode(ManagedNode):
         joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make all correct ones late, so none is accepted.
         age = values["max_state_age"]
-        options = Options(timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **PLAUSIBLE)
+        options = Options(
+            timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **PLAUSIBLE
+        )
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
         states.forget()  # compiles its rules, or loads them from the cache
@@ -215,10 +257,14 @@ class ControllerNode(ManagedNode):
         self._description = description
         model, efforts = self._loop.dynamics.model, self._loop.efforts
         efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
-        self.get_logger().info(plain(f"Ready: robot '{model.name}', {model.nv} degrees of freedom."))
+        self.get_logger().info(
+            plain(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
+        )
         if efforts.unlimited:
             self.get_logger().warning(
-                plain(f"No effort limit for {', '.join(efforts.unlimited)}: commands are not limited.")
+                plain(
+                    f"No effort limit for {', '.join(efforts.unlimited)}: commands are not limited."
+                )
             )
         if self._starting:
             self._starting = False
@@ -267,7 +313,9 @@ class ControllerNode(ManagedNode):
         now, last = self.time.now(), self._last_time
         if last is not None and now < last - self.values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
-            self.get_logger().warning(f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0)
+            self.get_logger().warning(
+                f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0
+            )
             self._states.forget()
             self._states.forget_clock()
         self._last_time = now
@@ -341,7 +389,9 @@ class ControllerNode(ManagedNode):
 
     def _check_and_take(self, topic, take, message):
         if topic != SCALE:
-            self._loop.require("trajectory" if topic == ACTION else topic)  # before a long message is read
+            self._loop.require(
+                "trajectory" if topic == ACTION else topic
+            )  # before a long message is read
         take(message)
 
     def _take_trajectory(self, message, tolerances=None):
@@ -354,7 +404,9 @@ class ControllerNode(ManagedNode):
         """Follow the trajectory of an action goal; return whether it is accepted."""
 
         def take(goal):
-            tolerances = received.tolerances(goal, self._loop.dynamics.model.dof_names, self._loop.tolerances)
+            tolerances = received.tolerances(
+                goal, self._loop.dynamics.model.dof_names, self._loop.tolerances
+            )
             self._take_trajectory(goal.trajectory, tolerances)
 
         if self.phase != ACTIVE:
@@ -381,7 +433,9 @@ class ControllerNode(ManagedNode):
         missing = {}
         if self.phase == ACTIVE:
             missing["missing joints"] = counted(self._states.missing)
-            missing["publishers of joint_states"] = self.count_publishers(self.resolve_topic_name("joint_states"))
+            missing["publishers of joint_states"] = self.count_publishers(
+                self.resolve_topic_name("joint_states")
+            )
         time_values, time_problems = clock_notes(self)
         problems, values = self._listeners()
         return [
@@ -394,24 +448,36 @@ class ControllerNode(ManagedNode):
         values = {"lifecycle": self.phase}
         if self._loop:
             values |= values_of_loop(self._loop)
-            values |= {"robot compensates gravity": self.values[COMPENSATES], "order of joints": self._order_known}
+            values |= {
+                "robot compensates gravity": self.values[COMPENSATES],
+                "order of joints": self._order_known,
+            }
         reason = self.failure or self._refused
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
-            return status._replace(level=ERROR, message=f"{status.message}; {reason}") if reason else status
+            return (
+                status._replace(level=ERROR, message=f"{status.message}; {reason}")
+                if reason
+                else status
+            )
         if reason:
             return Status("control", ERROR, reason, values)
         waiting = self.phase == INACTIVE and not self._loop
         if self._loader.loading is not None:
             return Status("control", WARN, f"{self.phase}; loading a robot_description", values)
-        return Status("control", WARN, "no robot yet" if waiting else f"{self.phase}; no commands", values)
+        return Status(
+            "control", WARN, "no robot yet" if waiting else f"{self.phase}; no commands", values
+        )
 
     def _listeners(self):
         """Return problems of receivers and limits of commands, and diagnostic values of receivers."""
         if self.phase != ACTIVE:
             return [], {}
         topic, problems = self._commands.topic_name, []
-        receivers, others = self._commands.get_subscription_count(), self.count_publishers(topic) - 1
+        receivers, others = (
+            self._commands.get_subscription_count(),
+            self.count_publishers(topic) - 1,
+        )
         if not receivers:
             problems.append(f"{topic} has no subscriber")
         elif self.values["check_time"] and "not compared" in self._order_known:
@@ -428,7 +494,9 @@ def joints_of_controller(node, controller, timeout):
     `node` asks, by a node of its own: its executor runs the callback that calls this.
     """
     deadline = time.monotonic() + timeout
-    asking = rclpy.create_node(f"{node.get_name()}_asking", context=node.context, use_global_arguments=False)
+    asking = rclpy.create_node(
+        f"{node.get_name()}_asking", context=node.context, use_global_arguments=False
+    )
     executor = SingleThreadedExecutor(context=node.context)
     try:
         executor.add_node(asking)

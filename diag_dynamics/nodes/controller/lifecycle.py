@@ -30,7 +30,9 @@ class ManagedNode(TableNode, LifecycleNode):
         self.phase, self.failure = UNCONFIGURED, ""
         super().__init__(name, specs, **options)
         for service in self.services:
-            if service.srv_type is ChangeState:  # rclpy before 9 raises at a transition that the state has not
+            if (
+                service.srv_type is ChangeState
+            ):  # rclpy before 9 raises at a transition that the state has not
                 service.callback = self._guarded(service.callback)
 
     @property

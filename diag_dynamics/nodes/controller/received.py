@@ -44,13 +44,17 @@ def set_point(message, names):
     """Return the positions of all joints [rad, m] of a JointState, in the order of `names`; the robot rests there."""
     order = _order("set_point.name", message.name, names)
     if len(message.position) != len(names):
-        raise InputError(f"set_point.position has {len(message.position)} entries, expected {len(names)}.")
+        raise InputError(
+            f"set_point.position has {len(message.position)} entries, expected {len(names)}."
+        )
     if any(message.velocity) or any(message.effort):
         raise InputError("set_point has velocities or efforts, expected positions only.")
     position = np.array(message.position, dtype=float)[order]
     for name, value in zip(names, position, strict=True):
         if not np.isfinite(value):
-            raise InputError(f"set_point.position of joint '{name}' is {value}, expected a finite number.")
+            raise InputError(
+                f"set_point.position of joint '{name}' is {value}, expected a finite number."
+            )
     return position
 
 
@@ -63,13 +67,21 @@ def trajectory(message, names):
             "trajectory.points is empty, expected at least one point. To stop the robot, request the mode again."
         )
     if len(points) > MAX_POINTS:
-        raise InputError(f"trajectory.points has {len(points)} entries, expected at most {MAX_POINTS}.")
+        raise InputError(
+            f"trajectory.points has {len(points)} entries, expected at most {MAX_POINTS}."
+        )
     if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
-        raise InputError(f"trajectory.header.stamp is {stamp.sec} s {stamp.nanosec} ns, expected a time.")
-    times = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points])
+        raise InputError(
+            f"trajectory.header.stamp is {stamp.sec} s {stamp.nanosec} ns, expected a time."
+        )
+    times = np.array(
+        [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
+    )
     for k, point in enumerate(points):
         if len(point.effort):
-            raise InputError(f"trajectory.points[{k}].effort is set, expected none because the law computes efforts.")
+            raise InputError(
+                f"trajectory.points[{k}].effort is set, expected none because the law computes efforts."
+            )
     positions, given = _field(points, "positions", order)
     if not given.all():
         raise InputError(
@@ -77,7 +89,9 @@ def trajectory(message, names):
         )
     velocities, with_velocity = _field(points, "velocities", order)
     accelerations, with_acceleration = _field(points, "accelerations", order)
-    waypoints = Waypoints(times, positions, velocities, accelerations, with_velocity, with_acceleration)
+    waypoints = Waypoints(
+        times, positions, velocities, accelerations, with_velocity, with_acceleration
+    )
     return waypoints, stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
@@ -89,12 +103,16 @@ def tolerances(goal, names, defaults):
                 f"{field} is set, expected none because the robot has joints of one degree of freedom only."
             )
     if getattr(goal, "multi_dof_trajectory", None) and goal.multi_dof_trajectory.joint_names:
-        raise InputError(f"multi_dof_trajectory has joint '{goal.multi_dof_trajectory.joint_names[0]}', expected none.")
+        raise InputError(
+            f"multi_dof_trajectory has joint '{goal.multi_dof_trajectory.joint_names[0]}', expected none."
+        )
     tables = {"path_tolerance": defaults.path.copy(), "goal_tolerance": defaults.goal.copy()}
     for what, table in tables.items():
         for entry in getattr(goal, what):
             if entry.name not in names:
-                raise InputError(f"{what} has '{entry.name}', expected joints of {', '.join(names)}.")
+                raise InputError(
+                    f"{what} has '{entry.name}', expected joints of {', '.join(names)}."
+                )
             of, k = f"of joint '{entry.name}'", names.index(entry.name)
             table[0, k] = _tolerance(f"{what}.position {of}", entry.position, table[0, k])
             table[1, k] = _tolerance(f"{what}.velocity {of}", entry.velocity, table[1, k])
@@ -137,7 +155,9 @@ def _field(points, name, order):
     wrong = given & (lengths != width)
     if wrong.any():
         k = int(np.argmax(wrong))
-        raise InputError(f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}.")
+        raise InputError(
+            f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}."
+        )
     table = np.zeros((len(points), width))
     table[given] = np.frombuffer(b"".join(values)).reshape(-1, width)[:, order]
     return table, given

@@ -11,7 +11,15 @@ from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
 from diag_dynamics.control.tank import RESERVE
 from diag_dynamics.msg import ControllerStatus
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted, shortened, steady
+from diag_dynamics.nodes.support.diagnostics import (
+    ERROR,
+    OK,
+    WARN,
+    Status,
+    counted,
+    shortened,
+    steady,
+)
 from diag_dynamics.nodes.support.messages import doubles, to_time
 
 ROUNDING = 1.0 + 1e-6
@@ -27,7 +35,10 @@ class Record:
         self.counts, self._told = Counter(), Counter()
         self._last_refusal = self._last_hold = ""
         self._largest_gap, self._smallest_scale = 0.0, 1.0
-        self._above = 0.0, ""  # energy of a contact above its bound [J] since the last report, and the link
+        self._above = (
+            0.0,
+            "",
+        )  # energy of a contact above its bound [J] since the last report, and the link
         self.begin()
 
     def begin(self):
@@ -55,7 +66,12 @@ class Record:
         self.counts["commands limited"] += bool(sent.saturated)
         self._smallest_scale = min(self._smallest_scale, loop.efforts.scale)
         bound = loop.efforts.contact_limiter
-        if sent.command is not None and bound and bound.seen and bound.seen.energy > bound.seen.limit * ROUNDING:
+        if (
+            sent.command is not None
+            and bound
+            and bound.seen
+            and bound.seen.energy > bound.seen.limit * ROUNDING
+        ):
             self.counts["contact energy above its limit"] += 1
             self._above = max(self._above, (bound.seen.energy - bound.seen.limit, bound.seen.link))
 
@@ -71,7 +87,9 @@ class Record:
         if supervisor.phase == IN_FORCE:
             if recent["holds"]:
                 values["last hold"] = self._last_hold
-                return Status("control", WARN, f"{mode}; held gravity: {steady(self._last_hold)}", values)
+                return Status(
+                    "control", WARN, f"{mode}; held gravity: {steady(self._last_hold)}", values
+                )
             if supervisor.starting:
                 return Status("control", WARN, f"{mode}; taking up the load, damped", values)
             return Status("control", OK, mode, values)
@@ -105,13 +123,17 @@ class Record:
 
     def input_status(self, recent, values, problems):
         """Return the status of states, targets and time; `problems` are those of time."""
-        values = {key: n for key, n in sorted(self.counts.items()) if key not in _OF_COMMANDS} | values
+        values = {
+            key: n for key, n in sorted(self.counts.items()) if key not in _OF_COMMANDS
+        } | values
         refused = sum(n for key, n in recent.items() if "rejected" in key or "aborted" in key)
         if self._last_refusal:
             values["last rejection"] = self._last_refusal
         if refused:
             problems = [f"rejected: {steady(self._last_refusal)}", *problems]
-        return Status("inputs", WARN if problems else OK, "; ".join(problems) or "nothing rejected", values)
+        return Status(
+            "inputs", WARN if problems else OK, "; ".join(problems) or "nothing rejected", values
+        )
 
 
 def problems_of_limits(efforts):
@@ -132,7 +154,9 @@ def values_of_loop(loop):
         "mode": loop.mode,
         "joints without effort limit": counted(loop.efforts.unlimited),
         "kinetic energy [J]": f"{loop.energy:.6g}",
-        "contact limits": f"{bound.points.count} points, scale {bound.scale:g}" if bound else "none",
+        "contact limits": f"{bound.points.count} points, scale {bound.scale:g}"
+        if bound
+        else "none",
     }
     if tank := loop.efforts.tank:
         values["tank energy [J]"] = f"{tank.energy:.6g}"
@@ -148,7 +172,9 @@ def status_message(loop, sent):
     """Return the ControllerStatus of a command of a loop."""
     command = sent.command
     model, limiter = loop.dynamics.model, loop.efforts.energy_limiter
-    message = ControllerStatus(mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason))
+    message = ControllerStatus(
+        mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason)
+    )
     message.header.stamp, message.header.frame_id = to_time(sent.stamp), model.root_link
     message.dof_names, message.state_age = list(model.dof_names), sent.age
     message.effort_command, message.saturated_dofs = doubles(sent.effort), list(sent.saturated)
@@ -166,7 +192,9 @@ def status_message(loop, sent):
     message.lyapunov_rate_measured = sent.lyapunov_rate or 0.0
     if isinstance(command.error, PoseError):
         message.pose_error_valid = True
-        for field, vector in zip((message.position_error, message.orientation_error), command.error, strict=True):
+        for field, vector in zip(
+            (message.position_error, message.orientation_error), command.error, strict=True
+        ):
             field.x, field.y, field.z = map(float, vector)
     elif command.error is not None:
         message.tracking_error, message.tracking_error_valid = doubles(command.error), True

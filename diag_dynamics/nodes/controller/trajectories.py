@@ -108,13 +108,17 @@ class Trajectories:
             handle.canceled()
         else:
             handle.abort()
-        goal.result.set_result(FollowJointTrajectory.Result(error_code=outcome.code, error_string=outcome.reason))
+        goal.result.set_result(
+            FollowJointTrajectory.Result(error_code=outcome.code, error_string=outcome.reason)
+        )
 
     def _publish_result(self, outcome):
         level = DiagnosticStatus.OK if outcome.code == SUCCESSFUL else DiagnosticStatus.ERROR
         code = KeyValue(key="error_code", value=str(outcome.code))
         self._results.publish(
-            DiagnosticStatus(level=level, name="trajectory", message=shortened(outcome.reason), values=[code])
+            DiagnosticStatus(
+                level=level, name="trajectory", message=shortened(outcome.reason), values=[code]
+            )
         )
 
     def _publish_feedback(self, goal):
@@ -133,7 +137,9 @@ class Trajectories:
             names = ("desired", "actual", "error")
             goal.handle.publish_feedback(
                 FollowJointTrajectory.Feedback(
-                    header=message.header, joint_names=message.joint_names, **dict(zip(names, points, strict=True))
+                    header=message.header,
+                    joint_names=message.joint_names,
+                    **dict(zip(names, points, strict=True)),
                 )
             )
 

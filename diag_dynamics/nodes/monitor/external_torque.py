@@ -36,10 +36,18 @@ class LiveAlarm:
 
         `touched` returns the TouchedLink of this row, None if it is unknown.
         """
-        unknown = np.isnan(seen.external_torque)[None] if seen.valid else np.ones((1, len(torque)), dtype=bool)
+        unknown = (
+            np.isnan(seen.external_torque)[None]
+            if seen.valid
+            else np.ones((1, len(torque)), dtype=bool)
+        )
         columns = stamps, r[None], torque[None], np.array([seen.valid])
         judged = self._detector.judge(*columns, velocity=velocity, unknown=unknown)
-        self.on, self.begins, self.joints = bool(judged.alarm[0]), bool(judged.begins[0]), judged.joints[0]
+        self.on, self.begins, self.joints = (
+            bool(judged.alarm[0]),
+            bool(judged.begins[0]),
+            judged.joints[0],
+        )
         self.count += self.begins
         if self.on:
             self._alarms.add_states(stamps, np.array([seen.norm]), judged, touched())
@@ -48,7 +56,11 @@ class LiveAlarm:
     def cause(self):
         """Return the touched link with its probability, and the detectors of the last alarm."""
         last = self._alarms.found[0]
-        return f"{last.link} ({last.confidence:.2f}): {last.describe()}" if last.link else last.describe()
+        return (
+            f"{last.link} ({last.confidence:.2f}): {last.describe()}"
+            if last.link
+            else last.describe()
+        )
 
 
 class LoadWatch:
@@ -59,7 +71,10 @@ class LoadWatch:
 
     def __init__(self, dynamics, link, observation):
         covariance = observation.covariance_of(dynamics.model.dof_names)
-        self.link, self.estimator = link, LoadEstimator(dynamics, link, observation.gain, covariance)
+        self.link, self.estimator = (
+            link,
+            LoadEstimator(dynamics, link, observation.gain, covariance),
+        )
         self.forget()
 
     def forget(self):
@@ -92,11 +107,16 @@ class LoadWatch:
         load = self.estimate
         if not load.valid:
             return Status("load", STALE, steady(load.reason))
-        values = {"mass [kg]": f"{load.mass:.4g}", "standard deviation of mass [kg]": f"{load.mass_deviation:.2g}"}
+        values = {
+            "mass [kg]": f"{load.mass:.4g}",
+            "standard deviation of mass [kg]": f"{load.mass_deviation:.2g}",
+        }
         values["explained"] = f"{load.explained:.3f}"
         if load.is_significant:
             values["centre of mass [m]"] = " ".join(f"{x:.3f}" for x in load.center)
-        return Status("load", OK, self.describe() if load.is_load else f"no load at '{self.link}'", values)
+        return Status(
+            "load", OK, self.describe() if load.is_load else f"no load at '{self.link}'", values
+        )
 
 
 def check_load_link(model, settings):
@@ -108,7 +128,11 @@ def check_load_link(model, settings):
         raise InputError(
             f"parameter 'load.link' is '{link}'; expected a link of robot '{model.name}' that a joint moves."
         )
-    if observation is None or observation.settles_on != "torque" or observation.covariance_of(model.dof_names) is None:
+    if (
+        observation is None
+        or observation.settles_on != "torque"
+        or observation.covariance_of(model.dof_names) is None
+    ):
         raise InputError(
             f"parameter 'load.link' is '{link}'; expected external_torque.gain above 0, external_torque.settles_on "
             "'torque' and an external_torque.covariance beside it. Calibrate (diag-dynamics calibrate)."
@@ -142,7 +166,10 @@ class TorqueWatch:
         self._observer = DisturbanceObserver(dynamics, gain, **options)
         names, before = dynamics.model.dof_names, (self._alarm, self._contact)
         self.covariance, contact = observation.covariance_of(names), observation.contact
-        self._alarm, self._contact = LiveAlarm(names, alarms), LiveAlarm(names, contact) if contact else None
+        self._alarm, self._contact = (
+            LiveAlarm(names, alarms),
+            LiveAlarm(names, contact) if contact else None,
+        )
         for alarm, earlier in zip((self._alarm, self._contact), before, strict=True):
             if alarm and earlier:
                 alarm.count = earlier.count
@@ -170,7 +197,11 @@ class TorqueWatch:
     @property
     def alarming(self):
         """Thresholds of and collisions at joints; None without parameters `alarm.*`."""
-        return CollisionThresholds(self._alarm.limits, self._alarm.joints) if self.observation.alarms else None
+        return (
+            CollisionThresholds(self._alarm.limits, self._alarm.joints)
+            if self.observation.alarms
+            else None
+        )
 
     @property
     def contact(self):
@@ -191,7 +222,9 @@ class TorqueWatch:
     def touched(self):
         """TouchedLink at the last state, computed on demand; None without a result or covariance."""
         if self._touched is None and self.seen.is_whole and self.covariance is not None:
-            self._touched = self.dynamics.touched_link(self._position, self.contact_torque, self.covariance)
+            self._touched = self.dynamics.touched_link(
+                self._position, self.contact_torque, self.covariance
+            )
         return self._touched
 
     def start_interval(self):
@@ -211,7 +244,9 @@ class TorqueWatch:
             self._alarm.reset()  # as the observer has been
         torque = seen.external_torque if seen.valid else np.zeros(len(self._alarm.joints))
         r, rates = seen.residual if seen.valid else torque, state.velocity[None]
-        if seen.valid and not seen.is_whole:  # components that an unknown effort changes have no alarm
+        if (
+            seen.valid and not seen.is_whole
+        ):  # components that an unknown effort changes have no alarm
             judged = self.observation.alarms is not None
             r, torque = np.nan_to_num(r) * judged, np.nan_to_num(torque) * judged
         if self.load:
@@ -237,7 +272,9 @@ class TorqueWatch:
         """Return `touched` as a result of one row."""
         if not (one := self.touched):
             return None
-        arrays = {name: np.array([getattr(one, name)]) for name in ("link", "confidence", "chi_square")}
+        arrays = {
+            name: np.array([getattr(one, name)]) for name in ("link", "confidence", "chi_square")
+        }
         return one._replace(probability=one.probability[None], **arrays)
 
     def report(self, without_effort):
@@ -254,10 +291,16 @@ class TorqueWatch:
             values["|r| [J^0.5/s]"] = f"{self.seen.norm:.6g}"
         level, message = WARN, f"collision: {self.cause}"
         if not self.cause and self._valid:
-            level, message = OK, "no collision" if self.is_judged else "observer runs without thresholds"
+            level, message = (
+                OK,
+                "no collision" if self.is_judged else "observer runs without thresholds",
+            )
             message = f"contact: {self.contact_cause}" if self.contact_cause else message
             if without_effort:
-                level, message = WARN, f"{message}; joints without effort: {counted(without_effort)}"
+                level, message = (
+                    WARN,
+                    f"{message}; joints without effort: {counted(without_effort)}",
+                )
         elif not self.cause:
             lacking = without_effort and f"joints without effort: {counted(without_effort)}"
             message = lacking or steady(self.seen.reason)

@@ -49,7 +49,11 @@ class GravitySource:
         if self._robot is None or self._robot is not self._current() or self._up is None:
             return f"{source} is unknown: {self._fault or 'no message'}"
         age = self._time.steady() - self._received
-        return f"{source} is {age:.3g} s old; {self._fault or 'no message'}" if age > self._timeout else ""
+        return (
+            f"{source} is {age:.3g} s old; {self._fault or 'no message'}"
+            if age > self._timeout
+            else ""
+        )
 
     def accept_imu(self, message):
         """Use the bytes of a sensor_msgs/Imu."""
@@ -84,12 +88,20 @@ class GravitySource:
             placement = robot.dynamics.placement(robot.position, link)
         o, a = imu.orientation, imu.linear_acceleration
         if imu.orientation_covariance[0] != -1.0:
-            up, filter_time = from_quaternion(*unit_quaternion(o))[2], 0.0  # the third row: the world's z in its axes
+            up, filter_time = (
+                from_quaternion(*unit_quaternion(o))[2],
+                0.0,
+            )  # the third row: the world's z in its axes
         else:
             up, filter_time = np.array([a.x, a.y, a.z]), self._filter_time
             size, g = np.linalg.norm(up), np.linalg.norm(robot.settings.values["gravity"])
-            if imu.linear_acceleration_covariance[0] == -1.0 or not MIN_FORCE * g < size < MAX_FORCE * g:
-                raise InputError(f"linear_acceleration is {size:.3g} m/s²; expected about {g:.3g} m/s² at rest")
+            if (
+                imu.linear_acceleration_covariance[0] == -1.0
+                or not MIN_FORCE * g < size < MAX_FORCE * g
+            ):
+                raise InputError(
+                    f"linear_acceleration is {size:.3g} m/s²; expected about {g:.3g} m/s² at rest"
+                )
             up /= size
         return placement[:3, :3] @ up, filter_time
 

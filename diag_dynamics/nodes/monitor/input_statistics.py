@@ -5,7 +5,16 @@
 
 from collections import Counter
 
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status, counted, shortened, steady
+from diag_dynamics.nodes.support.diagnostics import (
+    ERROR,
+    OK,
+    STALE,
+    WARN,
+    Status,
+    counted,
+    shortened,
+    steady,
+)
 
 OVERLOAD = "skipped: overload"
 PUBLISHED = ("published", "published from odometry")  # the second is no outcome of a joint state
@@ -102,7 +111,10 @@ def _summary(robot, recent):
         return WARN, "no velocity estimate yet"
     if robot and recent["foreign"] and robot.assembler.last_foreign:
         name = shortened(robot.assembler.last_foreign[0])
-        return STALE, f"no joint states of this robot; messages contain other joints, for example '{name}'"
+        return (
+            STALE,
+            f"no joint states of this robot; messages contain other joints, for example '{name}'",
+        )
     return STALE, "no joint states"
 
 

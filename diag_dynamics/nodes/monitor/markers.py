@@ -52,10 +52,15 @@ class MarkerMaker:
         self._dynamics, self._model = dynamics, dynamics.model
         model, q, bodies = dynamics.model, dynamics.model.start, dynamics.model.bodies
         self.link = link or end_effector_link(model)
-        self.reach = max(MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values()))
+        self.reach = max(
+            MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values())
+        )
         largest = float(self._mobility(q)[0].max(initial=0.0))
         self.scale = MAX_HALF_AXIS * self.reach / np.sqrt(largest) if largest > 0.0 else 0.0
-        self._names, self._link_of_dof = [plain(name) for name in model.dof_names], links_of_dofs(model)
+        self._names, self._link_of_dof = (
+            [plain(name) for name in model.dof_names],
+            links_of_dofs(model),
+        )
         self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
         geometry, folder = links_of(model, description), folder_of(description)
         self._parts = [(one.name, *part) for one in geometry for part in _parts(one, folder)]
@@ -64,11 +69,21 @@ class MarkerMaker:
         moving = [model.placement_in_body(name)[0] for name, *_ in self._parts]
         self._dofs = np.array([bodies["dof"][body] if body else -1 for body in moving], dtype=int)
         reach = self.reach
-        self._ellipsoid = _marker("ellipsoid", Marker.SPHERE, (1.0, 1.0, 1.0), (0.34, 0.71, 0.91, 0.4))
-        self._arrow = _marker("velocity", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.62, 0.0, 1.0))
-        self._text = _marker("text", Marker.TEXT_VIEW_FACING, (0.0, 0.0, 0.07 * reach), (0.6, 0.6, 0.6, 1.0))
-        self._collision = _marker("collision", Marker.SPHERE, (0.15 * reach,) * 3, (0.9, 0.1, 0.1, 0.5))
-        self._force = _marker("force", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.1, 0.1, 1.0))
+        self._ellipsoid = _marker(
+            "ellipsoid", Marker.SPHERE, (1.0, 1.0, 1.0), (0.34, 0.71, 0.91, 0.4)
+        )
+        self._arrow = _marker(
+            "velocity", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.62, 0.0, 1.0)
+        )
+        self._text = _marker(
+            "text", Marker.TEXT_VIEW_FACING, (0.0, 0.0, 0.07 * reach), (0.6, 0.6, 0.6, 1.0)
+        )
+        self._collision = _marker(
+            "collision", Marker.SPHERE, (0.15 * reach,) * 3, (0.9, 0.1, 0.1, 0.5)
+        )
+        self._force = _marker(
+            "force", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.1, 0.1, 1.0)
+        )
         own = self._ellipsoid, self._arrow, self._text, self._collision, self._force
         self._message = MarkerArray(markers=[*(marker for *_, marker in self._parts), *own])
 
@@ -81,7 +96,10 @@ class MarkerMaker:
         self._tint(shares / (s.kinetic_energy + MIN_ENERGY))
         for name, placement, marker in self._parts:
             marker.pose = _pose(placed[name] @ placement)
-        lines = [self._describe_energy(s.kinetic_energy, shares), self._draw_velocity(placed[self.link], state)]
+        lines = [
+            self._describe_energy(s.kinetic_energy, shares),
+            self._draw_velocity(placed[self.link], state),
+        ]
         lines += self._draw_contact(watch, placed, state.position)
         lines += ["estimated velocities"] * bool(state.velocity_estimated)
         self._text.text = "\n".join(lines)
@@ -103,7 +121,9 @@ class MarkerMaker:
 
     def _tint(self, fractions):
         """Tint each link by the fraction of K of the joint that moves it."""
-        tints = COLD + np.append(fractions, 0.0)[self._dofs, None] * (HOT - COLD)  # dof −1: nothing moves the link
+        tints = COLD + np.append(fractions, 0.0)[self._dofs, None] * (
+            HOT - COLD
+        )  # dof −1: nothing moves the link
         for (*_, marker), (r, g, b) in zip(self._parts, tints.tolist(), strict=True):
             marker.color.r, marker.color.g, marker.color.b = r, g, b
 
@@ -117,7 +137,9 @@ class MarkerMaker:
         """Place ellipsoid and arrow at a link's placement; return the line about its velocity."""
         q, R, origin, ellipsoid = state.position, X[:3, :3], X[:3, 3], X.copy()
         values, axes = self._mobility(q)
-        half_axes = np.maximum(self.scale * np.sqrt(np.maximum(values, 0.0)), 5e-4 * self.reach)  # never flat
+        half_axes = np.maximum(
+            self.scale * np.sqrt(np.maximum(values, 0.0)), 5e-4 * self.reach
+        )  # never flat
         ellipsoid[:3, :3] = R @ axes * half_axes
         placement, diameters = _sphere(ellipsoid)
         self._ellipsoid.pose, self._ellipsoid.scale = _pose(placement), _vector(diameters)
@@ -132,7 +154,11 @@ class MarkerMaker:
     def _draw_contact(self, watch, placed, q):
         """Mark the touched link; return lines about external torque, none where it is not observed."""
         seen = watch.seen if watch and watch.seen.valid else None
-        touched = watch.touched if seen and (seen.collision or (watch.contact and watch.contact.on)) else None
+        touched = (
+            watch.touched
+            if seen and (seen.collision or (watch.contact and watch.contact.on))
+            else None
+        )
         link = touched.link if touched else ""
         marked = seen and seen.collision and (link or watch.covariance is None)
         self._collision.action = Marker.ADD if marked else Marker.DELETE
@@ -140,13 +166,17 @@ class MarkerMaker:
         if seen is None:
             return []
         k = int(np.nanargmax(np.abs(seen.external_torque)))
-        lines = [f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"]
+        lines = [
+            f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"
+        ]
         if marked and not link:  # a force causes no residual in joints beyond its link
             r = np.nan_to_num(np.abs(seen.residual))
             outermost = self._link_of_dof[int(np.flatnonzero(r >= MIN_RESIDUAL * r.max())[-1])]
             self._collision.pose.position = _point(placed[outermost][:3, 3])
         if link:
-            lines.insert(0, self._draw_force(placed[link], q, watch.contact_torque, watch.covariance, link))
+            lines.insert(
+                0, self._draw_force(placed[link], q, watch.contact_torque, watch.covariance, link)
+            )
             lines[0] = f"{plain(link)} ({100.0 * touched.confidence:.0f} %): {lines[0]}"
         return ["collision", *lines] if seen.collision else lines
 
@@ -155,7 +185,10 @@ class MarkerMaker:
         w = force_at_center(self._dynamics, q, torque, link, "link", covariance)
         begin, force = X[:3, :3] @ center_of_body(self._model, link) + X[:3, 3], w.wrench[:3]
         self._collision.pose.position = _point(begin)
-        self._force.points = [_point(begin), _point(begin + FORCE_LENGTH * self.reach * X[:3, :3] @ force)]
+        self._force.points = [
+            _point(begin),
+            _point(begin + FORCE_LENGTH * self.reach * X[:3, :3] @ force),
+        ]
         size, unobserved = float(np.linalg.norm(force)), 3 - int(w.observed.sum())
         if unobserved:
             return f"at least {size:.3g} N, {unobserved} of 3 directions not observed"

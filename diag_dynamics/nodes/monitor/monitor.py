@@ -54,7 +54,9 @@ class MonitorNode(TableNode, Node):
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
         self._outputs.use_frames(self._settings.frames)
         self._reaction = Reaction(self)
-        self._diagnostics = Diagnostics(self, self._report, lambda: self._robot and self._robot.model)
+        self._diagnostics = Diagnostics(
+            self, self._report, lambda: self._robot and self._robot.model
+        )
         DynamicsServices(self, self._in_force, self._set_payload)
         self._payloads = PayloadServices(self, lambda: self._robot, self._set_payload)
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
@@ -78,7 +80,11 @@ class MonitorNode(TableNode, Node):
                 kind,
                 topic,
                 take,
-                QoSProfile(depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT),
+                QoSProfile(
+                    depth=5,
+                    history=HistoryPolicy.KEEP_LAST,
+                    reliability=ReliabilityPolicy.BEST_EFFORT,
+                ),
                 event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
                 raw=True,  # bytes that are no message must not end the node
             )
@@ -121,11 +127,15 @@ class MonitorNode(TableNode, Node):
             return
         reason = Fault(made).reason
         if self.values["robot_description"] and not self._robot:
-            self.finished.set_exception(InputError(f"the robot of parameter 'robot_description' is rejected: {reason}"))
+            self.finished.set_exception(
+                InputError(f"the robot of parameter 'robot_description' is rejected: {reason}")
+            )
             return
         self._refused = Refused(description, reason)
         kept = f"; robot '{plain(self._robot.model.name)}' stays" if self._robot else ""
-        self.get_logger().error(f"robot_description rejected{kept}: {reason}", throttle_duration_sec=0.5)
+        self.get_logger().error(
+            f"robot_description rejected{kept}: {reason}", throttle_duration_sec=0.5
+        )
 
     def _put_in_force(self, robot):
         if self._robot:
@@ -192,7 +202,9 @@ class MonitorNode(TableNode, Node):
             self._reject("rejected", *found)
         elif found.state is not None:
             if not found.state.stamp_is_receive_time:
-                newest = robot.assembler.newest if robot.base else found.state.newest  # without that of odometry
+                newest = (
+                    robot.assembler.newest if robot.base else found.state.newest
+                )  # without that of odometry
                 self._statistics.add_latency(newest, now)
             self._publish(robot, found.state, "published")
 
@@ -230,7 +242,9 @@ class MonitorNode(TableNode, Node):
     def _reject(self, what, cause, text):
         self._statistics.count_rejected(what, cause, text)
         self.get_logger().debug(f"{what}: {cause}: {self._statistics.last_rejection}")
-        self.get_logger().warning(f"Rejected: {self._statistics.last_rejection}", throttle_duration_sec=5.0)
+        self.get_logger().warning(
+            f"Rejected: {self._statistics.last_rejection}", throttle_duration_sec=5.0
+        )
 
     def _publish(self, robot, state, what):
         """Evaluate a state, publish it where there are subscribers, and watch it."""
@@ -245,7 +259,9 @@ class MonitorNode(TableNode, Node):
         if robot.contact.has_limits or "contact" in outputs.heard:
             self._watch_contact(robot, state)
         outputs.publish(stamp, lambda topics: robot.messages(topics, s))
-        if robot.energy.accept_state(stamp, s, robot.friction_power(s)):  # an alarm does not wait for the next second
+        if robot.energy.accept_state(
+            stamp, s, robot.friction_power(s)
+        ):  # an alarm does not wait for the next second
             self._diagnostics.publish([robot.energy.report()])
         if "markers" in outputs.heard:  # whose meshes may be unreadable
             _, fault = attempt(outputs.publish_beside, "markers", stamp, lambda: robot.markers(s))
@@ -264,7 +280,9 @@ class MonitorNode(TableNode, Node):
         if watch.begins:
             self.get_logger().warning(plain(f"Collision: {watch.cause}."))
         elif watch.contact_begins:
-            self.get_logger().info(plain(f"Contact: {watch.contact_cause}."), throttle_duration_sec=1.0)
+            self.get_logger().info(
+                plain(f"Contact: {watch.contact_cause}."), throttle_duration_sec=1.0
+            )
         self._outputs.publish_beside(
             "external_torque",
             state.newest,
@@ -284,7 +302,9 @@ class MonitorNode(TableNode, Node):
         load = robot.torque.load
         payload = robot.model.payloads.get(load.link, NO_PAYLOAD)
         self._outputs.publish_beside(
-            "load", state.newest, lambda: robot.encoder.load(load.link, load.estimate, payload, state)
+            "load",
+            state.newest,
+            lambda: robot.encoder.load(load.link, load.estimate, payload, state),
         )
         if load.begins:
             change = "Picked up" if load.estimate.mass > 0.0 else "Put down"
@@ -365,7 +385,12 @@ class MonitorNode(TableNode, Node):
             model_status(robot, self._revision, self._refused, self._loader.loading),
             numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
-        return statuses + self._gravity.report() + (robot.report() if robot else []) + self._reaction.report()
+        return (
+            statuses
+            + self._gravity.report()
+            + (robot.report() if robot else [])
+            + self._reaction.report()
+        )
 
     def _notes(self):
         """Return the publishers of the inputs, and under None their problems."""

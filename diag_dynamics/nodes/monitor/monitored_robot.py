@@ -77,7 +77,9 @@ class MonitoredRobot:
         self._links = LinkPositions(model)
         self.energy = EnergyWatch(model, settings.thresholds)
         self.contact = ContactWatch()
-        self.settings = self.dynamics = self.revision = self.torque = self.state = self.position = None
+        self.settings = self.dynamics = self.revision = self.torque = self.state = self.position = (
+            None
+        )
         self._moved = 0  # jumps of positions that the watches know of
         self.use(model, settings, revision)
         compile_dynamics()
@@ -114,7 +116,9 @@ class MonitoredRobot:
         self.assembler.check_options(settings.inputs)
         link = settings.values["markers.link"]
         if link and link not in model.link_names:
-            raise InputError(f"parameter 'markers.link' is '{link}', expected a link of robot '{model.name}'.")
+            raise InputError(
+                f"parameter 'markers.link' is '{link}', expected a link of robot '{model.name}'."
+            )
         moved = {name for name in model.link_names if model.placement_in_body(name)[0]}
         if wrong := [frame for frame in settings.frames if frame not in moved]:
             raise InputError(
@@ -123,10 +127,16 @@ class MonitoredRobot:
             )
         check_load_link(model, settings)
         if settings.observation:
-            for thresholds in filter(None, (settings.observation.alarms, settings.observation.contact)):
+            for thresholds in filter(
+                None, (settings.observation.alarms, settings.observation.contact)
+            ):
                 thresholds.limits(model.dof_names), thresholds.rest_limits(model.dof_names)
             settings.observation.covariance_of(model.dof_names)
-        others = self.dynamics is None or model is not self.model or settings.contact != self.settings.contact
+        others = (
+            self.dynamics is None
+            or model is not self.model
+            or settings.contact != self.settings.contact
+        )
         touched = contact_points(model, self._source, settings.contact) if others else None
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
@@ -134,7 +144,10 @@ class MonitoredRobot:
         if self.dynamics is None or model is not self.model:
             self.dynamics, self.revision, self.state = DiagonalDynamics(model), None, None
             self.without_rotors = _without_rotors(self.dynamics)
-            resistance = (np.asarray(one, dtype=float) for one in (model.damping, model.friction, model.effort_offset))
+            resistance = (
+                np.asarray(one, dtype=float)
+                for one in (model.damping, model.friction, model.effort_offset)
+            )
             self._resistance = *resistance, float(model.friction_velocity)
             geared = model.load_friction.any() or model.root_friction.any() or model.couplings
             self.loops = LoopWatch(model) if model.loops else None
@@ -153,14 +166,19 @@ class MonitoredRobot:
 
     def _observe(self, before):
         """Restart the observer of external torque if model, parameters or input options changed."""
-        wanted, settings, link = self.settings.observation, self.settings, self.settings.values["load.link"]
+        wanted, settings, link = (
+            self.settings.observation,
+            self.settings,
+            self.settings.values["load.link"],
+        )
         if wanted is None:
             self.torque = None
         elif self.torque is None:
             self.torque = TorqueWatch(self.dynamics, wanted, link)
         else:
             now, earlier = (
-                (one.observation, _values_by(one.inputs), one.values["load.link"]) for one in (settings, before)
+                (one.observation, _values_by(one.inputs), one.values["load.link"])
+                for one in (settings, before)
             )
             if (self.dynamics, *now) != (self.torque.dynamics, *earlier):
                 self.torque.use(self.dynamics, wanted, link)
@@ -201,7 +219,11 @@ class MonitoredRobot:
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""
         wanted = payloads_of(self.settings.values["payloads"])
-        return [link for link, payload in wanted.items() if payload.mass and link not in self.model.link_names]
+        return [
+            link
+            for link, payload in wanted.items()
+            if payload.mass and link not in self.model.link_names
+        ]
 
     def forget(self):
         """Start anew, as after a jump of time or a pause."""
@@ -238,7 +260,9 @@ class MonitoredRobot:
         effort = state.partial if state.effort is None else state.effort
         effort = np.full(self.model.nv, np.nan) if effort is None else effort
         stamp = np.array([state.newest])
-        q, qd = self._links.convert(stamp, state.position[None], state.velocity[None], effort[None], [False])
+        q, qd = self._links.convert(
+            stamp, state.position[None], state.velocity[None], effort[None], [False]
+        )
         return state._replace(position=q[0], velocity=qd[0])
 
     def _of_joints(self, effort, position):
@@ -256,21 +280,31 @@ class MonitoredRobot:
         watch, values = self.torque, self.settings.values
         if not watch.seen.is_whole:
             return None
-        most = values["external_wrench.max_force_deviation"], values["external_wrench.max_torque_deviation"]
+        most = (
+            values["external_wrench.max_force_deviation"],
+            values["external_wrench.max_torque_deviation"],
+        )
         torque = watch.contact_torque
-        return self.dynamics.wrench(self.state.position, torque, frame, watch.covariance, max_deviation=most)
+        return self.dynamics.wrench(
+            self.state.position, torque, frame, watch.covariance, max_deviation=most
+        )
 
     def friction_power(self, s):
         """Return the power q̇·τ_fric of friction [W] at an Evaluation."""
         if self._geared:
-            q, qd = s.rows[workspace.POSITIONS, : self.model.nq], s.rows[workspace.RATES, : self.model.nv]
+            q, qd = (
+                s.rows[workspace.POSITIONS, : self.model.nq],
+                s.rows[workspace.RATES, : self.model.nv],
+            )
             return float(qd @ self.dynamics.friction_torque(qd, q))
         return evaluation.friction_power(s.rows, *self._resistance)
 
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
         if self._markers is None:
-            self._markers = MarkerMaker(self.dynamics, self._source, self.settings.values["markers.link"])
+            self._markers = MarkerMaker(
+                self.dynamics, self._source, self.settings.values["markers.link"]
+            )
         return self._markers.message(s, self.state, self.torque)
 
     def messages(self, topics, s):
@@ -295,8 +329,12 @@ def _without_rotors(dynamics):
     if not model.nv:
         return ()
     still = np.zeros(model.nv)
-    with suppress(DiagDynamicsError):  # a robot of numbers that nothing can be computed with; each state will say so
-        D = np.array([dynamics.evaluate(model.random(rng), still).articulated_inertia for _ in range(POSES)])
+    with suppress(
+        DiagDynamicsError
+    ):  # a robot of numbers that nothing can be computed with; each state will say so
+        D = np.array(
+            [dynamics.evaluate(model.random(rng), still).articulated_inertia for _ in range(POSES)]
+        )
         return tuple(name for name in too_quick(model, D) if name not in model.flexible_joints)
     return ()
 
@@ -314,7 +352,9 @@ class _Text(NamedTuple):
 def _kept(description):
     """Return a description, or the text of one that is a path."""
     folder = folder_of(description)
-    return description if folder is None else _Text(text_of(description), str(folder / "robot.urdf"))
+    return (
+        description if folder is None else _Text(text_of(description), str(folder / "robot.urdf"))
+    )
 
 
 class Refused(NamedTuple):
@@ -338,7 +378,9 @@ def model_status(robot, revision, refused, loading):
         The description that is being loaded.
     """
     values = {"model revision": revision}
-    values["loading"] = "nothing" if loading is None else f"a robot_description of {len(loading)} bytes"
+    values["loading"] = (
+        "nothing" if loading is None else f"a robot_description of {len(loading)} bytes"
+    )
     if robot:
         model = robot.model
         values |= {
@@ -352,12 +394,19 @@ def model_status(robot, revision, refused, loading):
             "joints without rotor inertia": counted(robot.without_rotors),
         }
         if model.flexible_joints:
-            rigid = [name for name, joint in model.flexible_joints.items() if joint.effort == "motor"]
+            rigid = [
+                name for name, joint in model.flexible_joints.items() if joint.effort == "motor"
+            ]
             values["flexible joints taken as rigid"] = counted(rigid)
     if refused:
         return Status("model", ERROR, f"robot_description rejected: {refused.reason}", values)
     if robot is None:
-        return Status("model", WARN, f"{'waiting for' if loading is None else 'loading'} the robot_description", values)
+        return Status(
+            "model",
+            WARN,
+            f"{'waiting for' if loading is None else 'loading'} the robot_description",
+            values,
+        )
     if unapplied := robot.unapplied():
         return Status("model", WARN, f"payloads on unknown links: {', '.join(unapplied)}", values)
     another = "; loading another robot_description" if loading is not None else ""

@@ -53,7 +53,11 @@ class Outputs:
 
     def _count_subscribers(self):
         self._counted = self._steady()
-        self.heard = {topic for topic, publisher in self._publishers.items() if publisher.get_subscription_count()}
+        self.heard = {
+            topic
+            for topic, publisher in self._publishers.items()
+            if publisher.get_subscription_count()
+        }
         self._about_state = tuple(topic for topic in ORDER if topic in self.heard)
 
     def limit(self, topic, rate):
@@ -96,20 +100,29 @@ class Outputs:
             self._node.destroy_publisher(publisher)
         topics = [f"~/external_wrench/{token}" for token in frame_tokens(frames)]
         further = [
-            connected(self._node.create_publisher, WrenchStamped, topic, QoSProfile(depth=10)) for topic in topics
+            connected(self._node.create_publisher, WrenchStamped, topic, QoSProfile(depth=10))
+            for topic in topics
         ]
-        self._frames = dict(zip(frames, [self._publishers["external_wrench"], *further], strict=False))
+        self._frames = dict(
+            zip(frames, [self._publishers["external_wrench"], *further], strict=False)
+        )
 
     def publish_wrenches(self, stamp, estimate, encoder, state):
         """Publish the external wrench at each frame, which `estimate` returns, None without a result."""
-        heard = {frame for frame, publisher in self._frames.items() if publisher.get_subscription_count()}
+        heard = {
+            frame for frame, publisher in self._frames.items() if publisher.get_subscription_count()
+        }
         if not (heard and self._due("external_wrench", stamp)):
             heard = ()
         estimates = self._publishers["external_wrench_estimates"]
-        in_detail = estimates.get_subscription_count() and self._due("external_wrench_estimates", stamp)
+        in_detail = estimates.get_subscription_count() and self._due(
+            "external_wrench_estimates", stamp
+        )
         for frame in self._frames if in_detail else heard:
             found = estimate(frame)
-            if frame in heard and found:  # a controller must not receive a wrench that nothing has measured
+            if (
+                frame in heard and found
+            ):  # a controller must not receive a wrench that nothing has measured
                 self._frames[frame].publish(encoder.external_wrench(frame, found, state))
             if in_detail:
                 estimates.publish(encoder.external_wrench_estimates(frame, found, state))

@@ -36,7 +36,9 @@ class Reaction:
             try:
                 self._client = node.create_client(kind, self._service)
             except Exception as error:  # rclpy does not name the parameter
-                raise InputError(f"parameter 'reaction.service' is '{self._service}': {error}") from error
+                raise InputError(
+                    f"parameter 'reaction.service' is '{self._service}': {error}"
+                ) from error
 
     def accept_state(self, watch, received):
         """React to the last state of a TorqueWatch, received at the steady time `received` [s]."""
@@ -85,7 +87,9 @@ class Reaction:
         latency = self._measure("response", received)
         if getattr(response, "success", getattr(response, "ok", False)):
             self._failure = ""
-            self._log.info(f"Reaction: response of '{self._service}' {latency:.3g} ms after the joint state.")
+            self._log.info(
+                f"Reaction: response of '{self._service}' {latency:.3g} ms after the joint state."
+            )
         else:
             self._fail(f"the response is a failure: {getattr(response, 'message', '')}")
 
@@ -106,7 +110,10 @@ class Reaction:
             return []
         values = {"calls": self._calls, "failed calls": self._failures}
         for what, (last, largest) in self._latencies.items():
-            values[f"{what} after [ms]"], values[f"{what} after, maximum [ms]"] = f"{last:.3g}", f"{largest:.3g}"
+            values[f"{what} after [ms]"], values[f"{what} after, maximum [ms]"] = (
+                f"{last:.3g}",
+                f"{largest:.3g}",
+            )
         message = self._failure and f"last call failed: {self._failure}"
         if self._future and self._steady() - self._sent > RESPONSE_TIMEOUT:
             message = f"no response within {RESPONSE_TIMEOUT:g} s"

@@ -82,7 +82,9 @@ class DynamicsServices:
 
     def _set_payload(self, request, response):
         payload = payload_of(request.inertia)
-        _required(self._current())[0].model.with_payload(request.link, *payload)  # raises InputError
+        _required(self._current())[0].model.with_payload(
+            request.link, *payload
+        )  # raises InputError
         response.total_mass = self._attach(request.link, payload).total_mass
 
 
@@ -102,7 +104,9 @@ class PayloadServices:
         if topic := node.values["load.driver_topic"]:
             options = InertiaStamped, topic, self._accept_message
             connected(node.create_subscription, *options, QoSProfile(depth=1), raw=True)
-            node.create_subscription(*options, latched(), raw=True)  # receives nothing from volatile publishers
+            node.create_subscription(
+                *options, latched(), raw=True
+            )  # receives nothing from volatile publishers
 
     def _model(self):
         return _required(self._current()).model
@@ -110,7 +114,9 @@ class PayloadServices:
     def _watch(self):
         torque = _required(self._current()).torque
         if torque is None or torque.load is None:
-            raise InputError("parameter 'load.link' is ''; expected a link. Set it to have loads estimated.")
+            raise InputError(
+                "parameter 'load.link' is ''; expected a link. Set it to have loads estimated."
+            )
         return torque.load
 
     def accept(self):
@@ -118,7 +124,11 @@ class PayloadServices:
         watch = self._watch()
         link, found = watch.link, watch.estimate
         if not found.is_load:
-            value = f"{found.mass:.3g} ± {found.mass_deviation:.2g} kg" if found.valid else f"unknown: {found.reason}"
+            value = (
+                f"{found.mass:.3g} ± {found.mass_deviation:.2g} kg"
+                if found.valid
+                else f"unknown: {found.reason}"
+            )
             raise InputError(
                 f"load on link '{link}' is {value}; expected a recognized load. Move the arm with the load."
             )
@@ -129,7 +139,11 @@ class PayloadServices:
     def _before(self, link):
         """Return the payload of a link before the acceptances that are in force."""
         now = self._model().payloads.get(link, NO_PAYLOAD)
-        if self._accepted and self._accepted[0] == link and _numbers(self._accepted[2]) == _numbers(now):
+        if (
+            self._accepted
+            and self._accepted[0] == link
+            and _numbers(self._accepted[2]) == _numbers(now)
+        ):
             return self._accepted[1]
         return now
 
@@ -151,7 +165,9 @@ class PayloadServices:
         """Replace the payload of a link of the robot in force by the last one of the driver, if there is one."""
         _, fault = attempt(self._use_driver) if self._received else (None, None)
         if fault:
-            self._log.warning(f"Payload of the driver rejected: {fault.reason}", throttle_duration_sec=5.0)
+            self._log.warning(
+                f"Payload of the driver rejected: {fault.reason}", throttle_duration_sec=5.0
+            )
 
     def _use_driver(self):
         found = deserialize_message(self._received, InertiaStamped)

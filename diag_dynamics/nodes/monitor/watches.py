@@ -201,7 +201,11 @@ def numerical_health(dynamics, state):
         return Status("numerical health", STALE, "no state")
     q, qd = state.position, state.velocity
     s = dynamics.evaluate(q, qd)
-    work = np.nan_to_num(coriolis_work(s.nu, s.coriolis, qd)) if np.isfinite(s.coriolis).all() else np.nan
+    work = (
+        np.nan_to_num(coriolis_work(s.nu, s.coriolis, qd))
+        if np.isfinite(s.coriolis).all()
+        else np.nan
+    )
     K = 0.5 * qd @ dynamics.mass_matrix(q) @ qd
     error = abs(s.kinetic_energy - K) / K if K > 0.0 else 0.0
     values = {"|nu.C| / (|nu| |C|)": f"{work:.1e}", "|K - qd.M.qd / 2| / K": f"{error:.1e}"}
@@ -228,11 +232,22 @@ class LoopWatch:
             energies, now = self._balance.energies(state.position, state.velocity, rates)
         except (DiagDynamicsError, np.linalg.LinAlgError) as error:
             return Status("loops", ERROR, str(error))
-        measured = counted([name for name, rate in zip(now.names, rates, strict=True) if np.isfinite(rate)])
+        measured = counted(
+            [name for name, rate in zip(now.names, rates, strict=True) if np.isfinite(rate)]
+        )
         values = {"followers with measured rates": measured}
-        values |= {f"energy that breaks '{name}' [J]": f"{energy:.4g}" for name, energy in energies.items()}
+        values |= {
+            f"energy that breaks '{name}' [J]": f"{energy:.4g}" for name, energy in energies.items()
+        }
         titles = [loop_title(self._model, number) for number in range(len(self._model.loops))]
-        values |= {f"singularity of {title}": f"{x:.3g}" for title, x in zip(titles, now.singularity, strict=True)}
-        singular = [title for title, x in zip(titles, now.singularity, strict=True) if x < NEARLY_SINGULAR]
-        level, text = (WARN, f"nearly singular: {'; '.join(singular)}") if singular else (OK, "closed")
+        values |= {
+            f"singularity of {title}": f"{x:.3g}"
+            for title, x in zip(titles, now.singularity, strict=True)
+        }
+        singular = [
+            title for title, x in zip(titles, now.singularity, strict=True) if x < NEARLY_SINGULAR
+        ]
+        level, text = (
+            (WARN, f"nearly singular: {'; '.join(singular)}") if singular else (OK, "closed")
+        )
         return Status("loops", level, text, values)

@@ -20,7 +20,9 @@ class NodeTime:
     def __init__(self, node):
         self._clock, self._callbacks = node.get_clock(), []
         self._simulated = self._clock.ros_time_is_active
-        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+        backward = JumpThreshold(
+            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
+        )
         self._handle = self._clock.create_jump_callback(backward, post_callback=self._take_jump)
 
     def now(self):

@@ -41,7 +41,9 @@ class TableNode:
         self.values = {name: _declare(self, name, spec, specs) for name, spec in specs.items()}
         defaults = {name: spec.default for name, spec in specs.items()}
         if hasattr(self, "add_pre_set_parameters_callback"):  # not in Humble
-            self.add_pre_set_parameters_callback(lambda new: [self._converted(one, defaults) for one in new])
+            self.add_pre_set_parameters_callback(
+                lambda new: [self._converted(one, defaults) for one in new]
+            )
 
     def declare_parameters(self, namespace, parameters, ignore_override=False):
         """Declare parameters as rclpy does, also overrides that are empty lists: these have no type."""
@@ -75,10 +77,14 @@ def _declare(node, name, spec, specs):
         raise InputError(f"{reason}.")
     descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
     constraints = ["one of " + ", ".join(map(str, spec.choices))] if spec.choices else []
-    constraints += ["changes only while the node is unconfigured"] if spec.while_unconfigured else []
+    constraints += (
+        ["changes only while the node is unconfigured"] if spec.while_unconfigured else []
+    )
     descriptor.additional_constraints = "; ".join(constraints)
     if spec.minimum is not None:
-        descriptor.floating_point_range = [FloatingPointRange(from_value=spec.minimum, to_value=spec.maximum)]
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=spec.minimum, to_value=spec.maximum)
+        ]
     return node.declare_parameter(name, value, descriptor, ignore_override=True).value
 
 
@@ -111,12 +117,20 @@ def judge(node, specs, take):
     """
 
     def check_and_take(parameters):
-        changed = {one.name: one.value for one in parameters if one.name in specs and one.value is not None}
+        changed = {
+            one.name: one.value for one in parameters if one.name in specs and one.value is not None
+        }
         for name, value in changed.items():
             if reason := wrong(name, value, specs):
                 raise InputError(f"{reason}.")
-            if specs[name].while_unconfigured and not node.is_unconfigured and value != node.values[name]:
-                raise InputError(f"parameter '{name}' is read-only while the node is configured. Call cleanup first.")
+            if (
+                specs[name].while_unconfigured
+                and not node.is_unconfigured
+                and value != node.values[name]
+            ):
+                raise InputError(
+                    f"parameter '{name}' is read-only while the node is configured. Call cleanup first."
+                )
         take(changed)
 
     def callback(parameters):
@@ -134,9 +148,17 @@ def judge(node, specs, take):
 def _warn_unknown(node):
     """Warn of overrides that resemble parameters of this node; those of other nodes may be in the same file."""
     own = [parameter.name for parameter in node.get_parameters_by_prefix("").values()]
-    unknown = [name for name in node.overrides if name not in own and not name.startswith("qos_overrides.")]
-    tables = [import_module(f"diag_dynamics.parameters.{table}") for table in NODES] if unknown else []
-    others = {name for table in tables for name in (*table.PARAMETERS, getattr(table, "COMPENSATES", ""))}
+    unknown = [
+        name for name in node.overrides if name not in own and not name.startswith("qos_overrides.")
+    ]
+    tables = (
+        [import_module(f"diag_dynamics.parameters.{table}") for table in NODES] if unknown else []
+    )
+    others = {
+        name for table in tables for name in (*table.PARAMETERS, getattr(table, "COMPENSATES", ""))
+    }
     for name in unknown:
         if name not in others and (meant := nearest(name, own)):
-            node.get_logger().warning(plain(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?"))
+            node.get_logger().warning(
+                plain(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?")
+            )

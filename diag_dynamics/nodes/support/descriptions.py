@@ -27,7 +27,15 @@ MAX_WARNINGS = 20
 """Warnings of a robot that are logged one by one."""
 
 COMPILED = (
-    *("evaluate", "factors", "forward_dynamics", "inverse_dynamics", "mass_matrix", "bias", "gravity_torque"),
+    *(
+        "evaluate",
+        "factors",
+        "forward_dynamics",
+        "inverse_dynamics",
+        "mass_matrix",
+        "bias",
+        "gravity_torque",
+    ),
     *("contact", "nu_from_qd", "qd_from_nu", "placement", "link_velocity", "wrench_factor"),
     *("momentum", "epsilon_from_tau"),
 )
@@ -119,7 +127,9 @@ class RobotLoader:
 
     def _begin(self):
         if self._thread is None:  # a daemon, so that the process may end meanwhile
-            self._thread = threading.Thread(target=self._run, args=(self._requested,), name=THREAD, daemon=True)
+            self._thread = threading.Thread(
+                target=self._run, args=(self._requested,), name=THREAD, daemon=True
+            )
             self._thread.start()
 
     def _run(self, request):
@@ -153,6 +163,8 @@ def subscribe_description(node, take):
         node.get_logger().debug(f"robot_description received: {len(description)} bytes")
         take(description)
 
-    subscription = connected(node.create_subscription, String, "robot_description", take_message, latched())
+    subscription = connected(
+        node.create_subscription, String, "robot_description", take_message, latched()
+    )
     node.get_logger().info(f"Waiting for a robot on {subscription.topic_name}.")
     return subscription

@@ -14,7 +14,9 @@ from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.text import plain
 
-OK, WARN, ERROR, STALE = (getattr(DiagnosticStatus, level) for level in ("OK", "WARN", "ERROR", "STALE"))
+OK, WARN, ERROR, STALE = (
+    getattr(DiagnosticStatus, level) for level in ("OK", "WARN", "ERROR", "STALE")
+)
 
 PERIOD = 1.0
 
@@ -44,7 +46,9 @@ def shortened(text, most=MAX_LENGTH):
     return plain(text) if len(text) <= most else f"{plain(text[:most])}… ({len(text)} characters)"
 
 
-_MEASURED = re.compile(r"'[^']*'|= [^\s,;]+|(?<![\w/.^])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])")
+_MEASURED = re.compile(
+    r"'[^']*'|= [^\s,;]+|(?<![\w/.^])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
+)
 
 
 def steady(text):
@@ -87,10 +91,13 @@ class Diagnostics:
         model = self._robot()
         hardware = shortened(model.name) if model else ""
         for name, level, message, values in statuses:
-            status = DiagnosticStatus(level=level, name=shortened(f"{self._name}: {name}"), message=shortened(message))
+            status = DiagnosticStatus(
+                level=level, name=shortened(f"{self._name}: {name}"), message=shortened(message)
+            )
             status.hardware_id = hardware
             status.values = [
-                KeyValue(key=shortened(str(key)), value=shortened(str(value))) for key, value in values.items()
+                KeyValue(key=shortened(str(key)), value=shortened(str(value)))
+                for key, value in values.items()
             ]
             array.status.append(status)
         array.header.stamp = self._node.get_clock().now().to_msg()

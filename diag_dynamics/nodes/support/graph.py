@@ -25,7 +25,9 @@ def publishers(node, subscription, kind):
             continue
         compatible, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
         if compatible == QoSCompatibility.ERROR:
-            problems.append(f"QoS of {name} on {topic} is incompatible with this node's subscription: {reason}")
+            problems.append(
+                f"QoS of {name} on {topic} is incompatible with this node's subscription: {reason}"
+            )
     return names, problems
 
 
@@ -42,7 +44,9 @@ def _node_names(infos):
 def topics_of(node, kind):
     """Return the topics on which messages of a type are published, in the order of names."""
     return [
-        topic for topic, kinds in node.get_topic_names_and_types() if kind in kinds and node.count_publishers(topic)
+        topic
+        for topic, kinds in node.get_topic_names_and_types()
+        if kind in kinds and node.count_publishers(topic)
     ]
 
 
@@ -64,7 +68,10 @@ def warn_of_time(node, received, foreign):
     log = node.get_logger()
     if received and not node.get_clock().now().nanoseconds:
         topic = node.resolve_topic_name(CLOCK)
-        log.warning(f"use_sim_time is set, but nothing publishes {topic}. Play bags with --clock.", once=True)
+        log.warning(
+            f"use_sim_time is set, but nothing publishes {topic}. Play bags with --clock.",
+            once=True,
+        )
     for what, offset in foreign[:1]:
         side = "behind" if offset > 0.0 else "ahead of"
         log.warning(

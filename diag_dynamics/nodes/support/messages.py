@@ -67,7 +67,10 @@ class CollisionThresholds(NamedTuple):
 
     def fields(self, valid):
         """Fields of ExternalTorque, with a result or without."""
-        fields = {"torque_threshold": self.limits[:-2], "torque_norm_threshold": float(self.limits[-2])}
+        fields = {
+            "torque_threshold": self.limits[:-2],
+            "torque_norm_threshold": float(self.limits[-2]),
+        }
         return fields | ({"joint_collision": self.joints} if valid else {})
 
 
@@ -96,7 +99,12 @@ EVALUATED = {
 SAME = "nu", "xi", "epsilon", "kappa", "coriolis", "coriolis_unnormalized", "gravity"
 SAME += "energy_share", "articulated_inertia", "kinetic_energy"
 ROWS = {field: getattr(ws, field.upper()) for field in SAME}
-ROWS |= {"total": ws.KINETIC_ENERGY, "power": ws.EFFORT_POWER, "position": ws.POSITIONS, "velocity": ws.RATES}
+ROWS |= {
+    "total": ws.KINETIC_ENERGY,
+    "power": ws.EFFORT_POWER,
+    "position": ws.POSITIONS,
+    "velocity": ws.RATES,
+}
 """Rows of an Evaluation's memory that fields of these messages are read from."""
 
 OF_EFFORT = (ws.EPSILON, ws.KAPPA, ws.EFFORT_POWER)
@@ -113,12 +121,22 @@ class MessageMaker:
     """Makes messages about one model, whose names and frame they share."""
 
     def __init__(self, model, revision=0):
-        self._model, self._revision, self._frame, self._nv = model, revision, model.root_link, model.nv
+        self._model, self._revision, self._frame, self._nv = (
+            model,
+            revision,
+            model.root_link,
+            model.nv,
+        )
         self._dofs = {"dof_names": list(model.dof_names)}
-        positions = [] if model.coordinate_names == model.dof_names else list(model.coordinate_names)
+        positions = (
+            [] if model.coordinate_names == model.dof_names else list(model.coordinate_names)
+        )
         self._texts, self._places = dict.fromkeys(EVALUATED, self._dofs), {}
         self._texts["kinetic_energy"] = self._dofs | {"link_names": list(model.link_names)}
-        self._texts["state"] = self._dofs | {"position_names": positions, "model_revision": revision}
+        self._texts["state"] = self._dofs | {
+            "position_names": positions,
+            "model_revision": revision,
+        }
         self._link_energy, self._workspace = np.empty(len(model.link_names)), model.new_workspace()
 
     def make(self, topic, kind, state, texts, values, shape=()):
@@ -149,15 +167,25 @@ class MessageMaker:
 
     def evaluated(self, topic, s, state):
         """Return a message of :data:`EVALUATED` about an Evaluation and the RobotState that it is of."""
-        kind, with_effort, with_friction = EVALUATED[topic], s.epsilon is not None, s.friction is not None
+        kind, with_effort, with_friction = (
+            EVALUATED[topic],
+            s.epsilon is not None,
+            s.friction is not None,
+        )
         if (topic, with_effort) not in self._places:
             self._places[topic, with_effort] = self._places_of(kind, with_effort)
         places, flags = self._places[topic, with_effort]
-        valid = {"effort_valid": with_effort, "power_valid": with_effort, "friction_valid": with_friction}
+        valid = {
+            "effort_valid": with_effort,
+            "power_valid": with_effort,
+            "friction_valid": with_friction,
+        }
         values = {field: s.rows.item(at) if at[1] == 0 else s.rows[at] for field, at in places}
         values |= {flag: valid[flag] if flag in valid else getattr(state, flag) for flag in flags}
         values |= self._beside(topic, s, state)
-        return self.make(topic, kind, state, self._texts[topic], values, (with_effort, with_friction))
+        return self.make(
+            topic, kind, state, self._texts[topic], values, (with_effort, with_friction)
+        )
 
     def _places_of(self, kind, with_effort):
         """Return the fields of a message with their places in the rows of an Evaluation, and its flags."""
@@ -168,13 +196,19 @@ class MessageMaker:
             for field, row in rows
             if with_effort or row not in OF_EFFORT
         ]
-        return places, [flag for flag in (*FLAGS, "effort_valid", "power_valid", "friction_valid") if flag in fields]
+        return places, [
+            flag
+            for flag in (*FLAGS, "effort_valid", "power_valid", "friction_valid")
+            if flag in fields
+        ]
 
     def _beside(self, topic, s, state):
         """Return the fields that are no rows; None for those that are unknown."""
         if topic == "kinetic_energy":
             energies = self._link_energy
-            if not evaluation.link_energy(self._workspace.robot, self._model.links, s.rows, energies):
+            if not evaluation.link_energy(
+                self._workspace.robot, self._model.links, s.rows, energies
+            ):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
             return {"link_energy": energies, "base_energy": s.base_energy}
         if topic == "coriolis":
@@ -190,7 +224,9 @@ class MessageMaker:
         values = {"model_revision": self._revision, "nv": self._nv, "m": factors.m, "d": factors.D}
         values |= {"l": factors.l if with_inverse else None, "l_valid": with_inverse}
         values["stamp_is_receive_time"] = state.stamp_is_receive_time
-        return self.make("mass_matrix_factors", MassMatrixFactors, state, self._dofs, values, (with_inverse,))
+        return self.make(
+            "mass_matrix_factors", MassMatrixFactors, state, self._dofs, values, (with_inverse,)
+        )
 
     def joint_space_dynamics(self, mass_matrix, bias, gravity, state):
         """M, c and g."""
@@ -210,7 +246,11 @@ class MessageMaker:
 
         `alarming` are CollisionThresholds, `contact` ContactThresholds, `touched` is a TouchedLink.
         """
-        values = _flags(state) | {"valid": seen.valid, "norm": seen.norm, "collision": seen.collision}
+        values = _flags(state) | {
+            "valid": seen.valid,
+            "norm": seen.norm,
+            "collision": seen.collision,
+        }
         if seen.valid:
             values |= {"residual": seen.residual, "external_torque": seen.external_torque}
         values |= {"threshold": observation.threshold, "release_threshold": observation.release}
@@ -227,7 +267,9 @@ class MessageMaker:
     def external_wrench(self, frame, found, state):
         """Return a dynamics.ExternalWrench at the origin of a link, in its axes."""
         texts = {"header": Header(frame_id=frame)}
-        return self.make("external_wrench", WrenchStamped, state, texts, _wrench_values(found.wrench), (frame,))
+        return self.make(
+            "external_wrench", WrenchStamped, state, texts, _wrench_values(found.wrench), (frame,)
+        )
 
     def external_wrench_estimates(self, frame, found, state):
         """Return the same with its covariance; None: no result."""
@@ -242,7 +284,11 @@ class MessageMaker:
 
     def load(self, link, load, payload, state):
         """Return a Load at a link and the payload of the model there."""
-        deviations = (load.mass_deviation, load.center_deviation) if load.valid else (math.inf, np.full(3, math.inf))
+        deviations = (
+            (load.mass_deviation, load.center_deviation)
+            if load.valid
+            else (math.inf, np.full(3, math.inf))
+        )
         ixx, ixy, ixz, _, iyy, iyz, _, _, izz = map(float, np.ravel(payload.inertia))
         moments = {"ixx": ixx, "ixy": ixy, "ixz": ixz, "iyy": iyy, "iyz": iyz, "izz": izz}
         return LoadMessage(
@@ -357,14 +403,24 @@ class _Layout:
 
     def __init__(self, template, values, places, shape):
         self.template, self._stamp = template, template.place("header.stamp.sec")
-        numbers = {field: view for field, view in template.numbers.items() if values.get(field) is not None}
-        self.views = [(field, view.reshape(np.shape(values[field]) or 1)) for field, view in numbers.items()]
+        numbers = {
+            field: view for field, view in template.numbers.items() if values.get(field) is not None
+        }
+        self.views = [
+            (field, view.reshape(np.shape(values[field]) or 1)) for field, view in numbers.items()
+        ]
         self.flags = [(template.place(flag), flag) for flag in FLAGS if flag in numbers]
         places = {field: place for field, place in places if field in numbers}
-        self.beside = [(field, view) for field, view in self.views if field not in places and view.dtype != bool]
+        self.beside = [
+            (field, view)
+            for field, view in self.views
+            if field not in places and view.dtype != bool
+        ]
         rows, at = np.arange(math.prod(shape)).reshape(shape), np.arange(len(template.data)) // 8
         target = [
-            at[: view.nbytes : 8] + template.place(field) // 8 for field, view in numbers.items() if field in places
+            at[: view.nbytes : 8] + template.place(field) // 8
+            for field, view in numbers.items()
+            if field in places
         ]
         self.source = np.concatenate(
             [np.ravel(rows[places[field]]) for field in numbers if field in places] or [at[:0]]

@@ -9,7 +9,12 @@ from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 from diag_dynamics.exceptions import InputError
 
 OVERRIDABLE = QoSOverridingOptions(
-    (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
+    (
+        QoSPolicyKind.HISTORY,
+        QoSPolicyKind.DEPTH,
+        QoSPolicyKind.RELIABILITY,
+        QoSPolicyKind.DURABILITY,
+    )
 )
 """Policies that parameters qos_overrides.<topic>.<publisher|subscription>.<policy> override."""
 

@@ -60,7 +60,13 @@ def read_wrenches(model, request):
 def _find_joints(model, names):
     """Return the place of each joint in a request."""
     joints, needed = {}, single_joints(model)
-    known = {*needed, *model.fixed_joints, *model.mimic_joints, *model.followers, *model.locked_joints}
+    known = {
+        *needed,
+        *model.fixed_joints,
+        *model.mimic_joints,
+        *model.followers,
+        *model.locked_joints,
+    }
     for k, name in enumerate(names):
         if name not in known or name in joints:
             fault = "listed twice" if name in joints else f"not a joint of robot '{model.name}'"

@@ -86,7 +86,9 @@ def run(make_nodes, args=None):
 def _shut_down(nodes):
     """Take nodes off the graph, within a time: the middleware may wait for itself."""
     faulthandler.dump_traceback_later(SHUTDOWN_TIMEOUT, exit=True)
-    cyclic = any(hasattr(node, "trigger_shutdown") for node in nodes)  # no variable may refer to a node from here on
+    cyclic = any(
+        hasattr(node, "trigger_shutdown") for node in nodes
+    )  # no variable may refer to a node from here on
     while nodes:
         nodes.pop().destroy_node()
     rclpy.try_shutdown()
@@ -135,7 +137,9 @@ def main(executable):
 
 def node_class(executable):
     """Return the class of a node of this package."""
-    module = {"monitor": "monitor.monitor", "controller": "controller.controller"}.get(executable, executable)
+    module = {"monitor": "monitor.monitor", "controller": "controller.controller"}.get(
+        executable, executable
+    )
     return getattr(import_module(f"diag_dynamics.nodes.{module}"), f"{executable.capitalize()}Node")
 
 

@@ -42,7 +42,9 @@ class Transforms:
         if stamp and age > max_age:
             raise InputError(f"the transform is {age:.3g} s old")
         p = found.transform.translation
-        return np.array([p.x, p.y, p.z]), from_quaternion(*unit_quaternion(found.transform.rotation))
+        return np.array([p.x, p.y, p.z]), from_quaternion(
+            *unit_quaternion(found.transform.rotation)
+        )
 
 
 def unit_quaternion(q):

@@ -36,12 +36,21 @@ class Topic(NamedTuple):
 
 
 TOPICS = (
-    Topic("kinetic_energy", "KineticEnergy", "kinetic energy, by total joint rate and by link, and its rate"),
+    Topic(
+        "kinetic_energy",
+        "KineticEnergy",
+        "kinetic energy, by total joint rate and by link, and its rate",
+    ),
     Topic("state", "DiagonalizedState", "all quantities of one evaluation"),
     Topic("total_joint_rates", "TotalJointRates", "ν, ξ"),
     Topic("working_moments", "WorkingMoments", "ε, κ"),
     Topic("coriolis", "CoriolisTerm", "C, C_ξ, ε_g"),
-    Topic("mass_matrix_factors", "MassMatrixFactors", "m, D; ℓ with publish_inverse_factor", matrix=True),
+    Topic(
+        "mass_matrix_factors",
+        "MassMatrixFactors",
+        "m, D; ℓ with publish_inverse_factor",
+        matrix=True,
+    ),
     Topic("joint_space_dynamics", "JointSpaceDynamics", "M, c, g", matrix=True),
     Topic(
         "external_torque",

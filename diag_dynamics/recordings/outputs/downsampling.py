@@ -19,7 +19,9 @@ HALF_WINDOW = 0.01  # half the time over which powers are averaged [s]
 
 def make_records(columns):
     """Return columns by name, shape (T, …), as T records."""
-    records = np.empty(len(columns["t"]), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()])
+    records = np.empty(
+        len(columns["t"]), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()]
+    )
     for name, column in columns.items():
         records[name] = column
     return records
@@ -89,12 +91,20 @@ class ContactRuns:
     """Find all states around contacts. The newest are held back, because the next contact may be near them."""
 
     def __init__(self):
-        self._held, self._run, self._edges, self._collides = None, [], np.array([-np.inf, np.inf]), False
+        self._held, self._run, self._edges, self._collides = (
+            None,
+            [],
+            np.array([-np.inf, np.inf]),
+            False,
+        )
 
     def add(self, states):
         """Add the next states; yield the runs that are complete."""
         edges = states["t"][np.diff(states["collision"], prepend=self._collides)]
-        self._collides, self._edges = bool(states["collision"][-1]), np.sort(np.append(self._edges, edges))
+        self._collides, self._edges = (
+            bool(states["collision"][-1]),
+            np.sort(np.append(self._edges, edges)),
+        )
         held = states if self._held is None else np.concatenate([self._held, states])
         is_known = held["t"] < held["t"][-1] - AROUND
         self._held = held[~is_known]
@@ -108,7 +118,9 @@ class ContactRuns:
 
     def _split(self, states):
         following = np.searchsorted(self._edges, states["t"])
-        distance = np.minimum(states["t"] - self._edges[following - 1], self._edges[following] - states["t"])
+        distance = np.minimum(
+            states["t"] - self._edges[following - 1], self._edges[following] - states["t"]
+        )
         is_near = distance <= AROUND
         cuts = np.flatnonzero(np.diff(is_near, prepend=~is_near[:1]))
         for first, part in zip(cuts, np.split(states, cuts)[1:], strict=True):

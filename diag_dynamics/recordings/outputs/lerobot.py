@@ -44,8 +44,13 @@ class LeRobotOutput:
         number = next(iter(self._dataset.files)) if number is None else number
         names, judged = list(reading.model.dof_names), not reading.settings.unjudged_without
         if self._names not in (None, names):
-            raise InputError(f"episode {number} has the joints {', '.join(names)}, unlike those before.")
-        self._names, self._quantities = names, [one for one in QUANTITIES if judged or one != "collision"]
+            raise InputError(
+                f"episode {number} has the joints {', '.join(names)}, unlike those before."
+            )
+        self._names, self._quantities = (
+            names,
+            [one for one in QUANTITIES if judged or one != "collision"],
+        )
         self._values[number] = []
         return _Episode(self._values[number], self._quantities, reading, self._dataset.fps)
 
@@ -64,7 +69,9 @@ class LeRobotOutput:
             self._write_meta(part / "meta", found)
             os.rename(part, self._path)
         except OSError as error:
-            raise InputError(f"'{self._path}' cannot be written: {error.strerror or error}.") from error
+            raise InputError(
+                f"'{self._path}' cannot be written: {error.strerror or error}."
+            ) from error
         finally:
             shutil.rmtree(part, ignore_errors=True)
 
@@ -79,7 +86,9 @@ class LeRobotOutput:
                 rows = np.flatnonzero(episode == number)
                 place = dict(zip(frame[rows].tolist(), rows.tolist(), strict=True))
                 for frames, some in self._values.get(number, ()):
-                    at = np.array([place.get(one, -1) for one in frames.tolist()])  # times of a map may be of no frame
+                    at = np.array(
+                        [place.get(one, -1) for one in frames.tolist()]
+                    )  # times of a map may be of no frame
                     values[at[at >= 0]] = some[quantity].reshape(-1, width)[at >= 0]
                 found[number][f"dynamics.{quantity}"] = values[rows]
             array = pa.array(values.ravel(), from_pandas=False)
@@ -99,9 +108,13 @@ class LeRobotOutput:
         info = self._dataset.info | {"features": self._dataset.features | features}
         (meta / "info.json").write_text(json.dumps(info, indent=4), encoding="utf-8")
         if (path := meta / "stats.json").is_file():
-            whole = {name: _statistics(np.concatenate([one[name] for one in found.values()])) for name in features}
+            whole = {
+                name: _statistics(np.concatenate([one[name] for one in found.values()]))
+                for name in features
+            }
             path.write_text(
-                json.dumps(json.loads(path.read_text(encoding="utf-8")) | whole, indent=4), encoding="utf-8"
+                json.dumps(json.loads(path.read_text(encoding="utf-8")) | whole, indent=4),
+                encoding="utf-8",
             )
         if (path := meta / "episodes_stats.jsonl").is_file():
             lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
@@ -119,7 +132,9 @@ class _Episode:
 
     def write(self, piece):
         """Keep the values of a piece."""
-        frames = np.rint((piece.states.stamp - self._reading.offset) / SECOND * self._fps).astype(int)
+        frames = np.rint((piece.states.stamp - self._reading.offset) / SECOND * self._fps).astype(
+            int
+        )
         values = {one: np.asarray(QUANTITIES[one](piece), np.float32) for one in self._quantities}
         self._pieces.append((frames, values))
 
@@ -147,4 +162,6 @@ def _statistics(values):
     """Return statistics of columns as LeRobot has them, without NaN; zeros where there is no number."""
     known = np.ma.masked_invalid(values.astype(float))
     found = {name: getattr(known, name)(axis=0) for name in ("min", "max", "mean", "std")}
-    return {name: np.ma.filled(one, 0.0).tolist() for name, one in found.items()} | {"count": [len(values)]}
+    return {name: np.ma.filled(one, 0.0).tolist() for name, one in found.items()} | {
+        "count": [len(values)]
+    }

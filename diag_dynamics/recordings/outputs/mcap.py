@@ -32,7 +32,10 @@ WRITTEN = "state", "kinetic_energy", "external_torque"
 """Default topics; those of matrices are large."""
 NODE = "/diag_dynamics"  # name of the monitor whose topics they are
 
-UNKNOWN = {"effort", "epsilon", "kappa", "power"}, {"residual", "external_torque", "joint_collision"}
+UNKNOWN = (
+    {"effort", "epsilon", "kappa", "power"},
+    {"residual", "external_torque", "joint_collision"},
+)
 """Fields that are empty or 0 without effort, and without a result of the observer."""
 VALUES = {
     "position": lambda piece, _: piece.states.position,
@@ -52,7 +55,9 @@ VALUES = {
     ),
     "joint_collision": lambda piece, _: piece.judged.joints,
     "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix_batch(piece.states.position),
-    "bias": lambda piece, dynamics: dynamics.bias_batch(piece.states.position, piece.states.velocity),
+    "bias": lambda piece, dynamics: dynamics.bias_batch(
+        piece.states.position, piece.states.velocity
+    ),
     "gravity_torque": lambda piece, dynamics: dynamics.gravity_torque_batch(piece.states.position),
     "m": lambda piece, dynamics: np.array([dynamics.factors(q).m for q in piece.states.position]),
     "d": lambda piece, dynamics: np.array([dynamics.factors(q).D for q in piece.states.position]),
@@ -71,10 +76,15 @@ class McapOutput:
                 raise InputError(f"topics has '{topic}'; expected any of {', '.join(TOPICS)}.")
         for library in ("mcap", "lz4.frame"):
             require(library, "writing MCAP")
-        chunks, definitions = import_module("diag_dynamics.recordings.outputs.chunks"), our_definitions()
+        chunks, definitions = (
+            import_module("diag_dynamics.recordings.outputs.chunks"),
+            our_definitions(),
+        )
         self._target, self._count = AtomicFile(path), 0
         with self._target.errors():
-            self._file = chunks.ChunkedFile(self._target.name, f"diag_dynamics {diag_dynamics.__version__}")
+            self._file = chunks.ChunkedFile(
+                self._target.name, f"diag_dynamics {diag_dynamics.__version__}"
+            )
         self._topics = {}  # by channel
         for topic in topics:
             rows = TopicRows(topic, reading, friction, chunks.PREFIX)
@@ -111,13 +121,26 @@ class TopicRows:
         model, observation = reading.model, reading.settings.observation
         self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
         self._prefix = prefix
-        self._dynamics, self._message = DiagonalDynamics(model), message_type(self.type, our_definitions())
-        limits = observation.alarms.limits(model.dof_names) if observation and observation.alarms else None
-        low = observation.contact.limits(model.dof_names) if observation and observation.contact else None
+        self._dynamics, self._message = (
+            DiagonalDynamics(model),
+            message_type(self.type, our_definitions()),
+        )
+        limits = (
+            observation.alarms.limits(model.dof_names)
+            if observation and observation.alarms
+            else None
+        )
+        low = (
+            observation.contact.limits(model.dof_names)
+            if observation and observation.contact
+            else None
+        )
         self._constants = {
             "dof_names": list(model.dof_names),
             "link_names": list(model.link_names),
-            "position_names": [] if model.coordinate_names == model.dof_names else list(model.coordinate_names),
+            "position_names": []
+            if model.coordinate_names == model.dof_names
+            else list(model.coordinate_names),
             "model_revision": REVISION,
             "nv": model.nv,
             "l_valid": True,
@@ -145,7 +168,9 @@ class TopicRows:
             which = np.flatnonzero(known == is_known)
             if not len(which):
                 continue
-            kept = {path: x for path, x in values.items() if is_known or path not in UNKNOWN[by_result]}
+            kept = {
+                path: x for path, x in values.items() if is_known or path not in UNKNOWN[by_result]
+            }
             if is_known not in self._templates:
                 self._templates[is_known] = self._make_template(kept, is_known)
             template = self._templates[is_known]
@@ -162,11 +187,23 @@ class TopicRows:
         states, values = piece.states, {}
         for field in self._message.get_fields_and_field_types():
             if field in ("header", "oldest_stamp"):
-                stamp, path = (states.stamp, "header.stamp") if field == "header" else (states.oldest_stamp, field)
+                stamp, path = (
+                    (states.stamp, "header.stamp")
+                    if field == "header"
+                    else (states.oldest_stamp, field)
+                )
                 values |= {f"{path}.sec": stamp // SECOND, f"{path}.nanosec": stamp % SECOND}
             elif field not in self._constants and not field.endswith("valid"):
-                name = "gravity_torque" if (self._topic, field) == ("joint_space_dynamics", "gravity") else field
-                values[field] = VALUES[name](piece, self._dynamics) if name in VALUES else getattr(piece.s, name)
+                name = (
+                    "gravity_torque"
+                    if (self._topic, field) == ("joint_space_dynamics", "gravity")
+                    else field
+                )
+                values[field] = (
+                    VALUES[name](piece, self._dynamics)
+                    if name in VALUES
+                    else getattr(piece.s, name)
+                )
         return values
 
     def _make_template(self, values, is_known):

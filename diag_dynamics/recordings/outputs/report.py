@@ -17,7 +17,13 @@ from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.atomic_file import AtomicFile
-from diag_dynamics.recordings.outputs.downsampling import ContactRuns, Overview, Work, make_records, mean_powers
+from diag_dynamics.recordings.outputs.downsampling import (
+    ContactRuns,
+    Overview,
+    Work,
+    make_records,
+    mean_powers,
+)
 
 MAX_OVERVIEW, MAX_REPORT, MAX_MESHES = 3_000_000, 14_500_000, 2_000_000
 """Bytes of the overview before compression, of the file, and of compressed meshes."""
@@ -33,7 +39,9 @@ class ReportOutput:
         self._dynamics = DiagonalDynamics(reading.model)
         self._points, self._left_out = self._contact_points()
         points = zip(self._points.names, self._points.links, strict=True) if self._points else ()
-        forces = ForceOptions.of(reading.settings.observation, reading.settings.values, reading.model)
+        forces = ForceOptions.of(
+            reading.settings.observation, reading.settings.values, reading.model
+        )
         self._maker = FrameMaker(self._dynamics, points, forces)
         self._overview = Overview(max(200, MAX_OVERVIEW // (2 * self._maker.layout.size)))
         self._contacts = ContactRuns()
@@ -77,7 +85,10 @@ class ReportOutput:
         epsilon = np.where(states.effort_known[:, None], s.epsilon, np.nan)
         terms = epsilon, s.coriolis, s.gravity, s.articulated_inertia, s.kinetic_energy
         friction = np.zeros_like(s.nu) if s.friction is None else s.friction
-        powers = [np.einsum("tk,tk->t", s.nu, force) for force in (epsilon, -s.gravity, -friction, residual)]
+        powers = [
+            np.einsum("tk,tk->t", s.nu, force)
+            for force in (epsilon, -s.gravity, -friction, residual)
+        ]
         evaluated = t, states.position, states.velocity, states.effort, s.nu, *terms
         columns = {
             **dict(zip(States._fields, evaluated, strict=False)),
@@ -85,7 +96,9 @@ class ReportOutput:
             "external_torque": np.where(valid[:, None], torque, np.nan),
             "norm": np.where(valid, norm, np.nan),
             "collision": np.asarray(collision & valid, dtype=bool),
-            "contact": piece.contact.alarm & valid if piece.contact else np.zeros(len(t), dtype=bool),
+            "contact": piece.contact.alarm & valid
+            if piece.contact
+            else np.zeros(len(t), dtype=bool),
             "velocity_estimated": states.velocity_estimated,
             "receive_time": states.stamp_received,
             "index": self._count + np.arange(len(t)),
@@ -97,9 +110,13 @@ class ReportOutput:
     def _track(self, pack, states, every=1):
         """Return a Track; only every so many states have the numbers of the end-effector link."""
         columns = {name: np.ascontiguousarray(states[name]) for name in states.dtype.names}
-        evaluated = States(**{name: column for name, column in columns.items() if name in States._fields})
+        evaluated = States(
+            **{name: column for name, column in columns.items() if name in States._fields}
+        )
         if self._points:
-            evaluated = evaluated.with_contact(self._dynamics.contact_batch(evaluated.q, evaluated.qd, self._points))
+            evaluated = evaluated.with_contact(
+                self._dynamics.contact_batch(evaluated.q, evaluated.qd, self._points)
+            )
         numbers, layout = np.array(self._maker.frames(evaluated)["numbers"]), self._maker.layout
         for name, power in zip(POWERS, mean_powers(states).T, strict=True):
             numbers[:, layout.places[name].start] = power

@@ -29,14 +29,20 @@ UNITS = {
     "external_torque": ("N m", "N"),
 }
 """Units of quantities per degree of freedom, of one that turns and of one that slides."""
-OF_STATES, OF_EFFORTS, OBSERVED = ("velocity", "effort"), ("epsilon", "kappa"), ("residual", "external_torque")
+OF_STATES, OF_EFFORTS, OBSERVED = (
+    ("velocity", "effort"),
+    ("epsilon", "kappa"),
+    ("residual", "external_torque"),
+)
 
 
 class TableOutput:
     """Write the analysis of a Reading as ``parquet`` (units in metadata, NaN) or ``csv`` (units in the header)."""
 
     def __init__(self, path, reading, friction=False, kind="parquet"):
-        self._arrow, self._library = (require(name, f"'{path}'") for name in ("pyarrow", f"pyarrow.{kind}"))
+        self._arrow, self._library = (
+            require(name, f"'{path}'") for name in ("pyarrow", f"pyarrow.{kind}")
+        )
         self._reading, self._friction, self._csv = reading, friction, kind == "csv"
         self._target, self._writer, self._file = AtomicFile(path), None, None
 
@@ -89,7 +95,9 @@ class TableOutput:
     def _csv_table(self, columns):
         names = [f"{name} [{unit}]" if unit else name for name, unit, _ in columns]
         masks = [np.isnan(values) if values.dtype.kind == "f" else None for _, _, values in columns]
-        arrays = [self._arrow.array(x, mask=mask) for (_, _, x), mask in zip(columns, masks, strict=True)]
+        arrays = [
+            self._arrow.array(x, mask=mask) for (_, _, x), mask in zip(columns, masks, strict=True)
+        ]
         return self._arrow.Table.from_arrays(arrays, names=names)
 
 
@@ -97,7 +105,10 @@ def make_columns(model, piece, offset=0, friction=False):
     """Return name, unit and values, shape (T,), of each column of a piece."""
     states, s, (residual, torque, norm, _, collision) = piece[:3]
     slides = dict(zip(model.dof_names, sliding_dofs(model), strict=True))
-    columns = [("stamp", "ns", states.stamp - offset), ("oldest_stamp", "ns", states.oldest_stamp - offset)]
+    columns = [
+        ("stamp", "ns", states.stamp - offset),
+        ("oldest_stamp", "ns", states.oldest_stamp - offset),
+    ]
 
     def add_block(quantity, block, units):
         contiguous = np.array(block.T, order="C")
@@ -107,11 +118,20 @@ def make_columns(model, piece, offset=0, friction=False):
             columns.append((f"{quantity}.{name}", unit, values))
 
     def add_quantity(quantity, block):
-        add_block(quantity, block, {name: UNITS[quantity][is_slide] for name, is_slide in slides.items()})
+        add_block(
+            quantity, block, {name: UNITS[quantity][is_slide] for name, is_slide in slides.items()}
+        )
 
-    lengths = [slides.get(name) or (model.floating_base and k < 3) for k, name in enumerate(model.coordinate_names)]
-    names = zip(model.coordinate_names, lengths, strict=True)  # those of an orientation have no unit
-    units = {name: "m" if is_length else "rad" if name in slides else "" for name, is_length in names}
+    lengths = [
+        slides.get(name) or (model.floating_base and k < 3)
+        for k, name in enumerate(model.coordinate_names)
+    ]
+    names = zip(
+        model.coordinate_names, lengths, strict=True
+    )  # those of an orientation have no unit
+    units = {
+        name: "m" if is_length else "rad" if name in slides else "" for name, is_length in names
+    }
     add_block("position", states.position, units)
     for quantity in UNITS:
         if quantity not in OBSERVED and (friction or quantity != "friction"):

@@ -54,6 +54,8 @@ def _open_source(path, columns, joints, *choose):
     if not begin:
         raise InputError(f"'{path}' is empty: it has 0 bytes.")
     if begin.startswith(b"\x93NUMPY"):
-        raise InputError(f"'{path}' is a single array without names: write an npz, np.savez(path, time=…, position=…).")
+        raise InputError(
+            f"'{path}' is a single array without names: write an npz, np.savez(path, time=…, position=…)."
+        )
     module, name = _SOURCES.get(begin[:4], ("csv", "CsvSource"))
     return getattr(import_module(f"{__name__}.{module}"), name)(path, columns, joints, *choose)

@@ -23,8 +23,20 @@ from diag_dynamics.recordings.tables.table import ROWS
 
 _UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
 _BROKEN = (
-    *(zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, NotImplementedError, MemoryError),
-    *(RuntimeError, SyntaxError, tokenize.TokenError),  # of what is encrypted, and of numpy's header of an array
+    *(
+        zipfile.BadZipFile,
+        zlib.error,
+        ValueError,
+        EOFError,
+        OSError,
+        NotImplementedError,
+        MemoryError,
+    ),
+    *(
+        RuntimeError,
+        SyntaxError,
+        tokenize.TokenError,
+    ),  # of what is encrypted, and of numpy's header of an array
 )
 _NOT_WHOLE = "A file that was not closed or not copied completely lacks the index at its end."
 
@@ -38,10 +50,18 @@ class ParquetSource:
         self.path = path
         with self._open() as file:
             empty = _flatten(file.schema_arrow.empty_table())
-            columns = [_sample_column(file, field, empty.column(k)) for k, field in enumerate(empty.schema)]
+            columns = [
+                _sample_column(file, field, empty.column(k)) for k, field in enumerate(empty.schema)
+            ]
             metadata = [file.schema_arrow.metadata, *(field.metadata for field in empty.schema)]
         self.headers = [one.name for one in columns]
-        self.choice = choose(columns, wanted, joints, path, [text for one in metadata for text in metadata_texts(one)])
+        self.choice = choose(
+            columns,
+            wanted,
+            joints,
+            path,
+            [text for one in metadata for text in metadata_texts(one)],
+        )
         for name in (self.headers[k] for k in self.choice.used):
             if self.headers.count(name) > 1:
                 raise InputError(f"'{path}' has two columns '{name}'.")
@@ -54,26 +74,40 @@ class ParquetSource:
                 end = row + file.metadata.row_group(group).num_rows
                 try:
                     for table in _read_tables(file, group, ROWS, list(used.values())):
-                        arrays = {k: table.column(name).combine_chunks() for k, name in used.items()}
+                        arrays = {
+                            k: table.column(name).combine_chunks() for k, name in used.items()
+                        }
                         yield arrays, np.arange(row, row + len(table))
                         row += len(table)
                 except _UNREADABLE as error:
                     place = f"row {row}, row group {group}"
-                    lose("row group cannot be read", place, "rows lost", end - row, describe_error(error))
+                    lose(
+                        "row group cannot be read",
+                        place,
+                        "rows lost",
+                        end - row,
+                        describe_error(error),
+                    )
                 row = end
 
     def _open(self):
         try:
             return parquet.ParquetFile(self.path, pre_buffer=False, buffer_size=1 << 20)
         except _UNREADABLE as error:
-            raise InputError(f"'{self.path}' cannot be read: {describe_error(error)}. {_NOT_WHOLE}") from error
+            raise InputError(
+                f"'{self.path}' cannot be read: {describe_error(error)}. {_NOT_WHOLE}"
+            ) from error
 
 
 def _sample_column(file, field, empty):
     """Return the Column of a field, with its first rows that have a value if it has texts or lists."""
     unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
     array = unify(empty.combine_chunks())
-    groups = range(min(file.num_row_groups, 64)) if pa.types.is_string(array.type) or is_list(array.type) else ()
+    groups = (
+        range(min(file.num_row_groups, 64))
+        if pa.types.is_string(array.type) or is_list(array.type)
+        else ()
+    )
     for group in groups:
         with suppress(*_UNREADABLE, KeyError):
             for table in islice(_read_tables(file, group, 16, [field.name]), 64):
@@ -115,12 +149,22 @@ class NpzSource:
         self.choice = choose(columns, wanted, joints, path, texts)
         self._arrays = {k: arrays[self.headers[k]] for k in self.choice.used}
         used = [self.headers[k] for k in self.choice.used]
-        first, of = (used[0], "rows of") if not self.choice.time else (self.headers[self.choice.time[0]], "times in")
-        self.notes = [f"{name}: transposed, because it has a row for each joint." for name in turned if name in used]
+        first, of = (
+            (used[0], "rows of")
+            if not self.choice.time
+            else (self.headers[self.choice.time[0]], "times in")
+        )
+        self.notes = [
+            f"{name}: transposed, because it has a row for each joint."
+            for name in turned
+            if name in used
+        ]
         for name in used:
             if len(arrays[name]) != len(arrays[first]):
                 what = f"expected a row for each of the {len(arrays[first])} {of} '{first}'"
-                raise InputError(f"'{path}': array '{name}' has shape {arrays[name].shape}, {what}.")
+                raise InputError(
+                    f"'{path}': array '{name}' has shape {arrays[name].shape}, {what}."
+                )
 
     def blocks(self, lose):
         """Yield arrays by index of the array, and the number of each row; the arrays that are used are in memory."""
@@ -147,7 +191,11 @@ def _read_arrays(path):
     except _BROKEN as error:
         why, where = describe_error(error), f"'{path}': array '{name}'" if name else f"'{path}'"
         advice = (
-            " Save names as np.array(names, dtype=str)." if "allow_pickle" in why else "" if name else f" {_NOT_WHOLE}"
+            " Save names as np.array(names, dtype=str)."
+            if "allow_pickle" in why
+            else ""
+            if name
+            else f" {_NOT_WHOLE}"
         )
         raise InputError(f"{where} cannot be read: {why}.{advice}") from error
     return arrays
@@ -177,7 +225,9 @@ def _pop_texts(arrays, lengths, known):
     found = []
     for name, array in list(arrays.items()):
         value = array.tolist() if array.dtype.kind == "U" and array.ndim < 2 else None
-        once = isinstance(value, list) and len(set(value)) == len(value) and set(value) <= set(known)
+        once = (
+            isinstance(value, list) and len(set(value)) == len(value) and set(value) <= set(known)
+        )
         if isinstance(value, str) or once or (value and len(value) not in lengths):
             found += label_text(f"array '{name}'", _last(name), value)
             del arrays[name]
@@ -203,4 +253,6 @@ def _convert(array):
     array = array.astype(native, copy=False)
     if array.ndim == 1:
         return pa.array(array, from_pandas=False)
-    return pa.FixedSizeListArray.from_arrays(pa.array(np.ascontiguousarray(array).reshape(-1)), array.shape[1])
+    return pa.FixedSizeListArray.from_arrays(
+        pa.array(np.ascontiguousarray(array).reshape(-1)), array.shape[1]
+    )

@@ -16,7 +16,19 @@ from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.names_in_data import MAX_LENGTH, numbers_of
 
 SAMPLE = 6  # first rows that show what a column of texts holds
-BLANK = ("", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "none", "-", "--")  # nan is a value that was sent
+BLANK = (
+    "",
+    "NA",
+    "N/A",
+    "n/a",
+    "#N/A",
+    "null",
+    "NULL",
+    "None",
+    "none",
+    "-",
+    "--",
+)  # nan is a value that was sent
 MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))  # texts that stand for no number
 
 _LIMIT = 4 * 10**18  # [ns], of stamps: the difference of two fits into 64 bits
@@ -76,14 +88,21 @@ def _parse_number(text):
 def make_column(name, array, unit=None, numeric=False):
     """Return the Column of an array with the first rows; `numeric`: texts may be numbers."""
     kind = array.type
-    moments, numeric = pa.types.is_timestamp(kind) or pa.types.is_duration(kind), numeric or _is_numeric(kind)
+    moments, numeric = (
+        pa.types.is_timestamp(kind) or pa.types.is_duration(kind),
+        numeric or _is_numeric(kind),
+    )
     column = Column(name, unit=unit or None, numeric=numeric, moments=moments, type=str(kind))
     if is_list(kind):
         lists = [one or () for one in array.to_pylist()]
         first = next(filter(None, lists), ())
         if _is_numeric(kind.value_type):
             return column._replace(width=len(first), numeric=bool(first))
-        return column._replace(sample=tuple(lists), listed=True) if first and isinstance(first[0], str) else column
+        return (
+            column._replace(sample=tuple(lists), listed=True)
+            if first and isinstance(first[0], str)
+            else column
+        )
     if (texts := read_texts(array)) is None:
         return column
     given = [text for text in texts if text not in MISSING]
@@ -94,7 +113,9 @@ def make_column(name, array, unit=None, numeric=False):
         return column._replace(width=max(map(len, numbers)), listed=True, numeric=True)
     first = texts.index(given[0]) if given else 0
     sample = tuple(texts[: max(SAMPLE, first + 1)])
-    return column._replace(sample=sample, listed=bool(given) and all(text[-1] in ")]" for text in given))
+    return column._replace(
+        sample=sample, listed=bool(given) and all(text[-1] in ")]" for text in given)
+    )
 
 
 def is_list(kind):
@@ -103,12 +124,18 @@ def is_list(kind):
 
 
 def _is_numeric(kind):
-    return any(getattr(pa.types, f"is_{name}")(kind) for name in ("integer", "floating", "decimal", "null"))
+    return any(
+        getattr(pa.types, f"is_{name}")(kind) for name in ("integer", "floating", "decimal", "null")
+    )
 
 
 def are_blank(array):
     """Return whether cells hold nothing, bool (n,): null or an empty list."""
-    return _lengths(array) == 0 if is_list(array.type) else array.is_null().to_numpy(zero_copy_only=False)
+    return (
+        _lengths(array) == 0
+        if is_list(array.type)
+        else array.is_null().to_numpy(zero_copy_only=False)
+    )
 
 
 # --- Numbers ---
@@ -178,10 +205,15 @@ def read_times(array, scale):
         if not (np.abs(values * scale) > _SHORT).any():
             return _scale_floats(values, scale)
         if scale == 1.0 and not array.null_count:
-            exact = pc.multiply(array.cast(pa.decimal128(19, 9)), pa.scalar(SECOND, pa.decimal128(10)))
+            exact = pc.multiply(
+                array.cast(pa.decimal128(19, 9)), pa.scalar(SECOND, pa.decimal128(10))
+            )
             return values, np.clip(exact.cast(pa.int64()).to_numpy(), -_LIMIT, _LIMIT)
     seconds = [_parse_time(text, Decimal(repr(scale))) for text in read_texts(array)]
-    exact = [0 if one.is_nan() else max(min(_EXACT.multiply(one, SECOND), _LIMIT), -_LIMIT) for one in seconds]
+    exact = [
+        0 if one.is_nan() else max(min(_EXACT.multiply(one, SECOND), _LIMIT), -_LIMIT)
+        for one in seconds
+    ]
     return np.array(seconds, float), np.array([round(one) for one in exact], np.int64)
 
 
@@ -213,8 +245,12 @@ def _parse_time(text, unit):
         return _EXACT.multiply(_EXACT.create_decimal(text), unit) if plain else Decimal("nan")
     fields = date.groupdict("00")
     try:
-        moment = np.datetime64("{year}-{month}-{day}T{hour}:{minute}:{second}".format(**fields), "s").astype(int)
+        moment = np.datetime64(
+            "{year}-{month}-{day}T{hour}:{minute}:{second}".format(**fields), "s"
+        ).astype(int)
     except ValueError:  # the 30th of February
         return Decimal("nan")
     offset = 3600 * int(fields["hours"]) + 60 * int(fields["minutes"])
-    return Decimal(int(moment) + (offset if fields["sign"] == "-" else -offset)) + Decimal(f"0.{fields['fraction']}")
+    return Decimal(int(moment) + (offset if fields["sign"] == "-" else -offset)) + Decimal(
+        f"0.{fields['fraction']}"
+    )

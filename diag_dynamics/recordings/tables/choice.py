@@ -18,13 +18,17 @@ from diag_dynamics.recordings.tables.column_map import QUANTITIES, UNSAID
 from diag_dynamics.recordings.tables.headers import JOINT, split_unit
 
 _SI = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "N m or N", "time": "s"}
-_ADVICE = "Name the columns in a column map: `time`, `position`, `velocity`, `effort`, `joints`, `scale`."
+_ADVICE = (
+    "Name the columns in a column map: `time`, `position`, `velocity`, `effort`, `joints`, `scale`."
+)
 
 
 class Quantity(NamedTuple):
     """Columns of positions, velocities or efforts."""
 
-    columns: tuple[int | None, ...]  # of each joint, or of each place where rows name joints; None: none
+    columns: tuple[
+        int | None, ...
+    ]  # of each joint, or of each place where rows name joints; None: none
     whole: bool  # whether it is one column, of lists or of a whole array
     scale: np.ndarray  # factors to SI, (k,)
 
@@ -33,7 +37,9 @@ class Choice(NamedTuple):
     """Columns that are read of a table."""
 
     joints: tuple[str, ...]
-    time: tuple[int, ...]  # one column, or two: seconds and nanoseconds; none: rows follow at a rate
+    time: tuple[
+        int, ...
+    ]  # one column, or two: seconds and nanoseconds; none: rows follow at a rate
     time_scale: float | None  # None: nothing says the unit; of rows at a rate their interval [s]
     quantities: dict[str, Quantity | None]
     notes: list[str]
@@ -55,9 +61,13 @@ class _Group(NamedTuple):
     """Columns that differ in the joint only."""
 
     pattern: str
-    members: dict[str, int]  # the first column of each joint, by its name or number; numbers in their order
+    members: dict[
+        str, int
+    ]  # the first column of each joint, by its name or number; numbers in their order
     doubled: str = ""  # which two columns are of one joint
-    ordered: bool = False  # whether the order of the joints is that of a list, an array, or one column
+    ordered: bool = (
+        False  # whether the order of the joints is that of a list, an array, or one column
+    )
     width: int = 0  # columns of an array
 
     @property
@@ -70,7 +80,9 @@ class _Group(NamedTuple):
 
     def names_joints(self, model_joints):
         """Return whether headers name joints instead of numbering them."""
-        return not self.ordered and not all(joint.isdecimal() and joint not in model_joints for joint in self.members)
+        return not self.ordered and not all(
+            joint.isdecimal() and joint not in model_joints for joint in self.members
+        )
 
 
 def choose(columns, wanted, model_joints, file, texts=()):
@@ -84,7 +96,12 @@ def choose(columns, wanted, model_joints, file, texts=()):
 
 class _Chooser:
     def __init__(self, columns, wanted, model_joints, texts):
-        self._columns, self._wanted, self._model_joints, self._texts = columns, wanted, model_joints, texts
+        self._columns, self._wanted, self._model_joints, self._texts = (
+            columns,
+            wanted,
+            model_joints,
+            texts,
+        )
         self._headers = [one.name for one in columns]
         self._known = wanted.joints or model_joints
         self._by_map = bool(wanted.joints) or isinstance(wanted.position, list)
@@ -98,13 +115,23 @@ class _Chooser:
         if where:
             self._notes.append(f"joints: {listed(joints)}, by {where}.")
         if self._by_map:
-            overruled = [(one.first, f"'{one.pattern}' in the first row") for one in self._row_names if one.known]
+            overruled = [
+                (one.first, f"'{one.pattern}' in the first row")
+                for one in self._row_names
+                if one.known
+            ]
             overruled += names_in_data.find_orders(self._texts, self._model_joints, len(joints))
-            other = [f"{listed(names)} of {where}" for names, where in overruled if names != joints and len(names) > 1]
+            other = [
+                f"{listed(names)} of {where}"
+                for names, where in overruled
+                if names != joints and len(names) > 1
+            ]
             self._notes += [f"joints: those of the column map, not {one}." for one in other]
         numbers = [joint for k in columns for joint, column in group.members.items() if column == k]
         chosen = {"position": (group, columns)}
-        chosen |= {quantity: self._choose_other(quantity, joints, numbers) for quantity in QUANTITIES[1:]}
+        chosen |= {
+            quantity: self._choose_other(quantity, joints, numbers) for quantity in QUANTITIES[1:]
+        }
         for quantity, one in chosen.items():
             if one:
                 chosen[quantity] = self._make_quantity(quantity, *one, joints, rows)
@@ -129,7 +156,9 @@ class _Chooser:
         name = " and ".join(self._headers[k] for k in time)
         if len(time) == 2:
             if scale is not None:
-                raise InputError("there is a scale of time, but two columns of times, seconds and nanoseconds.")
+                raise InputError(
+                    "there is a scale of time, but two columns of times, seconds and nanoseconds."
+                )
             self._notes.append(f"time: {name}, seconds and nanoseconds.")
             return time, 1.0
         unit = headers.unit_of_time(self._columns[time[0]])
@@ -147,7 +176,11 @@ class _Chooser:
             near = {name: found[name] for name in found if shared[name] == max(shared.values())}
             found = near if len(near) == 1 else found
         if len(found) != 1:
-            what = f"several columns may be the time: {listed(found)}" if found else "no column is recognized as time"
+            what = (
+                f"several columns may be the time: {listed(found)}"
+                if found
+                else "no column is recognized as time"
+            )
             rate = "" if found else " Rows at equal intervals need `rate: HZ` only."
             raise InputError(f"{what}; columns: {listed(self._headers)}.{rate}")
         return next(iter(found.values()))
@@ -180,13 +213,17 @@ class _Chooser:
     def _joints_of(self, group):
         """Return joints of positions, a column for each, and RowNames or the place of a text that names them."""
         by_headers = self._by_map or group.names_joints(self._model_joints)
-        return (None if by_headers else self._joints_in_data(group)) or self._joints_of_headers(group)
+        return (None if by_headers else self._joints_in_data(group)) or self._joints_of_headers(
+            group
+        )
 
     def _joints_in_data(self, group):
         """Return the same for joints that rows, comments or metadata name; None without such names."""
         if rows := self._rows_for(group):
             numbers = rows.numbers if not group.ordered else ()
-            shifts = {int(joint) - number for joint, number in zip(group.members, numbers, strict=False)}
+            shifts = {
+                int(joint) - number for joint, number in zip(group.members, numbers, strict=False)
+            }
             if len(shifts) > 1 or len(numbers or group.members) != len(group.members):
                 both = f"{listed(group.members)}, but '{rows.pattern}' {listed(numbers)}"
                 raise InputError(f"{group.pattern} has the numbers {both}.")
@@ -209,7 +246,10 @@ class _Chooser:
                 there = [k for k, column in enumerate(columns) if column is not None]
                 joints, columns = (tuple(one[k] for k in there) for one in (joints, columns))
         elif group.ordered or _count_up(joints):
-            joints = tuple(f"joint{number}" for number in (range(1, group.count + 1) if group.ordered else joints))
+            joints = tuple(
+                f"joint{number}"
+                for number in (range(1, group.count + 1) if group.ordered else joints)
+            )
         return joints, columns, None, None
 
     def _rows_for(self, group):
@@ -217,7 +257,9 @@ class _Chooser:
         pattern = group.pattern.strip("'")
         fitting = [one for one in self._row_names if _fits(one, group)]
         shared = names_in_data.shared_length
-        rank = [(len(one.columns), bool(one.numbers), shared(one.pattern, pattern)) for one in fitting]
+        rank = [
+            (len(one.columns), bool(one.numbers), shared(one.pattern, pattern)) for one in fitting
+        ]
         return fitting[rank.index(max(rank))] if fitting else None
 
     def _choose_other(self, quantity, joints, numbers):
@@ -246,7 +288,9 @@ class _Chooser:
         what = f"{group.count} columns" if group.ordered else listed(group.members)
         is_named = not (group.ordered or all(map(str.isdecimal, group.members)))
         but = "none of which is one of the" if is_named else "but there are"
-        raise InputError(f"{group.pattern} has {what}, {but} {len(joints)} joints: {listed(joints)}.")
+        raise InputError(
+            f"{group.pattern} has {what}, {but} {len(joints)} joints: {listed(joints)}."
+        )
 
     # --- Columns ---
 
@@ -259,7 +303,9 @@ class _Chooser:
             if len(places) != 1:
                 meant = "" if places else suggest(str(one), self._headers)
                 there = f"expected the name or number of one of {listed(self._headers)}"
-                raise InputError(f"{quantity}: {one!r} is the name of {len(places)} columns; {there}.{meant}")
+                raise InputError(
+                    f"{quantity}: {one!r} is the name of {len(places)} columns; {there}.{meant}"
+                )
             self._require_numbers(places[0], quantity)
             found += places
         return tuple(found)
@@ -268,8 +314,12 @@ class _Chooser:
         column, is_time = self._columns[k], quantity == "time"
         if (is_time and column.width) or not (column.numeric or (is_time and column.moments)):
             text = next((f" such as '{one!s:.40}'" for one in column.sample if one), "")
-            holds = f"has {column.width} columns" if column.width else f"is of type {column.type}{text}"
-            expected = "numbers or ISO 8601 times" if is_time else "numbers in one or two dimensions"
+            holds = (
+                f"has {column.width} columns" if column.width else f"is of type {column.type}{text}"
+            )
+            expected = (
+                "numbers or ISO 8601 times" if is_time else "numbers in one or two dimensions"
+            )
             raise InputError(f"{quantity}: '{column.name}' {holds}, expected {expected}.")
 
     def _candidates(self, quantity):
@@ -282,27 +332,44 @@ class _Chooser:
         places = self._find_columns(quantity, [value] if isinstance(value, str) else value)
         widths = [self._columns[k].width for k in places]
         if len(places) > 1 and (any(widths) or len(set(places)) < len(places)):
-            raise InputError(f"{quantity}: {listed(value)} has an array or a column twice; expected different columns.")
+            raise InputError(
+                f"{quantity}: {listed(value)} has an array or a column twice; expected different columns."
+            )
         what = f"the list {listed(value)}" if len(places) > 1 else f"'{self._headers[places[0]]}'"
-        return [_Group(what, {f"#{n}": k for n, k in enumerate(places)}, ordered=True, width=widths[0])]
+        return [
+            _Group(what, {f"#{n}": k for n, k in enumerate(places)}, ordered=True, width=widths[0])
+        ]
 
     def _group_of_pattern(self, quantity, pattern):
         """Return the group of columns that match a pattern, with or without their units in brackets."""
         before, after = pattern.split(JOINT)
         matcher = re.compile(f"{re.escape(before)}(.+){re.escape(after)}")
-        found = [matcher.fullmatch(split_unit(name)[0]) or matcher.fullmatch(name) for name in self._headers]
+        found = [
+            matcher.fullmatch(split_unit(name)[0]) or matcher.fullmatch(name)
+            for name in self._headers
+        ]
         numeric = [one.numeric and not one.width for one in self._columns]
         members = [(one[1], k) for k, one in enumerate(found) if one and numeric[k]]
         if not members:
-            raise InputError(f"{quantity}: no column matches '{pattern}'; columns: {listed(self._headers)}.")
+            raise InputError(
+                f"{quantity}: no column matches '{pattern}'; columns: {listed(self._headers)}."
+            )
         return self._make_group(pattern, members)
 
     def _group_columns(self):
         """Return the groups of all columns by quantity."""
         sets, groups, longest_first = {}, {}, sorted(self._known, key=len, reverse=True)
         for k, column in enumerate(self._columns):
-            named = any(name in self._known for text in column.sample for name in names_in_data.names_of(text))
-            header = headers.parse_header(column, longest_first) if column.numeric and not named else None
+            named = any(
+                name in self._known
+                for text in column.sample
+                for name in names_in_data.names_of(text)
+            )
+            header = (
+                headers.parse_header(column, longest_first)
+                if column.numeric and not named
+                else None
+            )
             if header:
                 quantity, pattern, joint = header
                 sets.setdefault((quantity, pattern), []).append((joint, k))
@@ -321,18 +388,26 @@ class _Chooser:
             first.setdefault(one, k)
         if all(one.isdecimal() for one in first):
             first = dict(sorted(first.items(), key=lambda item: int(item[0])))
-        return _Group(f"'{pattern}'", first, doubled, not joint, 0 if joint else self._columns[column].width)
+        return _Group(
+            f"'{pattern}'", first, doubled, not joint, 0 if joint else self._columns[column].width
+        )
 
     # --- Units ---
 
     def _make_quantity(self, quantity, group, columns, joints, rows):
         """Return columns with their scale, and note both."""
         scale = np.array(self._find_scale(quantity, group, columns, joints, rows), float)
-        whose = f"the joints that '{rows.pattern}' names in each row" if rows else f"{len(joints)} joints"
+        whose = (
+            f"the joints that '{rows.pattern}' names in each row"
+            if rows
+            else f"{len(joints)} joints"
+        )
         whose = listed(joints) if self._by_map else whose
         lack = [joint for joint, k in zip(joints, columns, strict=False) if k is None]
         none_for = f", none for {listed(lack)}" if lack else ""
-        self._notes.append(f"{quantity}: {group.pattern} of {whose}{_times(scale.tolist(), quantity)}{none_for}.")
+        self._notes.append(
+            f"{quantity}: {group.pattern} of {whose}{_times(scale.tolist(), quantity)}{none_for}."
+        )
         return Quantity(columns, bool(group.width), scale)
 
     def _find_scale(self, quantity, group, columns, joints, rows):
@@ -340,12 +415,24 @@ class _Chooser:
         scale = self._wanted.scale.get(quantity)
         if scale is None:
             labels = {k: joint for joint, k in group.members.items()}
-            default = "A" if quantity == "effort" and group in self._groups.get("current", []) else None
-            units = {k: headers.unit_of(self._columns[k], labels[k]) or default for k in columns if k is not None}
-            if quantity == "effort" and units and None not in map(headers.amperes_of, units.values()):
+            default = (
+                "A" if quantity == "effort" and group in self._groups.get("current", []) else None
+            )
+            units = {
+                k: headers.unit_of(self._columns[k], labels[k]) or default
+                for k in columns
+                if k is not None
+            }
+            if (
+                quantity == "effort"
+                and units
+                and None not in map(headers.amperes_of, units.values())
+            ):
                 self._currents = group.pattern
                 return [1.0 if k is None else headers.amperes_of(units[k]) for k in columns]
-            return [1.0 if k is None else _factor(quantity, units[k], self._headers[k]) for k in columns]
+            return [
+                1.0 if k is None else _factor(quantity, units[k], self._headers[k]) for k in columns
+            ]
         if isinstance(scale, float):
             return [scale]
         factors = scale
@@ -363,7 +450,11 @@ def _factor(quantity, unit, header):
     factor = 1.0 if unit is None else headers.factor_of(quantity, unit)
     if factor is None:
         unknown = f"column '{header}' has the unit '{unit}', which has no factor to the SI unit of {quantity}"
-        omit = f", or omit the column by `{quantity}: null`" if quantity in ("velocity", "effort") else ""
+        omit = (
+            f", or omit the column by `{quantity}: null`"
+            if quantity in ("velocity", "effort")
+            else ""
+        )
         raise InputError(f"{unknown}. Give the factor by `scale: {{{quantity}: …}}`{omit}.")
     return factor
 
@@ -378,7 +469,11 @@ def _fits(rows, group):
 def _times(scale, quantity):
     """Return factors for a note; an empty text if all are 1."""
     each = sorted(set(scale))
-    return "" if each == [1.0] else f", times {listed([f'{one:g}' for one in each])} for {_SI[quantity]}"
+    return (
+        ""
+        if each == [1.0]
+        else f", times {listed([f'{one:g}' for one in each])} for {_SI[quantity]}"
+    )
 
 
 def _count_up(numbers):

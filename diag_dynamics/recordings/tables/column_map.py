@@ -46,10 +46,14 @@ def read_column_map(columns):
         columns = read_yaml(os.fspath(columns), f"The column map {source}")
     if not isinstance(columns, Mapping):
         keys = ", ".join(_PARSERS)
-        raise InputError(f"{source} is {columns!r:.80}, expected the path of a YAML file or a dict with {keys}.")
+        raise InputError(
+            f"{source} is {columns!r:.80}, expected the path of a YAML file or a dict with {keys}."
+        )
     if isinstance(columns.get("joints"), Mapping):  # names in the data: names of the robot
         if columns.get("joint_names") is not None:
-            raise InputError(f"{source} has joint_names and a mapping joints; expected one of them.")
+            raise InputError(
+                f"{source} has joint_names and a mapping joints; expected one of them."
+            )
         columns = {**columns, "joints": None, "joint_names": columns["joints"]}
     given = _parse(columns, _PARSERS, source)
     given["scale"] = _parse(given.get("scale") or {}, _SCALES, f"{source}: scale")
@@ -91,7 +95,9 @@ def _require(valid, value):
 def _parse_list(value, kinds=(str, int), most=1 << 20):
     """Return a list of different texts that are not empty, or of numbers from 0; one value becomes a list."""
     values = list(value) if isinstance(value, list | tuple) else [value]
-    valid = all(type(one) in kinds and (one >= 0 if isinstance(one, int) else one) for one in values)
+    valid = all(
+        type(one) in kinds and (one >= 0 if isinstance(one, int) else one) for one in values
+    )
     return _require(valid and 0 < len(values) == len(set(values)) <= most, values)
 
 
@@ -99,7 +105,9 @@ def _parse_quantity(value):
     if isinstance(value, str):
         return _require(value and value.count(JOINT) < 2, value)
     if isinstance(value, Mapping):
-        return dict(zip(_parse_list(list(value), (str,)), _parse_list(list(value.values())), strict=True))
+        return dict(
+            zip(_parse_list(list(value), (str,)), _parse_list(list(value.values())), strict=True)
+        )
     return _parse_list(value)
 
 
@@ -134,10 +142,16 @@ _COLUMNS = (
     f"a column's name, a pattern with {JOINT} once, or a list of columns by name or number from 0, each once",
 )
 _PARSERS = {
-    "time": (lambda value: tuple(_parse_list(value, most=2)), "one column, or two: seconds and nanoseconds"),
+    "time": (
+        lambda value: tuple(_parse_list(value, most=2)),
+        "one column, or two: seconds and nanoseconds",
+    ),
     "rate": (_parse_rate, "a finite number > 0 [Hz]"),
     **dict.fromkeys(QUANTITIES, _COLUMNS),
-    "joints": (lambda value: tuple(_parse_list(value, (str,))), "a list of the joints' names, each once"),
+    "joints": (
+        lambda value: tuple(_parse_list(value, (str,))),
+        "a list of the joints' names, each once",
+    ),
     "joint_names": _checked(lambda value: True, ""),  # JointNames checks it
     "scale": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(UNITS)}"),
     "header": _checked(lambda value: value in (True, False), "true or false"),
@@ -147,6 +161,9 @@ _PARSERS = {
 }
 """By key: what returns a value or raises ValueError, and what is expected. null is no value."""
 _SCALES = {
-    quantity: (partial(_parse_scale, quantity), f"finite numbers other than 0 or units such as {', '.join(units)}")
+    quantity: (
+        partial(_parse_scale, quantity),
+        f"finite numbers other than 0 or units such as {', '.join(units)}",
+    )
     for quantity, units in UNITS.items()
 }

@@ -16,7 +16,14 @@ from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
-from diag_dynamics.recordings.tables.cells import BLANK, MISSING, SAMPLE, is_number, make_column, unify
+from diag_dynamics.recordings.tables.cells import (
+    BLANK,
+    MISSING,
+    SAMPLE,
+    is_number,
+    make_column,
+    unify,
+)
 from diag_dynamics.recordings.tables.choice import choose
 from diag_dynamics.recordings.tables.column_map import UNSAID
 from diag_dynamics.recordings.tables.headers import is_unit
@@ -28,7 +35,10 @@ MAX_LINE = 1 << 26  # bytes
 _BEGINNING = 1 << 20  # bytes in which the header and the first rows are
 _COMMENTED = 100  # first lines whose comments may name joints
 _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
-_POINT, _COMMA = re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE), re.compile(rb",(?=\d)")
+_POINT, _COMMA = (
+    re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE),
+    re.compile(rb",(?=\d)"),
+)
 _PACKINGS = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
@@ -60,9 +70,13 @@ class CsvSource:
         }
         self.choice = choose(columns, wanted, joints, path, comment_texts(texts))
         self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
-        numbers = self.choice.values.difference(self.choice.time, (k for k, one in enumerate(columns) if one.listed))
+        numbers = self.choice.values.difference(
+            self.choice.time, (k for k, one in enumerate(columns) if one.listed)
+        )
         self._convert = arrow_csv.ConvertOptions(
-            column_types={str(k): pa.float64() if k in numbers else pa.string() for k in self.choice.used},
+            column_types={
+                str(k): pa.float64() if k in numbers else pa.string() for k in self.choice.used
+            },
             include_columns=[str(k) for k in self.choice.used],
             null_values=list(BLANK),
         )
@@ -100,7 +114,9 @@ class CsvSource:
         with open(self.path, "rb") as file:
             begin = file.read(8)
             file.seek(0)
-            opener = next((one for magic, one in _PACKINGS.items() if begin.startswith(magic)), None)
+            opener = next(
+                (one for magic, one in _PACKINGS.items() if begin.startswith(magic)), None
+            )
             stream = opener(file) if opener else file
             try:
                 while chunk := stream.read1(1 << 18):
@@ -140,9 +156,14 @@ class CsvSource:
                 kept.append(fields)
                 lines.append(at)
             else:
-                cause, example = "another number of columns than the header has", f"{len(fields)} instead of {width}"
+                cause, example = (
+                    "another number of columns than the header has",
+                    f"{len(fields)} instead of {width}",
+                )
                 lose(cause, f"line {at}", LEFT_OUT, example=example)
-        arrays = {k: pa.array([fields[k] for fields in kept], pa.string()) for k in self.choice.used}
+        arrays = {
+            k: pa.array([fields[k] for fields in kept], pa.string()) for k in self.choice.used
+        }
         return arrays, np.array(lines, np.int64)
 
 
@@ -175,20 +196,32 @@ def _read_head(lines, wanted, known, path):
     while at < len(lines) and (not lines[at].strip() or _COMMENT.match(lines[at].lstrip())):
         comment = lines[at].lstrip("#% \t").rstrip() if lines[at].strip() else comment
         at += 1
-    rows = [(n, line) for n, line in enumerate(lines[at:], at + 1) if line.strip() and not line.startswith("#")]
+    rows = [
+        (n, line)
+        for n, line in enumerate(lines[at:], at + 1)
+        if line.strip() and not line.startswith("#")
+    ]
     if not rows and comment is None:
-        raise InputError(f"'{path}' has {len(lines)} lines; expected text after the {wanted.skip} skipped lines.")
+        raise InputError(
+            f"'{path}' has {len(lines)} lines; expected text after the {wanted.skip} skipped lines."
+        )
     rows, comment = (rows[: SAMPLE + 2], comment) if rows else ([(at, comment)], None)
     delimiter = wanted.delimiter or _guess_delimiter([line for _, line in rows], wanted.decimal)
     fields, named = [(n, fields_of(line, delimiter)) for n, line in rows], None
     names, used = _read_header(fields, comment and fields_of(comment, delimiter), wanted, path)
     units, below = [None] * len(names), [row for _, row in fields[used:]]
-    if used and below and len(below[0]) == len(names) and "n" not in _kinds(below[0]):  # of units, or of joints
+    if (
+        used and below and len(below[0]) == len(names) and "n" not in _kinds(below[0])
+    ):  # of units, or of joints
         second = [one.strip() for one in below[0]]
         is_named = any(one in known for one in second)
         if is_named or any(is_unit(one.strip("[]()")) for one in second):
             named = fields[used][0] if is_named else None
-            units = units if is_named else [None if one in MISSING else one.strip("[]()") for one in second]
+            units = (
+                units
+                if is_named
+                else [None if one in MISSING else one.strip("[]()") for one in second]
+            )
             used, below = used + 1, below[1:]
     texts = [[row[k] if k < len(row) else "" for row in below[:SAMPLE]] for k in range(len(names))]
     arrays = [unify(pa.array(one, pa.string())) for one in texts]
@@ -211,14 +244,18 @@ def _read_header(fields, comment, wanted, path):
     """Return names of columns by the first lines, and how many of these are above the rows."""
     line, first = fields[0]
     kinds, numbers = _kinds(first), list(map(str, range(len(first))))
-    names = _find_echoed_names(first) if wanted.header is None and wanted.position is UNSAID else None
+    names = (
+        _find_echoed_names(first) if wanted.header is None and wanted.position is UNSAID else None
+    )
     if wanted.header or (wanted.header is None and not names and "n" not in kinds):
         return [name.strip() for name in first], 1
     by_numbers = (wanted.time is not UNSAID or wanted.rate) and isinstance(wanted.position, list)
     times = () if wanted.rate else wanted.time
     by_numbers = by_numbers and all(isinstance(one, int) for one in (*times, *wanted.position))
     if wanted.header is None and not names:
-        names = comment if comment and len(comment) == len(first) else numbers if by_numbers else None
+        names = (
+            comment if comment and len(comment) == len(first) else numbers if by_numbers else None
+        )
         if not names or "t" in kinds or [one.strip() for one in first] == numbers != ["0"]:
             raise InputError(
                 f"'{path}': line {line} is not a header of names only. Set `header: true` or `header: false` in a column "
@@ -229,13 +266,24 @@ def _read_header(fields, comment, wanted, path):
 
 def _kinds(fields):
     """Return a letter for each field: n for a number or time, t for text, a blank for no value."""
-    return "".join("n" if is_number(one) else " " if one.strip() in MISSING else "t" for one in fields)
+    return "".join(
+        "n" if is_number(one) else " " if one.strip() in MISSING else "t" for one in fields
+    )
 
 
 def _find_echoed_names(fields):
     """Return names of columns of `ros2 topic echo --csv`, which has no header; None for any other line."""
     match = re.fullmatch(r"nn[t ]([t ]+)(n+) *", _kinds(fields))
-    if not match or len(match[2]) not in (len(match[1]), 3 * len(match[1])) or not "".join(fields[:2]).isdecimal():
+    if (
+        not match
+        or len(match[2]) not in (len(match[1]), 3 * len(match[1]))
+        or not "".join(fields[:2]).isdecimal()
+    ):
         return None
     quantities = ("name", "position", "velocity", "effort")[: 1 + len(match[2]) // len(match[1])]
-    return ["sec", "nanosec", "frame_id", *(f"{one}{k}" for one in quantities for k in range(len(match[1])))]
+    return [
+        "sec",
+        "nanosec",
+        "frame_id",
+        *(f"{one}{k}" for one in quantities for k in range(len(match[1]))),
+    ]

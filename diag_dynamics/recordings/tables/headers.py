@@ -76,7 +76,9 @@ _TIMES = (
 )
 """Headers of times, the best kind first."""
 _NANOSECONDS = ("%time", "rosbagtimestamp", "field.header.stamp")
-_PAIR = re.compile(r"(?P<prefix>(?P<stamp>(?:.*[./_ ])?header[./_ ]stamp[./_ ])?(?:.*[^a-z])?)(?P<nano>n|nano)?secs?")
+_PAIR = re.compile(
+    r"(?P<prefix>(?P<stamp>(?:.*[./_ ])?header[./_ ]stamp[./_ ])?(?:.*[^a-z])?)(?P<nano>n|nano)?secs?"
+)
 
 
 class Column(NamedTuple):
@@ -151,7 +153,10 @@ def time_columns(columns):
         if not (column.numeric or column.moments) or (column.sample and not any(column.sample)):
             continue
         name = split_unit(column.name.strip())[0].lower()
-        kind = next((n for n, pattern in enumerate(_TIMES) if pattern.fullmatch(name)), 3 if column.moments else None)
+        kind = next(
+            (n for n, pattern in enumerate(_TIMES) if pattern.fullmatch(name)),
+            3 if column.moments else None,
+        )
         if kind is not None:
             kinds[kind].setdefault(column.name, (k,))
         if match := _PAIR.fullmatch(name):
@@ -188,7 +193,9 @@ def parse_header(column, known):
     for joint in known:
         place = re.search(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", name)
         if place and (quantity := find_quantity(_blank(name.lower(), place))):
-            before, after = (re.sub(r"\d+", "*", part) for part in (name[: place.start()], name[place.end() :]))
+            before, after = (
+                re.sub(r"\d+", "*", part) for part in (name[: place.start()], name[place.end() :])
+            )
             return quantity.lastgroup, before + JOINT + after, joint
     return _parse_unknown_joint(column, name)
 
@@ -208,7 +215,9 @@ def _parse_unknown_joint(column, name):
         return quantity.lastgroup, column.name, ""
     number = _NUMBER.fullmatch(joint.lower())
     joint = number[1] if number else joint
-    if joint.lower() in ("x", "y", "z", "w") or re.search(r"[\[\](){}]", joint):  # q_d[0] is no 'd[0' of q
+    if joint.lower() in ("x", "y", "z", "w") or re.search(
+        r"[\[\](){}]", joint
+    ):  # q_d[0] is no 'd[0' of q
         return None
     begin = text.index(joint, begin)
     return quantity.lastgroup, name[:begin] + JOINT + name[begin + len(joint) :], joint
@@ -220,7 +229,11 @@ def find_quantity(text):
     if len(found) > 1:
         found.pop("current", None)  # the current position is no current
     is_desired = _DESIRED.search(text) and not _DESIRED.fullmatch(text)  # a joint may be called d
-    return None if len(found) != 1 or _IGNORED.search(text) or is_desired else next(iter(found.values()))
+    return (
+        None
+        if len(found) != 1 or _IGNORED.search(text) or is_desired
+        else next(iter(found.values()))
+    )
 
 
 def _blank(text, match):

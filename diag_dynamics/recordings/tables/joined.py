@@ -49,14 +49,22 @@ class JoinedSource:
         timed = [] if wanted.rate else [k for k, one in enumerate(every) if one.time]
         self._by_time = len(timed) == len(parts)
         self._places = [
-            (n, k) for n, one in enumerate(every) for k in one.used if k not in one.time or timed[:1] == [n]
+            (n, k)
+            for n, one in enumerate(every)
+            for k in one.used
+            if k not in one.time or timed[:1] == [n]
         ]
-        columns = [_named_column(every[n].columns[k], parts[n].path, joints) for n, k in self._places]
+        columns = [
+            _named_column(every[n].columns[k], parts[n].path, joints) for n, k in self._places
+        ]
         self.headers = [one.name for one in columns]
         texts = [text for one in every for text in one.texts]
         self.choice = choose(columns, wanted, joints, path, texts)
         by = "times" if self._by_time else "row numbers"
-        self.notes = [f"files: {len(parts)} side by side, by {by}.", *(note for one in parts for note in one.notes)]
+        self.notes = [
+            f"files: {len(parts)} side by side, by {by}.",
+            *(note for one in parts for note in one.notes),
+        ]
 
     def blocks(self, lose):
         """Yield arrays by index of the column, and the number of each row; all files are in memory."""
@@ -65,13 +73,20 @@ class JoinedSource:
         for part, key in zip(self._parts, keys, strict=True):
             if not self._by_time and key[-1:].tolist() != keys[0][-1:].tolist():
                 counts = f"{len(key)} rows, and '{self._parts[0].path}' {len(keys[0])}"
-                raise InputError(f"'{part.path}' has {counts}; expected the same number, or times in each file.")
+                raise InputError(
+                    f"'{part.path}' has {counts}; expected the same number, or times in each file."
+                )
             if 2 * len(shared) < len(key):
                 counts = f"{len(shared)} of the {len(key)} times in '{part.path}' are in all of '{self.path}'"
-                raise InputError(f"{counts}; expected the same times. Interpolate the files at common times.")
+                raise InputError(
+                    f"{counts}; expected the same times. Interpolate the files at common times."
+                )
             if lost := len(key) - len(shared):
                 lose(f"times of '{part.path}' that not all files have", "row 0", LEFT_OUT, lost)
-        rows = [first[np.isin(key, shared)] for key, first in (np.unique(key, return_index=True) for key in keys)]
+        rows = [
+            first[np.isin(key, shared)]
+            for key, first in (np.unique(key, return_index=True) for key in keys)
+        ]
         for begin in range(0, len(rows[0]), ROWS):
             some = [pa.array(one[begin : begin + ROWS]) for one in rows]
             taken = {k: self._places[k] for k in self.choice.used}
@@ -89,7 +104,10 @@ class JoinedSource:
         arrays = {k: pa.concat_arrays([unify(one[k]) for one in blocks]) for k in part.choice.used}
         key = np.concatenate(rows) - rows[0][0]
         if self._by_time:
-            key = sum(read_times(arrays[k], scale)[1] for k, scale in zip(part.choice.time, (1.0, 1e-9), strict=False))
+            key = sum(
+                read_times(arrays[k], scale)[1]
+                for k, scale in zip(part.choice.time, (1.0, 1e-9), strict=False)
+            )
         return arrays, key
 
 

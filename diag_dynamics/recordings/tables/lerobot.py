@@ -22,7 +22,10 @@ from diag_dynamics.recordings.tables.table import ROWS
 MAX_ANGLE = 7.0  # positions beyond are in another unit than rad
 _NUMERIC = re.compile("float(16|32|64)|u?int(8|16|32|64)")
 _OWN = ("timestamp", "frame_index", "episode_index", "index", "task_index")
-_EPISODES, _ROWS = ("episode_index", "data/chunk_index", "data/file_index"), ("episode_index", "frame_index")
+_EPISODES, _ROWS = (
+    ("episode_index", "data/chunk_index", "data/file_index"),
+    ("episode_index", "frame_index"),
+)
 
 
 class Dataset:
@@ -33,8 +36,18 @@ class Dataset:
         try:
             self.info = json.loads((self.root / "meta/info.json").read_text(encoding="utf-8"))
             self.fps, self.features = float(self.info["fps"]), dict(self.info["features"])
-            self.files = {k: self.root / self.info["data_path"].format(**at) for k, at in self._find_episodes()}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, pa.ArrowException) as error:
+            self.files = {
+                k: self.root / self.info["data_path"].format(**at)
+                for k, at in self._find_episodes()
+            }
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            TypeError,
+            AttributeError,
+            pa.ArrowException,
+        ) as error:
             what = f"'{root}' is no LeRobot dataset of version 2 or 3"
             raise InputError(f"{what}: {type(error).__name__} {describe_error(error)}.") from error
 
@@ -48,13 +61,18 @@ class Dataset:
             return
         for line in (self.root / "meta/episodes.jsonl").read_text(encoding="utf-8").splitlines():
             number = json.loads(line)["episode_index"]
-            yield number, {"episode_chunk": number // self.info["chunks_size"], "episode_index": number}
+            yield (
+                number,
+                {"episode_chunk": number // self.info["chunks_size"], "episode_index": number},
+            )
 
     def read(self, number, names):
         """Return columns of an episode as a table of pyarrow, in the order of its frames."""
         path = self.files[number]
         try:
-            table = parquet.read_table(path, columns=list(names), filters=[("episode_index", "=", number)])
+            table = parquet.read_table(
+                path, columns=list(names), filters=[("episode_index", "=", number)]
+            )
         except (OSError, pa.ArrowException) as error:
             raise InputError(f"'{path}' cannot be read: {describe_error(error)}.") from error
         return table.sort_by("frame_index")
@@ -63,7 +81,9 @@ class Dataset:
 def split_episode(path):
     """Return the folder of a dataset and the number of an episode, None without one; None if it is no dataset."""
     root, _, number = path.rpartition("#") if re.search(r"#\d+$", path) else (path, "", "")
-    return (root, int(number) if number else None) if Path(root, "meta/info.json").is_file() else None
+    return (
+        (root, int(number) if number else None) if Path(root, "meta/info.json").is_file() else None
+    )
 
 
 def expand_episodes(paths):
@@ -88,7 +108,9 @@ class LeRobotSource:
             number = next(iter(dataset.files))
         if number not in dataset.files:
             some = f"'{root}#{next(iter(dataset.files), 0)}'"
-            raise InputError(f"'{path}' is one of {len(dataset.files)} episodes; expected a number such as {some}.")
+            raise InputError(
+                f"'{path}' is one of {len(dataset.files)} episodes; expected a number such as {some}."
+            )
         if wanted.time is UNSAID and not wanted.rate:
             wanted = wanted._replace(rate=dataset.fps)
         features = {name: one for name, one in dataset.features.items() if _is_read(name, one)}
@@ -100,18 +122,28 @@ class LeRobotSource:
         self.headers = list(self._arrays)
         columns = [_make_column(name, array) for name, array in self._arrays.items()]
         self.choice = choose(columns, wanted, joints, path)
-        self.notes = [f"episode {number} of {len(dataset.files)} of a LeRobot dataset, {dataset.fps:g} Hz."]
+        self.notes = [
+            f"episode {number} of {len(dataset.files)} of a LeRobot dataset, {dataset.fps:g} Hz."
+        ]
         if "position" not in wanted.scale:
             self._require_radians()
 
     def _require_radians(self):
         for k in self.choice.quantities["position"].columns:
             values = unify(self._arrays[self.headers[k]]) if k is not None else None
-            largest = 0.0 if values is None else float(np.abs(np.asarray(_flat(values), float)).max(initial=0.0))
+            largest = (
+                0.0
+                if values is None
+                else float(np.abs(np.asarray(_flat(values), float)).max(initial=0.0))
+            )
             if largest > MAX_ANGLE:
-                what = f"'{self.path}': '{self.headers[k]}' reaches {largest:.4g}; expected rad or m"
+                what = (
+                    f"'{self.path}': '{self.headers[k]}' reaches {largest:.4g}; expected rad or m"
+                )
                 advice = "set scale: {position: deg} in a column map, or the factors of units from −100 to 100 by joint"
-                raise InputError(f"{what}. LeRobot arms record degrees or units of their range: {advice}.")
+                raise InputError(
+                    f"{what}. LeRobot arms record degrees or units of their range: {advice}."
+                )
 
     def blocks(self, lose):
         """Yield arrays by index of the column, and the number of each frame; the episode is in memory."""
@@ -130,17 +162,26 @@ def _split_feature(name, feature, array, path):
     """Return a column for each element that has a name, or the whole array under the name of the feature."""
     names, size = feature.get("names"), feature["shape"][0]
     if isinstance(names, dict):  # such as {"motors": [...]}
-        names = [one for some in names.values() for one in (some if isinstance(some, list) else [some])]
+        names = [
+            one for some in names.values() for one in (some if isinstance(some, list) else [some])
+        ]
     if size == 1 or not names or len(set(names)) != size:
         return {name: array}
     values = _flat(array)
     if len(values) != size * len(array):
-        raise InputError(f"'{path}': rows of '{name}' have not {size} elements each, as meta/info.json says.")
+        raise InputError(
+            f"'{path}': rows of '{name}' have not {size} elements each, as meta/info.json says."
+        )
     values = values.to_numpy(zero_copy_only=False).reshape(-1, size)
     quantity = find_quantity(name.lower())
-    kind = quantity.lastgroup if quantity else "position" if name.split(".")[-1] == "state" else name
+    kind = (
+        quantity.lastgroup if quantity else "position" if name.split(".")[-1] == "state" else name
+    )
     heads = [name if find_quantity(str(one).lower()) else kind for one in names]
-    return {f"{head}.{one}": pa.array(values[:, k]) for k, (head, one) in enumerate(zip(heads, names, strict=True))}
+    return {
+        f"{head}.{one}": pa.array(values[:, k])
+        for k, (head, one) in enumerate(zip(heads, names, strict=True))
+    }
 
 
 def _flat(array):

@@ -71,7 +71,9 @@ def numbers_of(text):
     if not text.strip().endswith(("]", ")", "}")):
         return None
     try:
-        return [float(one) for one in re.split(r"\s*[,;]\s*|\s+", _inner(text).strip(" \t,;")) if one]
+        return [
+            float(one) for one in re.split(r"\s*[,;]\s*|\s+", _inner(text).strip(" \t,;")) if one
+        ]
     except ValueError:
         return None
 
@@ -112,7 +114,11 @@ def _row_names(columns, known, stem, labelled, members):
     """Return the RowNames of columns of one stem, or of any header without one; None if their texts are no names."""
     numbers, places, names = zip(*members, strict=True)
     column, numbered = columns[places[0]], -1 not in numbers
-    if stem is not None and len(places) == 1 and (column.listed or any(len(one) > 1 for one in names[0])):
+    if (
+        stem is not None
+        and len(places) == 1
+        and (column.listed or any(len(one) > 1 for one in names[0]))
+    ):
         first = next(filter(None, names[0]))
         ours = len(set(first).intersection(known))
         split = column.listed or any(re.search("[,;|]", text) for text in column.sample)
@@ -125,7 +131,9 @@ def _row_names(columns, known, stem, labelled, members):
         return None
     pattern = stem if numbered else ", ".join(columns[k].name for k in places)
     ours = any(set(row).intersection(known) for row in rows)
-    return RowNames(pattern, places, numbers if numbered else (), False, next(filter(any, rows)), labelled, ours)
+    return RowNames(
+        pattern, places, numbers if numbered else (), False, next(filter(any, rows)), labelled, ours
+    )
 
 
 def shared_length(first, second):
@@ -138,10 +146,17 @@ def read_row_names(names, arrays):
     """Return the names of each row, (n, k) of str; `arrays` are those of pyarrow by index of the column."""
     if not names.listed:
         columns = [arrays[k].dictionary_encode() for k in names.columns]
-        places = [one.indices.fill_null(len(one.dictionary)).to_numpy(zero_copy_only=False) for one in columns]
-        texts = [np.array([*map(_clean, one.dictionary.to_pylist()), ""], object) for one in columns]
+        places = [
+            one.indices.fill_null(len(one.dictionary)).to_numpy(zero_copy_only=False)
+            for one in columns
+        ]
+        texts = [
+            np.array([*map(_clean, one.dictionary.to_pylist()), ""], object) for one in columns
+        ]
         return np.column_stack([text[place] for text, place in zip(texts, places, strict=True)])
-    rows = [tuple(one) if isinstance(one, list) else one for one in arrays[names.columns[0]].to_pylist()]
+    rows = [
+        tuple(one) if isinstance(one, list) else one for one in arrays[names.columns[0]].to_pylist()
+    ]
     split = {row: names_of(row) for row in set(rows)}
     width = max(map(len, split.values()), default=0)
     padded = {row: (*one, *[""] * (width - len(one))) for row, one in split.items()}
@@ -156,7 +171,9 @@ def comment_texts(lines):
     texts = []
     for at, line in lines.items():
         end = next(n for n in range(at + 1, at + len(lines) + 1) if n not in lines)
-        texts.append(Text(f"line {at}", line[:MAX_LENGTH], tuple(lines[n] for n in range(at + 1, end))))
+        texts.append(
+            Text(f"line {at}", line[:MAX_LENGTH], tuple(lines[n] for n in range(at + 1, end)))
+        )
     return texts
 
 
@@ -164,7 +181,9 @@ def metadata_texts(metadata):
     """Return the texts of metadata, a dict of bytes or texts."""
     texts = []
     for key, value in (metadata or {}).items():
-        key, value = (one.decode(errors="replace") if isinstance(one, bytes) else one for one in (key, value))
+        key, value = (
+            one.decode(errors="replace") if isinstance(one, bytes) else one for one in (key, value)
+        )
         with suppress(TypeError, ValueError):
             value = json.loads(value)
         if isinstance(value, dict) and key != "pandas":
@@ -187,12 +206,19 @@ def stated_order(texts, known, count):
     orders = find_orders(texts, known, count)
     for order in orders:
         if order[0] != orders[0][0]:
-            first, second = (f"{where} has the joints {', '.join(joints)}" for joints, where in (orders[0], order))
+            first, second = (
+                f"{where} has the joints {', '.join(joints)}"
+                for joints, where in (orders[0], order)
+            )
             raise InputError(f"{first}, but {second}.")
     if orders:
         return orders[0]
     for names, where, of_joints in _find_lists(texts, known):
-        ours, fits, twice = len(set(names) & set(known)), len(names) == count, len(set(names)) < len(names)
+        ours, fits, twice = (
+            len(set(names) & set(known)),
+            len(names) == count,
+            len(set(names)) < len(names),
+        )
         says = f"{where} names {len(names)} joints: {', '.join(names)}"
         if ours and ((of_joints and len(names) > 1) or (fits and 2 * ours > count)):
             if twice or not fits:
@@ -200,7 +226,9 @@ def stated_order(texts, known, count):
             return names, where
         if of_joints and fits and not twice and not ours and (count > 1 or _INDEX.search(names[0])):
             if known:
-                raise InputError(f"{says}, none of which is among the joints of the model: {', '.join(known)}.")
+                raise InputError(
+                    f"{says}, none of which is among the joints of the model: {', '.join(known)}."
+                )
             return names, where
     return None
 
@@ -210,7 +238,11 @@ def find_orders(texts, known, count):
     found = []
     for one in texts if known and count > 1 else ():
         order = _order(one.text, known, count)
-        if not order and one.following and any(map(itemgetter("name"), _tokens(known).finditer(one.text))):
+        if (
+            not order
+            and one.following
+            and any(map(itemgetter("name"), _tokens(known).finditer(one.text)))
+        ):
             order = _order("\n".join((one.text, *one.following))[:MAX_LENGTH], known, count)
         if order:
             found.append((order, one.where))
@@ -220,9 +252,14 @@ def find_orders(texts, known, count):
 @lru_cache(maxsize=8)
 def _tokens(known):
     """Return a pattern of names of joints with a quantity before or after, words in brackets, numbers, and words."""
-    names = [re.escape(one) for one in sorted(known, key=len, reverse=True) if re.search(r"[^\W\d]", one)]
+    names = [
+        re.escape(one) for one in sorted(known, key=len, reverse=True) if re.search(r"[^\W\d]", one)
+    ]
     every = "|".join(names) or r"(?!)"
-    before, after = rf"(?<!\w)(?:(?:{_QUANTITIES})\d*[_.])?", rf"(?:[_.](?:{_QUANTITIES})(?:\[\d+\])?)?"
+    before, after = (
+        rf"(?<!\w)(?:(?:{_QUANTITIES})\d*[_.])?",
+        rf"(?:[_.](?:{_QUANTITIES})(?:\[\d+\])?)?",
+    )
     name = rf"{before}(?P<name>{every}){after}(?!\w|[./-](?!{every})\w)"
     number = r"(?P<number>(?:(?<!\w)[-+])?\d+(?:\.\d*)?(?:e[-+]?\d+)?)(?P<mark>\s*[])}:=|>-])?"
     return re.compile(rf"{name}|\((?:(?!{every})[^()\d])*\)|{number}|(?P<word>[^\W\d_]+)")
@@ -262,5 +299,7 @@ def _find_lists(texts, known):
             # where blanks alone split a list, only names with an index are names
             pattern = rf"(?=.*[^\W\d])(?=.*{_INDEX.pattern if not split else ''})[\w./-]+(?<!ed)"
             foreign = [name for name in names if name not in known]
-            if names and not any(is_unit(name) or not re.fullmatch(pattern, name) for name in foreign):
+            if names and not any(
+                is_unit(name) or not re.fullmatch(pattern, name) for name in foreign
+            ):
                 yield names, one.where, "joint" in match["label"].lower()

@@ -12,7 +12,14 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.messages import Unread
-from diag_dynamics.recordings.tables.cells import are_blank, read_lists, read_numbers, read_texts, read_times, unify
+from diag_dynamics.recordings.tables.cells import (
+    are_blank,
+    read_lists,
+    read_numbers,
+    read_texts,
+    read_times,
+    unify,
+)
 from diag_dynamics.recordings.tables.column_map import QUANTITIES
 from diag_dynamics.recordings.tables.names_in_data import read_row_names
 
@@ -30,7 +37,9 @@ class Columns(NamedTuple):
     velocity: np.ndarray | None  # [rad/s, m/s], likewise; None where the file has none
     effort: np.ndarray | None  # [N m, N], likewise
     rows: np.ndarray  # line of a text, or row of another file from 0: int64, shape (n,)
-    names: np.ndarray | None = None  # joint of each value, str, shape (n, k), empty for none; None: those of the table
+    names: np.ndarray | None = (
+        None  # joint of each value, str, shape (n, k), empty for none; None: those of the table
+    )
 
     def select(self, which):
         """Return some of the rows."""
@@ -47,13 +56,19 @@ class Table:
     def __init__(self, source):
         self._source, self._choice, self.without_values, self._losses = source, source.choice, 0, {}
         self.currents, self._first = source.choice.currents, None  # number of the first row
-        self.joints, self.unit, self.notes = source.choice.joints, source.unit, [*source.choice.notes, *source.notes]
+        self.joints, self.unit, self.notes = (
+            source.choice.joints,
+            source.unit,
+            [*source.choice.notes, *source.notes],
+        )
 
     @property
     def unread(self):
         """Unreadable data, a list of Unread."""
         return [
-            Unread(self._source.path, where, cause + example + (f": {count} {unit}" if unit else ""))
+            Unread(
+                self._source.path, where, cause + example + (f": {count} {unit}" if unit else "")
+            )
             for (cause, unit), (where, example, count) in self._losses.items()
         ]
 
@@ -61,7 +76,9 @@ class Table:
         """Count a loss of so many units, such as ``rows omitted``; place and example of the first are kept."""
         if self.unit == "line" and _DECIMAL_COMMA.search(example):
             example += "; decimal commas need decimal: ',' in a column map"
-        self._losses.setdefault((cause, unit), [where, f" ({example})" if example else "", 0])[2] += count
+        self._losses.setdefault((cause, unit), [where, f" ({example})" if example else "", 0])[
+            2
+        ] += count
 
     def pieces(self):
         """Yield pieces as :class:`Columns`, once."""
@@ -87,11 +104,17 @@ class Table:
         """Return the rows that have a time and a value."""
         choice, names = self._choice, None
         times = [arrays[k] for k in choice.time]
-        time, stamp = read_times(times[0], choice.time_scale or 1.0) if times else self._count_times(rows)
+        time, stamp = (
+            read_times(times[0], choice.time_scale or 1.0) if times else self._count_times(rows)
+        )
         for nanoseconds in times[1:]:
             more = read_times(nanoseconds, 1e-9)
             time, stamp = time + more[0], stamp + more[1]
-        values = {name: self._read_values(one, arrays, rows) for name, one in choice.quantities.items() if one}
+        values = {
+            name: self._read_values(one, arrays, rows)
+            for name, one in choice.quantities.items()
+            if one
+        }
         if choice.names:
             names = self._name_values(values, read_row_names(choice.names, arrays), rows)
         empty = self._are_empty(values, names, arrays, rows)
@@ -100,8 +123,13 @@ class Table:
         if (lost := np.flatnonzero(untimed & ~empty)).size:
             texts = [one[lost[0]][:40] for one in map(read_texts, times) if one is not None]
             example = " and ".join(map(repr, texts))
-            self._lose_rows(rows, "", "no time, or a time that is no number", LEFT_OUT, lost, example)
-        columns, left_out = Columns(time, stamp, *map(values.get, QUANTITIES), rows, names), untimed | empty
+            self._lose_rows(
+                rows, "", "no time, or a time that is no number", LEFT_OUT, lost, example
+            )
+        columns, left_out = (
+            Columns(time, stamp, *map(values.get, QUANTITIES), rows, names),
+            untimed | empty,
+        )
         return columns.select(~left_out) if left_out.any() else columns
 
     def _count_times(self, rows):
@@ -181,7 +209,9 @@ def _join_rows(held, columns, path):
     starts = np.flatnonzero(np.diff(stamp, prepend=stamp[:1] - 1))
     if len(starts) < 2:
         return columns.select(slice(0)), columns
-    return _join(columns.select(slice(starts[-1])), starts[:-1]), columns.select(slice(starts[-1], None))
+    return _join(columns.select(slice(starts[-1])), starts[:-1]), columns.select(
+        slice(starts[-1], None)
+    )
 
 
 def _join(columns, starts):
@@ -192,6 +222,8 @@ def _join(columns, starts):
     wide = {}
     for field in (*QUANTITIES, "names"):
         if (values := getattr(columns, field)) is not None:
-            wide[field] = np.full((len(starts), counts.max()), "" if field == "names" else np.nan, values.dtype)
+            wide[field] = np.full(
+                (len(starts), counts.max()), "" if field == "names" else np.nan, values.dtype
+            )
             wide[field][row, place] = values[:, 0]
     return columns.select(starts)._replace(**wide)
