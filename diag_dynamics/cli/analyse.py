@@ -24,7 +24,6 @@ from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.summary import WIDTH, describe_faults, format_summary, summarize
-from diag_dynamics.recordings.tables import is_dataset
 from diag_dynamics.text import Progress
 
 EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
@@ -39,7 +38,7 @@ THRESHOLDS = {
 }
 """Parameters of the monitor that set a threshold; a file of alarms sets at least one."""
 
-OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json", "lerobot")}
+OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json")}
 
 
 def add_arguments(parser):
@@ -69,8 +68,6 @@ def add_arguments(parser):
     parser.add_argument(
         "--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout; a folder for several"
     )
-    text = "copy of a LeRobot dataset with nu, energies and external torque of its episodes"
-    parser.add_argument("--lerobot", metavar="FOLDER", help=text)
     common.add_threads(parser)
     common.add_quiet(parser)
     fleet.add_arguments(parser)
@@ -88,34 +85,17 @@ def run(chosen):
     fleet.refuse(chosen)
     if chosen.topics is not None and chosen.mcap is None:
         raise InputError("--topics requires --mcap OUT.mcap.")
-    chosen.dataset = _open_dataset(chosen) if chosen.lerobot else None
     chosen.recording = common.expand_recordings(chosen.recording)
     is_single = len(chosen.recording) == 1
     for option, name in OUTPUTS.items():
-        if name not in ("json", "lerobot") and getattr(chosen, name) and not is_single:
+        if name != "json" and getattr(chosen, name) and not is_single:
             count = (
                 f"there are {len(chosen.recording)}. Use --fleet --out DIR to write files of each."
             )
             raise InputError(f"{option} writes results of one recording, but {count}")
     is_folder = chosen.json and not is_single and os.path.isdir(chosen.json)
     with common.json_output(Path(chosen.json, "all.json") if is_folder else chosen.json) as write:
-        status = (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
-    if chosen.dataset and status != FAILED:
-        chosen.dataset.commit()
-        common.report_written(chosen.lerobot)
-    return status
-
-
-def _open_dataset(chosen):
-    """Return the output for a copy of the dataset that is analysed."""
-    if len(chosen.recording) > 1 or not is_dataset(chosen.recording[0]):
-        found = f"but the recording is {', '.join(chosen.recording)}"
-        raise InputError(
-            f"--lerobot copies a LeRobot dataset, {found}; expected one folder with meta/info.json."
-        )
-    from diag_dynamics.recordings.outputs.lerobot import LeRobotOutput
-
-    return LeRobotOutput(chosen.lerobot, chosen.recording[0])
+        return (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
 
 
 def _analyse(chosen, parameters, robot, write):
@@ -128,9 +108,7 @@ def _analyse(chosen, parameters, robot, write):
         took = max(time.perf_counter() - start, 1e-9)
         ratio = summary["duration"] / took
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} × real time.", file=sys.stderr)
-        common.report_written(
-            *(getattr(chosen, name) for name in OUTPUTS.values() if name != "lerobot")
-        )
+        common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
         if faults:
             print(f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}.", file=sys.stderr)
     return DOUBTFUL if faults else DONE
@@ -178,8 +156,6 @@ def _summary(chosen, recording, parameters, robot):
     kinds = (chosen.mcap, messages), (chosen.parquet, TableOutput), (chosen.csv, csv)
     try:
         outputs += [kind(path, reading, analysis.friction) for path, kind in kinds if path]
-        if chosen.dataset:
-            outputs.append(chosen.dataset.add_episode(recording, reading))
         if chosen.report:
             outputs.append(ReportOutput(chosen.report, reading))
         with Progress(chosen.quiet) as progress:
