@@ -44,7 +44,6 @@ GROUPS = {
     },
     "simulator": {
         "robot_description": "Robot model",
-        "inertia_error": "Model errors",
         "rate": "Integration",
         "command_joints": "Commands and wrenches",
         "sensor_noise": "Sensors",

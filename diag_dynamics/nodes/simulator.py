@@ -105,7 +105,6 @@ def simulation_status(plant, paused, failure):
         "joints at a position limit": counted(simulation.at_limit),
         "joints beyond their velocity limit": counted(simulation.overspeed),
         "payloads": counted(simulation.model.payloads),
-        "joint states lost": plant.sensors.lost,
     }
     if failure:
         return Status("simulation", ERROR, f"stopped: {failure}", values)
@@ -200,11 +199,6 @@ class SimulatorNode(TableNode, Node):
         """Return the URDF and the plant of a description; in a thread."""
         text = text_of(description)
         model = load_robot(self, text, values)
-        if off := values["inertia_error"]:
-            self.get_logger().info(
-                f"Simulated inertias differ from the description by up to {off:.0%} (inertia_error)."
-            )
-            model = model.perturbed(off, values["inertia_error_seed"])
         plant = Plant(model, values)
         plant.simulation.dynamics.compile("evaluate", "gravity_torque", "nu_from_qd")
         plant.simulation.evaluate(plant.simulation.effort)

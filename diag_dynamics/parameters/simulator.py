@@ -18,10 +18,6 @@ _FIXED = {
     "floating_base": Spec(
         False, "Whether the root link moves freely; its state is published on odom."
     ),
-    "inertia_error": Spec(
-        0.0, "Maximum relative random error of the simulated inertias.", 0.0, 0.9
-    ),
-    "inertia_error_seed": Spec(0, "Seed of inertia_error, at least 0."),
     "rate": Spec(500.0, "joint_states per second of simulated time [Hz].", 1.0, 10000.0),
     "step": Spec(0.001, "Maximum integration step [s].", 1e-6, 0.1),
     "order": Spec(
@@ -62,10 +58,8 @@ _FIXED = {
     ),
     "wrench_timeout": Spec(0.1, "Simulated time after which a wrench expires [s]; 0: never.", 0.0),
     "sensor_noise": Spec([0.0, 0.0, 0.0], f"Standard deviation of white noise on {SENSORS}."),
-    "sensor_resolution": Spec([0.0, 0.0, 0.0], f"Resolution of {SENSORS}; 0: exact."),
     "sensor_delay": Spec(0.0, "Delay from a state to its publication, simulated [s].", 0.0, 10.0),
-    "sensor_dropped": Spec(0.0, "Probability that a joint_states message is lost.", 0.0, 1.0),
-    "seed": Spec(0, "Seed of noise and losses, at least 0."),
+    "seed": Spec(0, "Seed of the noise, at least 0."),
     "real_time_factor": Spec(
         1.0,
         "Real-time factor; 0: as fast as possible. Values other than 1 require publish_clock.",

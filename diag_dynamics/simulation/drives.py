@@ -3,7 +3,7 @@
 
 """Inputs of a simulated robot: effort commands and external wrenches, held until a timeout in simulated time [s].
 
-A rejected input raises RejectedError and changes nothing. Sensors have noise, resolution, delay and loss.
+A rejected input raises RejectedError and changes nothing. Sensors have noise and delay.
 """
 
 from collections import Counter, deque
@@ -129,30 +129,18 @@ class Pushes(_Inputs):
 
 # --- Sensors between a state and what a driver publishes
 
-NONE = (0.0, 0.0, 0.0)
-
 
 class Sensors:
-    """Sensors of all joints. `lost` is the number of messages lost; the same seed and states give the same errors.
+    """Sensors of all joints; the same seed and states give the same errors.
 
-    `noise` is the standard deviation of white noise on position [rad, m], velocity [rad/s, m/s] and effort [N m, N], and
-    `resolution` their steps; 0: none. `delay` is the simulated time from a state to its publication [s], and `dropped` the
-    probability that a message is lost.
+    `noise` is the standard deviation of white noise on position [rad, m], velocity [rad/s, m/s]
+    and effort [N m, N]. `delay` is the simulated time from a state to its publication [s].
     """
 
-    def __init__(self, noise=NONE, resolution=NONE, delay=0.0, dropped=0.0, seed=0):
-        for name, values in (("noise", noise), ("resolution", resolution)):
-            if len(values) != 3 or min(values) < 0.0:
-                raise InputError(
-                    f"parameter 'sensor_{name}' is {list(values)}, expected 3 numbers >= 0."
-                )
-        self._errors, self._delay, self._dropped, self._seed = (
-            (noise, resolution),
-            delay,
-            dropped,
-            seed,
-        )
-        self.lost = 0
+    def __init__(self, noise=(0.0, 0.0, 0.0), delay=0.0, seed=0):
+        if len(noise) != 3 or min(noise) < 0.0:
+            raise InputError(f"parameter 'sensor_noise' is {list(noise)}, expected 3 numbers >= 0.")
+        self._noise, self._delay, self._seed = noise, delay, seed
         self.restart()
 
     def restart(self):
@@ -165,17 +153,12 @@ class Sensors:
         self._delayed = deque()
 
     def measure(self, time, position, velocity, effort, label=None):
-        """Measure a state at a simulated time [s]; it becomes known after the delay, with its label, unless it is lost."""
+        """Measure a state at a simulated time [s]; it is known after the delay, with its label."""
         values = []
-        for value, noise, step in zip((position, velocity, effort), *self._errors, strict=True):
+        for value, noise in zip((position, velocity, effort), self._noise, strict=True):
             if noise:
                 value = value + noise * self._random.normal(size=len(value))
-            if step:
-                value = step * np.round(value / step)
             values.append(value)
-        if self._dropped and self._random.random() < self._dropped:
-            self.lost += 1
-            return
         self._delayed.append((time, tuple(values), label))
 
     def known(self, time):

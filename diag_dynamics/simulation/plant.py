@@ -125,10 +125,7 @@ class Plant:
         self.drives = Drives(
             joints, values["command_joints"], values["command_timeout"], values["without_command"]
         )
-        errors = {
-            name: values[f"sensor_{name}"] for name in ("noise", "resolution", "delay", "dropped")
-        }
-        self.sensors = Sensors(**errors, seed=values["seed"])
+        self.sensors = Sensors(values["sensor_noise"], values["sensor_delay"], values["seed"])
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
         self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
         self._compensates_gravity = values["compensates_gravity"]
@@ -245,7 +242,7 @@ def _require_consistent(model, values):
         raise InputError(
             "parameter 'order' is 1, at which a free robot gains energy as it tumbles, expected 4."
         )
-    for name, idle in (("motion", "free"), ("sensor_delay", 0.0), ("sensor_dropped", 0.0)):
+    for name, idle in (("motion", "free"), ("sensor_delay", 0.0)):
         if values["lockstep"] and values[name] != idle:
             raise InputError(
                 f"parameter 'lockstep' is true, for which there must be a command for every joint state, but '{name}' is "

@@ -32,8 +32,8 @@ ROBOTS = {
 STEP, STEPS_PER_STATE, BANDWIDTH = 1e-3, 4, 8.0
 """Step of the simulation [s], steps from one recorded state to the next, and bandwidth of the position loop [1/s]."""
 
-ERRORS = {"noise": (2e-5, 1e-3, 0.1), "resolution": (1e-5, 0.0, 0.01), "seed": 1}
-"""Of a good drive: steps of the encoder, filtered velocities, ripple of the torque [rad, rad/s, N m]."""
+ERRORS = {"noise": (2e-5, 1e-3, 0.1), "seed": 1}
+"""Of a good drive: noise of encoder and filtered velocity, ripple of torque [rad, rad/s, N m]."""
 
 PUSHES, FORCE, DURATION = 10, 30.0, 1.0 / 3.0
 """Number of pushes, force [N] and duration [s] of each."""

@@ -15,7 +15,7 @@ from diag_dynamics import DiagonalDynamics, Parameters, load_urdf
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.parameters.monitor import PARAMETERS
 from launches import launched
-from nodes import BELIEVING, LATCHED, MS, PANDA, UR5, Monitor, S, Truth, nanoseconds, robot
+from nodes import BELIEVING, LATCHED, MS, PANDA, UR5, Monitor, S, Truth, nanoseconds
 from simulators import Simulator
 
 
@@ -177,10 +177,6 @@ WRONG = {
         {"robot_description": PANDA_PATH, "command_joints": "[elbow]"},
         "parameter 'command_joints' names 'elbow'",
     ),
-    "inertia error": (
-        {"robot_description": PANDA_PATH, "inertia_error": 0.3, "inertia_error_seed": -1},
-        "seed is -1",
-    ),
 }
 
 
@@ -189,33 +185,6 @@ def test_bad_parameters(peer, parameters, said):
     """The constructor raises what an executable prints in one line, and the message names the parameter."""
     with pytest.raises((DiagDynamicsError, ParameterException, RuntimeError), match=said):
         peer.start("simulator", **parameters)
-
-
-def test_inertias_that_are_off_from_the_description(peer):
-    """The simulated robot is a perturbed one, of which the published URDF says nothing."""
-    described = peer.topic(String, "/off/robot_description", LATCHED)
-    with Simulator(
-        peer, "/off", UR5, inertia_error=0.3, inertia_error_seed=5, rate=100.0
-    ) as simulator:
-        peer.wait_until(
-            lambda: len(simulator.truth.messages) >= 50 and described.messages, "the truth"
-        )
-        model = load_urdf(robot(UR5).path)
-        assert (
-            load_urdf(described.messages[0].data).links["mass"].tolist()
-            == model.links["mass"].tolist()
-        )
-        nominal, real = DiagonalDynamics(model), DiagonalDynamics(model.perturbed(0.3, 5))
-        deviations = []
-        for message in simulator.truth.messages[10:]:
-            q, qd = np.array(message.position), np.array(message.velocity)
-            K = message.kinetic_energy
-            assert K > 0.0 and pytest.approx(real.evaluate(q, qd).kinetic_energy, rel=1e-9) == K
-            deviations.append(abs(nominal.evaluate(q, qd).kinetic_energy / K - 1.0))
-        assert max(deviations) > 0.05
-        simulator.process.wait_for_text(
-            "Simulated inertias differ from the description by up to 30%"
-        )
 
 
 def test_gravity_that_is_set_while_it_loads(peer):
