@@ -51,7 +51,7 @@ class Options(NamedTuple):
     estimated_links: tuple[str, ...]
     loops: tuple[Loop, ...]
     curves: dict[str, Curve]
-    driven: frozenset[str]
+    driven: tuple[str, ...]
     omitted: tuple[str, ...]
     held: dict[str, float]
     flexible_joints: dict[str, FlexibleJoint]
@@ -129,7 +129,7 @@ def tree_of(robot: Any, root: str, options: Options) -> Tree:
     if options.loops or options.curves or flexible.forms:
         curves = resolve_curves(robot, options.curves, mimics, locked)
         cut = Tree(robot, root, options.floating_base, locked, {})
-        coupled = close(cut, options.loops, curves, mimics, options.driven, flexible)
+        coupled = close(cut, options.loops, curves, mimics, frozenset(options.driven), flexible)
         mimics = coupled.mimics
     tree = Tree(robot, root, options.floating_base, locked, mimics, coupled)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):
