@@ -18,13 +18,18 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.findings import no_states_error
-from diag_dynamics.recordings.fleet import merge_robots, printable
 from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
-from diag_dynamics.recordings.summary import WIDTH, describe_faults, format_summary, summarize
-from diag_dynamics.text import Progress
+from diag_dynamics.recordings.summary import (
+    WIDTH,
+    count_collisions,
+    describe_faults,
+    format_summary,
+    summarize,
+)
+from diag_dynamics.text import Progress, plain
 
 EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
 than 80 %, a wrong unit, or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."""
@@ -127,15 +132,44 @@ def _analyse_several(chosen, parameters, robot, write):
         summaries.append(summary)
         _write_json(chosen.json, summary)
         if _prints(chosen):
-            print(f"{printable(recording)}\n\n{format_summary(summary, _width(), shared)}\n")
-    write({"recordings": summaries, "robots": merge_robots(summaries), "failed": failed})
+            print(f"{plain(recording)}\n\n{format_summary(summary, _width(), shared)}\n")
+    write({"recordings": summaries, "failed": failed})
     if _prints(chosen):
         for text in (text for text, count in shared.items() if count > 1):
-            print(f"In {shared[text]} of {len(summaries)} recordings: {printable(text)}")
-        print(printable(fleet.format_table(summaries, failed)))
+            print(f"In {shared[text]} of {len(summaries)} recordings: {plain(text)}")
+        print(_format_table(summaries, failed))
     if not summaries:
         return FAILED
     return DOUBTFUL if failed or any(map(describe_faults, summaries)) else DONE
+
+
+def _format_table(summaries, failed):
+    """Return a line for each recording, of these summaries and paths that failed."""
+    rows = [
+        (
+            "states",
+            "s",
+            "K max [J]",
+            "explained",
+            "residual [W]",
+            "collisions",
+            "rejected",
+            "recording",
+        )
+    ]
+    for one in summaries:
+        numbers = [one["states"], one["duration"], one["kinetic_energy"]["max"], one["explained"]]
+        numbers += [one["residual_power"], count_collisions(one), sum(one["rejected"].values())]
+        formats = zip(numbers, ("d", ".6g", ".4g", ".3f", ".3g", "d", "d"), strict=True)
+        rows.append(
+            (
+                *("-" if x is None else format(x, form) for x, form in formats),
+                plain(one["recording"]),
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]) for row in rows]
+    return "\n".join([*lines, *(f"failed: {plain(path)}" for path in failed)])
 
 
 def _write_json(folder, summary):
@@ -186,10 +220,8 @@ def _progress_of_states(progress):
 
 def _no_states(chosen, recording, analysis):
     if (chosen.start, chosen.end) != (None, None) and not analysis.reading.counts["received"]:
-        return InputError(
-            f"'{printable(recording)}' contains no message between --start and --end."
-        )
-    return no_states_error(printable(recording), analysis.findings)
+        return InputError(f"'{plain(recording)}' contains no message between --start and --end.")
+    return no_states_error(plain(recording), analysis.findings)
 
 
 def _parameters(chosen):
@@ -197,7 +229,7 @@ def _parameters(chosen):
     alarms = [chosen.alarms] if chosen.alarms else []
     if alarms and not THRESHOLDS & set(parameters_of(alarms)):
         raise InputError(
-            f"--alarms is '{printable(chosen.alarms)}', which has no thresholds; expected one of "
+            f"--alarms is '{plain(chosen.alarms)}', which has no thresholds; expected one of "
             f"{', '.join(sorted(THRESHOLDS))}. Create it with diag-dynamics calibrate, or use --parameters."
         )
     parameters = common.chosen_parameters(chosen, *alarms)

@@ -142,14 +142,9 @@ class Balance:
 
     def summary(self, fault):
         """Return numbers of windows and joints, and the judgement with the likely fault of the efforts."""
-        rows = zip(POWERS, self.mean.tolist(), self.squares.tolist(), strict=False)
         return {
             "windows": self.count,
             "length": WINDOW,
-            "moments": {
-                name: {"count": self.count, "mean": mean, "squares": rest}
-                for name, mean, rest in rows
-            },
             "says": self.judgement(fault),
             "moved": self.moved,
             "joints": self.joints,

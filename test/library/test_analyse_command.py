@@ -431,9 +431,7 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert [row.split()[0] for row in rows] == ["states", str(COUNT), str(COUNT)]
     assert failed == f"failed: {none}"
     summary = json.loads(out.read_text())
-    assert [one["states"] for one in summary["robots"]] == [2 * COUNT] and list(
-        summary["failed"]
-    ) == [str(none)]
+    assert list(summary["failed"]) == [str(none)]
     assert summary["recordings"][0] == json.loads(analyse(bag, "--json", "-")[1])
     assert analyse(bag, table, "--quiet") == (UNJUDGED, "", "")
     assert (
