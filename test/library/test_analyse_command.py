@@ -27,6 +27,7 @@ from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.catalog import find_urdf
 from hostile import MS, START, Driver, S
+from limits import HANG
 
 COUNT, OUTPUTS = 300, ("--mcap", "--parquet", "--csv", "--json")
 UNJUDGED = 1
@@ -270,7 +271,7 @@ def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
     main_thread = threading.main_thread().ident
     reader = reading(pipe, 1000, lambda: signal.pthread_kill(main_thread, number))
     found, _, said = analyse(bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older)
-    reader.join(60)
+    reader.join(HANG)
     assert found == status and f"diag-dynamics analyse: {word}; " in said
     assert all(str(path) in said for path in (tmp_path / "out.mcap", pipe, older))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "out.csv", "out.json"]
@@ -283,7 +284,7 @@ def test_pipes_whose_reader_leaves(tmp_path, bag, monkeypatch, capfd):
     os.mkfifo(pipe)
     reader = reading(pipe, 1000, None)
     assert main(["analyse", str(bag), "--urdf", "panda", "--csv", str(pipe)]) == 0
-    reader.join(60)
+    reader.join(HANG)
     listening, said = os.pipe()
     os.close(listening)
     with monkeypatch.context() as patch, open(said, "w") as stdout:
@@ -292,7 +293,7 @@ def test_pipes_whose_reader_leaves(tmp_path, bag, monkeypatch, capfd):
     assert "Broken pipe" not in capfd.readouterr().err
     reader = reading(pipe, -1, None)
     status = main(["analyse", str(bag), "--urdf", "panda", "--parquet", str(pipe)])
-    reader.join(60)
+    reader.join(HANG)
     assert status == 2 and f"'{pipe}' cannot be written: lseek failed" in capfd.readouterr().err
 
 

@@ -47,7 +47,9 @@ ROS1_COMPRESSIONS = (None, *rosbag1.Writer.CompressionFormat)
 
 def in_one_folder(count):
     """Return hypothesis settings under which every example may use the folder of the test."""
-    return settings(examples(count), suppress_health_check=[HealthCheck.function_scoped_fixture])
+    parent = examples(count)
+    checks = (*parent.suppress_health_check, HealthCheck.function_scoped_fixture)
+    return settings(parent, suppress_health_check=checks)
 
 
 # --- Whole files ---

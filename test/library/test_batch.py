@@ -22,6 +22,7 @@ from diag_dynamics.sweeps import batch as kernels
 from diag_dynamics.sweeps import evaluation, spatial
 from diag_dynamics.sweeps import workspace as ws
 from examples import shortened
+from limits import HANG
 from robots import KINDS, SEVERAL, TwoLinkArm, random_tree, robot_path
 
 COUNT = 150
@@ -376,10 +377,10 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
 
     def evaluate(*arguments):
         if threading.current_thread() is main:
-            assert helper_began.wait(10.0)
+            assert helper_began.wait(HANG)
             raise KeyboardInterrupt
         helper_began.set()
-        assert may_end.wait(10.0)
+        assert may_end.wait(HANG)
         ended.append(evaluate_many(*arguments))
         return ended[-1]
 
@@ -416,7 +417,7 @@ def test_threads_have_their_own_workspaces(two):
 
     def sweep(robot, first, last):
         robots.append(robot)
-        together.wait(10.0)
+        together.wait(HANG)
         return last
 
     assert not helpers.run_chunks(

@@ -22,6 +22,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.parameters.controller import PARAMETERS
 from examples import shortened, some_of
+from limits import HANG
 
 NAMES = ("shoulder", "elbow", "wrist")
 RATE = 400.0
@@ -390,7 +391,7 @@ print(*sorted(compiled() - first))
 def test_no_cycle_compiles():
     """The constructor has compiled all that cycles and targets call: no cycle waits for the compiler."""
     command = [sys.executable, "-c", CYCLES, str(robot(UR5).path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300.0)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
 

@@ -20,8 +20,9 @@ from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
 from diag_dynamics.page.stream import Received, RobotStream
+from limits import HANG
 from robots import description, joint, link, robot_path
-from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, PATIENCE, Stream, get, get_json
+from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get, get_json
 
 PANDA = robot_path("panda_description/urdf/panda.urdf")
 
@@ -241,7 +242,7 @@ def test_a_tab_pushes_the_link_that_it_shows(serve, arm):
         stream.next(FRAME)
         for text in ("pull", *10 * ["push"]):
             stream.send(text)
-        assert links.get(timeout=PATIENCE) == "panda_link4"
+        assert links.get(timeout=HANG) == "panda_link4"
         stream.frames(3)
         assert links.qsize() < 9
 

@@ -16,7 +16,8 @@ from diag_dynamics.msg import DiagonalizedState
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Float64
 
-from nodes import PANDA, START
+from limits import HANG
+from nodes import PANDA
 from processes import Process
 from robots import robot_path
 
@@ -101,7 +102,7 @@ def test_top_in_a_terminal(peer, tmp_path):
 
     def tmux(*arguments):
         whole = ["tmux", "-S", tmp_path / "socket", "-f", os.devnull, *arguments]
-        done = subprocess.run(whole, capture_output=True, text=True, timeout=60, env=environment)
+        done = subprocess.run(whole, capture_output=True, text=True, timeout=HANG, env=environment)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -111,7 +112,7 @@ def test_top_in_a_terminal(peer, tmp_path):
             states.publish(state)
             return condition(tmux("capture-pane", "-p"))
 
-        peer.wait_until(shown, what, START)
+        peer.wait_until(shown, what)
 
     top = f"trap : INT; {shlex.join([sys.executable, str(TOP)])}; echo status $?; exec cat"
     tmux("new-session", "-d", "-x", "80", "-y", "24", top)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from controllers import ACTIVE, START_AT, Controller, gravity_of, put, quiet, record
-from nodes import MS, START, UR5, nanoseconds
+from limits import HANG
+from nodes import MS, UR5, nanoseconds
 from simulators import Simulator
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
@@ -58,7 +59,7 @@ def at_rest(live, since=0):
             and not s.saturated_dofs
         )
 
-    live.wait_for(rests, "rest", START)
+    live.wait_for(rests, "rest", HANG)
 
 
 def test_stalls_are_survived_and_reported(live):
@@ -83,10 +84,10 @@ def test_stalls_are_survived_and_reported(live):
         )
         live.process.signal(signal.SIGCONT)
         sent = len(live.sent.messages)
-        live.peer.wait_until(lambda: len(live.sent.messages) > sent + 20, "commands", START)
+        live.peer.wait_until(lambda: len(live.sent.messages) > sent + 20, "commands", HANG)
         return int(live.reports[-1].values["stalls"]) >= int(before.values["stalls"]) + STALLS
 
-    live.peer.wait_until(stalled, "reported stalls", START)
+    live.peer.wait_until(stalled, "reported stalls", HANG)
     told = [r.entries["commands"] for r in live.reports]
     assert any(
         "gaps between commands beyond max_state_age" in s.message and s.level == b"\1" for s in told

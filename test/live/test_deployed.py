@@ -16,7 +16,7 @@ import yaml
 from rclpy.node import NodeNameNonExistentError
 
 from controllers import effort_controller
-from nodes import PANDA, START, robot
+from nodes import PANDA, robot
 from processes import Process, node_process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
@@ -133,7 +133,8 @@ def check(peer, node, unused=()):
         expected[way].remove(name)
     try:
         peer.wait_until(
-            lambda: used(peer, node) == expected, f"{node} to use what its policy allows", START
+            lambda: used(peer, node) == expected,
+            f"{node} to use what its policy allows",
         )
     except AssertionError:
         assert used(peer, node) == expected

@@ -14,7 +14,8 @@ from std_msgs.msg import Float64MultiArray
 
 from controllers import effort_controller
 from diag_dynamics.nodes.support.topics import NODES
-from nodes import PANDA, START, UR5
+from limits import HANG
+from nodes import PANDA, UR5
 from processes import Process, node_process
 from robots import robot_path
 
@@ -45,7 +46,7 @@ def test_signal(peer, node, number):
     autostart = {"autostart": True} if node == "controller" else {}
     with node_process(node, **OPTIONS[node], **autostart) as process:
         process.wait_for_text(READY[node])
-        peer.wait_until(lambda: NODES[node] in peer.node.get_node_names(), "the node", START)
+        peer.wait_until(lambda: NODES[node] in peer.node.get_node_names(), "the node")
         process.stop(number)
     peer.wait_until(lambda: NODES[node] not in peer.node.get_node_names(), "its departure", 15.0)
 
@@ -67,7 +68,7 @@ def test_signal_while_it_imports(ros_domain, after, tmp_path):
         env=os.environ | {"PYTHONPATH": path},
         capture_output=True,
         text=True,
-        timeout=START,
+        timeout=HANG,
     )
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
 
@@ -102,7 +103,7 @@ def test_last_command(peer):
             "controller", **OPTIONS["controller"], autostart=True, use_sim_time=True
         ) as controller,
     ):
-        peer.wait_until(lambda: len(sent.messages) > 20, "commands", START)
+        peer.wait_until(lambda: len(sent.messages) > 20, "commands")
         controller.stop(signal.SIGTERM)
         count = len(sent.messages)
         peer.pass_time(0.5)
@@ -182,7 +183,7 @@ def test_a_robot_that_is_none(ros_domain, tmp_path, node, text, reason):
         path.write_text(text, encoding="utf-8")
     autostart = {"autostart": True} if node == "controller" else {}
     with node_process(node, **OPTIONS[node] | {"robot_description": path} | autostart) as process:
-        assert process.wait(START) == 1
+        assert process.wait() == 1
         assert (
             reason in process.output.strip().splitlines()[-1] and "Traceback" not in process.output
         )

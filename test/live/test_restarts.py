@@ -13,7 +13,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN
-from nodes import MAX_AGE, OUTPUTS, PANDA, START, Reports, Truth, nanoseconds, robot
+from nodes import MAX_AGE, OUTPUTS, PANDA, Reports, Truth, nanoseconds, robot
 from processes import node_process
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
@@ -93,7 +93,8 @@ class Pair(contextlib.ExitStack):
             )
 
         self.peer.wait_until(
-            lambda: all(map(newer, self.topics.values())), f"states of {self.name}", START
+            lambda: all(map(newer, self.topics.values())),
+            f"states of {self.name}",
         )
         self.check()
 

@@ -16,7 +16,8 @@ import pytest
 from diag_dynamics.srv import ForwardDynamics
 
 from controllers import Controller
-from nodes import PANDA, START, UR5, Monitor, S, Truth, assert_close, robot
+from limits import HANG
+from nodes import PANDA, UR5, Monitor, S, Truth, assert_close, robot
 from processes import Process, node_process
 from simulators import Simulator
 from streams import FRAME, Stream, get
@@ -26,7 +27,8 @@ pytestmark = pytest.mark.live
 RATE = 100
 """Of joint states in lockstep [Hz]."""
 
-PERIOD, ATTEMPTS = 5.0, 24
+PERIOD = 5.0
+ATTEMPTS = round(HANG / PERIOD)
 """Time [s] after which a message is published again, and how often."""
 
 
@@ -106,7 +108,7 @@ def test_topic_echo_prints_a_message(left, panda):
             served(left, panda)
             return not echo.alive()
 
-        left.peer.wait_until(ended, "the end of echo", START)
+        left.peer.wait_until(ended, "the end of echo")
         assert echo.wait() == 0
     K = left.topics["kinetic_energy"].messages[-1].total
     assert float(echo.output.split()[-1]) == pytest.approx(K, rel=1e-6)
@@ -129,7 +131,7 @@ def test_the_page_is_served(left, panda):
                 kind, content = stream.packet()
                 return content if kind == FRAME else None
 
-            shown = left.peer.wait_until(frame, "a frame", START)["K"]
+            shown = left.peer.wait_until(frame, "a frame")["K"]
     assert shown == np.float32(left.topics["kinetic_energy"].messages[-1].total)
 
 
@@ -150,7 +152,7 @@ def test_a_second_in_lockstep(peer):
         Simulator(peer, "/lockstep", UR5, **simulated) as simulator,
         Controller(peer, "/lockstep", **own) as controller,
     ):
-        peer.wait_until(lambda: controller.sent.messages, "a command", START)
+        peer.wait_until(lambda: controller.sent.messages, "a command")
         first, sent = simulator.states.stamps[-1], len(controller.sent.messages)
         peer.wait_until(
             lambda: (
@@ -158,7 +160,6 @@ def test_a_second_in_lockstep(peer):
                 and len(controller.sent.messages) >= sent + RATE
             ),
             "a second of simulated time",
-            START,
         )
         states, statuses = simulator.states.stamps, controller.status.stamps
         assert {(stamp - first) % (S // RATE) for stamp in (*states, *statuses)} == {0}

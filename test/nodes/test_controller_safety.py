@@ -29,7 +29,7 @@ from controllers import (
 )
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controller.lifecycle import SUCCESS
-from nodes import LATCHED, MS, PANDA, START, UR5, S, description, joint_state, nanoseconds, robot
+from nodes import LATCHED, MS, PANDA, UR5, S, description, joint_state, nanoseconds, robot
 
 pytestmark = pytest.mark.usefixtures("joints_by_graph")
 
@@ -73,8 +73,8 @@ class Fed(Controller):
 
     def connect(self):
         """Wait until it answers states."""
-        self.peer.wait_until(self.listens, f"{self.name} to listen", START)
-        self.peer.wait_until(self.clock.get_subscription_count, "its clock", START)
+        self.peer.wait_until(self.listens, f"{self.name} to listen")
+        self.peer.wait_until(self.clock.get_subscription_count, "its clock")
         self.peer.become_known(self.name)
         self.step()
         return self
@@ -163,7 +163,7 @@ class ByTheWall(Fed):
 
     def connect(self):
         """Wait until it answers states."""
-        self.peer.wait_until(self.listens, f"{self.name} to listen", START)
+        self.peer.wait_until(self.listens, f"{self.name} to listen")
         self.step()
         return self
 
@@ -331,7 +331,7 @@ def test_silence_of_a_robot_with_mimic_joints(peer):
     parameters = {"damping": ["*=1.0"], "tracking_gain": ["*=1.0"], "controlled_link": "panda_hand"}
     parameters["robot_compensates_gravity"] = False
     with Fed(peer, "/with_mimic", PANDA, **parameters) as fed:
-        peer.wait_until(fed.listens, "the controller to listen", START)
+        peer.wait_until(fed.listens, "the controller to listen")
 
         def publish():
             fed.tick()
@@ -587,7 +587,7 @@ def test_it_does_not_start_on_a_guess(peer):
             peer, "/bare", robot_description=model.path, check_time=60, payloads="[]", energy_limt=1
         ) as controller:
             name = controller.name
-            peer.wait_until(lambda: controller.reports, "a report", START)
+            peer.wait_until(lambda: controller.reports, "a report")
             to_do = f"ros2 lifecycle set {name} configure"
             controller.process.wait_for_text(f"Waiting to be configured: {to_do}")
             wrong = "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?"

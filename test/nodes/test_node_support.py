@@ -21,6 +21,7 @@ from diag_dynamics.nodes.support.diagnostics import steady
 from diag_dynamics.parameters.controller import PARAMETERS as OF_CONTROLLER
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
+from limits import HANG
 from robots import description, joint, link
 
 # --- parameters
@@ -180,7 +181,7 @@ class Loading:
 
     def load(self, name, *context):
         self.begun.append(name)
-        assert self.allowed.setdefault(name, threading.Event()).wait(10.0)
+        assert self.allowed.setdefault(name, threading.Event()).wait(HANG)
         if name.startswith("bad"):
             raise ValueError(name)
         return name.upper()

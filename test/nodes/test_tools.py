@@ -16,7 +16,7 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes import graph_commands
 from diag_dynamics.nodes.graph_commands import find_type, from_yaml, read_field, to_yaml
-from nodes import TIMEOUT
+from limits import HANG
 from robots import robot_path
 
 # --- messages as YAML
@@ -98,7 +98,7 @@ def output_of(peer, monkeypatch, capsys):
             self.node, self.time = node, lambda: peer.graph.steady
 
         def spin(self, seconds):
-            assert peer.graph.steady < begin + TIMEOUT, "the command does not end"
+            assert peer.graph.steady < begin + HANG, "the command does not end"
             peer.pass_time(min(seconds, 0.01))
 
     @contextmanager

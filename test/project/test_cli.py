@@ -26,6 +26,7 @@ from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli import compile as compiling
 from diag_dynamics.cli.main import COMMANDS, LIBRARY, NODES, main
 from diag_dynamics.inspection import CHECKS, SEVERITIES
+from limits import HANG
 
 ROOT = Path(__file__).parents[2]
 
@@ -166,7 +167,7 @@ def test_a_process_without_ros(tmp_path):
         env=os.environ | {"PYTHONPATH": path},
         cwd=tmp_path,
         capture_output=True,
-        timeout=300,
+        timeout=HANG,
     )
     assert done.returncode == 0 and json.loads(done.stdout)["states"] == 9
     assert 'diag-dynamics = "diag_dynamics.cli.main:main"' in (ROOT / "pyproject.toml").read_text()
@@ -545,7 +546,7 @@ def test_a_signal_ends_compiling(end, tmp_path):
         os.killpg(process.pid, signal.SIGINT)
     else:
         process.send_signal(signal.SIGINT if end == "first" else signal.SIGKILL)
-    _, error = process.communicate(timeout=300)  # ends when all processes have closed stderr
+    _, error = process.communicate(timeout=HANG)  # ends when all processes have closed stderr
     assert end == "killed" or (error, process.returncode) == (
         "diag-dynamics compile: interrupted.\n",
         130,

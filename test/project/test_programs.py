@@ -21,6 +21,7 @@ import yaml
 import diag_dynamics as dd
 from bags import MCAP, Message, description, serialized, write_rosbag2
 from diag_dynamics.cli.main import main
+from limits import HANG
 from pages import blocks_of
 from robots import robot_path
 
@@ -29,7 +30,6 @@ pytestmark = [pytest.mark.full]
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 RATE = 100.0
-TIMEOUT = 300.0  # [s]
 
 
 # --- Blocks on recordings ---
@@ -185,7 +185,7 @@ def interrupt(process):
     """Send Ctrl-C to a bash and its children, and wait for its end."""
     if process.alive():
         os.killpg(process.popen.pid, signal.SIGINT)
-    process.wait(TIMEOUT)
+    process.wait(HANG)
 
 
 def run_block(block, folder, environment, names, running):
@@ -211,7 +211,7 @@ def run_block(block, folder, environment, names, running):
             interrupt(process)
     else:
         process = start(block, folder, environment)
-        assert process.wait(TIMEOUT) == 0, f"docs/tutorial.md, line {block.line}: {process.tail()}"
+        assert process.wait(HANG) == 0, f"docs/tutorial.md, line {block.line}: {process.tail()}"
 
 
 @pytest.mark.live

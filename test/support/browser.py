@@ -9,11 +9,10 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from limits import HANG
+
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 """Chromium's options in a container without a graphics card."""
-
-TIMEOUT = 100.0
-"""Time within which a page has to do what a test waits for [s]. Only a failing test waits so long."""
 
 
 def require():
@@ -62,7 +61,7 @@ class Tab:
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, color_scheme=scheme, accept_downloads=True
         )
-        self._context.set_default_timeout(1000.0 * TIMEOUT)
+        self._context.set_default_timeout(1000.0 * HANG)
         self.page = self._context.new_page()
         self.said, self.asked = [], set()
         self.page.on("console", self._record)
@@ -98,7 +97,7 @@ class Tab:
         """Wait until the page has drawn its next frame."""
         self.ask("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
-    def until(self, expression, timeout=TIMEOUT):
+    def until(self, expression, timeout=HANG):
         """Wait in the page until an expression is true; return its value.
 
         Playwright's own way to wait evaluates text in the page, which the page's policy forbids.
@@ -122,7 +121,7 @@ class Tab:
         """Return texts that are cut off and cannot be scrolled to, after the page has its layout."""
         return self.ask(
             f"""async () => {{
-              const end = performance.now() + {1000.0 * TIMEOUT};
+              const end = performance.now() + {1000.0 * HANG};
               let found = [];
               while ((found = ({CUT_OFF})()).length && performance.now() < end)
                 await new Promise((again) => setTimeout(again, 50));

@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from arm import gravity_of as gravity_of
 from arm import pinocchio_command
 from arm import pose_of as pose_of
-from nodes import MANY, START, UR5, Reports, S, Topic, joint_state, nanoseconds
+from nodes import MANY, UR5, Reports, S, Topic, joint_state, nanoseconds
 from simulators import Simulator
 
 NODE = "diag_dynamics_controller"
@@ -74,8 +74,8 @@ class Controller:
 
     def connect(self):
         """Wait until it controls."""
-        self.peer.wait_until(self.listens, f"{self.name} to listen", START)
-        self.peer.wait_until(lambda: self.status.messages, f"status of {self.name}", START)
+        self.peer.wait_until(self.listens, f"{self.name} to listen")
+        self.peer.wait_until(lambda: self.status.messages, f"status of {self.name}")
         return self
 
     def wait_for_report(self, condition, what, begin=None):
@@ -99,7 +99,8 @@ class Controller:
         at, begun, told = len(self.status.messages) if since is None else since, None, None
         while begun is None or nanoseconds(told.header.stamp) - begun < timeout * S:
             self.peer.wait_until(
-                lambda at=at: len(self.status.messages) > at, f"a status, and {what}", START
+                lambda at=at: len(self.status.messages) > at,
+                f"a status, and {what}",
             )
             new, at = self.status.messages[at:], len(self.status.messages)
             if status := next(filter(condition, new), None):

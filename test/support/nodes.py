@@ -35,14 +35,11 @@ from described import TALOS as TALOS
 from described import UR5 as UR5
 from described import S
 from diag_dynamics.nodes.support.runner import node_class
+from limits import HANG
 from node_harness import Graph
 from truth import Truth as Truth
 from truth import nanoseconds
 
-START = 240.0
-"""Longest time for a process to start [s]; on a slow disk the imports alone take long."""
-TIMEOUT = 120.0
-"""Longest time for anything else [s]: simulated, but for processes. Only a failing test waits so long."""
 OUTPUTS = {
     "total_joint_rates": TotalJointRates,
     "working_moments": WorkingMoments,
@@ -167,7 +164,7 @@ class Peer(contextlib.AbstractContextManager):
         """Let time go by."""
         self.graph.advance(seconds)
 
-    def wait_until(self, condition, what, timeout=TIMEOUT):
+    def wait_until(self, condition, what, timeout=HANG):
         """Let time go by until a condition holds, and return its value; `what` is being waited for."""
         value = self.graph.run(condition, self.graph.steady + timeout)
         assert value, f"waited {timeout:g} s in vain for {what}"
@@ -187,7 +184,7 @@ class Peer(contextlib.AbstractContextManager):
             self.clients[name] = self.node.create_client(kind, name)
             self.become_known(node or name.rpartition("/")[0])
         client = self.clients[name]
-        self.wait_until(client.service_is_ready, f"service {name}", START)
+        self.wait_until(client.service_is_ready, f"service {name}")
         future = client.call_async(request)
         self.wait_until(future.done, f"a response of {name}")
         return future.result()
@@ -360,7 +357,7 @@ class Reports(list):
         if report := report_of(array, self._name):
             self.append(report)
 
-    def wait_for(self, condition, what, begin=None, timeout=TIMEOUT):
+    def wait_for(self, condition, what, begin=None, timeout=HANG):
         """Wait for the first report, from number `begin` or else from now on, that fulfils a condition, and return it."""
         begin = len(self) if begin is None else begin
         try:
@@ -444,13 +441,12 @@ class Monitor(contextlib.AbstractContextManager):
                 and all(topic.subscription.get_publisher_count() for topic in self.topics.values())
             ),
             f"{self.name} to be discovered",
-            START,
         )
         # A publisher may know of a subscription before that knows of it: the first messages can get lost.
         self.tick()  # what came by the last stamp came by another publisher, or to another robot
         patience = 0.5
         while not all(topic.at(self.now) for topic in self.topics.values()):
-            assert patience < TIMEOUT, f"nothing comes through {self.name}"
+            assert patience < HANG, f"nothing comes through {self.name}"
             self.feeder.publish(robot.message(self.tick(), robot.samples[sample]))
             with contextlib.suppress(AssertionError):
                 self._all_at(self.now, self.topics, patience)
@@ -470,7 +466,7 @@ class Monitor(contextlib.AbstractContextManager):
             self.feeder.publish(message)
             self.peer.graph.spin()
 
-    def feed(self, message, topics=None, timeout=TIMEOUT):
+    def feed(self, message, topics=None, timeout=HANG):
         """Publish a joint state and return what comes back by topic; its stamp is that of the message."""
         self.feeder.publish(message)
         return self._all_at(nanoseconds(message.header.stamp), topics or self.topics, timeout)
@@ -483,7 +479,7 @@ class Monitor(contextlib.AbstractContextManager):
         (truth or Truth(robot, q, qd, tau)).check(published, stamp)
         return published
 
-    def _all_at(self, stamp, topics, timeout=TIMEOUT):
+    def _all_at(self, stamp, topics, timeout=HANG):
         self.peer.wait_until(
             lambda: None not in [self.topics[topic].at(stamp) for topic in topics],
             f"what {self.name} makes of stamp {stamp}",

@@ -21,7 +21,8 @@ import rclpy
 from rcl_interfaces.srv import GetParameterTypes
 from rclpy.executors import SingleThreadedExecutor
 
-from nodes import START, TIMEOUT, Peer
+from limits import HANG
+from nodes import Peer
 
 
 class Process(contextlib.AbstractContextManager):
@@ -86,7 +87,7 @@ class Process(contextlib.AbstractContextManager):
         """Return the last lines of the output."""
         return "".join(self.output.splitlines(keepends=True)[-lines:]) or "(nothing)"
 
-    def wait_for(self, condition, what, timeout=START):
+    def wait_for(self, condition, what, timeout=HANG):
         """Wait until a condition on the output holds."""
         with self._changed:
             self._changed.wait_for(
@@ -112,7 +113,7 @@ class Process(contextlib.AbstractContextManager):
         """Send it a signal."""
         self.popen.send_signal(number)
 
-    def wait(self, timeout=TIMEOUT):
+    def wait(self, timeout=HANG):
         """Wait for its end, and return its status; where it does not end, it prints its stacks."""
         try:
             status = self.popen.wait(timeout)
@@ -131,7 +132,7 @@ class Process(contextlib.AbstractContextManager):
                 process.send_signal(signal.SIGABRT)
                 process.wait(5.0)
 
-    def stop(self, *signals, timeout=TIMEOUT):
+    def stop(self, *signals, timeout=HANG):
         """End it by signals, SIGINT if none is given; it must end with status 0."""
         for number in signals or (signal.SIGINT,):
             self.signal(number)
@@ -217,7 +218,7 @@ class LivePeer(Peer):
     def pass_time(self, seconds):
         """Do nothing: time goes by itself."""
 
-    def wait_until(self, condition, what, timeout=TIMEOUT):
+    def wait_until(self, condition, what, timeout=HANG):
         """Serve callbacks until a condition holds, and return its value; `what` is being waited for."""
         deadline = time.monotonic() + timeout
         while not (value := condition()):
@@ -234,8 +235,8 @@ class LivePeer(Peer):
         """
         client = self.node.create_client(GetParameterTypes, f"{node}/get_parameter_types")
         try:
-            self.wait_until(client.service_is_ready, f"parameters of {node}", START)
-            deadline = time.monotonic() + START  # it may be compiling yet
+            self.wait_until(client.service_is_ready, f"parameters of {node}")
+            deadline = time.monotonic() + HANG  # it may be compiling yet
             while time.monotonic() < deadline:
                 future = client.call_async(GetParameterTypes.Request())
                 with contextlib.suppress(AssertionError):

@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 import diag_dynamics as dd
-from nodes import START, Reports, robot
+from nodes import Reports, robot
 
 NODE = "diag_dynamics_simulator"
 
@@ -40,7 +40,7 @@ class Simulator:
             inputs = (self.wrenches,) if self._moves_itself else (self.wrenches, self.commands)
             ready = [one.get_subscription_count for one in inputs]
             self.peer.wait_until(
-                lambda: all(count() for count in ready) and self.states.messages, self.name, START
+                lambda: all(count() for count in ready) and self.states.messages, self.name
             )
             self.peer.wait_until(self.truth.subscription.get_publisher_count, "its truth")
             self.peer.become_known(self.name)

@@ -13,16 +13,15 @@ from urllib.parse import urlencode, urlsplit
 
 import numpy as np
 
-LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT = "layout", "frame", "diagnostics", "heartbeat"
+from limits import HANG
 
-PATIENCE = 120.0
-"""Longest time for anything [s]. Only a failing test waits so long."""
+LAYOUT, FRAME, DIAGNOSTICS, HEARTBEAT = "layout", "frame", "diagnostics", "heartbeat"
 
 
 def get(address, path, method="GET", **headers):
     """Send one request; return status, headers and body."""
     url = urlsplit(address)
-    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=PATIENCE)
+    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=HANG)
     try:
         connection.request(method, path, headers=headers)
         answer = connection.getresponse()
@@ -38,7 +37,7 @@ def get_json(address, path):
     return json.loads(body)
 
 
-def wait_for_robot(address, accept=lambda _: True, timeout=PATIENCE):
+def wait_for_robot(address, accept=lambda _: True, timeout=HANG):
     """Return the entry of the first accepted robot; wait until the server runs."""
     end, said = time.monotonic() + timeout, "nothing"
     while time.monotonic() < end:
@@ -53,7 +52,7 @@ def wait_for_robot(address, accept=lambda _: True, timeout=PATIENCE):
 class Stream:
     """A stream of the server, over a websocket."""
 
-    def __init__(self, address, timeout=PATIENCE, room=None, origin=None, **query):
+    def __init__(self, address, timeout=HANG, room=None, origin=None, **query):
         """Request the stream; `room` is the size of the receiving buffer [bytes]."""
         url = urlsplit(address)
         self.socket = socket.socket()
@@ -121,7 +120,7 @@ class Stream:
         self._news = list(news.items())
         return self.packet()
 
-    def next(self, kind, accept=lambda _: True, timeout=PATIENCE):
+    def next(self, kind, accept=lambda _: True, timeout=HANG):
         """Return the next accepted content of a kind."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
