@@ -26,6 +26,7 @@ from bags import Message, arm, description, serialized, urdf_of, write_mcap
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
 from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.recordings import fleet
 from diag_dynamics.recordings.summary import describe_faults
 from hostile import MS, START, Driver, S, hostile
 
@@ -143,7 +144,13 @@ def test_a_fleet_is_its_recordings(analysed, archive, expected):
     rows, out = analysed
     check(rows, out, expected, archive)
     errors = {row["recording"]: row.get("error") for row in rows}
-    assert "no valid state" in errors[str(archive / BAD[1])]
+    assert errors[str(archive / BAD[1])].startswith(f"'{archive / BAD[1]}' contains no valid state")
+
+
+def test_an_unexpected_error_is_a_row(archive, scheduler, tmp_path, monkeypatch):
+    monkeypatch.setattr(fleet, "summarize", lambda analysis: analysis.no_such_name)
+    (row,) = dd.analyse_fleet(archive / GOOD[0], tmp_path, scheduler=scheduler)
+    assert row["error"].startswith("AttributeError: ")
 
 
 def test_restart(analysed, archive, scheduler, tmp_path):
@@ -182,7 +189,7 @@ def test_options_of_all_recordings(tmp_path, scheduler):
     options = {"topic": topics, "scheduler": scheduler, "model": arm("a", "b")}
     (row,) = dd.analyse_fleet([path], tmp_path / "out", joint_names=names, **options)
     assert row["states"] == 79
-    (row,) = dd.analyse_fleet([path], tmp_path / "out", **options)
+    (row,) = dd.analyse_fleet(tmp_path / "*", tmp_path / "out", **options)  # not its outputs
     assert "--joint-names 'left_*=*'" in row["error"]
 
 
