@@ -10,6 +10,7 @@ import contextlib
 import re
 import signal
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,8 @@ from simulators import Simulator
 from streams import FRAME, Stream, get
 
 pytestmark = pytest.mark.live
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 RATE = 100
 """Of joint states in lockstep [Hz]."""
@@ -92,17 +95,10 @@ def test_a_service_answers(left, panda):
     )
 
 
-def test_topic_echo_prints_a_message(left, panda):
-    command = [
-        sys.executable,
-        "-m",
-        "diag_dynamics",
-        "topic",
-        "echo",
-        "--once",
-        f"{left.name}/kinetic_energy",
-    ]
-    with Process([*command, "--field", "total"]) as echo:
+def test_echo_prints_a_field(left, panda):
+    """The program of the pages prints one field of one message."""
+    command = [sys.executable, EXAMPLES / "echo.py", f"{left.name}/kinetic_energy"]
+    with Process([*command, "--once", "--field", "total"]) as echo:
 
         def ended():
             served(left, panda)
@@ -111,7 +107,23 @@ def test_topic_echo_prints_a_message(left, panda):
         left.peer.wait_until(ended, "the end of echo")
         assert echo.wait() == 0
     K = left.topics["kinetic_energy"].messages[-1].total
-    assert float(echo.output.split()[-1]) == pytest.approx(K, rel=1e-6)
+    assert float(echo.output.split()[0]) == pytest.approx(K, rel=1e-6)
+
+
+def call(monitor, service, kind, request):
+    """Return what the program of the pages prints about the response of a service."""
+    command = [sys.executable, EXAMPLES / "call.py", f"{monitor.name}/{service}", kind, request]
+    with Process(command) as process:
+        assert process.wait(START) == 0, process.tail()
+    return process.output
+
+
+def test_call_sets_and_gets_parameters(left):
+    """Requests have nested messages, lists of them, and whole numbers for real ones."""
+    value = "{name: warn_energy, value: {type: 3, double_value: 20}}"
+    kinds = "rcl_interfaces/srv/SetParameters", "rcl_interfaces/srv/GetParameters"
+    assert "successful=True" in call(left, "set_parameters", kinds[0], f"{{parameters: [{value}]}}")
+    assert "double_value=20.0" in call(left, "get_parameters", kinds[1], "{names: [warn_energy]}")
 
 
 def test_the_page_is_served(left, panda):
