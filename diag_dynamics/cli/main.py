@@ -3,7 +3,6 @@
 
 """The command line: commands by name. Only the module of the chosen command is imported."""
 
-import argparse
 import os
 import sys
 import warnings
@@ -11,9 +10,7 @@ from difflib import get_close_matches
 from importlib import import_module, util
 
 import diag_dynamics
-from diag_dynamics.cli.common import INTERRUPTED, run_command, terminable
-from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.text import plain
+from diag_dynamics.cli.common import run_command
 
 PROGRAM = "diag-dynamics"
 
@@ -38,18 +35,12 @@ NODES = {
     "demo": "simulator, monitor, page and top of one robot",
 }
 
-GRAPH = {
-    "topic": "echo, hz",
-    "service": "call",
-}
-
 GROUPS = {
     "library": LIBRARY,
     "nodes (require ROS 2)": NODES,
-    "topics and services (require ROS 2; a small ros2cli)": GRAPH,
 }
 
-COMMANDS = LIBRARY | NODES | GRAPH
+COMMANDS = LIBRARY | NODES
 
 OWN_MAIN = "demo", "top"
 """Executables that have options of their own."""
@@ -129,34 +120,12 @@ def missing():
 
 
 def run_with_ros(name, arguments):
-    """Run a command that needs ROS 2; return the exit status."""
+    """Run an executable as `ros2 run` does; return the exit status."""
     if reason := missing():
         print(f"diag-dynamics {name} {reason}", file=sys.stderr)
         return 1
-    return (_run_tool if name in ("topic", "service") else _run_executable)(name, arguments)
-
-
-def _run_executable(name, arguments):
-    """Run an executable as `ros2 run` does."""
     sys.argv = [f"diag-dynamics {name}", *arguments]
     if name in OWN_MAIN:
         return import_module(f"diag_dynamics.nodes.{name}").main()
     import_module("diag_dynamics.nodes.support.runner").main(name)
-    return 0
-
-
-def _run_tool(name, arguments):
-    """Run a command that reads topics or calls services."""
-    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}")
-    commands = import_module("diag_dynamics.nodes.graph_commands")
-    getattr(commands, f"add_{name}_arguments")(parser)
-    chosen = parser.parse_args(arguments)
-    try:
-        with terminable():
-            chosen.run(chosen)
-    except KeyboardInterrupt as error:
-        return getattr(error, "status", INTERRUPTED)
-    except DiagDynamicsError as error:
-        print(plain(f"diag-dynamics {name}: {error}"), file=sys.stderr)
-        return 1
     return 0

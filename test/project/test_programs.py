@@ -174,11 +174,18 @@ def test_maps_are_read(tmp_path, monkeypatch):
 # --- The tutorial ---
 
 
+REPLACEMENTS = {"ros2 topic echo": "echo.py", "ros2 service call": "call.py"}
+"""Commands of ros2cli, and the programs that the tutorial names for ROS 2 from PyPI."""
+
+
 def start(block, folder, environment):
     """Start a bash that runs a block."""
     from processes import Process  # which needs ROS 2
 
-    return Process(["bash", "-euo", "pipefail", "-c", block.code], cwd=folder, env=environment)
+    code = block.code
+    for command, program in REPLACEMENTS.items():
+        code = code.replace(command, f"python3 {ROOT}/examples/{program}")
+    return Process(["bash", "-euo", "pipefail", "-c", code], cwd=folder, env=environment)
 
 
 def interrupt(process):
