@@ -21,7 +21,6 @@ LIBRARY = {
     "excite": "a trajectory that moves a robot for identify",
     "calibrate": "alarm thresholds from recordings without contact",
     "inspect": "facts about a robot, and checks of its URDF",
-    "layout": "a Foxglove or PlotJuggler layout for a robot",
     "robots": "names of the example robots",
 }
 """Commands that need no ROS 2; each has a module of its name in diag_dynamics.cli."""

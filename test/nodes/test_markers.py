@@ -3,9 +3,12 @@
 
 """Markers: each link where Pinocchio has it, tinted by its share, and everything else by the numbers that it stands for."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 from visualization_msgs.msg import Marker, MarkerArray
 
 import diag_dynamics as dd
@@ -26,6 +29,8 @@ from diag_dynamics.page.layout import center_of_body, tree_of
 from diag_dynamics.page.scene import links_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from nodes import MS, PANDA, Monitor, S, nanoseconds, robot
+
+ROOT = Path(__file__).parents[2]
 
 ROBOTS = pytest.mark.parametrize(
     ("name", "floating"), [("panda", False), ("ur5", False), ("go2", True)]
@@ -335,3 +340,10 @@ def test_topic(peer):
         monitor.set_parameter("markers.link", "panda_link7")
         monitor.serves(panda)
         assert "\npanda_link7: " in by_space(topic.messages[-1])["text"][0].text
+
+
+def test_rviz_shows_the_markers():
+    config = yaml.safe_load((ROOT / "config" / "diag_dynamics.rviz").read_text())
+    displays = config["Visualization Manager"]["Displays"]
+    (markers,) = (display for display in displays if display["Class"].endswith("MarkerArray"))
+    assert markers["Enabled"] and markers["Topic"]["Value"] == "/diag_dynamics/markers"
