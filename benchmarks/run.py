@@ -30,7 +30,6 @@ try:
     import start
     import stepping
     import throughput
-    import top
     from cases import FEW, ROBOTS, Case, Robot
     from peers import Mujoco, Pinocchio
     from rows import Measured
@@ -92,7 +91,6 @@ PARTS = (
     "alarms",
     "contact",
     "nodes",
-    "top",
 )
 
 
@@ -126,10 +124,9 @@ def main():
         "alarms": calibrations,
         "contact": touches,
         "nodes": nodes,
-        "top": terminals,
     }
     chosen = [arguments.only] if arguments.only else PARTS
-    if {"nodes", "top"} & set(chosen) and not importlib.util.find_spec("rclpy"):
+    if "nodes" in chosen and not importlib.util.find_spec("rclpy"):
         options.error(
             "the nodes need a ROS 2: source scripts/env.bash, or leave them out with --only library or observer"
         )
@@ -222,15 +219,6 @@ def touches(short, folder, _):
         ):
             page = "\n".join([f"# {title}", "", *lines, "", machine, ""])
             (folder / f"{name}.md").write_text(page, encoding="utf-8")
-
-
-def terminals(short, folder, _):
-    """Measure the terminal view."""
-    _say("watches the terminal view")
-    found = top.measure(5.0, top.CASES[:2]) if short else top.measure()
-    print("\n".join(top.table(found)))
-    if folder:
-        top.write(found, report.machine(("numpy",)), folder)
 
 
 def nodes(short, folder, official):

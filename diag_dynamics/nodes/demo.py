@@ -27,7 +27,7 @@ from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator import SimulatorNode
 from diag_dynamics.nodes.support.descriptions import COMPILED
 from diag_dynamics.nodes.support.runner import leave, run
-from diag_dynamics.nodes.top import Top, has_screen
+from diag_dynamics.nodes.top import QUIT, Top, has_screen
 from diag_dynamics.nodes.view import ViewNode
 from diag_dynamics.numerics.kernel import precompile
 from diag_dynamics.numerics.progress import set_progress_callback
@@ -202,7 +202,7 @@ def main(args=None):
         view = {"port": port, "robots": [NAMESPACE]}
         nodes.append(ViewNode(pusher.push, parameter_overrides=overrides(view)))
         topics = [f"{NAMESPACE}/diag_dynamics/state"]
-        nodes.append(Top(topics, duration=chosen.duration, lines=lines, note=f"page: {address}"))
+        nodes.append(Top(topics, duration=chosen.duration, note=f"Page: {address}   {QUIT}"))
         return nodes.copy()
 
     logs = ["--log-level", "WARN"] if lines else ["--disable-stdout-logs"]

@@ -10,29 +10,27 @@ import io
 from functools import partial
 from pathlib import Path
 
-from rich.segment import SegmentLines
+from rich.console import Console
+from rich.live import Live
 
 from diag_dynamics.nodes import demo, top
 
-WIDTH, HEIGHT = 100, 26
+WIDTH = 100
 
 
-class RecordedTop(top.Top):
-    """Writes its frame before it ends."""
+class RecordedLive(Live):
+    """Writes its last frame."""
 
-    def destroy_node(self):
+    def stop(self):
         """Write the frame."""
-        if self._console:
-            console = top.make_console(width=WIDTH, height=HEIGHT, record=True)
-            frame = self._view.draw(self._shown(), self.time.steady(), WIDTH, HEIGHT)
-            console.print(SegmentLines(frame, new_lines=True), end="")
-            console.save_svg(
-                str(Path(__file__).parents[1] / "demo.svg"), title="diag-dynamics demo"
-            )
-        return super().destroy_node()
+        console = Console(file=io.StringIO(), force_terminal=True, width=WIDTH, record=True)
+        console.print(self.get_renderable())
+        path = Path(__file__).parents[1] / "demo.svg"
+        console.save_svg(str(path), title="diag-dynamics demo")
+        super().stop()
 
 
 if __name__ == "__main__":
-    demo.Top, demo.has_screen = RecordedTop, lambda: True
-    top.make_console = partial(top.make_console, file=io.StringIO())
+    demo.has_screen = top.has_screen = lambda: True
+    top.Live = partial(RecordedLive, console=Console(file=io.StringIO(), force_terminal=True))
     demo.main(["demo", "--duration", "18"])

@@ -37,7 +37,7 @@ def test_a_reader_that_goes_away():
 
 
 def test_top_in_a_terminal(peer, tmp_path):
-    """A state is on the screen of tmux, which may be resized; `q` ends it with status 0 and gives the screen back."""
+    """A state is on the screen of tmux, which may be resized; Ctrl-C ends it with status 0 and gives the screen back."""
     assert shutil.which("tmux"), "the test of a terminal needs tmux"
     states = peer.publisher(DiagonalizedState, "/one/diag_dynamics/state")
     state = DiagonalizedState(
@@ -69,7 +69,7 @@ def test_top_in_a_terminal(peer, tmp_path):
             lambda shown: "elbow" in shown and max(map(len, shown.splitlines())) <= 40,
             "forty columns",
         )
-        tmux("send-keys", "q")
+        tmux("send-keys", "C-c")
         wait_until(lambda shown: "status 0" in shown and "elbow" not in shown, "the end")
     finally:
         tmux("kill-server")
