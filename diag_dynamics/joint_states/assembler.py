@@ -90,7 +90,6 @@ class StateAssembler:
         self._shared, self._own = self._memory.shared[0], self._memory.joints
         self._shared["in_step"] = self._shared["stuck_last"] = self._shared["base_stamp"] = -1
         self._shared["needs_base"] = base is not None
-        self._own["gap_last"] = -1
         for field in FIELDS:
             self._own[field] = np.nan
         for field in FIELDS:
@@ -175,11 +174,6 @@ class StateAssembler:
     # --- Status ---
 
     @property
-    def lost(self):
-        """Number of missing states, by gaps in stamps."""
-        return int(self._shared["lost"])
-
-    @property
     def missing(self):
         """Joints that never arrived."""
         return self._joints_where(self._own["known"] == 0)
@@ -252,10 +246,6 @@ class StateAssembler:
         self._own["late_count"] = 0
         if self._base:
             self._base.stamps.forget_clock()
-
-    def pause(self):
-        """Count no lost states before the next message, because messages were dropped."""
-        self._own["gap_last"] = -1
 
     # --- Messages ---
 

@@ -30,7 +30,6 @@ SHARED = _record(
         "i8",
         "refused refused_at refused_apart",
     ),  # by the clock: whether, when, and the distance then
-    ("i8", "lost"),  # states lost by gaps in stamps
     (
         "i8",
         "robot follow ratios",
@@ -69,7 +68,6 @@ JOINT = _record(
         "bare_since bare_count",
     ),  # of a source, by its first joint: last message without velocity
     ("i8", "late_first late_last late_count"),  # stamps older than the one before
-    ("i8", "gap_last gap_count"),  # last stamp, and number of intervals
     ("i8", "estimate_known estimate_stamp estimate_since"),  # estimator of velocities
     ("f8", "estimate_position estimate_sum estimate_weight estimate_period"),
     ("i8", "still_fast still_since zero_since slides"),  # stuck sensors
@@ -112,12 +110,14 @@ OUTCOME = _record(
 """An element for each message."""
 
 SUMMARY = OUTCOME.names[: OUTCOME.names.index("joint")]  # fields that every message is asked for
-WINDOW = 32  # intervals between stamps that are judged together
 
 FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, VALUES, ROWS = range(9)
 """Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is
 explained; of the candidate messages in a row and returns; the velocity of the message. The last row has the positions,
 velocities and efforts of joints, then of followers; NaN for what the message lacks."""
+
+BASE = 7
+"""Coordinates of a floating base, which stand before those of the joints where loops are closed."""
 
 
 class Memory(NamedTuple):
@@ -126,22 +126,19 @@ class Memory(NamedTuple):
     shared: np.ndarray
     joints: np.ndarray
     followers: np.ndarray
-    history: (
-        np.ndarray
-    )  # by the first joint of a message: positions of the last one without velocity (n), then
-    # intervals between stamps [ns] (WINDOW)
+    history: np.ndarray
+    """By the first joint of a message: positions of the last one without velocity, (n, n)."""
     scratch: np.ndarray  # (ROWS, …)
 
     @classmethod
     def create(cls, n, f):
         """Return the memory of n joints and f followers."""
-        width = max(WINDOW, 3 * (n + f))
         return cls(
             np.zeros(1, SHARED),
             np.zeros(n, JOINT),
             np.zeros(f, FOLLOWER),
-            np.zeros((n, n + WINDOW)),
-            np.zeros((ROWS, width)),
+            np.zeros((n, n)),
+            np.zeros((ROWS, BASE + 3 * (n + f))),
         )
 
 

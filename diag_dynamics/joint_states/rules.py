@@ -32,10 +32,8 @@ from diag_dynamics.joint_states.steps import (
     DISPLACED,
     NOTHING,
     accept_step,
-    count_gap,
     is_contradicted,
     judge_step,
-    pause_gaps,
     watch_stuck_sensors,
 )
 from diag_dynamics.numerics.callback import call_address
@@ -82,8 +80,6 @@ def judge_messages(
             memory, states[0, k], states[1, k], one.newest, one
         ):
             one.code = codes.STUCK
-        if one.code > 0:
-            pause_gaps(memory)
 
 
 @kernel
@@ -150,8 +146,6 @@ def _judge(memory, batch, k, layout):
     _accept_stamp(memory, source, anew, stamp, unstamped, message.now)
     if action:
         accept_step(memory, here, position, stamp, action, one)
-    if len(here) and not unstamped:
-        count_gap(memory, _first(here), stamp)
     implausible = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
     implausible |= _store_followers(memory, beside, row[3 * n : 3 * (n + f)], stamp, one)
     if implausible:
@@ -300,7 +294,6 @@ def _forget(memory):
         joint.other_count = joint.other_returns = joint.bare_count = 0
     for f in range(len(memory.followers)):
         memory.followers[f].effort = np.nan
-    pause_gaps(memory)
 
 
 @kernel

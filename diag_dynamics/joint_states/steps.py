@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rules across messages: gaps, stuck sensors, and steps of positions that no motion explains.
+"""Rules across messages: stuck sensors, and steps of positions that no motion explains.
 
 Steps are garbage, a re-zeroed encoder, a simulator's reset or a second source.
 
@@ -29,7 +29,6 @@ from diag_dynamics.joint_states.memory import (
     RETURNS,
     STEP,
     VELOCITY,
-    WINDOW,
 )
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 
@@ -312,21 +311,11 @@ def _store_candidate(memory, here, position, stamp):
         joint.other_count, joint.other_returns = int(table[COUNT, j]), int(table[RETURNS, j])
 
 
-# --- Gaps in stamps and stuck sensors
+# --- Stuck sensors
 #
-# Gaps: of each source the intervals between stamps are collected, WINDOW at a time. The period is the one that they are
-# multiples of, from their lower quartile; of an interval of n periods n − 1 states are lost. Where intervals are no multiples
-# of anything, or no more than half of them are one period, as of two drivers of one joint, none is.
-#
-# Stuck sensors: a joint has a velocity of MOVING or more while no bit of its position changes for the timeout, or its
+# A joint has a velocity of MOVING or more while no bit of its position changes for the timeout, or its
 # velocity is exactly 0 while its position moves by more than MOVED from one multiple of the timeout to the next. An arm at
 # rest is neither. States further apart than the timeout say nothing.
-
-LONGEST = 1_000_000_000
-"""Longest interval between stamps [ns]: a longer one is a pause of the sender."""
-
-IRREGULAR = 0.15
-"""Mean distance of intervals from multiples of the period, in periods, beyond which there is no period."""
 
 SAMPLES = 5
 """Number of states that are compared within the timeout: the first one after each multiple of its fifth part."""
@@ -335,57 +324,6 @@ MOVING = 0.05
 """Speed [rad/s, m/s] at which a joint's position must change. Velocity noise of a joint at rest stays below it."""
 
 MOVED = 0.05  # distance [rad, m] within the timeout that a joint with velocity zero does not go
-
-
-@large_kernel
-def count_gap(memory, first, stamp):
-    """Count states lost before a message of a source, by its stamp."""
-    source = memory.joints[first]
-    elapsed = stamp - source.gap_last if source.gap_last >= 0 else 0
-    source.gap_last = stamp
-    if elapsed > LONGEST:
-        source.gap_count = 0
-    elif elapsed > 0:
-        intervals = memory.history[first, len(memory.joints) :]
-        intervals[source.gap_count] = elapsed
-        source.gap_count += 1
-        if source.gap_count == WINDOW:
-            memory.shared[0].lost += _lost_in(intervals, memory.scratch[0])
-            source.gap_count = 0
-
-
-@kernel
-def pause_gaps(memory):
-    """Restart after a message whose stamp is unknown: the next interval would count as a loss."""
-    for j in range(len(memory.joints)):
-        memory.joints[j].gap_last = -1
-
-
-@large_kernel
-def _lost_in(intervals, ordered):
-    """Return the number of states lost within intervals; 0 if they are no multiples of a period."""
-    for i in range(WINDOW):
-        at = i
-        while at > 0 and ordered[at - 1] > intervals[i]:
-            ordered[at] = ordered[at - 1]
-            at -= 1
-        ordered[at] = intervals[i]
-    period, total = ordered[(WINDOW - 1) // 4], 0.0
-    for i in range(WINDOW):
-        total += intervals[i]
-    for _ in range(2):
-        count, single, apart = 0.0, 0, 0.0
-        for i in range(WINDOW):
-            periods = max(np.rint(intervals[i] / period), 1.0)
-            ordered[i] = periods
-            count += periods
-            single += int(periods == 1.0)
-        period = total / count
-    for i in range(WINDOW):
-        apart += abs(intervals[i] / period - ordered[i])
-    if apart / WINDOW > IRREGULAR or 2 * single <= WINDOW:
-        return 0
-    return int(count) - WINDOW
 
 
 @large_kernel

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
-from diag_dynamics.recordings.intake import IMPLAUSIBLE, LOST
+from diag_dynamics.recordings.intake import IMPLAUSIBLE
 from diag_dynamics.recordings.joint_names import FEW, describe_maps, listed, propose_maps
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 
@@ -27,7 +27,6 @@ TEXTS = {
     "incomplete": None,
     "foreign": None,
     WITHOUT_VALUES: "rows without joint values, such as rows of other topics, were ignored",
-    LOST: "states that are missing, by the gaps in the stamps",
     "positions jumped": None,
     CAUSES[INTERLEAVED]: None,
     "mimic disagreement": None,

@@ -22,7 +22,6 @@ from diag_dynamics.wire.definitions import read_message
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
 IMPLAUSIBLE = "implausible value"  # cause of messages that are rejected for a value of a joint
-LOST = "lost by gaps in stamps"  # name of the count of states that never came
 MAX_TEXTS = 20  # rejections whose text is kept, of each cause
 
 
@@ -86,8 +85,7 @@ class Intake:
     def counts(self):
         """How many messages there were and what became of them, by the monitor's names."""
         jumps = self._base.jumps if self._base else 0
-        more = Counter({"time jumped back": jumps, LOST: self.assembler.lost})
-        return self._counts + self.assembler.counts + more
+        return self._counts + self.assembler.counts + Counter({"time jumped back": jumps})
 
     def reject(self, now, error):
         """Count a state that was handed out and cannot be evaluated."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Closed forms of what watches joint states over time: the velocity filter, stuck sensors, gaps in stamps."""
+"""Closed forms of what watches joint states over time: the velocity filter and stuck sensors."""
 
 import math
 
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
+from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import Joints, Options
 from examples import examples
 from joint_state_messages import MS, NAN, S
@@ -174,55 +174,3 @@ def test_not_stuck(position, velocity):
     assert not any(texts(8 * MS, 1000, position, velocity))
     assert not any(texts(600 * MS, 20, lambda t: (0.3, t), lambda t: (1.0, 0.0)))
     assert not any(texts(8 * MS, 200, lambda t: (0.3, t), lambda t: (1.0, 0.0), timeout=0.0))
-
-
-# --- states lost in a queue
-
-
-def lost(stamps):
-    """Return how many states are lost between stamps of one source."""
-    assembler = StateAssembler(Joints(("arm",)), Options())
-    for stamp in stamps:
-        assert not isinstance(accept(assembler, ("arm",), stamp, [0.0], [0.0]), Rejected)
-    return assembler.lost
-
-
-@pytest.mark.parametrize("part", [0.0, 0.05, 0.12])
-@pytest.mark.parametrize("jitter", [0.0, 0.1])
-@pytest.mark.parametrize("period", [1e6, 8e6, 1e8 / 3])
-def test_lost_between_stamps(part, jitter, period):
-    """Whatever part is lost, at any rate, with stamps that jitter by a part of the period."""
-    rng = np.random.default_rng(2)
-    stamps = 1e18 + period * (np.arange(2000) + jitter * rng.uniform(-0.5, 0.5, 2000))
-    kept = rng.random(2000) >= part
-    kept[0] = True
-    places = np.flatnonzero(kept)
-    places = places[: 1 + 32 * ((len(places) - 1) // 32)]
-    assert lost(stamps[places]) == places[-1] + 1 - len(places)
-
-
-PACE = np.arange(1, 200) * 10 * MS
-NO_GAPS = {
-    "irregular": np.cumsum(np.random.default_rng(3).exponential(1e7, 500)),
-    "pauses": np.cumsum([1e7, 2e9] * 200),
-    "repeated stamps": np.repeat(PACE, 3),
-    "two senders of one joint": np.sort(np.concatenate([PACE, PACE + 3 * MS])),
-}
-
-
-@pytest.mark.parametrize("stamps", NO_GAPS.values(), ids=NO_GAPS)
-def test_no_gaps(stamps):
-    """No period, no gap."""
-    assert lost(stamps) == 0
-
-
-def test_no_gaps_where_messages_were_not_read():
-    """A pause of the reader is no gap; each source has a period of its own."""
-    assembler = StateAssembler(Joints(("arm", "gripper")), Options(timeout=0.0))
-    for k in range(1, 400):
-        if k % 10:
-            accept(assembler, ("arm",), k * 10 * MS, [0.0], [0.0])
-            accept(assembler, ("gripper",), k * 25 * MS, [0.0], [0.0])
-        else:
-            assembler.pause()
-    assert assembler.lost == 0

@@ -8,7 +8,7 @@ by rosbags, parameters have the monitor's names, expected states are numbers. `j
 """
 
 from joint_state_source_cases import COARSE_CASES, SOURCE_CASES
-from joint_state_time_cases import AGE_CASES, CLOCK_CASES, LOST_CASES, ODOMETRY_CASES, ORDER_CASES
+from joint_state_time_cases import AGE_CASES, CLOCK_CASES, ODOMETRY_CASES, ORDER_CASES
 from joint_state_value_cases import (
     EFFORT_CASES,
     ESTIMATE_CASES,
@@ -34,7 +34,6 @@ TABLE = {
     "coarse encoders": COARSE_CASES,
     "estimated velocities": ESTIMATE_CASES,
     "stuck sensors": STUCK_CASES,
-    "lost states": LOST_CASES,
     "odometry": ODOMETRY_CASES,
 }
 """All cases, by rule."""

@@ -15,7 +15,7 @@ from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.recordings.intake import JOINT_STATE, LOST, MAX_TEXTS, ODOMETRY, Intake
+from diag_dynamics.recordings.intake import JOINT_STATE, MAX_TEXTS, ODOMETRY, Intake
 from diag_dynamics.recordings.messages import Messages
 from diag_dynamics.recordings.sources import decode_messages
 from diag_dynamics.wire.definitions import read_message
@@ -94,9 +94,7 @@ class Reader:
 
     def result(self):
         """Return what came of all messages."""
-        more = Counter(
-            {LOST: self.assembler.lost, "time jumped back": self.base.jumps if self.base else 0}
-        )
+        more = Counter({"time jumped back": self.base.jumps if self.base else 0})
         return Result(
             self.states, positive(self.counts + self.assembler.counts + more), self.rejections
         )

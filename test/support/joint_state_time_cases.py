@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rules of the decision table on time: order of stamps, clock, age of joints, lost states, odometry."""
+"""Rules of the decision table on time: order of stamps, clock, age of joints, odometry."""
 
 from joint_state_messages import INF, MS, NAN, NOW, S, joint_state, odometry
 from joint_state_steps import (
@@ -13,7 +13,6 @@ from joint_state_steps import (
     LATE,
     OLD,
     PAST,
-    PERIOD,
     case,
     hand,
     step,
@@ -382,33 +381,6 @@ AGE_CASES = [
         _aged(5 * S + 1, "stale joint", "'wrist'"),
         joint_timeouts=["elbow=0", "*=5"],
     ),
-]
-
-# --- states lost in a queue
-
-LOST = "lost by gaps in stamps"
-KEPT = [k for k in range(40) if k % 8 != 7]
-LOST_CASES = [
-    case(
-        "gaps of one period",
-        *(whole(NOW + k * PERIOD, also=[LOST] * (4 * (n == 32))) for n, k in enumerate(KEPT)),
-    ),
-    case(
-        "late messages count",
-        *(
-            s
-            for k in range(40)
-            for s in (whole(NOW + k * PERIOD), whole(NOW + k * PERIOD - 1, LATE))
-        ),
-    ),
-    case(
-        "unreadable messages are no gaps",
-        *(
-            whole(NOW + k * PERIOD) if k % 8 != 7 else step(b"\0\1\0\0 nothing", "malformed")
-            for k in range(60)
-        ),
-    ),
-    case("pauses are no gaps", *(whole(NOW + (k + 200 * (k // 8)) * PERIOD) for k in range(40))),
 ]
 
 # --- odometry

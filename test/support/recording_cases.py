@@ -56,7 +56,7 @@ CASES = {
         {},
         (
             *map("rejected: {}".format, REJECTED),
-            *("incomplete", "foreign", "implausible effort", "lost by gaps in stamps"),
+            *("incomplete", "foreign", "implausible effort"),
         ),
     ),
     "stuck values refused": Case(

@@ -120,8 +120,7 @@ def _summary(robot, recent):
 
 def _counts_of(robot):
     jumps = robot.base.jumps if robot.base else 0
-    own = {"time jumped back": jumps, "lost by gaps in stamps": robot.assembler.lost}
-    return robot.assembler.counts + Counter(own)
+    return robot.assembler.counts + Counter({"time jumped back": jumps})
 
 
 def _joint_values(assembler, now):

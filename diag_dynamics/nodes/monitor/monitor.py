@@ -187,8 +187,6 @@ class MonitorNode(TableNode, Node):
         counts["received"] += 1
         if self._overloaded():
             counts[OVERLOAD] += 1
-            if robot:
-                robot.assembler.pause()
         elif robot is None:
             counts["before the model"] += 1
         else:
@@ -235,8 +233,6 @@ class MonitorNode(TableNode, Node):
         """Serve a message; an exception is counted and logged as a rejection."""
         _, fault = attempt(action, robot, message)
         if fault:
-            if what == "rejected":
-                robot.assembler.pause()  # its stamp may not have been compared
             self._reject(what, fault.cause, fault.text)
 
     def _reject(self, what, cause, text):
