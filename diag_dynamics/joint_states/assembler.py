@@ -142,10 +142,7 @@ class StateAssembler:
             span=ages[count:],
         )
         timeout = nanoseconds(options.stuck_timeout)
-        if (timeout, options.reject_stuck) != (
-            self._shared["stuck_timeout"],
-            self._shared["stuck_rejected"],
-        ):
+        if timeout != self._shared["stuck_timeout"]:
             _write(self._shared, stuck_last=-1, stuck_kind=0)
         _write(
             self._shared,
@@ -159,7 +156,6 @@ class StateAssembler:
             max_effort=options.max_effort or np.inf,
             stuck_timeout=timeout,
             stuck_step=max(1, -(-timeout // SAMPLES)),
-            stuck_rejected=options.reject_stuck,
             base_timeout=nanoseconds(options.odom_timeout),
         )
         if not options.estimate_velocity:

@@ -28,9 +28,8 @@ FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(
     FAST_STEP,
     STALE_JOINT,
     STALE_ODOMETRY,
-    STUCK,
     OPEN_LOOP,
-) = range(1, 22)
+) = range(1, 21)
 """The message, or the state that it completes, is rejected."""
 
 LAYOUT_ERRORS = (DUPLICATE_NAME, WRONG_LENGTH)
@@ -85,7 +84,6 @@ CAUSES = {
     FAST_STEP: "implausible value",
     STALE_JOINT: "stale joint",
     STALE_ODOMETRY: "stale odometry",
-    STUCK: "stuck",
     OPEN_LOOP: "open loop",
 }
 """Causes of rejections, by which they are counted."""
@@ -132,10 +130,6 @@ STUCK_TEXTS = {
 def rejection_text(outcome, labels, limit="max_age"):
     """Return the text of an OUTCOME with one of CAUSES; `limit` names the parameter of the maximum age."""
     code = int(outcome["code"])
-    if code == STUCK:
-        return stuck_text(
-            int(outcome["first"]), int(outcome["joint"]), int(outcome["second"]), labels
-        )
     numbers = {
         key: float(outcome[key]) for key in ("first", "second", "third", "fourth", "fifth", "sixth")
     }

@@ -58,7 +58,6 @@ class Options(NamedTuple):
     beyond_effort: float = 0.0
     jump: float = 0.0
     stuck_timeout: float = 0.0
-    reject_stuck: bool = False
     odom_timeout: float = 0.0
 
 

@@ -76,10 +76,8 @@ def judge_messages(
             one.code = _judge(memory, batch, k, layouts[layout])
         if one.code == codes.STATE and shared[0].needs_base:
             one.code = _complete_by_base(shared[0], one)
-        if one.code == codes.STATE and not watch_stuck_sensors(
-            memory, states[0, k], states[1, k], one.newest, one
-        ):
-            one.code = codes.STUCK
+        if one.code == codes.STATE:
+            watch_stuck_sensors(memory, states[0, k], states[1, k], one.newest, one)
 
 
 @kernel

@@ -328,19 +328,15 @@ MOVED = 0.05  # distance [rad, m] within the timeout that a joint with velocity 
 
 @large_kernel
 def watch_stuck_sensors(memory, position, velocity, stamp, one):
-    """Compare a state with earlier ones, if it is time to; return False if it is rejected."""
+    """Compare a state with earlier ones, if it is time to."""
     shared = memory.shared[0]
     if shared.stuck_timeout == 0 or len(memory.joints) == 0:
-        return True
+        return
     last = shared.stuck_last
     if last < 0 or stamp < last or stamp // shared.stuck_step != last // shared.stuck_step:
         _compare_states(memory, position, velocity, stamp)
         one.stuck_kind, one.stuck_joint = shared.stuck_kind, shared.stuck_joint
         one.stuck_more = shared.stuck_more
-    if shared.stuck_kind == 0 or shared.stuck_rejected == 0:
-        return True
-    one.joint, one.first, one.second = shared.stuck_joint, shared.stuck_kind, shared.stuck_more
-    return False
 
 
 @kernel

@@ -154,11 +154,6 @@ _INPUTS = {
         0.0,
         100.0,
     ),
-    "stuck_values": Spec(
-        "warn",
-        "States with a stuck sensor: publish with a warning, or reject.",
-        choices=("warn", "reject"),
-    ),
     "mimic_tolerance": Spec(
         0.01,
         "Deviation of a mimic joint from its source joint at which diagnostics warn [rad, m]; 0 disables.",
@@ -509,7 +504,6 @@ def _input_options(values):
         max_position=values["plausibility.position"],
         max_velocity=values["plausibility.velocity"],
         max_effort=values["plausibility.effort"],
-        reject_stuck=values["stuck_values"] == "reject",
         **{name: values[name] for name in same},
         **{name: values[f"plausibility.{name}"] for name in implausible},
     )

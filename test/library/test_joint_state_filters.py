@@ -134,6 +134,7 @@ def texts(period, count, position, velocity, timeout=0.5):
             velocity(1e-9 * k * period),
         )
         found.append(assembler.stuck_text)
+    assert set(assembler.stuck) == set(found) - {""}
     return found
 
 

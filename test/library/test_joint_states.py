@@ -79,7 +79,7 @@ def test_efforts_without_gravity():
 
 # --- rejected messages
 
-ACCEPTED = ("stale joint", "stale odometry", "stuck")
+ACCEPTED = ("stale joint", "stale odometry")
 """Causes of states that are rejected, while the message itself is accepted."""
 
 SUSPECTS = (

@@ -11,7 +11,7 @@ import pytest
 import diag_dynamics as dd
 from bags import ODOMETRY, Message, arm, write_mcap
 from diag_dynamics.recordings.states import States
-from hostile import MS, START, Driver
+from hostile import MS, START, Driver, S
 from joint_state_readers import DEFAULTS, Reader
 from joint_state_readers import Message as Given
 from recording_cases import CASES, hostile_messages, write_case
@@ -32,9 +32,10 @@ def states_written(path, pairs, **options):
     )
 
 
-def driven(model, count, seed=3):
-    """Return joint states about which nothing is wrong, at 500 Hz, as pairs of bytes and log time."""
+def driven(model, count, seed=3, stuck=0):
+    """Return joint states at 500 Hz, as pairs of bytes and log time; old values for a time [ns] `stuck`."""
     driver = Driver(model, seed)
+    driver.stick(START, stuck)
     return [(driver.good(START + k * 2 * MS), START + k * 2 * MS + 1000) for k in range(count)]
 
 
@@ -118,6 +119,17 @@ def test_part_of_a_recording(tmp_path, panda):
     (tmp_path / "x.csv").write_text("\n".join(["t,q1,qd1", *rows]))
     part = dd.read_recording(tmp_path / "x.csv", arm("a"), start=0.3, end=0.5)
     np.testing.assert_allclose(part.t, 0.01 * np.arange(30, 50), atol=1e-9)
+
+
+def test_stuck_values_are_a_finding(tmp_path, panda):
+    """Repeated positions with velocities are named, and their states are read."""
+    path = states_written(tmp_path / "stuck.mcap", driven(panda, 500, stuck=S))
+    recording = dd.read_recording(path, panda)
+    assert len(recording) == 500
+    assert any(
+        finding.cause == "stuck values" and "has a velocity" in finding.text
+        for finding in recording.findings
+    )
 
 
 def test_errors_of_reading(tmp_path, panda):

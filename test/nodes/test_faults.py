@@ -108,6 +108,20 @@ def test_result_that_overflows(monitor, panda, velocity, effort):
     assert (entry.level, entry.message) == (OK, "publishing")
 
 
+def test_stuck_sensors(monitor, panda):
+    """Diagnostics warn of velocities without motion, and the states are published."""
+    q, qd, tau, _ = panda.samples[0]
+    before = monitor.next_report()
+    with monitor.having(stuck_timeout=0.1):
+        for _ in range(20):
+            stamp = monitor.tick(10 * MS)
+            monitor.publish(joint_state(panda.names, q, 0.0 * qd + 0.1, tau, stamp))
+        report = monitor.next_report()
+    assert report.since(before) == {"received": 20, "published": 20}
+    entry = report.entries["joint states"]
+    assert entry.level == WARN and "stuck values: " in entry.message
+
+
 # --- joint states that are no states
 
 

@@ -165,8 +165,6 @@ OBSERVED = {
     "plausibility.position": (PUSHED, 0.6),
     "plausibility.beyond_limits": (PUSHED, 1e-3),
     "plausibility.jump": (PUSHED, 0.0),
-    "stuck_values": (PUSHED, "reject"),
-    "stuck_timeout": (PUSHED | {"stuck_values": "reject"}, 0.0),
     "joint_timeout": (PUSHED, 0.02),
     "joint_timeouts": (PUSHED, ["turn=0.02"]),
 }
@@ -199,6 +197,7 @@ NOT_OBSERVED = {
         "max_age",
         "foreign_time",
         "mimic_tolerance",
+        "stuck_timeout",
         "publish_inverse_factor",
     ),
     *(

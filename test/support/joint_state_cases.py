@@ -17,7 +17,6 @@ from joint_state_value_cases import (
     NAME_CASES,
     NUMBER_CASES,
     STEP_CASES,
-    STUCK_CASES,
 )
 
 TABLE = {
@@ -33,7 +32,6 @@ TABLE = {
     "interleaved sources": SOURCE_CASES,
     "coarse encoders": COARSE_CASES,
     "estimated velocities": ESTIMATE_CASES,
-    "stuck sensors": STUCK_CASES,
     "odometry": ODOMETRY_CASES,
 }
 """All cases, by rule."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rules of the decision table on values: names, numbers, limits, efforts, mimic joints, jumps, estimates, stuck sensors."""
+"""Rules of the decision table on values: names, numbers, limits, efforts, mimic joints, jumps, estimates."""
 
 from joint_state_messages import INF, MS, NAMES, NAN, NOW, PI, S, joint_state
 from joint_state_steps import (
@@ -675,55 +675,5 @@ ESTIMATE_CASES = [
         "velocities are refused",
         _ramp(0, (2, 2, 2), 1)[0]._replace(outcome="rejected: no velocity"),
         whole(NOW + MS),
-    ),
-]
-
-# --- stuck sensors
-
-
-def _stuck(count, period, position, velocity, outcomes):
-    """Steps of functions of time; `outcomes` gives the outcome at each time [s]."""
-    return [
-        whole(
-            NOW + k * period,
-            outcomes(1e-9 * k * period),
-            *(["shoulder"] if outcomes(1e-9 * k * period) == "stuck" else []),
-            position=position(1e-9 * k * period),
-            velocity=velocity(1e-9 * k * period),
-        )
-        for k in range(count)
-    ]
-
-
-def _from(time):
-    return lambda t: "stuck" if t > time else "published"
-
-
-HELD = lambda t: [0.3, t, t]  # noqa: E731
-STUCK_CASES = [
-    case(
-        f"{name} ({action})",
-        *_stuck(
-            12,
-            100 * MS,
-            position,
-            velocity,
-            _from(time) if action == "reject" else lambda _: "published",
-        ),
-        *([whole(NOW + 1300 * MS, position=[9, 9, 9], velocity=[1, 1, 1])] if time < 2 else []),
-        stuck_timeout=0.5,
-        stuck_values=action,
-    )
-    for name, position, velocity, time in (
-        ("a velocity without motion", HELD, lambda t: [0.05, 1, 1], 0.45),
-        ("motion without velocity", lambda t: [0.11 * t, t, t], lambda t: [0, 1, 1], 0.45),
-    )
-    for action in ("warn", "reject")
-]
-STUCK_CASES += [
-    case(
-        "states too far apart say nothing",
-        *_stuck(6, 501 * MS, HELD, lambda t: [1, 1, 1], _from(INF)),
-        stuck_timeout=0.5,
     ),
 ]

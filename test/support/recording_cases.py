@@ -59,9 +59,6 @@ CASES = {
             *("incomplete", "foreign", "implausible effort"),
         ),
     ),
-    "stuck values refused": Case(
-        PANDA, {"stuck_values": "reject", "stuck_timeout": 0.05}, ("rejected: stuck",)
-    ),
     "foreign stamps refused": Case(PANDA, {"foreign_time": "reject", "max_age": 0.02}),
     "few rules": Case(
         PANDA,

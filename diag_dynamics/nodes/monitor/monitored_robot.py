@@ -319,8 +319,8 @@ class MonitoredRobot:
 
 
 def _values_by(options):
-    """Return the options of joint states without those that reject states, but change no values."""
-    return options._replace(stuck_timeout=0.0, reject_stuck=False, odom_timeout=0.0)
+    """Return the options of joint states without those that change no values."""
+    return options._replace(stuck_timeout=0.0, odom_timeout=0.0)
 
 
 def _without_rotors(dynamics):
