@@ -90,6 +90,7 @@ class StateAssembler:
         self._shared, self._own = self._memory.shared[0], self._memory.joints
         self._shared["in_step"] = self._shared["stuck_last"] = self._shared["base_stamp"] = -1
         self._shared["needs_base"] = base is not None
+        self._own["other_stamp"] = -1
         for field in FIELDS:
             self._own[field] = np.nan
         for field in FIELDS:
@@ -162,7 +163,7 @@ class StateAssembler:
             own["velocity"][own["estimated"] > 0] = np.nan
             _write(own, estimated=0, estimate_known=0)
         if not options.jump:
-            _write(own, other_count=0, other_returns=0, bare_count=0)
+            _write(own, other_stamp=-1)
         self.efforts, self.followers.tolerance = efforts, options.mimic_tolerance
         if self._base:
             self._base.configure(options)
@@ -467,8 +468,6 @@ class StateAssembler:
                 outcome[["moved_from", "moved_to"]],
             )
             return codes.STEP.format(name=name, first=first, second=second)
-        if event == codes.CONTRADICTS:
-            return codes.contradiction_text(outcome, self._labels)
         if event == codes.DISAGREES:
             own, expected = (self._memory.followers[field] for field in ("own", "expected"))
             astray = np.flatnonzero(~np.isnan(own))

@@ -41,7 +41,7 @@ IMPLAUSIBLE = (
     FAST_STEP,
 )  # codes with the cause "implausible value"
 
-TIME_JUMPED, MOVED, CONTRADICTS, IMPLAUSIBLE_EFFORT, DISAGREES = 1, 2, 4, 8, 16
+TIME_JUMPED, MOVED, IMPLAUSIBLE_EFFORT, DISAGREES = 1, 2, 4, 8
 """Events of a message, whatever comes of it."""
 
 STUCK_STILL, STUCK_SLIDES = 1, 2  # kinds of stuck sensors
@@ -58,7 +58,6 @@ COUNTS = {
 EVENTS = {
     TIME_JUMPED: "time jumped back",
     MOVED: "positions jumped",
-    CONTRADICTS: "interleaved sources",
     IMPLAUSIBLE_EFFORT: "implausible effort",
     DISAGREES: "mimic disagreement",
 }
@@ -115,12 +114,6 @@ TEXTS = {
 
 STEP = "{name}: position went from {first:.9g} to {second:.9g}"
 
-SAME_STAMP = (
-    "messages of one stamp have other positions: two sources publish in turns, or a slow clock"
-)
-
-OTHER_SOURCE = "another source has other positions, mainly of {name}: two sources publish in turns"
-
 STUCK_TEXTS = {
     STUCK_STILL: "has a velocity, but a constant position",
     STUCK_SLIDES: "moves, but its velocity is 0",
@@ -143,16 +136,7 @@ def rejection_text(outcome, labels, limit="max_age"):
             second=numbers["second"],
             limit=limit,
         )
-    text = TEXTS[code].format(name=name, step=STEP.format(name=name, **numbers), **numbers)
-    if code == NO_VELOCITY and outcome["contradicting"] >= 0:
-        return f"{text}; {contradiction_text(outcome, labels)}"
-    return text
-
-
-def contradiction_text(outcome, labels):
-    """Return the text of the event CONTRADICTS."""
-    joint = outcome["contradicting"]
-    return SAME_STAMP if joint < 0 else OTHER_SOURCE.format(name=labels[joint])
+    return TEXTS[code].format(name=name, step=STEP.format(name=name, **numbers), **numbers)
 
 
 def stuck_text(kind, joint, more, labels):

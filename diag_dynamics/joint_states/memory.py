@@ -57,16 +57,8 @@ JOINT = _record(
         "stamp known unstamped estimated",
     ),  # unstamped: a time of reception stands for the stamp
     ("f8", "other_position other_velocity"),  # candidate: a pose that was rejected
-    (
-        "i8",
-        "other_stamp other_count other_returns",
-    ),  # messages in a row that agree with it, and how often it returned
-    ("i8", "other_since"),  # stamp and position in force then
-    ("f8", "other_since_position"),
-    (
-        "i8",
-        "bare_since bare_count",
-    ),  # of a source, by its first joint: last message without velocity
+    ("i8", "other_stamp other_count"),  # its stamp, and messages in a row that agree with it
+    ("i8", "interleaved"),  # whether it came again between accepted messages
     ("i8", "late_first late_last late_count"),  # stamps older than the one before
     ("i8", "estimate_known estimate_stamp estimate_since"),  # estimator of velocities
     ("f8", "estimate_position estimate_sum estimate_weight estimate_period"),
@@ -98,10 +90,6 @@ OUTCOME = _record(
     ("i8", "code events stuck_kind"),  # codes.py
     ("i8", "newest oldest with_effort received estimated"),  # of a state
     ("i8", "joint"),  # that a text is on; followers come after joints
-    (
-        "i8",
-        "contradicting",
-    ),  # joint of the event CONTRADICTS of a message without velocity, else −1
     ("i8", "moved"),  # joint of the event MOVED, and its positions
     ("f8", "moved_from moved_to"),
     ("f8", "first second third fourth fifth sixth"),  # numbers of a text
@@ -111,10 +99,9 @@ OUTCOME = _record(
 
 SUMMARY = OUTCOME.names[: OUTCOME.names.index("joint")]  # fields that every message is asked for
 
-FAR, KNOWN, STEP, LARGEST, COUNT, RETURNS, VELOCITY, VALUES, ROWS = range(9)
-"""Rows of the scratch, by joint: whether a step is too far, whether it can be judged, the step, the largest step that is
-explained; of the candidate messages in a row and returns; the velocity of the message. The last row has the positions,
-velocities and efforts of joints, then of followers; NaN for what the message lacks."""
+FAR, VALUES, ROWS = range(3)
+"""Rows of the scratch: whether the step of a joint is too far; the positions, velocities and efforts of joints, then of
+followers, NaN for what the message lacks."""
 
 BASE = 7
 """Coordinates of a floating base, which stand before those of the joints where loops are closed."""
@@ -126,8 +113,6 @@ class Memory(NamedTuple):
     shared: np.ndarray
     joints: np.ndarray
     followers: np.ndarray
-    history: np.ndarray
-    """By the first joint of a message: positions of the last one without velocity, (n, n)."""
     scratch: np.ndarray  # (ROWS, …)
 
     @classmethod
@@ -137,7 +122,6 @@ class Memory(NamedTuple):
             np.zeros(1, SHARED),
             np.zeros(n, JOINT),
             np.zeros(f, FOLLOWER),
-            np.zeros((n, n)),
             np.zeros((ROWS, BASE + 3 * (n + f))),
         )
 
@@ -174,7 +158,7 @@ def _array(dtype, ndim):
     return types.Array(numba.from_dtype(np.dtype(dtype)), ndim, "C")
 
 
-MEMORY_TYPES = *(_array(dtype, 1) for dtype in (SHARED, JOINT, FOLLOWER)), *[_array(float, 2)] * 2
+MEMORY_TYPES = *(_array(dtype, 1) for dtype in (SHARED, JOINT, FOLLOWER)), _array(float, 2)
 BATCH_TYPES = (
     _array(int, 2),
     _array(MESSAGE, 1),

@@ -29,10 +29,7 @@ from diag_dynamics.joint_states.memory import (
 )
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.joint_states.steps import (
-    DISPLACED,
-    NOTHING,
     accept_step,
-    is_contradicted,
     judge_step,
     watch_stuck_sensors,
 )
@@ -56,11 +53,9 @@ _wrap_angle, _matrix_at = kernel(wrap_angle), array_at(types.float64, 2)
 
 
 @entry_kernel(*MEMORY_TYPES, *BATCH_TYPES, nogil=True)
-def judge_messages(
-    shared, joints, followers, history, scratch, layouts, messages, numbers, outcome, states
-):
+def judge_messages(shared, joints, followers, scratch, layouts, messages, numbers, outcome, states):
     """Judge messages one after the other; the arguments are the fields of Memory and Batch."""
-    memory = Memory(shared, joints, followers, history, scratch)
+    memory = Memory(shared, joints, followers, scratch)
     batch = Batch(layouts, messages, numbers, outcome, states)
     for k in range(len(messages)):
         one = outcome[k]
@@ -87,7 +82,7 @@ def _clear(one):
         one.estimated
     ) = 0
     one.stuck_kind = one.stuck_joint = one.stuck_more = one.joint = 0
-    one.contradicting = one.moved = -1
+    one.moved = -1
 
 
 @large_kernel
@@ -116,10 +111,10 @@ def _judge(memory, batch, k, layout):
         return layout[ERROR]
     code = _judge_values(memory, here, position, velocity, one)
     if code == codes.NO_VELOCITY and memory.shared[0].slack > 0.0:
-        joint = is_contradicted(memory, here, position, stamp, unstamped)
-        if joint >= 0:
-            one.contradicting = joint
-            one.events |= codes.CONTRADICTS
+        for j in here:  # a second source often sends no velocities
+            velocity[j] = velocity[j] if np.isfinite(velocity[j]) else 0.0
+        step = judge_step(memory, here, position, velocity, stamp, unstamped, one)
+        code = step if step else code
     if code:
         return code
     code, anew, source = _judge_stamp(memory, here, beside, stamp, unstamped, message.now, one)
@@ -129,21 +124,17 @@ def _judge(memory, batch, k, layout):
         one.events |= codes.TIME_JUMPED
         memory.shared[0].restarted = 1
         _forget(memory)
-    action = NOTHING
     if len(here) and memory.shared[0].slack > 0.0:
-        code, action = judge_step(memory, here, position, velocity, stamp, unstamped, one)
+        code = judge_step(memory, here, position, velocity, stamp, unstamped, one)
         if code:
             return code
     if memory.shared[0].estimate:
-        code = _estimate(
-            memory, here, position, velocity, stamp, unstamped, action == DISPLACED, one
-        )
+        code = _estimate(memory, here, position, velocity, stamp, unstamped, one)
         if code:
             return code
     # The message is accepted.
     _accept_stamp(memory, source, anew, stamp, unstamped, message.now)
-    if action:
-        accept_step(memory, here, position, stamp, action, one)
+    accept_step(memory, here, one)
     implausible = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
     implausible |= _store_followers(memory, beside, row[3 * n : 3 * (n + f)], stamp, one)
     if implausible:
@@ -289,15 +280,15 @@ def _forget(memory):
     for j in range(len(memory.joints)):
         joint = memory.joints[j]
         joint.known = joint.estimated = joint.estimate_known = 0
-        joint.other_count = joint.other_returns = joint.bare_count = 0
+        joint.other_stamp = -1
     for f in range(len(memory.followers)):
         memory.followers[f].effort = np.nan
 
 
 @kernel
-def _estimate(memory, here, position, velocity, stamp, unstamped, moved, one):
+def _estimate(memory, here, position, velocity, stamp, unstamped, one):
     """Replace missing velocities by filtered difference quotients; return the code of a step that is too fast."""
-    shared = memory.shared[0]
+    shared, moved = memory.shared[0], one.moved >= 0
     for j in here:
         joint = memory.joints[j]
         elapsed = stamp - joint.estimate_stamp

@@ -10,26 +10,13 @@ a slack besides. A joint of unknown velocity may move at the highest velocity th
 rejected and stored as the candidate, apart from the state in force. The candidate takes the place of that state in two cases:
 
 * Three messages in a row agree with the candidate. The robot was moved, or its encoders were set.
-* The candidate came again between messages of the source in force: sources are interleaved. The candidate moves while the
-  source in force rests, or that source has been silent for SOURCE_TIMEOUT.
-
-A second source may rest within the slack of a moving robot. Where a robot in motion is at rest in the same pose to the bit
-again and again, and no motion explains that, that pose is the candidate's, too. Messages without a velocity say nothing on
-rest.
+* The candidate comes again between accepted messages, so sources are interleaved. It moves while the state in force rests.
 """
 
 import numpy as np
 
 from diag_dynamics.joint_states import codes
-from diag_dynamics.joint_states.memory import (
-    COUNT,
-    FAR,
-    KNOWN,
-    LARGEST,
-    RETURNS,
-    STEP,
-    VELOCITY,
-)
+from diag_dynamics.joint_states.memory import FAR
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 
 STATES = 3
@@ -39,134 +26,58 @@ MIN_STEP_TIME, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT = 0.01, 0.5, 0.05
 """Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the longest over which a step is
 judged, with a velocity limit and without. Over a longer one the two velocities do not bound the way in between."""
 
-SOURCE_TIMEOUT = 0.5
-"""Time [s] without a message of the source in force after which another source may take its place."""
-
-CANDIDATE_TIMEOUT = 5.0
-"""Time [s] after which a pose that comes again is no longer that of the source that sent it before."""
-
-MARGIN = 1e-3  # largest distance [rad, m] between positions of one stamp that says nothing
-
-STOP_FRACTION = 0.15
-"""Fraction of the slack by which a robot may stop elsewhere than its velocities lead: some counts of a coarse encoder."""
-
-NOTHING, CANDIDATE, DISPLACED, CONTRADICTED = 0, 1, 2, 4
-"""What :func:`accept_step` does: store the message, or the state in force, as the candidate; count a contradiction."""
+CANDIDATE_TIMEOUT = 500_000_000
+"""Time [ns] after which a message is not compared with the candidate."""
 
 
 @large_kernel
 def judge_step(memory, here, position, velocity, stamp, unstamped, one):
-    """Return the code of a step that is too far, and what :func:`accept_step` has to do."""
-    table = memory.scratch
-    far, moves, contradicts = _measure_steps(memory, here, position, velocity, stamp, unstamped)
-    action = CONTRADICTED if contradicts else NOTHING
-    was_interleaved = _is_interleaved(memory)
-    stops = not far and _stops_elsewhere(memory, here, velocity, stamp)
-    if not far and not was_interleaved and not stops:
-        return codes.STATE, action
-    mask = FAR if far else KNOWN
-    same = _compare_candidate(memory, here, position, velocity, stamp, mask)
-    interleaved = False
+    """Return the code of a step; `one.moved` is a joint for which the candidate takes the place of the state in force."""
+    far = _mark_far_joints(memory, here, position, velocity, stamp, unstamped)
+    if far < 0:
+        return codes.STATE
+    joint, slack = memory.joints[far], memory.shared[0].slack
+    in_row, interleaved = _compare_candidate(memory, here, position, velocity, stamp)
+    moves = interleaved and _moves_alone(memory, here, position, velocity)
+    if moves or (in_row >= STATES and not interleaved):
+        one.moved, one.moved_from, one.moved_to = far, joint.position, position[far]
+        return codes.STATE
+    elapsed = stamp - joint.stamp
+    one.joint, one.first, one.second, one.third = far, joint.position, position[far], elapsed * 1e-9
+    one.fourth = _largest_step(joint, slack, velocity[far], joint.velocity, elapsed)
+    one.fifth, one.sixth = joint.velocity, velocity[far]
     for j in here:
-        if table[mask, j] > 0.0 and table[RETURNS, j] >= (1.0 if far else 2.0):
-            interleaved = True
-    if not far:
-        if not same or not _rests(here, velocity) or not moves:
-            stores = stops and not was_interleaved
-            return codes.STATE, action | (CANDIDATE if stores else NOTHING)
-        if not interleaved:
-            return codes.STATE, action | CANDIDATE
-    silence = _describe_step(memory, here, position, velocity, stamp, mask, one)
-    if _takes_place(memory, here, velocity, far, same, interleaved, silence, mask):
-        return codes.STATE, DISPLACED
-    _store_candidate(memory, here, position, stamp)
-    return codes.INTERLEAVED if interleaved else codes.JUMP, NOTHING
+        _store_candidate(memory.joints[j], position[j], velocity[j], stamp)
+        memory.joints[j].other_count, memory.joints[j].interleaved = in_row, interleaved
+    return codes.INTERLEAVED if interleaved else codes.JUMP
 
 
 @kernel
-def accept_step(memory, here, position, stamp, action, one):
-    """Store the candidate of a message that is accepted, and count what is said of it."""
-    if action & CONTRADICTED:
-        one.events |= codes.CONTRADICTS
-    if action & CANDIDATE:
-        _store_candidate(memory, here, position, stamp)
-    if action & DISPLACED:
-        far = False
-        for j in here:
-            joint = memory.joints[j]
-            far = far or memory.scratch[FAR, j] > 0.0
-            known = memory.scratch[KNOWN, j] > 0.0
-            joint.other_position, joint.other_velocity, joint.other_stamp = (
-                joint.position,
-                joint.velocity,
-                joint.stamp,
-            )
-            joint.other_since, joint.other_since_position = joint.stamp, joint.position
-            joint.other_count = int(known)
-            joint.other_returns = int(memory.scratch[RETURNS, j]) if known else 0
-        if far:
-            one.events |= codes.MOVED
-            one.moved, one.moved_from, one.moved_to = one.joint, one.first, one.second
+def accept_step(memory, here, one):
+    """End the row of the candidate; exchange it for the state in force where it takes its place."""
+    if one.moved >= 0:
+        one.events |= codes.MOVED
+    for j in here:
+        joint = memory.joints[j]
+        joint.other_count = 0
+        if one.moved >= 0:
+            _store_candidate(joint, joint.position, joint.velocity, joint.stamp)
 
 
 @kernel
-def is_contradicted(memory, here, position, stamp, unstamped):
-    """Return the joint in which a message without velocity is of another source, or −1.
-
-    Its stamp is that of the state in force, or its positions repeat to the bit after that source's next message.
-    """
-    first, newest = here[0], -1
-    for j in here:
-        first = min(first, j)
-        if _is_comparable(memory.joints[j], unstamped):
-            newest = max(newest, memory.joints[j].stamp)
-    source = memory.joints[first]
-    again = source.bare_count == len(here) and source.bare_since != newest
-    for i in range(len(here)):
-        again = again and memory.history[first, i] == position[here[i]]
-        memory.history[first, i] = position[here[i]]
-    source.bare_count, source.bare_since = len(here), newest
-    largest, joint = MARGIN, -1
-    for j in here:
-        if _is_comparable(memory.joints[j], unstamped):
-            step = _step(memory.joints[j], position[j], memory.joints[j].position)
-            if step > largest:
-                largest, joint = step, j
-    return joint if again or stamp == newest else -1
-
-
-@kernel
-def _is_comparable(joint, unstamped):
-    """Whether a joint is known by the clock of a message."""
-    return joint.known == 1 and joint.unstamped == unstamped
-
-
-@kernel
-def _measure_steps(memory, here, position, velocity, stamp, unstamped):
-    """Fill the scratch; return whether a step is too far, whether there is one, and whether one contradicts its stamp."""
-    table, joints = memory.scratch, memory.joints
-    for j in range(len(joints)):
-        if abs(stamp - joints[j].other_stamp) > CANDIDATE_TIMEOUT * 1e9:
-            joints[j].other_count = joints[j].other_returns = 0
-    far, moves, contradicts = False, False, False
-    for j in here:
-        joint = joints[j]
-        known = _is_comparable(joint, unstamped)
-        step = _step(joint, position[j], joint.position) if known else 0.0
-        most = _largest_step(
-            joint, memory.shared[0].slack, velocity[j], joint.velocity, stamp - joint.stamp
-        )
-        too_far = known and step > most and (stamp - joint.stamp) * 1e-9 <= joint.lasting
-        table[FAR, j], table[KNOWN, j], table[STEP, j], table[LARGEST, j] = (
-            too_far,
-            known,
-            step,
-            most,
-        )
-        table[VELOCITY, j] = velocity[j]
-        far, moves = far or too_far, moves or step != 0.0
-        contradicts = contradicts or (known and stamp == joint.stamp and step > MARGIN)
-    return far, moves, contradicts
+def _mark_far_joints(memory, here, position, velocity, stamp, unstamped):
+    """Mark joints whose steps no velocity explains in the scratch; return the first one, or −1."""
+    first = -1
+    for k in range(len(here) - 1, -1, -1):
+        j = here[k]
+        joint, elapsed = memory.joints[j], stamp - memory.joints[j].stamp
+        step, slack = _step(joint, position[j], joint.position), memory.shared[0].slack
+        far = step > _largest_step(joint, slack, velocity[j], joint.velocity, elapsed)
+        far = far and joint.known == 1 and joint.unstamped == unstamped
+        far = far and elapsed * 1e-9 <= joint.lasting
+        memory.scratch[FAR, j] = far
+        first = j if far else first
+    return first
 
 
 @kernel
@@ -193,122 +104,37 @@ def _largest_step(joint, slack, velocity, before, elapsed):
 
 
 @kernel
-def _is_interleaved(memory):
-    """Whether a candidate came again between messages of the source in force."""
-    for j in range(len(memory.joints)):
-        if memory.joints[j].other_returns > 0:
-            return True
-    return False
+def _compare_candidate(memory, here, position, velocity, stamp):
+    """Return how many messages in a row agree with the candidate, and whether sources are interleaved."""
+    slack, in_row, interleaved = memory.shared[0].slack, STATES, False
+    for j in here:
+        joint, elapsed = memory.joints[j], stamp - memory.joints[j].other_stamp
+        if memory.scratch[FAR, j] > 0.0:
+            largest = _largest_step(joint, slack, velocity[j], joint.other_velocity, elapsed)
+            elsewhere = _step(joint, position[j], joint.other_position) > largest
+            if elsewhere or joint.other_stamp < 0 or abs(elapsed) > CANDIDATE_TIMEOUT:
+                return 1, False
+            in_row = min(in_row, joint.other_count + 1)
+            interleaved = interleaved or joint.other_count == 0 or joint.interleaved == 1
+    return in_row, interleaved
 
 
 @kernel
-def _rests(here, velocity):
-    """Whether all velocities are 0 or missing."""
+def _moves_alone(memory, here, position, velocity):
+    """Whether a message has moved on from the candidate while the state in force rests."""
+    moves, elsewhere = False, False
     for j in here:
-        if velocity[j] != 0.0 and not np.isnan(velocity[j]):
+        joint = memory.joints[j]
+        if abs(joint.velocity) > 0.0:  # NaN is no motion of the state in force
             return False
-    return True
+        moves = moves or velocity[j] != 0.0  # NaN is no rest of the candidate
+        elsewhere = elsewhere or position[j] != joint.other_position
+    return moves and elsewhere
 
 
 @kernel
-def _stops_elsewhere(memory, here, velocity, stamp):
-    """Whether a robot in motion is at rest at once where its velocities do not lead."""
-    moved, elsewhere = False, False
-    for j in here:
-        joint = memory.joints[j]
-        if memory.scratch[KNOWN, j] == 0.0 or velocity[j] != 0.0:  # NaN is no rest
-            return False
-        before = 0.0 if np.isnan(joint.velocity) else joint.velocity
-        moved = moved or before != 0.0
-        way = 2.0 * abs(before) * max(stamp - joint.stamp, 0) * 1e-9
-        elsewhere = (
-            elsewhere or memory.scratch[STEP, j] > way + STOP_FRACTION * memory.shared[0].slack
-        )
-    return moved and elsewhere
-
-
-@kernel
-def _compare_candidate(memory, here, position, velocity, stamp, mask):
-    """Compare a message with the candidate; return whether all positions are the candidate's to the bit."""
-    table, agrees, same = memory.scratch, True, True
-    for j in here:
-        joint = memory.joints[j]
-        most = _largest_step(
-            joint,
-            memory.shared[0].slack,
-            velocity[j],
-            joint.other_velocity,
-            stamp - joint.other_stamp,
-        )
-        elsewhere = _step(joint, position[j], joint.other_position) > most
-        if table[mask, j] > 0.0 and (joint.other_count == 0 or elsewhere):
-            agrees = False
-        same = same and joint.other_count > 0 and position[j] == joint.other_position
-    for j in here:
-        joint = memory.joints[j]
-        in_row = table[KNOWN, j] > 0.0 and joint.other_since == joint.stamp
-        in_row = in_row and joint.other_since_position == joint.position
-        recent = (stamp - joint.other_stamp) * 1e-9 <= SOURCE_TIMEOUT
-        table[COUNT, j] = joint.other_count + 1 if agrees and in_row else 1
-        returned = int(agrees and not in_row)
-        table[RETURNS, j] = joint.other_returns + returned if agrees and (in_row or recent) else 0
-    return same
-
-
-@kernel
-def _describe_step(memory, here, position, velocity, stamp, mask, one):
-    """Store the numbers of a step's text; return the time since the last message of the source in force [s]."""
-    table, newest, chosen = memory.scratch, -1, here[0]
-    row = FAR if mask == FAR else STEP
-    for j in here:
-        if table[mask, j] > 0.0:
-            newest = max(newest, memory.joints[j].stamp)
-        if table[row, j] > table[row, chosen]:
-            chosen = j
-    joint, silence = memory.joints[chosen], (stamp - newest) * 1e-9
-    one.joint, one.first, one.second, one.third = chosen, joint.position, position[chosen], silence
-    one.fourth, one.fifth, one.sixth = table[LARGEST, chosen], joint.velocity, velocity[chosen]
-    return silence
-
-
-@kernel
-def _takes_place(memory, here, velocity, far, same, interleaved, silence, mask):
-    """Whether the candidate takes the place of the state in force, whose returns are stored in the scratch."""
-    table, enough, rests, missing = memory.scratch, True, True, False
-    for j in here:
-        if table[mask, j] > 0.0 and table[COUNT, j] < STATES:
-            enough = False
-        before = memory.joints[j].velocity
-        if table[KNOWN, j] > 0.0 and before != 0.0 and not np.isnan(before):
-            rests = False
-        missing = missing or np.isnan(velocity[j])
-    if enough and (not interleaved or silence > SOURCE_TIMEOUT):
-        for j in here:
-            table[RETURNS, j] = 0.0
-        return True
-    # It moves, or goes on from the candidate where velocities are missing.
-    moves = not same and (missing or not _rests(here, velocity))
-    if far and interleaved and rests and moves:
-        for j in here:
-            table[RETURNS, j] = max(table[RETURNS, j], 1.0)
-        return True
-    return False
-
-
-@kernel
-def _store_candidate(memory, here, position, stamp):
-    """Store a message as the candidate."""
-    table = memory.scratch
-    for j in here:
-        joint = memory.joints[j]
-        joint.other_position, joint.other_velocity, joint.other_stamp = (
-            position[j],
-            table[VELOCITY, j],
-            stamp,
-        )
-        joint.other_since = joint.stamp if table[KNOWN, j] > 0.0 else -1
-        joint.other_since_position = joint.position
-        joint.other_count, joint.other_returns = int(table[COUNT, j]), int(table[RETURNS, j])
+def _store_candidate(joint, position, velocity, stamp):
+    joint.other_position, joint.other_velocity, joint.other_stamp = position, velocity, stamp
 
 
 # --- Stuck sensors

@@ -12,6 +12,7 @@ from diag_dynamics.recordings.intake import IMPLAUSIBLE
 from diag_dynamics.recordings.joint_names import FEW, describe_maps, listed, propose_maps
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 
+SECOND_SOURCE = f"rejected: {CAUSES[INTERLEAVED]}"
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
 OTHER_TOPICS = (
     "(--topic reads several)"  # in the note about topics of joint states that are not read
@@ -28,7 +29,6 @@ TEXTS = {
     "foreign": None,
     WITHOUT_VALUES: "rows without joint values, such as rows of other topics, were ignored",
     "positions jumped": None,
-    CAUSES[INTERLEAVED]: None,
     "mimic disagreement": None,
     "implausible effort": "implausible efforts count as unknown (plausibility.effort, plausibility.beyond_effort)",
     "before odometry": "joint states before the first odometry",
@@ -90,6 +90,9 @@ def collect_findings(intake, source):
         found.append(Finding("motor currents", 1, CURRENTS.format(source.currents)))
     found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in source.unread]
     first = {one.cause: one.text for one in reversed(intake.rejections)}
+    if SECOND_SOURCE in first:
+        accepted, rejections = counts["published"], counts[SECOND_SOURCE]
+        first[SECOND_SOURCE] += f" ({accepted} states accepted, {rejections} messages rejected)"
     causes = dict.fromkeys(one.cause for one in intake.rejections)
     found += [Finding(cause, counts[cause], first[cause]) for cause in causes]
     texts = intake.assembler.last_texts | _name_texts(intake, counts)

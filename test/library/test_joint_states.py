@@ -95,7 +95,7 @@ SUSPECTS = (
 TURNED = ("time jumped back", "positions jumped")
 """Counters of messages that confirm this."""
 
-NAMED = ("received", "odometry received", "interleaved sources")
+NAMED = ("received", "odometry received")
 """Counters that rejected messages may raise, or keep from being raised, for themselves and others."""
 
 

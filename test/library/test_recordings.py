@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from bags import ODOMETRY, Message, arm, write_mcap
+from bags import ODOMETRY, Message, arm, serialized, write_mcap
 from diag_dynamics.recordings.states import States
 from hostile import MS, START, Driver, S
 from joint_state_readers import DEFAULTS, Reader
@@ -130,6 +130,21 @@ def test_stuck_values_are_a_finding(tmp_path, panda):
         finding.cause == "stuck values" and "has a velocity" in finding.text
         for finding in recording.findings
     )
+
+
+def test_two_sources_are_a_finding(tmp_path):
+    """All states of the first source are read; the finding has the counts of both."""
+    times = range(START, START + S, 5 * MS)
+    pairs = [
+        (serialized(t, ["a"], [2.0] if k % 2 else [0.0], [] if k % 2 else [0.1]), t)
+        for k, t in enumerate(times)
+    ]
+    recording = dd.read_recording(states_written(tmp_path / "two.mcap", pairs), arm("a"))
+    assert len(recording) == 100 and (recording.q == 0.0).all()
+    found = {finding.cause: finding for finding in recording.findings}
+    assert found["rejected: interleaved sources"].count == 99
+    text = found["rejected: interleaved sources"].text
+    assert "two sources" in text and "(100 states accepted, 99 messages rejected)" in text
 
 
 def test_errors_of_reading(tmp_path, panda):

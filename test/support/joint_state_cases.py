@@ -7,7 +7,7 @@ A case lists messages in order, each with its expected outcome. The table holds 
 by rosbags, parameters have the monitor's names, expected states are numbers. `joint_state_readers.py` runs it.
 """
 
-from joint_state_source_cases import COARSE_CASES, SOURCE_CASES
+from joint_state_source_cases import SOURCE_CASES
 from joint_state_time_cases import AGE_CASES, CLOCK_CASES, ODOMETRY_CASES, ORDER_CASES
 from joint_state_value_cases import (
     EFFORT_CASES,
@@ -30,7 +30,6 @@ TABLE = {
     "mimic joints": MIMIC_CASES,
     "jumps": STEP_CASES,
     "interleaved sources": SOURCE_CASES,
-    "coarse encoders": COARSE_CASES,
     "estimated velocities": ESTIMATE_CASES,
     "odometry": ODOMETRY_CASES,
 }

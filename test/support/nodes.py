@@ -286,7 +286,6 @@ OTHER_COUNTERS = (
     "mimic disagreement",
     "implausible effort",
     "positions jumped",
-    "interleaved sources",
     "lost in transport",
 )
 

@@ -25,7 +25,6 @@ WARNINGS = {  # by counter; a text of the event follows
     OVERLOAD: "messages dropped: CPU overload",
     f"odometry {OVERLOAD}": "odometry dropped: CPU overload",
     "positions jumped": "positions jumped: ",
-    "interleaved sources": "several sources: ",
     "time jumped back": "stamps restarted; all joints reset",
     "clock jumped back": "clock jumped back; all joints reset",
     "before odometry": "no odometry yet",
