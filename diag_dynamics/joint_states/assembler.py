@@ -51,6 +51,8 @@ class Assembled(NamedTuple):
 
 MAX_LAYOUTS = 256  # lists of names that are kept, of MAX_BYTES together
 
+MAX_LISTS = 16  # lists of joints that are compared at a time
+
 MAX_NAMES, MAX_NAME_LENGTH = 1000, 256
 """Names of joints in messages that are kept, and the length of each."""
 
@@ -85,6 +87,7 @@ class StateAssembler:
         self._labels = (*(labels or (f"joint '{name}'" for name in self.names)), *loops)
         self.counts, self.stuck, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
         self._layouts, self.arrived = _Kept(), {}
+        self._lists, self._alternating = set(), set()
         count, beside = len(joints.names), len(self.followers.names)
         self._memory = memory.Memory.create(count, beside)
         self._shared, self._own = self._memory.shared[0], self._memory.joints
@@ -205,6 +208,17 @@ class StateAssembler:
             (self._own["known"] > 0) & (now - self._own["stamp"] > self._own["span"])
         )
 
+    def overlapping_joints(self):
+        """Return joints that seem to have several sources since the last call.
+
+        Their messages have other lists of joints, or positions that alternate.
+        """
+        counts = Counter(name for joints in self._lists for name in joints)
+        overlap = [name for name in self.names if counts[name] > 1 or name in self._alternating]
+        self._lists.clear()
+        self._alternating.clear()
+        return overlap
+
     def _joints_where(self, which):
         return [self.names[k] for k in np.flatnonzero(which)]
 
@@ -303,6 +317,10 @@ class StateAssembler:
         code, events, stuck, newest, oldest, with_effort, received, estimated = self._judge_one(
             layout.batch, 0, now, sec, nanosec
         )
+        if len(self._lists) < MAX_LISTS:
+            self._lists.add(layout.joints)
+        if code == codes.INTERLEAVED:
+            self._alternating.add(self.names[self._one.outcome[0]["joint"]])
         if code or events or stuck:
             self._count(self._one.outcome, np.zeros(1, int), [layout.names])
         if code > 0:
@@ -427,7 +445,8 @@ class StateAssembler:
         entries = code, own[1], beside[1], self._pairs(own, beside, lengths, begins, bool(code))
         layouts = memory.Batch.create(0, [entries], self._memory).layouts
         batch = self._one._replace(layouts=layouts, numbers=numbers)
-        return _Layout(names, text, lengths, entries, batch)
+        listed = tuple(dict.fromkeys(joint for joint in joints if joint in index))
+        return _Layout(names, listed, text, lengths, entries, batch)
 
     def _pairs(self, own, beside, lengths, begins, wrong):
         """Return the place of each number in a message, and in the arrays."""
@@ -493,6 +512,7 @@ class _Layout(NamedTuple):
     """Messages with one list of names, and lengths of the fields."""
 
     names: tuple
+    joints: tuple  # of the robot, in the order of the names
     text: str  # error of such messages, if the layout itself has one
     lengths: tuple
     entries: tuple  # of memory.Batch.create

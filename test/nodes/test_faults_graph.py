@@ -194,9 +194,43 @@ def test_two_publishers_of_the_same_joints(monitor, intruder, panda):
         rejected = {"rejected: jump": 1, "rejected: interleaved sources": 3}
         assert report.since(before) == {"received": 8, "published": 4} | rejected
         assert "two sources publish this joint in turns" in report.entries["joint states"].message
+        assert names_both_nodes(report)
         assert report.values["publishers of /default/joint_states"] == "2: /test, /intruder"
         assert report.level == WARN
     assert report.values["publishers of /default/robot_description"] == "1: /test"
+
+
+def names_both_nodes(report):
+    """Return whether the warning of joints with two publishers is there."""
+    warning = "' on /default/joint_states: /intruder, /test. Stop one of them"
+    entry = report.entries["joint states"]
+    return entry.level == WARN and warning in entry.message
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "overlap"),
+    [
+        (slice(0, 7), slice(7, None), False),
+        (slice(0, 7), slice(6, None), True),
+        (slice(None), slice(None, None, -1), True),
+    ],
+    ids=["arm and gripper", "one joint in both", "other order"],
+)
+def test_publishers_of_parts(monitor, intruder, panda, first, second, overlap):
+    """A warning in diagnostics and log names two nodes whose joints overlap, at equal positions, too."""
+    publisher = intruder.create_publisher(JointState, "/default/joint_states", BEST_EFFORT)
+    q, qd, tau, _ = panda.samples[0]
+    monitor.next_report()
+    monitor.peer.pass_time(60.0)  # since the last line of the log
+    begin = len(monitor.process.output)
+    for part, sender in ((first, monitor.feeder), (second, publisher)):
+        values = (panda.names[part], q[part], qd[part], tau[part])
+        sender.publish(joint_state(*values, monitor.tick(8 * MS)))
+        monitor.peer.graph.spin()
+    assert names_both_nodes(monitor.next_report()) == overlap
+    assert ("/intruder, /test" in monitor.process.output[begin:]) == overlap
+    intruder.destroy_publisher(publisher)
+    assert not names_both_nodes(monitor.next_report())
 
 
 def test_two_publishers_of_the_clock(peer, intruder):

@@ -23,7 +23,7 @@ from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
-from diag_dynamics.nodes.support.diagnostics import MAX_NAMES, WARN, Diagnostics, counted
+from diag_dynamics.nodes.support.diagnostics import MAX_NAMES, WARN, Diagnostics, counted, shortened
 from diag_dynamics.nodes.support.graph import clock_notes, publishers, warn_of_time
 from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.publishing import connected
@@ -396,7 +396,9 @@ class MonitorNode(TableNode, Node):
             package, middle, _ = kind.__module__.split(".", 2)
             names, wrong = publishers(self, subscription, f"{package}/{middle}/{kind.__name__}")
             notes[f"publishers of {subscription.topic_name}"] = counted(names)
-            problems += wrong
+            problems += wrong.values()
+            if kind is JointState and self._robot:
+                problems += self._overlap(subscription.topic_name, sorted({*names} - {*wrong}))
         values, wrong = clock_notes(self)
         if self._robot and (load := self._robot.load_without_effort()):
             problems.append(
@@ -404,3 +406,15 @@ class MonitorNode(TableNode, Node):
                 "does not measure efforts (effort_available)"
             )
         return notes | values, problems + wrong
+
+    def _overlap(self, topic, names):
+        """Return, and log, the problem that nodes of these names publish the same joints."""
+        joints = self._robot.assembler.overlapping_joints()
+        if len(names) < 2 or not joints:
+            return []
+        problem = (
+            f"several nodes publish '{shortened(joints[0])}' on {topic}: {', '.join(names)}. "
+            "Stop one of them, or remap its topic"
+        )
+        self.get_logger().warning(problem, throttle_duration_sec=60.0)
+        return [problem]

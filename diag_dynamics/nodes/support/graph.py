@@ -15,17 +15,20 @@ NOT_YET_KNOWN = "unknown node"
 
 
 def publishers(node, subscription, kind):
-    """Return names of the nodes that publish a subscription's topic, and problems; `kind` is a package/msg/Type."""
-    topic, problems = subscription.topic_name, []
+    """Return names of the nodes that publish a subscription's topic, and problems by name of the node.
+
+    `kind` is a package/msg/Type.
+    """
+    topic, problems = subscription.topic_name, {}
     infos = node.get_publishers_info_by_topic(topic)
     names = _node_names(infos)
     for name, info in zip(names, infos, strict=True):
         if info.topic_type != kind:
-            problems.append(f"{name} publishes {info.topic_type} on {topic}, expected {kind}")
+            problems[name] = f"{name} publishes {info.topic_type} on {topic}, expected {kind}"
             continue
         compatible, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
         if compatible == QoSCompatibility.ERROR:
-            problems.append(
+            problems[name] = (
                 f"QoS of {name} on {topic} is incompatible with this node's subscription: {reason}"
             )
     return names, problems
