@@ -114,7 +114,7 @@ def call(monitor, service, kind, request):
     """Return what the program of the pages prints about the response of a service."""
     command = [sys.executable, EXAMPLES / "call.py", f"{monitor.name}/{service}", kind, request]
     with Process(command) as process:
-        assert process.wait(START) == 0, process.tail()
+        assert process.wait(HANG) == 0, process.tail()
     return process.output
 
 
