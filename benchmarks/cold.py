@@ -58,7 +58,7 @@ def starts():
     python = [sys.executable, "-c"]
     lines = [
         Start("import, load, first `evaluate`", [*python, FIRST.format(urdf)], {}, 16.0),
-        Start("`Simulation` of order 4", [*python, SIMULATION.format(urdf)], {}, 30.0),
+        Start("`Simulation`", [*python, SIMULATION.format(urdf)], {}, 30.0),
         Start("everything that a script may call", [*python, EVERYTHING.format(urdf)], {}, 55.0),
     ]
     if importlib.util.find_spec("rclpy"):

@@ -195,7 +195,6 @@ def measure(case, seconds, rounds, folder):
         robot_description=find_urdf(robot),
         motion="wave",
         rate=rate,
-        order=1,
     )
     monitor = started("monitor", "-r", "__ns:=/arm", **observed)
     view = started("view", port=port)

@@ -20,11 +20,6 @@ _FIXED = {
     ),
     "rate": Spec(500.0, "joint_states per second of simulated time [Hz].", 1.0, 10000.0),
     "step": Spec(0.001, "Maximum integration step [s].", 1e-6, 0.1),
-    "order": Spec(
-        4,
-        "Order of integration: 4, or 1 at a tenth of the cost, for fixed bases only.",
-        choices=(4, 1),
-    ),
     "motion": Spec(
         "free",
         "Motion: by commands and wrenches (free), or sine waves about mid-range (wave).",

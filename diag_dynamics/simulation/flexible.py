@@ -3,12 +3,12 @@
 
 """Motors of flexible joints in an implicit step: eliminated before the links, computed after them.
 
-With a spring k and a damper d between motor (B, θ) and link, and E = h d + h² k, a step of implicit Euler is
+With a spring k and a damper d between motor (B, θ) and link, stretch s = θ − q and E = h w (d + w h k), a step is
 
-    M q̇⁺ = M q̇ + h(…) + h τ_J    B θ̇⁺ = B θ̇ + h(τ − τ_J)    h τ_J = h k(θ − q) + E(θ̇⁺ − q̇⁺)
+    B θ̇⁺ = B θ̇ + h(τ − τ_J)    h τ_J = h k s + E (1 − w)/w ṡ + E ṡ⁺    s⁺ = s + h ((1 − w)ṡ + w ṡ⁺)
 
-Elimination of θ̇⁺ leaves the inertia EB/(E + B) on the joint, which enters the sweep as armature does. No spring is too
-stiff for a step: E → ∞ is the rigid joint of armature B. Order 4 has h γ in place of h.
+with the weight w of the spring: see midpoint.py. Elimination of θ̇⁺ leaves the inertia EB/(E + B) on the joint, which enters
+the sweep as armature does. No spring is too stiff for a step: E → ∞ is the rigid joint of armature B.
 """
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
@@ -16,43 +16,49 @@ from diag_dynamics.simulation.memory import opened
 
 
 @kernel
-def rigid_part(B, stiffness, damping, h):
-    """E/(E + B), the fraction of a motor that moves with its link in a step h: 1 at a rigid joint."""
-    E = h * (damping + h * stiffness)
-    return E / (E + B)
+def implicit_inertia(stiffness, damping, weight, h):
+    """E of a spring and a damper: what they add to the inertia in a step [kg m², kg]."""
+    return h * weight * (damping + weight * h * stiffness)
+
+
+@kernel
+def _spring(sim, k, h):
+    """Torque of a spring without the part of ṡ⁺, and the fraction E/(E + B) of a motor that moves with its link."""
+    weight, B = sim.motor_weight[k], sim.rotor_inertia[k]
+    E = implicit_inertia(sim.spring_stiffness[k], sim.spring_damping[k], weight, h)
+    stretch = sim.theta[k] - sim.first_q[sim.coordinate[k]]
+    torque = sim.spring_stiffness[k] * stretch
+    torque += E * (1.0 - weight) / (weight * h) * (sim.thetad[k] - sim.before[k])
+    return torque, E / (E + B)
 
 
 @large_kernel
 def eliminate_motors(address, h, tau):
-    """Set the efforts on links and the reflected inertias of a step of order 1; h k(θ − q) cancels in a rigid joint."""
+    """Set the efforts on links and the reflected inertias of a step."""
     sim = opened(address)
     for k in range(len(tau)):
         sim.link_effort[k], sim.reflected[k] = tau[k], 0.0
         if sim.rotor_inertia[k] > 0.0:
             B = sim.rotor_inertia[k]
-            part = rigid_part(B, sim.spring_stiffness[k], sim.spring_damping[k], h)
-            torque = sim.spring_stiffness[k] * (sim.theta[k] - sim.q[sim.coordinate[k]])
+            torque, part = _spring(sim, k, h)
             sim.reflected[k] = part * B
-            sim.link_effort[k] = (1.0 - part) * torque + part * (
-                tau[k] + B * (sim.thetad[k] - sim.qd[k]) / h
-            )
+            accelerating = tau[k] + B * (sim.thetad[k] - sim.before[k]) / h
+            sim.link_effort[k] = (1.0 - part) * torque + part * accelerating
 
 
 @large_kernel
 def move_motor(address, k, h, tau):
     """Move a motor after its link, whose q and q̇ are those after the step; return the lost energy [J]."""
     sim = opened(address)
-    stiffness, after = sim.spring_stiffness[k], sim.qd[k]
-    before = sim.theta[k] - (sim.q[sim.coordinate[k]] - sim.u[k])
-    B = sim.rotor_inertia[k]
-    part = rigid_part(B, stiffness, sim.spring_damping[k], h)
-    free = sim.thetad[k] + h * (tau - stiffness * before) / B
+    weight, after = sim.motor_weight[k], sim.qd[k]
+    torque, part = _spring(sim, k, h)
+    stretch = sim.theta[k] - sim.first_q[sim.coordinate[k]]
+    rate = (1.0 - weight) * (sim.thetad[k] - sim.before[k])
+    free = sim.thetad[k] + h * (tau - torque) / sim.rotor_inertia[k]
     sim.thetad[k] = free + part * (after - free)
-    rate = sim.thetad[k] - after
-    sim.theta[k] = sim.q[sim.coordinate[k]] + before + h * rate
-    return (
-        h * rate * rate * (sim.spring_damping[k] + 0.5 * h * stiffness)
-    )  # with the loss of implicit Euler
+    rate += weight * (sim.thetad[k] - after)
+    sim.theta[k] = sim.q[sim.coordinate[k]] + stretch + h * rate
+    return h * rate * rate * (sim.spring_damping[k] + (weight - 0.5) * h * sim.spring_stiffness[k])
 
 
 @large_kernel

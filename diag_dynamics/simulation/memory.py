@@ -6,13 +6,9 @@
 import numpy as np
 
 from diag_dynamics.numerics.tables import Addresses, Table, array
-from diag_dynamics.sweeps import workspace as ws
 
-STAGES = 6
-"""Of a step of order 4."""
-
-EFFORT, WRENCHES, DAMPING, FRICTION, LIMITS, N_ACCOUNTS = range(6)
-"""Energy accounts [J]: work of efforts, wrenches, damping, friction, and of limits without elastic energy."""
+WORK, LOSS, N_ACCOUNTS = range(3)
+"""Energy accounts [J]: work of efforts and wrenches; of damping, friction, and limits without elastic energy."""
 
 STATE = "q", "qd", "nu", "accounts", "theta", "thetad"
 """Parts of the vector `state`: q, q̇, ν, the energy accounts, and θ and θ̇ of flexible joints."""
@@ -37,11 +33,13 @@ BY_DOF = (
     "mode",
     "spring",
     "depth",
+    "weight",  # of q̇ after the step in forces of springs and dampers: see midpoint.py
+    "motor_weight",  # that of the spring between motor and link
+    "fraction",  # of the step in which a compliant limit acts
     # Scratch of a step.
     "link_effort",  # of drives, and of springs by the motors' inertia [N m, N]
     "reflected",  # inertia of a motor through its spring [kg m², kg]
     "pushed",  # efforts of the wrenches [N m, N]
-    "effort",  # sum of efforts [N m, N]
     "added",  # inertia added to a joint's [kg m², kg]
     "bias",  # c + g − M q̇/h [N m, N]
     "momentum",  # [N m s, N s]
@@ -49,46 +47,27 @@ BY_DOF = (
     "qdd",  # q̈ [rad/s², m/s²]
     "after",  # q̇ after the step [rad/s, m/s]
     "before",  # q̇ before the step or the impact [rad/s, m/s]
-    "locks",  # not 0: this joint is locked
+    "middle",  # q̇ at `place` [rad/s, m/s]
+    "locks",  # not 0: an impact stops this joint
     "zeros",
     "u",  # change of positions, on the chart of joints of several degrees of freedom [rad, m]
-    # Scratch of a step of order 4.
-    "path",  # ∫q̇ [rad, m]
-    "stage_nu",  # ν at a stage [J^½]
-    "explicit_nu",  # ν at a stage before its implicit part [J^½]
-    "motor_start",  # θ̇ at a stage before its implicit part [rad/s, m/s]
-    "constant_effort",  # efforts of drives and friction [N m, N]
 )
 """Vectors of shape (nv,)."""
-
-BY_STAGE = (
-    "rates",
-    "charts",
-    "explicit",
-    "implicit",
-    "stage_pushed",
-    "motor_rates",
-    "spring_torques",
-)
-"""Matrices of shape (STAGES, nv): q̇, the rate of u, explicit and implicit parts of ν̇, efforts of the wrenches, θ̇ and τ_J."""
 
 SIMULATION = Table(
     "Simulation",
     robot=int,
-    damped_robot=int,  # the same robot with other scratch, for inertia added by dampers
     steps=array(np.int64),  # number of steps taken
     coordinate=array(np.int64),  # of each degree of freedom that can have limits
     **dict.fromkeys(("state", *STATE), array(float)),
     last=array(float),  # state before the step, in case that fails
-    armature=array(float),  # of the bodies: a locked joint's is replaced
     **dict.fromkeys(
         ("follower_damping", "follower_friction"), array(float)
     ),  # by body, where its ratio changes
     **dict.fromkeys(
         ("place", "first_q"), array(float)
-    ),  # q at a stage and at the start of a step [rad, m]
+    ),  # q of an evaluation and at the start of a step [rad, m]
     **dict.fromkeys(BY_DOF, array(float)),
-    **dict.fromkeys(BY_STAGE, array(float, 2)),
     moment=array(float),  # result of first_moment
     bends=array(
         float, 3
@@ -114,26 +93,21 @@ class Memory:
             "moment": np.zeros(3),
             **_bends(model),
             **{name: np.zeros(nv) for name in BY_DOF},
-            **{name: np.zeros((STAGES, nv)) for name in BY_STAGE},
         }
         self.use(model)
 
     def use(self, model):
         """Simulate a model with the same degrees of freedom; parameters and state stay."""
-        bodies = model.bodies.copy()  # in which joints can be locked
-        self._arrays["armature"] = bodies["armature"].copy()
         for name in ("follower_damping", "follower_friction"):
-            self._arrays.setdefault(name, np.zeros(len(bodies)))
-        self.workspace = ws.Workspace(bodies, model.gravity, model.coupling_tables)
+            self._arrays.setdefault(name, np.zeros(len(model.bodies)))
+        self.workspace = model.new_workspace()
         self._locate()
 
     def _locate(self):
         nq, nv = len(self._arrays["place"]), len(self._arrays["zeros"])
         parts = np.split(self._arrays["state"], np.cumsum([nq, nv, nv, N_ACCOUNTS, nv]))
         self._named = self._arrays | dict(zip(STATE, parts, strict=True))
-        self._damped = ws.Workspace(*self.workspace.__reduce__()[1])
-        robots = {"robot": self.workspace.robot, "damped_robot": self._damped.robot}
-        self._table = Addresses(SIMULATION, **robots, **self._named)
+        self._table = Addresses(SIMULATION, robot=self.workspace.robot, **self._named)
         self.address = self._table.at
 
     def __getitem__(self, name):

@@ -114,7 +114,7 @@ class Plant:
         )  # a whole number of steps a period
         compliant = CompliantLimits(values["limit_stiffness"], values["limit_damping"])
         limits = {"hard": True, "compliant": compliant, "none": False}[values["limits"]]
-        self.simulation = Simulation(model, step=step, limits=limits, order=values["order"])
+        self.simulation = Simulation(model, step=step, limits=limits)
         joints = single_joints(model)
         self._followers = Followers.of(model)
         self.names = (*joints, *self._followers.names)
@@ -237,10 +237,6 @@ def _require_consistent(model, values):
     if 0.0 < factor < 1e-3:
         raise InputError(
             f"parameter 'real_time_factor' is {factor:g}, expected 0 or at least 0.001."
-        )
-    if values["order"] == 1 and model.floating_base:
-        raise InputError(
-            "parameter 'order' is 1, at which a free robot gains energy as it tumbles, expected 4."
         )
     for name, idle in (("motion", "free"), ("sensor_delay", 0.0)):
         if values["lockstep"] and values[name] != idle:

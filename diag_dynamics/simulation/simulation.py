@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.model.links import wrenches_on_links
 from diag_dynamics.results import Evaluation
 from diag_dynamics.simulation import steps as compiled
-from diag_dynamics.simulation.memory import WRENCHES, Memory
+from diag_dynamics.simulation.memory import Memory
 from diag_dynamics.sweeps.records import WRENCH
 
 _NO_WRENCHES = np.zeros(0, WRENCH)
@@ -48,36 +48,25 @@ class CompliantLimits(NamedTuple):
 
 
 class EnergyAudit(NamedTuple):
-    """Work on a robot and change of its energy since the last reset [J].
+    """Work on a robot, and change of its energy, since the last reset [J].
 
-    The work of each force is integrated by the method that integrates the motion. The work of an impulse is the energy that
-    it takes. The residual is the error of the method: it falls with the power of the step that is the method's order.
+    The work of a force is that of its mean over each step. The work of an impulse is the energy that it takes.
     """
 
-    effort: float
-    """Work of the joint efforts, as saturated."""
-    wrenches: float
-    """Work of the external wrenches."""
-    damping: float
-    """Work of joint damping, never positive."""
-    friction: float
-    """Work of Coulomb friction, never positive."""
-    limits: float
-    """Work of position limits but for their elastic energy: impacts, dampers, those of modes too, and returns of joints to
-    hard limits."""
+    work: float
+    """Work of the joint efforts, as saturated, and of the external wrenches."""
+    loss: float
+    """Work of damping, friction and limits, but for elastic energy; negative. Limits bring joints back without speed: that
+    can add energy in the field of gravity."""
     exchanged: float
     """Energy that came with another model: see :meth:`Simulation.change_model`."""
-    kinetic: float
-    """Change of kinetic energy."""
-    potential: float
-    """Change of the energy in the field of gravity."""
-    elastic: float
-    """Change of the elastic energy of compliant limits, flexible joints and links."""
+    energy: float
+    """Change of kinetic energy, of that in the field of gravity, and of the elastic energy of limits, joints and links."""
 
     @property
     def residual(self) -> float:
-        """ΔK + ΔU + ΔE_elastic less all work [J]."""
-        return sum(self[6:]) - sum(self[:6])
+        """Change of energy less work, loss and exchanged energy: the error of the method [J]."""
+        return self.energy - self.work - self.loss - self.exchanged
 
     def since(self, earlier: EnergyAudit) -> EnergyAudit:
         """Return the audit of the time from an earlier audit to this one."""
@@ -108,8 +97,6 @@ class Simulation:
         with changing ratios, are always the model's, held during a step.
     limits : bool or CompliantLimits
         Whether there are position limits: hard stops without rebound, or springs with dampers.
-    order : {4, 1}
-        Order of the error in the step: 4, or 1 for steps at a tenth of the cost.
     friction : float or array_like, shape (nv,), optional
         Coulomb friction f [N m, N], by default that of the model.
     effort_limits : bool, float or array_like, shape (nv,)
@@ -141,7 +128,6 @@ class Simulation:
         step: float = 1e-3,
         damping: VectorLike | float | None = None,
         limits: bool | CompliantLimits = True,
-        order: Literal[1, 4] = 4,
         friction: VectorLike | float | None = None,
         effort_limits: bool | VectorLike | float = True,
         effort_offset: VectorLike | float | None = None,
@@ -155,9 +141,6 @@ class Simulation:
         self._memory = Memory(self.dynamics.model)
         self._set_friction_of_followers()
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
-        if order not in (1, 4):
-            raise InputError(f"order is {order!r}, expected 4 or 1.")
-        self._order = int(order)
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
         self.effort_offset = model.effort_offset if effort_offset is None else effort_offset
@@ -457,7 +440,7 @@ class Simulation:
         effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
         memory, tau = self._memory, effort - self._effort_offset
         status = compiled.advance(
-            memory.address, self._order, self.step_size, steps, tau, wrenches, frame == "world"
+            memory.address, self.step_size, steps, tau, wrenches, frame == "world"
         )
         self._effort, self._wanted = effort, wanted
         if status:
@@ -525,12 +508,10 @@ class Simulation:
     @property
     def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
-        stored = self._energies(*self._state()) - self._energies_at_start()
-        accounts = self._memory["accounts"].copy()
-        accounts[WRENCHES] += self._bending_energy(self._memory["q"]) - self._bending_energy(
-            self._start[0]
-        )
-        return EnergyAudit._make([*accounts.tolist(), self._exchanged, *stored.tolist()])
+        energy = (self._energies(*self._state()) - self._energies_at_start()).sum()
+        work, loss = self._memory["accounts"].tolist()
+        bent = self._bending_energy(self._memory["q"]) - self._bending_energy(self._start[0])
+        return EnergyAudit(work + float(bent), loss, self._exchanged, float(energy))
 
 
 def _not_negative(name, value, names, unit):

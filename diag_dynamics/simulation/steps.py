@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Steps of the simulation: one of order 4 in which a mode changes is repeated at order 1."""
+"""Steps of the simulation, with friction by the state at their begin."""
 
 import math
 from collections import namedtuple
@@ -15,61 +15,13 @@ from diag_dynamics.numerics.kernel import (
     entry_kernel,
     large_kernel,
 )
-from diag_dynamics.simulation import euler, modes
+from diag_dynamics.simulation import midpoint
 from diag_dynamics.simulation.memory import opened
-from diag_dynamics.simulation.runge_kutta import runge_kutta, wrench_efforts
 from diag_dynamics.sweeps import classical, factorization, records
 from diag_dynamics.sweeps import workspace as ws
 
-SUBSTEPS = 4
-"""Steps of order 1 that replace a step of order 4 in which a joint changes its mode."""
-
 Load = namedtuple("Load", ["tau", "wrenches", "in_world"])
 """Joint efforts [N m, N] and wrenches during a step, and whether the wrenches are in the world's axes."""
-
-
-@large_kernel
-def _smooth_step(address, h, load):
-    """Take a step of order 4. Return a status, and whether a joint changes its mode: the state is then invalid."""
-    sim = opened(address)
-    status, locked = 0, False
-    ws.copy(sim.q, sim.first_q)
-    has_modes, _ = modes.classify_joints(address)
-    if has_modes:
-        status = wrench_efforts(address, sim.q, load, sim.pushed)
-        if status == 0:
-            status = modes.solve_stiction(address, h, load.tau)
-        if status != 0 or modes.is_stopping(address):
-            return status, True
-        locked = modes.lock_joints(address)
-    if locked:
-        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
-    if status == 0:
-        status = runge_kutta(address, h, load)
-    if status != 0:
-        return status, False
-    changes = modes.is_mode_left(address)
-    if locked:
-        modes.unlock_joints(address)
-        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
-    euler.account_for_left_springs(address)
-    return status, changes
-
-
-@large_kernel
-def _step(address, order, h, load):
-    """Take a step of order 1, or of order 4 or its sub-steps of order 1."""
-    sim = opened(address)
-    if order == 1:
-        return euler.euler_step(address, h, load)
-    status, changes = _smooth_step(address, h, load)
-    if status != 0 or not changes:
-        return status
-    ws.copy(sim.last, sim.state)
-    for _ in range(SUBSTEPS):
-        if status == 0:
-            status = euler.euler_step(address, h / SUBSTEPS, load)
-    return status if status != 0 else factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
 
 
 @large_kernel
@@ -102,32 +54,30 @@ def _update_friction(address):
     return status
 
 
-@entry_kernel(ROBOT, COUNT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
-def advance(address, order, h, steps, tau, wrenches, in_world):
+@entry_kernel(ROBOT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
+def advance(address, h, steps, tau, wrenches, in_world):
     """Take `steps` steps of the simulation at an address; a failure leaves the state before the failing step."""
     sim, load = opened(address), Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
     ws.copy(sim.state, sim.last)
     status, taken, geared = 0, 0, _has_gears(address)
-    if steps > 0 and euler.is_beyond_hard_limit(address):
-        status = euler.resolve_impacts(address, h)
+    if steps > 0 and midpoint.is_beyond_hard_limit(address):
+        status = midpoint.resolve_impacts(address, h)
     while status == 0 and taken < steps:
         ws.copy(sim.state, sim.last)
         status = _update_friction(address) if geared else 0
         if status == 0:
-            status = _step(address, order, h, load)
+            status = midpoint.midpoint_step(address, h, load)
         taken += 1
-    if status == 0 and order == 1 and steps > 0:
+    if status == 0 and steps > 0:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
-    if status == 0 and steps > 0 and not math.isfinite(euler.kinetic_energy(sim.nu)):
+    if status == 0 and steps > 0 and not math.isfinite(midpoint.kinetic_energy(sim.nu)):
         status = -1
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
-        modes.unlock_joints(address)
         ws.copy(sim.last, sim.state)
         taken -= 1
-        if order == 1:
-            factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status > 0:
             work[status].D = failing  # for the error message
     sim.steps[0] += max(taken, 0)

@@ -84,9 +84,7 @@ def _inward_joint(direction, at, i):
         w, parent = lane_of(row.own, b), lane_of(row.parent, b)
         D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
         rate, effort = row.rate[0, b], row.effort[0, b]
-        results, singular = evaluation.inward_joint(
-            direction, D, G, rate, effort, w, parent, True, False
-        )
+        results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True)
         _set_results(row.results[:, b], results)
         count += 1 if singular else 0
     _accumulate(at, i)
@@ -186,7 +184,7 @@ def _inward_group(at, i, QD, TAU, first, last):
         for j in range(start, i + 1):
             _load(at, j, b)
         tau = TAU[min(t, len(TAU) - 1)]
-        if evaluation.inward_group(at.bodies, i, QD[t], tau, at.work, at.table, out, False) != 0:
+        if evaluation.inward_group(at.bodies, i, QD[t], tau, at.work, at.table, out) != 0:
             return 1
         if base > 0:
             _store(at, base, b)

@@ -76,11 +76,8 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
 
 
 @nk.kernel
-def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
-    """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in).
-
-    Inertia `added`, if not None, enters D as armature does.
-    """
+def _aba(bodies, gravity, q, qd, tau, work, Q, qdd):
+    """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in)."""
     n = len(bodies)
     status = joints.couple_with_rates(q, qd, work)
     if status != 0:
@@ -92,8 +89,6 @@ def aba(bodies, gravity, q, qd, tau, added, work, Q, qdd):
         V = joints.update_velocity(body, qd, work, w)
         joints.init_articulated_inertia(body, w)
         w.armature = body.armature
-        if added is not None and groups.is_leader(bodies, i):
-            w.armature += added[body.dof]
         records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
 
     ws.copy(tau, qdd)
@@ -133,14 +128,7 @@ def forward_dynamics(robot, q, qd, tau, qdd):
     bodies, gravity, work, table = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
-    return aba(bodies, gravity, q, qd, tau, None, work, table[0], qdd)
-
-
-@nk.large_kernel
-def accelerations_with_added_inertia(robot, q, qd, tau, added, qdd):
-    """q̈ from valid τ with inertia `added` that enters D as armature does."""
-    bodies, gravity, work, table = ws.opened(robot)
-    return aba(bodies, gravity, q, qd, tau, added, work, table[0], qdd)
+    return _aba(bodies, gravity, q, qd, tau, work, table[0], qdd)
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FILLED_VECTOR)

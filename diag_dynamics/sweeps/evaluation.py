@@ -57,16 +57,6 @@ def _outward(bodies, gravity, q, qd, work):
     return status
 
 
-@nk.large_kernel
-def _outward_factorized(bodies, gravity, work):
-    """The outward sweep over bodies that are factorized and have V."""
-    start_at_world(gravity, work[0])
-    for i in range(1, len(bodies)):
-        w = work[i]
-        X, V = records.placement_of(w), records.motion_of(w.V)
-        init_forces(bodies[i], X, V, w, work[bodies[i].parent])
-
-
 @nk.kernel
 def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
     """Results of one degree of freedom, by row; `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half."""
@@ -107,10 +97,10 @@ def write_outputs(out, k, results):
 
 
 @nk.kernel
-def inward_joint(direction, D, G, rate, tau, w, parent, is_carried, factorized):
+def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
     """The inward step at a joint of one degree of freedom, for one state or a lane; the direction is a constant.
 
-    Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺ go to the parent; P⁺ unless the bodies are factorized.
+    Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺ go to the parent.
     """
     P, P_rate = records.inertia_of(w.P), records.inertia_of(w.P_rate)
     V, y, z = records.motion_of(w.V), records.force_of(w.y), records.force_of(w.z)
@@ -143,9 +133,8 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried, factorized):
     rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), moved)
     if is_carried:
         X = records.placement_of(w)
-        if not factorized:
-            joints.accumulate_scale(w, X, parent)
-            records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P_plus))
+        joints.accumulate_scale(w, X, parent)
+        records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P_plus))
         records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, rate_plus))
         records.add_to_force(parent.y, sp.force_to_parent(X, y_plus))
         records.add_to_force(parent.z, sp.force_to_parent(X, z_plus))
@@ -154,24 +143,20 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried, factorized):
 
 
 @nk.kernel
-def _inward_step(bodies, i, direction, qd, tau, work, out, factorized):
+def _inward_step(bodies, i, direction, qd, tau, work, out):
     """The inward step of one state at a joint of one degree of freedom."""
     body, k = bodies[i], bodies[i].dof
     w, parent, is_carried = work[i], work[body.parent], body.parent > 0
     D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
-    if factorized:
-        D, G = w.D, records.force_of(w.G)
-    results, singular = inward_joint(
-        direction, D, G, qd[k], tau[k], w, parent, is_carried, factorized
-    )
-    if singular and not factorized:
+    results, singular = inward_joint(direction, D, G, qd[k], tau[k], w, parent, is_carried)
+    if singular:
         return i
     write_outputs(out, k, results)
     return 0
 
 
 @nk.large_kernel
-def _inward_coupled(bodies, last, qd, tau, work, table, out, factorized):
+def _inward_coupled(bodies, last, qd, tau, work, table, out):
     """The inward step of one state at a group."""
     first, Q, Q_rate, kappa, bias = (
         bodies[last].first,
@@ -183,11 +168,10 @@ def _inward_coupled(bodies, last, qd, tau, work, table, out, factorized):
     for i in range(first, last + 1):
         kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
     z = groups.gather(bodies, first, last, work, -1.0, kappa)
-    if not factorized:
-        groups.compose(bodies, first, last, work, Q)
+    groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, bias)
     groups.compose_rates(bodies, first, last, qd, work, Q_rate)
-    status = 0 if factorized else groups.eliminate(bodies, first, last, work, Q, False)
+    status = groups.eliminate(bodies, first, last, work, Q, False)
     if status != 0:
         return status
     y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, bias))
@@ -303,11 +287,11 @@ def _inward_base(bodies, last, tau, work, out):
 
 
 @nk.large_kernel
-def inward_group(bodies, last, qd, tau, work, table, out, factorized):
+def inward_group(bodies, last, qd, tau, work, table, out):
     """The inward step of one state at degrees of freedom that are eliminated together."""
     if is_floating_base(bodies, last):
         return _inward_base(bodies, last, tau, work, out)
-    return _inward_coupled(bodies, last, qd, tau, work, table, out, factorized)
+    return _inward_coupled(bodies, last, qd, tau, work, table, out)
 
 
 @nk.kernel
@@ -340,17 +324,17 @@ def _complete(out, n):
 
 
 @nk.kernel
-def _inward(bodies, qd, tau, work, table, out, factorized):
+def _inward(bodies, qd, tau, work, table, out):
     """Fill the rows of `out` from ws.NU on with what :func:`evaluate` gives, in the inward sweep."""
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
         if groups.is_grouped(bodies[i]):
-            status = inward_group(bodies, i, qd, tau, work, table, out, factorized)
+            status = inward_group(bodies, i, qd, tau, work, table, out)
         elif bodies[i].direction == sp.ANGULAR_Z:
-            status = _inward_step(bodies, i, sp.ANGULAR_Z, qd, tau, work, out, factorized)
+            status = _inward_step(bodies, i, sp.ANGULAR_Z, qd, tau, work, out)
         else:
-            status = _inward_step(bodies, i, sp.LINEAR_Z, qd, tau, work, out, factorized)
+            status = _inward_step(bodies, i, sp.LINEAR_Z, qd, tau, work, out)
         if status != 0:
             return status
         i = first - 1
@@ -366,7 +350,7 @@ def sweep_state(robot, q, qd, tau, out):
     if not joints.are_orientations(bodies, q):
         return -1
     status = _outward(bodies, gravity, q, qd, work)
-    return status if status != 0 else _inward(bodies, qd, tau, work, table, out, False)
+    return status if status != 0 else _inward(bodies, qd, tau, work, table, out)
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)
@@ -382,18 +366,6 @@ def evaluate(robot, q, qd, tau, out):
     ws.copy(q, out[ws.POSITIONS])
     ws.copy(qd, out[ws.RATES])
     return sweep_state(robot, q, qd, tau, out)
-
-
-@nk.large_kernel
-def nu_dot_from_tau(robot, qd, tau, nu_dot):
-    """ν̇ = ε − C − ε_g from q̇ and τ over bodies that are factorized and have V. Returns a status."""
-    bodies, gravity, work, table = ws.opened(robot)
-    out = ws.robot_of(robot).scratch
-    joints.couple_rates(qd, work)
-    _outward_factorized(bodies, gravity, work)
-    status = _inward(bodies, qd, tau, work, table, out, True)
-    ws.copy(out[ws.NU_DOT], nu_dot)
-    return status
 
 
 @nk.kernel

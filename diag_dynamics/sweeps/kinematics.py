@@ -94,25 +94,7 @@ def motion(robot, q, qd, qdd, body, result):
     return 0 if joints.are_finite(result[0]) and joints.are_finite(result[1]) else -1
 
 
-# --- Positions along a twist, and locked joints
-
-LOCKED_INERTIA = 1e150
-"""Rotor inertia of a locked joint [kg m², kg]: nothing moves it, and its square does not overflow."""
-
-
-@nk.large_kernel
-def dexp_inverse(bodies, u, rates, u_rates):
-    """u̇ where positions are displaced by u and the joints move with these rates."""
-    for i in range(1, len(bodies)):
-        body = bodies[i]
-        if body.dofs == 1:
-            if groups.is_leader(bodies, i):
-                u_rates[body.dof] = rates[body.dof]
-        elif body.rank == 0 and groups.is_leader(bodies, i):
-            rate = sp.dexp_inverse(joints.joint_vector(body, u), joints.joint_vector(body, rates))
-            for j in range(i, i + body.dofs):
-                direction = bodies[j].direction
-                u_rates[bodies[j].dof] = sp.entry(direction, rate.linear, rate.angular)
+# --- Positions along a twist
 
 
 @nk.large_kernel
@@ -203,11 +185,3 @@ def difference(robot, start, end, continuous, v):
             for j in range(i, i + body.dofs):
                 v[bodies[j].dof] = sp.entry(bodies[j].direction, U.linear, U.angular)
     return 0 if joints.are_finite(v) else -1
-
-
-@nk.large_kernel
-def lock_joints(bodies, armature, locked):
-    """Lock the degrees of freedom that are marked, and no others; `armature` has the bodies' own."""
-    for i in range(1, len(bodies)):
-        marked = groups.is_leader(bodies, i) and locked[bodies[i].dof] != 0.0
-        bodies[i].armature = LOCKED_INERTIA if marked else armature[i]

@@ -455,20 +455,6 @@ def screw_of_displacement(translation, vector):
     return Motion(linear, vector)
 
 
-@nk.kernel
-def dexp_inverse(U, V):
-    """U̇ for a body that is displaced by exp(U) and moves with the twist V in its own axes, to order 3 in U.
-
-    V + ½ U × V + 1/12 U × (U × V), the inverse of exp's differential; the next term is of order 4.
-    """
-    once = cross_motion(U, V)
-    twice = cross_motion(U, once)
-    return Motion(
-        add(V.linear, add(scale(once.linear, 0.5), scale(twice.linear, 1 / 12))),
-        add(V.angular, add(scale(once.angular, 0.5), scale(twice.angular, 1 / 12))),
-    )
-
-
 # --- How an inertia changes as its frame moves ------------------------------------------------------------
 
 

@@ -81,7 +81,7 @@ def record(robot, known, time, position, velocity, acceleration, pushes=(), erro
     The controller computes efforts by the model `known`; a spring bounds the error that unknown friction causes.
     """
     simulation, dynamics = (
-        dd.Simulation(robot, q=position[0], step=STEP, order=1),
+        dd.Simulation(robot, q=position[0], step=STEP),
         dd.DiagonalDynamics(known),
     )
     sensors, stiffness = Sensors(**errors), 40.0 * np.maximum(robot.friction, 0.1)

@@ -296,7 +296,7 @@ def test_friction_of_joints_that_stick(seed):
         dd.load_urdf(desk_arm.URDF),
         {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]},
     )
-    simulation, dynamics = dd.Simulation(model, order=1, **true), dd.DiagonalDynamics(model)
+    simulation, dynamics = dd.Simulation(model, **true), dd.DiagonalDynamics(model)
     t, q, qd, _ = desk_arm.motion(20.0, 1000.0, seed=seed)
     stands, states = t % 4.0 > 3.0, []
     moved = np.cumsum(~stands) - 1

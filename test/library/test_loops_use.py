@@ -297,44 +297,38 @@ def test_friction_of_followers():
 # --- Simulation
 
 
-@pytest.mark.parametrize("order", [4, 1])
-def test_simulated_energy(bar, order):
-    """Energy is constant without friction: for a minute by steps of order 4."""
-    steps, step = (30000, 2e-3) if order == 4 else (4000, 1e-4)
-    simulation = dd.Simulation(bar, q=bar.start, qd=[6.0, 1.0], step=step, order=order)
+def test_simulated_energy(bar):
+    """Energy is constant without friction: a four-bar of 9 J keeps it for 10 s to 1 mJ."""
+    simulation = dd.Simulation(bar, q=bar.start, qd=[8.0, 1.5])
     first, turns = simulation.kinetic_energy + simulation.potential_energy, abs(simulation.q[0])
     kinetic, worst = simulation.kinetic_energy, 0.0
     for _ in range(20):
-        simulation.advance(steps=steps // 20)
+        simulation.advance(steps=500)
         kinetic = max(kinetic, simulation.kinetic_energy)
         worst = max(worst, abs(simulation.kinetic_energy + simulation.potential_energy - first))
     assert abs(simulation.q[0] - turns) > 1.0
-    assert worst < {4: 1e-5, 1: 1e-2}[order] * kinetic
+    assert kinetic > 9.0 and worst < 1e-3
 
 
 def test_simulated_friction():
     """The audit of a rubbing four-bar closes, and its rate is that of the equations at small steps."""
     model = dd.load_urdf(four_bar(RUBBING), loops=[FOUR_BAR])
     q, qd = model.start, np.array([3.0, 0.5])
-    rates = {}
-    for order, step in ((4, 1e-5), (1, 1e-6)):
-        simulation = dd.Simulation(model, q=q, qd=qd, step=step, order=order)
-        simulation.advance(steps=20)
-        rates[order] = (simulation.qd - qd) / (20 * step)
+    simulation = dd.Simulation(model, q=q, qd=qd, step=1e-6)
+    simulation.advance(steps=20)
     sliding = dd.load_urdf(four_bar(RUBBING), loops=[FOUR_BAR], friction_velocity=1e-6)
     expected = dd.DiagonalDynamics(sliding).forward_dynamics(q, qd, np.zeros(2), friction=True)
-    np.testing.assert_allclose(rates[4], expected, rtol=3e-3)
-    np.testing.assert_allclose(rates[1], expected, rtol=3e-3)
+    np.testing.assert_allclose((simulation.qd - qd) / 2e-5, expected, rtol=3e-3)
     residuals = []
     for step in (2e-3, 1e-3, 5e-4):
         simulation = dd.Simulation(model, q=q, qd=qd, step=step)
         simulation.advance(steps=round(3.0 / step))
         residuals.append(abs(simulation.audit.residual))
-        assert simulation.audit.friction < -0.1 and simulation.audit.damping < -0.1
+        assert simulation.audit.loss < -0.2
     assert (
         residuals[2] < 1e-4
-        and residuals[1] < residuals[0] / 3.0
-        and residuals[2] < residuals[1] / 3.0
+        and residuals[1] < residuals[0] / 2.0
+        and residuals[2] < residuals[0] / 8.0
     )
     two = dd.load_urdf(five_bar(RUBBING), loops=[FIVE_BAR])
     with pytest.raises(dd.UnsupportedError, match="'p2' follows several joints and has friction"):

@@ -706,20 +706,20 @@ def test_simulation(name):
         k3 = f(x + h / 2 * k2)
         k4 = f(x + h * k3)
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    sim = dd.Simulation(model, q, qd, step=2.5e-4, **options)
-    sim.advance(tau, steps=1000)
+    sim = dd.Simulation(model, q, qd, step=1e-4, **options)
+    sim.advance(tau, steps=2500)
     assert norm(x[:n] - q) > 0.05, "nothing moved"
     assert_close(sim.q, x[:n], 1e-7)
     assert_close(sim.qd, x[n:], 1e-7)
 
-    sim = dd.Simulation(model, q, qd, step=1e-3, **options)
+    sim = dd.Simulation(model, q, qd, step=1e-4, **options)
     first, offset = (
         0.5 * sim.nu @ sim.nu + sim.potential_energy,
         oracle.potential_energy(q) - sim.potential_energy,
     )
     exchanged = 0.0
     for _ in range(10):
-        sim.advance(steps=50)
+        sim.advance(steps=500)
         kinetic = 0.5 * sim.nu @ sim.nu
         exchanged = max(exchanged, kinetic)
         assert abs(kinetic + sim.potential_energy - first) < 1e-6 * exchanged

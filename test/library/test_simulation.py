@@ -6,6 +6,8 @@
 import copy
 import pickle
 from itertools import pairwise, product
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -17,8 +19,10 @@ from diag_dynamics.exceptions import InputError
 from engines import distance, reference, start
 from examples import shortened, some_of
 from oracles import Oracle
+from pages import blocks_of
 from robots import description, joint, link, random_robots, regular_robots, robot_path
 
+DOCS = Path(__file__).parents[2] / "docs"
 PANDA = "panda_description/urdf/panda.urdf"
 UR5 = "ur_description/urdf/ur5_robot.urdf"
 TALOS = "talos_data/robots/talos_reduced.urdf"
@@ -26,7 +30,6 @@ SOLO = "solo_description/robots/solo12.urdf"
 HAND = "allegro_hand_description/urdf/allegro_left_hand.urdf"
 MOBILE = {robot.id: robot.urdf for robot in random_robots() if robot.id.startswith("mobile")}
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
-ORDERS = pytest.mark.parametrize("order", [4, 1])
 
 # Their mass matrix is regular, but not everywhere: joints with axes in one point and massless links between them
 # lose a direction (hip_X at 90°, neck at 0°), which a swinging robot reaches. A gram metre² of rotor is the cure.
@@ -65,17 +68,16 @@ def total_energy(sim):
 FREE = {"floating_base": True, "gravity": (0, 0, 0)}
 
 
-@ORDERS
-def test_flight_at_high_speed(order):
+def test_flight_at_high_speed():
     """A body that tumbles at a speed of 1 km/s keeps it: a step turns the velocity with the body's axes."""
     model = dd.load_urdf(BRICK, **FREE)
-    sim = dd.Simulation(model, model.neutral, [1000.0, 0.0, 0.0, 1.0, 10.0, 2.0], order=order)
+    sim = dd.Simulation(model, model.neutral, [1000.0, 0.0, 0.0, 1.0, 10.0, 2.0])
     oracle = Oracle(BRICK, model.dof_names, (0, 0, 0), floating_base=True)
     before, energy = momentum_in_world(oracle, sim.q, sim.qd)[:3], sim.kinetic_energy
     sim.advance(steps=2000)
     after = momentum_in_world(oracle, sim.q, sim.qd)[:3]
-    assert np.linalg.norm(after - before) < {4: 1e-5, 1: 1e-3}[order] * np.linalg.norm(before)
-    assert sim.kinetic_energy == pytest.approx(energy, rel={4: 1e-5, 1: 1e-3}[order])
+    assert np.linalg.norm(after - before) < 1e-3 * np.linalg.norm(before)
+    assert sim.kinetic_energy == pytest.approx(energy, rel=1e-3)
 
 
 LOCKED = {
@@ -116,24 +118,41 @@ def motion(request):
     )
 
 
-@ORDERS
-def test_converges_with_its_order(motion, order):
-    """The error against Pinocchio falls with the power of the step that the order says, the base's pose included."""
+def test_converges_with_its_order(motion):
+    """The error against Pinocchio falls with the square of the step, the base's pose included."""
     model, oracle, q, qd, tau, damping, end = motion
     steps, errors = 0.2 / np.array([10, 20, 40, 80]), []
     for h in steps:
         sim = dd.Simulation(
-            model, q, qd, step=h, damping=damping, friction=0.0 * damping, limits=False, order=order
+            model, q, qd, step=h, damping=damping, friction=0.0 * damping, limits=False
         )
         sim.advance(tau, steps=round(0.2 / h))
         errors.append(distance(oracle, sim, *end))
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert slope > 0.9 * order, (slope, errors)
-    assert errors[-1] < {4: 1e-5, 1: 0.5}[order], errors
+    assert slope > 1.8, (slope, errors)
+    assert errors[-1] < 1e-2, errors
     lengths = [
         np.linalg.norm(sim.q[k - 3 : k + 1]) for k, c in enumerate(model.orientations) if c == 3
     ]
     np.testing.assert_allclose(lengths, 1.0, atol=4e-16)
+
+
+SINGLE = [name for name in CASES if not name.startswith("mobile")]
+"""Cases whose joints behind the base have one degree of freedom."""
+
+
+@pytest.mark.parametrize("motion", SINGLE, indirect=True)
+def test_integration_by_scipy(motion):
+    """The function of docs/simulation.md agrees with Pinocchio, a floating base included."""
+    model, oracle, q, qd, tau, damping, end = motion
+    [code] = [
+        block.code for block in blocks_of(DOCS / "simulation.md") if "solve_ivp" in block.code
+    ]
+    names = {}
+    exec(code, names)
+    dynamics = dd.DiagonalDynamics(model)
+    integrated = names["integrate"](dynamics, q, qd, lambda _, q, qd: tau - damping * qd, 0.2)
+    assert distance(oracle, SimpleNamespace(q=integrated[0], qd=integrated[1]), *end) < 1e-7
 
 
 def momentum_in_world(oracle, q, qd):
@@ -169,21 +188,20 @@ def test_energy_and_momentum_are_conserved(urdf, options, speed, coarsest):
             momenta.append(np.linalg.norm(change) / np.linalg.norm(first))
             assert abs(np.linalg.norm(sim.q[3:7]) - 1.0) < 4e-16
     for errors in (energies, momenta) if momenta else (energies,):
-        assert errors[-1] < 1e-6, errors
-        assert errors[1] < errors[0] / 10 and errors[2] < errors[1] / 10, errors
+        assert errors[-1] < 1e-3, errors
+        assert errors[1] < errors[0] / 3 and errors[2] < errors[1] / 3, errors
 
 
-@ORDERS
-def test_heavy_damping_creeps(order):
+def test_heavy_damping_creeps():
     """With d/D near 10⁵ s⁻¹ a millisecond step still gives the speed τ/d: d θ' = −m g l sin θ has a closed form."""
     model = dd.load_urdf(PENDULUM)
     d, moment = 1.0, 1e-3 * 9.81 * 0.1
     D = dd.DiagonalDynamics(model).evaluate([0.0], [0.0]).articulated_inertia[0]
     assert d / D > 9e4
-    sim = dd.Simulation(model, [2.0], [0.0], step=1e-3, damping=[d], order=order)
+    sim = dd.Simulation(model, [2.0], [0.0], step=1e-3, damping=[d])
     sim.advance(steps=100_000)
     expected = 2.0 * np.arctan(np.tan(1.0) * np.exp(-moment / d * 100.0))
-    assert sim.q[0] == pytest.approx(expected, rel={4: 1e-6, 1: 1e-5}[order])
+    assert sim.q[0] == pytest.approx(expected, rel=1e-5)
     assert sim.qd[0] == pytest.approx(-moment / d * np.sin(sim.q[0]), rel=1e-3)
 
 
@@ -224,23 +242,22 @@ def slider(x=0.0, v=0.0, **options):
     return dd.Simulation(dd.load_urdf(SLIDER), [x], [v], damping=[0.0], **options)
 
 
-@ORDERS
-def test_sliding_stops_where_it_should(order):
+def test_sliding_stops_where_it_should():
     """v²/2 = (f/m) x, and then it stays, exactly; friction takes all of the kinetic energy."""
-    sim = slider(v=1.0, friction=[3.0], order=order, step=1.1e-2)
+    sim = slider(v=1.0, friction=[3.0], step=1.1e-2)
     sim.advance(steps=200)
     assert sim.qd[0] == 0.0
-    assert sim.q[0] == pytest.approx(0.5 * 1.0**2 / 1.5, rel={4: 1e-4, 1: 2e-2}[order])
-    assert sim.audit.friction == pytest.approx(-1.0, rel=1e-8)
+    assert sim.q[0] == pytest.approx(0.5 * 1.0**2 / 1.5, rel=1e-4)
+    assert sim.audit.loss == pytest.approx(-1.0, rel=1e-8)
     rest = sim.q[0]
     sim.advance([2.999], steps=1000)
     assert sim.q[0] == rest and sim.qd[0] == 0.0, "sticks below the breakaway force"
     sim.advance([3.5], steps=100)
-    assert sim.q[0] - rest == pytest.approx(0.5 * 0.25 * 1.1**2, rel={4: 1e-8, 1: 2e-2}[order])
+    assert sim.q[0] - rest == pytest.approx(0.5 * 0.25 * 1.1**2, rel=1e-8)
 
 
 def test_order_while_joints_slide_or_stick():
-    """While no joint starts or stops, two coupled ones with friction converge with order 4, one of them at rest, too."""
+    """While no joint starts or stops, two coupled ones with friction converge with order 2, one of them at rest, too."""
     model = dd.load_urdf(CHAIN)
 
     def end(h, qd, friction):
@@ -253,18 +270,16 @@ def test_order_while_joints_slide_or_stick():
         exact = end(5e-4, qd, friction)
         assert (exact[2:] > 0.5).tolist() == [True, qd[1] > 0.0]
         errors = [np.abs(end(h, qd, friction) - exact).max() for h in (2e-2, 1e-2, 5e-3)]
-        assert errors[-1] < 1e-6 and errors[1] < errors[0] / 10 and errors[2] < errors[1] / 10, (
-            errors
-        )
+        assert errors[-1] < 1e-3, errors
+        assert errors[1] < errors[0] / 3 and errors[2] < errors[1] / 3, errors
 
 
-@ORDERS
-def test_converges_with_friction(order):
+def test_converges_with_friction():
     """Where joints stop, stick and break away, two coupled ones converge with order 1."""
     model = dd.load_urdf(CHAIN)
 
     def end(h):
-        options = {"friction": [0.8, 0.9], "damping": [0.1, 0.0], "order": order}
+        options = {"friction": [0.8, 0.9], "damping": [0.1, 0.0]}
         sim, modes = dd.Simulation(model, [0.3, 0.4], [2.0, -3.0], step=h, **options), set()
         for k in range(round(1.2 / h)):
             sim.advance([1.0, 2.5 * (k >= round(0.6 / h))])
@@ -274,35 +289,29 @@ def test_converges_with_friction(order):
     exact, modes = end(5e-5)
     assert any(0.0 in mode for mode in modes) and len(modes) >= 4, modes
     errors = [np.abs(end(h)[0] - exact).max() for h in (1e-2, 2.5e-3, 6.25e-4)]
-    assert (
-        errors[-1] < {4: 2e-3, 1: 0.2}[order]
-        and errors[2] < errors[1] / 3
-        and errors[1] < errors[0] / 3
-    ), errors
+    assert errors[-1] < 0.1 and errors[2] < errors[1] / 3 and errors[1] < errors[0] / 3, errors
 
 
-@ORDERS
-def test_friction_never_adds_energy(order):
+def test_friction_never_adds_energy():
     """Friction takes energy in every step, however coarse; joints that it stops do not move backwards."""
     model, friction, rng = dd.load_urdf(CHAIN), np.full(2, 1.5), np.random.default_rng(4)
-    sim = dd.Simulation(model, order=order, step=5e-3, friction=friction, limits=False)
+    sim = dd.Simulation(model, step=5e-3, friction=friction, limits=False)
     stopped, last = 0, 0.0
     for k in range(400):
         if k % 10 == 0:
             tau = 3.0 * friction * rng.uniform(-1.0, 1.0, model.nv)
         q, qd = sim.q, sim.qd
         sim.advance(tau)
-        assert sim.audit.friction <= last + 1e-12 * abs(last)
-        last = sim.audit.friction
+        assert sim.audit.loss <= last + 1e-12 * abs(last)
+        last = sim.audit.loss
         ends = (qd != 0.0) & (sim.qd == 0.0)
         stopped += ends.sum()
-        assert order == 4 or ((sim.q - q)[ends] == 0.0).all()
-    assert stopped > 3 and abs(sim.audit.residual) < {4: 1e-3, 1: 1e-2}[order] * abs(last)
+        assert ((sim.q - q) * qd)[ends].min(initial=0.0) >= 0.0
+    assert stopped > 3 and abs(sim.audit.residual) < 1e-3 * abs(last)
 
 
-@ORDERS
 @pytest.mark.parametrize("robot", [UR5, TALOS])
-def test_brakes(robot, order):
+def test_brakes(robot):
     """Brakes of any strength stop joints where they are, and take no more than their energy."""
     model = load(robot, floating_base=robot == TALOS)
     own = slice(6 if robot == TALOS else 0, None)  # nothing brakes a base
@@ -314,56 +323,51 @@ def test_brakes(robot, order):
         ]
         friction[own] = strength
         options = {"damping": np.zeros(model.nv), "friction": friction, "effort_limits": False}
-        sim = dd.Simulation(model, q, qd, order=order, **options)
+        sim = dd.Simulation(model, q, qd, **options)
         energy, q = sim.kinetic_energy, sim.q
         sim.advance()
         assert np.abs(sim.q - q).max() < 2e-3 * np.abs(qd).max()
-        assert sim.audit.kinetic + sim.audit.potential < 0.0 and sim.audit.friction < 0.0
-        assert abs(sim.audit.residual) < {4: 2e-2, 1: 5e-2}[order] * energy
+        assert sim.audit.energy < 0.0 and sim.audit.loss < 0.0
+        assert abs(sim.audit.residual) < 2e-2 * energy
         assert strength < 1e7 or not sim.qd[own].any()
 
 
-@ORDERS
-def test_hard_limit_keeps_its_place(order):
+def test_hard_limit_keeps_its_place():
     """An arm that falls on its stop stays there; energy is lost at impacts only."""
-    sim = dd.Simulation(dd.load_urdf(CHAIN.replace('upper="10"', 'upper="1.0"', 1)), order=order)
+    sim = dd.Simulation(dd.load_urdf(CHAIN.replace('upper="10"', 'upper="1.0"', 1)))
     energies = []
     for _ in range(1500):
         sim.advance()
-        audit = sim.audit
-        energies.append(audit.kinetic + audit.potential)
+        energies.append(sim.audit.energy)
     assert sim.q[0] == 1.0 and sim.qd[0] == 0.0 and sim.at_limit == ("shoulder",)
-    assert sim.audit.limits < -0.1
-    if order == 4:  # energy is lost at impacts and nowhere else
-        assert max(np.diff(energies)) < 1e-9 and abs(sim.audit.residual) < 1e-4 * abs(
-            sim.audit.limits
-        )
+    assert sim.audit.loss < -0.1
+    assert max(np.diff(energies)) < 1e-5, "energy is lost at impacts and nowhere else"
+    assert abs(sim.audit.residual) < 1e-4 * abs(sim.audit.loss)
 
 
 @pytest.mark.parametrize(
     ("stiffness", "damping"), list(some_of(product([1e2, 1e5, 1e9, 1e13], [0.0, 1.0, 1e6]), 4))
 )
-@ORDERS
-def test_compliant_limit_never_adds_energy(order, damping, stiffness):
+def test_compliant_limit_never_adds_energy(damping, stiffness):
     """However stiff, whatever the part of a step in which it is met: a block comes back no faster than it went."""
     for x in (9.9, 9.90013, 9.9007):
-        sim = slider(x, 1.0, order=order, limits=dd.CompliantLimits(stiffness, damping))
+        sim = slider(x, 1.0, limits=dd.CompliantLimits(stiffness, damping))
+        start = sim.kinetic_energy
         for _ in range(700):
             sim.advance()
-            audit = sim.audit
-            assert audit.kinetic <= 1e-9 and audit.kinetic + audit.elastic <= 1e-9
-            assert audit.limits <= 1e-9
-        if order == 4 and damping == 0.0 and stiffness == 1e2:
+            assert sim.kinetic_energy <= start + 1e-9
+            assert sim.audit.energy <= 1e-9 and sim.audit.loss <= 1e-9
+        if damping == 0.0 and stiffness == 1e2:
             assert sim.qd[0] == pytest.approx(-1.0, rel=1e-4), (
                 "a spring that the step resolves gives all back"
             )
 
 
 @pytest.mark.parametrize(
-    ("start", "seconds", "order"), [(0.61, 0.024, 4), (0.0, 0.8, 1)], ids=["in contact", "touching"]
+    ("start", "seconds", "order"), [(0.61, 0.024, 2), (0.0, 0.8, 1)], ids=["in contact", "touching"]
 )
 def test_compliant_limit_converges(start, seconds, order):
-    """In contact a spring and damper of a coupled arm are integrated with order 4; a step that comes to them has order 1."""
+    """In contact a spring and damper of a coupled arm are integrated with order 2; a step that comes to them has order 1."""
     model = dd.load_urdf(CHAIN.replace('upper="10"', 'upper="0.6"', 1))
 
     def run(h):
@@ -373,16 +377,16 @@ def test_compliant_limit_converges(start, seconds, order):
         return np.concatenate([sim.q, sim.qd]), abs(sim.audit.residual), sim.audit
 
     exact, _, audit = run(1e-5)
-    assert audit.limits < -1e-3, "never touched"
+    assert audit.loss < -1e-3, "never touched"
     runs = [run(h) for h in (4e-3, 2e-3, 1e-3)]
     for errors in (
         [np.abs(end - exact).max() for end, _, _ in runs],
         [residual for _, residual, _ in runs],
     ):
-        if order == 4:
-            assert errors[-1] < 1e-6 and errors[0] > 8 * errors[1] > 50 * errors[2], errors
+        if order == 2:
+            assert errors[-1] < 1e-3 and errors[0] > 3 * errors[1] > 9 * errors[2], errors
         else:
-            assert errors[-1] < 5e-2 and errors[0] > 2 * errors[2], errors
+            assert max(errors) < 2e-2, errors
 
 
 def test_names_at_either_limit():
@@ -421,32 +425,28 @@ def test_efforts_saturate():
         assert unlimited.overspeed == ("rail",)
 
 
-@ORDERS
 @pytest.mark.parametrize("frame", ["link", "world"])
-def test_wrenches_are_efforts_of_their_jacobian(frame, order):
+def test_wrenches_are_efforts_of_their_jacobian(frame):
     """A step with a wrench is one with Jᵀf, that of Pinocchio; held in the world's axes it does not turn with the link."""
     model = load(UR5)
     q, qd = 0.3 * np.arange(1, 7), 0.1 * np.ones(6)
     f_ext = {"wrist_3_link": [3.0, -4.0, 5.0, 0.1, 0.2, -0.3], "forearm_link": [0, 0, 2.0, 0, 0, 0]}
     jacobian = Oracle(robot_path(UR5).read_text(), model.dof_names).effort_of(q, f_ext, frame)
-    sims = [
-        dd.Simulation(model, q, qd, step=1e-6, order=order, effort_limits=False) for _ in range(2)
-    ]
+    sims = [dd.Simulation(model, q, qd, step=1e-6, effort_limits=False) for _ in range(2)]
     sims[0].advance(f_ext=f_ext, frame=frame)
     sims[1].advance(jacobian)
     np.testing.assert_allclose(sims[0].qd, sims[1].qd, rtol=0, atol=1e-9)
     assert np.abs(sims[0].qd - qd).max() > 1e-5
 
 
-@ORDERS
-def test_a_push_ends(order):
+def test_a_push_ends():
     """Without a wrench the block keeps its speed, and the last wrench does no more work."""
-    sim = slider(order=order)
+    sim = slider()
     sim.advance(steps=3, f_ext={"block": [4.0, 0, 0, 0, 0, 0]})
-    rate, work = sim.qd[0], sim.audit.wrenches
+    rate, work = sim.qd[0], sim.audit.work
     assert rate == pytest.approx(4.0 / 2.0 * 3e-3) and work > 0.0
     sim.advance(steps=3)
-    assert sim.qd[0] == pytest.approx(rate, rel=1e-12) and sim.audit.wrenches == work
+    assert sim.qd[0] == pytest.approx(rate, rel=1e-12) and sim.audit.work == work
 
 
 def test_payload_taken_up_in_motion():
@@ -460,14 +460,12 @@ def test_payload_taken_up_in_motion():
     assert (sim.q == q).all() and (sim.qd == qd).all()
     s = dd.DiagonalDynamics(loaded).evaluate(q, qd)
     assert sim.kinetic_energy == pytest.approx(s.kinetic_energy, rel=1e-12)
-    assert sim.audit.exchanged == pytest.approx(
-        sim.audit.kinetic - before.kinetic + sim.audit.potential - before.potential
-    )
+    assert sim.audit.exchanged == pytest.approx(sim.audit.energy - before.energy)
     assert abs(sim.audit.exchanged) > 1e-3 and sim.audit.residual == pytest.approx(
         before.residual, abs=1e-12
     )
     sim.advance(steps=100)
-    assert abs(sim.audit.residual) < 1e-8
+    assert abs(sim.audit.residual) < 1e-4
 
 
 def driven(sim, seconds, largest, period=0.05, seed=1):
@@ -519,19 +517,17 @@ def test_energy_is_accounted_for(name, limits, seconds):
     sim = dd.Simulation(model, limits=soft if limits == "compliant" else True, **own)
     audits = driven(sim, seconds, 0.02 if robot == HAND else 1.5)  # [N m]
     steps = [y.since(x) for x, y in pairwise(audits)]
-    turnover = sum(abs(a.effort) + abs(a.wrenches) + abs(a.kinetic) for a in steps)
+    turnover = sum(abs(step.work) + abs(step.energy) for step in steps)
     assert turnover > 1e-3
     assert abs(audits[-1].residual) < (5e-3 if robot == HAND else 5e-4) * turnover
     for step in steps:
-        assert step.damping <= 0.0 and step.friction <= 0.0
-        assert step.limits <= 1e-6 * turnover
+        assert step.loss <= 1e-6 * turnover
 
 
 @pytest.mark.parametrize(
     ("options", "key"),
     [
         ({"step": 0.0}, "step"),
-        ({"order": 2}, "order is 2"),
         ({"damping": [-1.0] * 9}, "damping"),
         ({"q": [0.0] * 8}, "q has shape"),
         ({"qd": [np.nan] * 9}, "panda_joint1"),
@@ -608,8 +604,7 @@ def test_a_copy_goes_its_own_way(copied):
     assert sim.audit == other.audit
 
 
-@ORDERS
-def test_singular_on_the_way(order):
+def test_singular_on_the_way():
     """Where the mass matrix becomes singular the simulation says so, and keeps the last good state.
 
     A gimbal of massless rings loses its first axis as the second one arrives at its limit of a right angle.
@@ -624,7 +619,7 @@ def test_singular_on_the_way(order):
         ),
         joint("y", "revolute", "inner", "rotor", axis=(0, 1, 0)),
     )
-    sim = dd.Simulation(dd.load_urdf(gimbal), [0.0, 1.0, 0.0], [0.0, 2.0, 0.0], order=order)
+    sim = dd.Simulation(dd.load_urdf(gimbal), [0.0, 1.0, 0.0], [0.0, 2.0, 0.0])
     with pytest.raises(
         dd.SingularMassMatrixError, match="joint 'z' moves no inertia there"
     ) as raised:

@@ -169,10 +169,6 @@ WRONG = {
     "no such motion": ({"robot_description": PANDA_PATH, "motion": "dance"}, "motion"),
     "two types": ({"gravity": "[0, 0.0, -9.81]"}, "Sequence should be of same type"),  # so says rcl
     "rate of 0": ({"robot_description": PANDA_PATH, "rate": 0.0}, "rate"),
-    "order and base": (
-        {"robot_description": PANDA_PATH, "order": 1, "floating_base": True},
-        "parameter 'order' is 1",
-    ),
     "no such joint": (
         {"robot_description": PANDA_PATH, "command_joints": "[elbow]"},
         "parameter 'command_joints' names 'elbow'",

@@ -25,7 +25,7 @@ mean = batch.kinetic_energy.mean()
 factor = dyn.factors(q).m @ qd
 law = dd.JointTracking(dyn, gain=2.0, convergence=np.ones(model.nv))
 command = dd.EffortSaturation(model).filter(law.command(q, qd, q))
-simulation = dd.Simulation(model, order=1, limits=dd.CompliantLimits(1e4))
+simulation = dd.Simulation(model, limits=dd.CompliantLimits(1e4))
 simulation.advance(command.tau, steps=10)
 residual = simulation.audit.residual
 observer = dd.DisturbanceObserver(dyn, gain=25.0, threshold=1.0)
@@ -45,4 +45,4 @@ s.nu = q  # type: ignore[misc]
 s.epsilon + s.coriolis  # type: ignore[operator]
 dyn.forward_dynamics(q, qd, tau, friktion=True)  # type: ignore[call-arg]
 dyn.evaluate_batch([q], [qd], out=dyn.new_evaluation())  # type: ignore[arg-type]
-dd.Simulation(model, order=3)  # type: ignore[arg-type]
+dd.Simulation(model, step="1e-3")  # type: ignore[arg-type]

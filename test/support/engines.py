@@ -177,10 +177,16 @@ def scene(name):
 
 
 def ours(scene, duration):
-    """Return the simulation after some time [s], by steps of 1 ms."""
+    """Return the simulation after some time [s], by steps of 10 µs."""
     zero = np.zeros(scene.model.nv)
     sim = dd.Simulation(
-        scene.model, scene.q, scene.qd, damping=scene.damping, friction=zero, limits=False
+        scene.model,
+        scene.q,
+        scene.qd,
+        step=1e-5,
+        damping=scene.damping,
+        friction=zero,
+        limits=False,
     )
     sim.advance(
         scene.tau, steps=round(duration / sim.step_size), f_ext={scene.link: PUSH}, frame="world"
