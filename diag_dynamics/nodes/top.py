@@ -97,7 +97,7 @@ class Top(Node):
         self._live = Live(screen=True, auto_refresh=False) if has_screen() else None
         if self._live:
             self._live.start()
-        self.create_timer(0.2 if self._live else 1.0, self._show, clock=steady_clock())
+        self.create_timer(0.5 if self._live else 1.0, self._show, clock=steady_clock())
 
     @property
     def has_states(self):

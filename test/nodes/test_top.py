@@ -33,7 +33,7 @@ class Robot:
         state = DiagonalizedState(dof_names=self.names, nu=list(nu), effort=list(effort))
         state.kinetic_energy = energy
         self.states.publish(state)
-        self.peer.pass_time(0.3)
+        self.peer.pass_time(0.6)
 
 
 class Screen:
@@ -82,7 +82,7 @@ def make_top(peer):
 
     def make(**options):
         started.append(peer.graph.add(top.Top, **options))
-        peer.pass_time(0.3)
+        peer.pass_time(0.6)
         return started[-1]
 
     yield make
@@ -105,7 +105,7 @@ def test_a_robot_on_the_screen(make_robot, make_top, screen, peer):
     peer.pass_time(1.0)
     assert "any robot: no state in the last second" in screen.text.getvalue()
     robot = make_robot("/one")
-    peer.pass_time(0.3)
+    peer.pass_time(0.6)
     robot.publish(external_torque=[1.0, float("nan"), 0.5])
     robot.publish(nu=(2.0, 1.0, 2.0), external_torque=[1.0, float("nan"), 0.5])
     assert "Page: here" in screen.text.getvalue()
