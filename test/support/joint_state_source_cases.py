@@ -40,7 +40,7 @@ def _bare_zeros(time, outcome):
 
 
 def _source(step, begin, period, *outcomes):
-    """Steps of a source for a second, with their times; the last outcome holds for all later ones."""
+    """Steps of a source for a second, with their times; the last outcome repeats."""
     times = range(begin * MS, 1000 * MS, period * MS)
     outcomes = [*outcomes, *[outcomes[-1]] * len(times)]
     return [(time, step(time, outcome)) for time, outcome in zip(times, outcomes, strict=False)]
@@ -59,6 +59,10 @@ SOURCES = {
     ),
     "zeros and the driver at one stamp": (SERVED, _source(_zeros, 0, 10, "jump", INTERLEAVED)),
     "zeros less often than the driver": (SERVED, _source(_zeros, 5, 100, "jump", INTERLEAVED)),
+    "zeros five times as often as the driver": (
+        _source(_driver, 0, 10, "published", MOVED, "published"),
+        _source(_zeros, 1, 2, "jump", "jump", MOVED, "published", "published", INTERLEAVED),
+    ),
     "two robots in motion": (SERVED, _source(_other_robot, 5, 10, "jump", INTERLEAVED)),
 }
 
@@ -79,10 +83,12 @@ SOURCE_CASES += [
         plausibility__jump=0.0,
     ),
     case(
-        "garbage at home is not another source",
+        "garbage that repeats is not believed",
         *(_zeros(10 * k * MS, "published") for k in range(5)),
         _message(50 * MS, "jump", [1.5] * 3, [0.3] * 3),
-        *(_zeros(10 * k * MS, "published") for k in range(6, 10)),
+        _zeros(60 * MS, "published"),
+        _message(70 * MS, INTERLEAVED, [1.5] * 3, [0.3] * 3),
+        _zeros(80 * MS, "published"),
         plausibility__jump=0.1,
     ),
 ]

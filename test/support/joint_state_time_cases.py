@@ -37,37 +37,19 @@ ORDERS = {
     "same stamp": ([NOW], "published"),
     "late, then in order": ([NOW - 1, NOW, NOW - 1], LATE, "published", LATE),
     "confirmed by the same stamp": ([OLD, OLD], PAST, JUMPED),
-    "confirmed a second later": ([OLD, OLD + S], PAST, JUMPED),
     "not confirmed after more than a second": ([OLD, OLD + S + 1, OLD + S + 1], PAST, PAST, JUMPED),
     "not confirmed by an older stamp": ([OLD, OLD - 1, OLD], PAST, PAST, JUMPED),
-    "strays between good stamps": (
-        [OLD, NOW, OLD, NOW + 1, OLD],
-        PAST,
-        "published",
-        PAST,
-        "published",
-        PAST,
-    ),
-    "a late stamp confirms nothing": ([OLD, NOW - 1, OLD], PAST, LATE, PAST),
-    "twice": ([OLD, OLD, OLD - 2 * S, OLD - 2 * S], PAST, JUMPED, PAST, JUMPED),
     "five late over half a second": (TOO_LATE, LATE, LATE, LATE, LATE, JUMPED),
     "four late are too few": ([NOW - 900 * MS + k * 200 * MS for k in range(4)], *[LATE] * 4),
     "five late over less than half a second": (
         [TOO_LATE[0] + k * 124 * MS for k in range(5)],
         *[LATE] * 5,
     ),
-    "late stamps that go back begin anew": ([*TOO_LATE[:4], *TOO_LATE[2:]], *[LATE] * 7),
     "late stamps with a good one between": (
         [*TOO_LATE[:4], NOW, TOO_LATE[4]],
         *[LATE] * 4,
         "published",
         LATE,
-    ),
-    "from the past into what is late": (
-        [NOW - 1100 * MS + k * 150 * MS for k in range(5)],
-        PAST,
-        *[LATE] * 3,
-        JUMPED,
     ),
 }
 
@@ -85,13 +67,11 @@ ORDER_CASES = [
         )
         for stamp in ((-1, 0), (-1, S - 1), (-(2**31), 0), (5, S), (0, 2**32 - 1))
     ),
-    case("malformed stamp of mimic joints", hand((-1, 5), "malformed stamp")),
     case(
         "largest stamp",
         whole(NOW),
         *(whole((2**31 - 1) * S + S - 1 - behind) for behind in (7, 1, 0)),
     ),
-    case("stamp of a nanosecond", whole(1)),
     case("no stamp: time of reception", whole(0), whole(0, now=NOW + MS), hand(0)),
     case(
         "neither stamp nor clock",
@@ -106,12 +86,6 @@ ORDER_CASES = [
         whole(
             NOW + 100 * MS, names=("shoulder",), state_received=False, state_oldest=NOW + 100 * MS
         ),
-    ),
-    case(
-        "times of reception have an order",
-        whole(0),
-        whole(0, LATE, now=NOW - 1),
-        whole(0, PAST, now=NOW - S - 1),
     ),
     case(
         "stamps and times of reception are not compared",
@@ -137,15 +111,6 @@ ORDER_CASES = [
     *(
         case(name, whole(NOW), *map(_ordered, stamps, outcomes))
         for name, (stamps, *outcomes) in ORDERS.items()
-    ),
-    case(
-        "late by the joint concerned",
-        whole(NOW),
-        whole(NOW + 1, names=GRIPPER),
-        whole(NOW + 1 - 3 * S, LATE, "wrist", "3.000000 s"),
-        whole(NOW - 3 * S, PAST, "wrist"),
-        joint_timeout=2.0,
-        joint_timeouts=["wrist=3"],
     ),
     case(
         "older than other joints is not late",
@@ -175,47 +140,12 @@ ORDER_CASES = [
         whole(OLD, names=ARM, shift=2.0, state_position=[3, 4, 4]),
     ),
     case(
-        "two sources jump back: each is suspected by itself",
-        whole(NOW, "incomplete", names=ARM),
-        whole(NOW, names=GRIPPER, state_position=[1, 2, 3]),
-        whole(OLD, PAST, "shoulder", names=ARM),
-        whole(OLD, PAST, "wrist", names=GRIPPER),
-        whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
-        whole(OLD + MS, names=GRIPPER, state_position=[1, 2, 3]),
-    ),
-    case(
-        "one of two sources jumps back",
-        whole(NOW),
-        whole(OLD, PAST, names=ARM),
-        whole(NOW + MS, names=GRIPPER, state_position=[1, 2, 3]),
-        whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
-        joint_timeout=0.0,
-    ),
-    case(
         "the first joint is the source",
         whole(NOW),
         whole(OLD, PAST, names=("wrist", "elbow")),
         whole(OLD, PAST, names=("shoulder", "wrist")),
         whole(OLD, PAST, names=GRIPPER),
         whole(OLD + MS, "incomplete", names=("elbow",), also=JUMPED),
-    ),
-    *(
-        case(f"{name} confirm no jump and refute none", *steps, joint_timeout=0.0)
-        for name, steps in {
-            "mimic joints": (whole(NOW), whole(OLD, PAST), hand(OLD), whole(OLD + MS, also=JUMPED)),
-            "new joints": (
-                whole(NOW, "incomplete", names=ARM),
-                whole(OLD, PAST, names=ARM),
-                whole(OLD, names=GRIPPER, state_position=[1, 2, 3]),
-                whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
-            ),
-            "joints without stamp": (
-                whole(NOW, "incomplete", names=ARM),
-                whole(OLD, PAST, names=ARM),
-                whole(0, names=GRIPPER, state_received=True),
-                whole(OLD + MS, "incomplete", names=ARM, also=JUMPED),
-            ),
-        }.items()
     ),
 ]
 
@@ -229,14 +159,12 @@ def _at(later, behind, outcome="published", *words, **more):
 
 SET = 4 * S
 CLOCKS = {
-    "in step at the bound": [_at(0, S), _at(2 * S, S), _at(2 * S, -S)],
     "from the past": [
         _at(0, S),
         _at(S, S + 1, PAST, "shoulder", "1.000 s behind", "max_age"),
         _at(S, S),
     ],
     "from the future": [_at(0, 0), _at(S, -S - 1, FUTURE, "1.000 s ahead", "max_age"), _at(S, -S)],
-    "foreign from the first on": [_at(0, 72 * S), _at(MS, 72 * S), _at(2 * MS, -72 * S)],
     "foreign until well within the bound": [
         _at(0, 40 * S),
         _at(S, 501 * MS),
@@ -258,19 +186,6 @@ CLOCKS = {
         _at(21 * S - 1, -SET - S - 1, FUTURE),
         _at(21 * S, -SET - S - 1),
     ],
-    "up to max_age it is the same distance": [
-        _at(0, 0),
-        _at(S, -SET, FUTURE),
-        _at(11 * S, -SET - S),
-    ],
-    "one stamp in step and the ten seconds begin anew": [
-        _at(0, 0),
-        _at(S, -SET, FUTURE),
-        _at(6 * S, 0),
-        _at(11 * S, -SET, FUTURE),
-        _at(21 * S - 1, -SET, FUTURE),
-        _at(21 * S, -SET),
-    ],
     "ten seconds by a clock that goes back": [
         _at(0, 0),
         _at(S, -SET, FUTURE),
@@ -278,7 +193,6 @@ CLOCKS = {
         _at(-40 * S - 1, -154 * S, FUTURE),
         _at(-40 * S, -154 * S),
     ],
-    "rejected by the clock is no suspect": [_at(0, 0), *[_at(0, 90 * S, PAST, "max_age")] * 3],
     "mimic joints have an age and no order": [
         _at(0, 0),
         hand(NOW - S),
@@ -300,7 +214,6 @@ FOREIGN_REFUSED = {
         _at(0, 95 * S, PAST, "max_age"),
     ],
     "refused for ever": [_at(0, 0), *(_at(k * S, -SET, FUTURE) for k in range(1, 25))],
-    "without a clock": [whole(50 * S, now=0), whole(0, now=7 * S)],
 }
 
 CLOCK_CASES = [
@@ -310,24 +223,6 @@ CLOCK_CASES = [
         for name, steps in FOREIGN_REFUSED.items()
     ),
     case("clock: no max_age", _at(0, 0), _at(0, -500 * S), _at(S, -500 * S), foreign_time="reject"),
-    *(
-        case(
-            f"clock: exactly max_age = {age} ms",
-            _at(0, 0),
-            *(_at(4 * S, sign * (age * MS + 1), PAST if sign > 0 else FUTURE) for sign in (1, -1)),
-            *(_at(4 * S, sign * age * MS) for sign in (1, -1)),
-            max_age=age / 1000,
-        )
-        for age in (9, 300, 700, 1100, 2300)
-    ),
-    case(
-        "recording in a loop",
-        *(_at(k * 200 * MS, 90 * S) for k in range(10)),
-        _at(2000 * MS, 92 * S, PAST),
-        _at(2200 * MS, 92 * S, also=JUMPED),
-        _at(2400 * MS, 92 * S),
-        max_age=1.0,
-    ),
 ]
 
 # --- age of joints
@@ -357,16 +252,6 @@ AGE_CASES = [
         ),
     ),
     case("no timeout", whole(NOW), _aged(9000 * S), joint_timeout=0.0),
-    *(
-        case(
-            f"exactly {ms} ms",
-            whole(NOW),
-            _aged(ms * MS),
-            _aged(ms * MS + 1, "stale joint"),
-            joint_timeout=ms / 1000,
-        )
-        for ms in (1, 70, 290, 300, 1001, 1013, 2301)
-    ),
     case(
         "timeouts of single joints",
         whole(NOW),
@@ -408,13 +293,9 @@ def _turtle(stamp=NOW, outcome="published", *words, also=(), now=NOW, **state):
 
 BAD_ODOMETRY = {
     "no frame": ({"child": ""}, "child_frame_id is empty", "'trunk'"),
-    "unknown frame": ({"child": "nowhere"}, "'nowhere'"),
     "frame of a moving link": ({"child": "shoulder_link"}, "'shoulder_link'"),
-    "position NaN": ({"position": (NAN, 0, 0)}, "position", "finite"),
     "twist infinite": ({"twist": (0, 0, 0, 0, 0, -INF)}, "twist", "finite"),
-    "orientation NaN": ({"orientation": (0, 0, 0, NAN)}, "orientation", "finite"),
     "quaternion of zeros": ({"orientation": (0, 0, 0, 0)}, "quaternion", "length 0"),
-    "quaternion too long": ({"orientation": (0, 0, 0, 1.02)}, "quaternion", "length 1.02"),
     "quaternion too short": ({"orientation": (0, 0, 0, 0.98)}, "quaternion", "length 0.98"),
 }
 
@@ -446,15 +327,6 @@ ODOMETRY_CASES = [
         for sign in (1, -1)
         if sign > 0 or timeout < 0
     ),
-    *(
-        case(
-            f"odometry {ahead} ms ahead of the joints",
-            base(NOW + ahead * MS),
-            _turtle(NOW, *([] if ahead <= 500 else ["stale odometry"])),
-            robot="floating",
-        )
-        for ahead in (500, 501)
-    ),
     case("no odom_timeout", base(NOW), _turtle(NOW + 5000 * S), odom_timeout=0.0, robot="floating"),
     *(
         case(
@@ -465,15 +337,6 @@ ODOMETRY_CASES = [
             robot="floating",
         )
         for name, (fields, *words) in BAD_ODOMETRY.items()
-    ),
-    *(
-        case(
-            f"quaternion of length {length}",
-            base(orientation=(0, 0, 0, length)),
-            _turtle(),
-            robot="floating",
-        )
-        for length in (0.991, 1.009)
     ),
     case(
         "implausible odometry",
