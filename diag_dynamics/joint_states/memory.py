@@ -100,8 +100,8 @@ OUTCOME = _record(
 SUMMARY = OUTCOME.names[: OUTCOME.names.index("joint")]  # fields that every message is asked for
 
 FAR, VALUES, ROWS = range(3)
-"""Rows of the scratch: whether the step of a joint is too far; the positions, velocities and efforts of joints, then of
-followers, NaN for what the message lacks."""
+"""Rows of the scratch: whether the step of a joint is too far; the positions, velocities and
+efforts of joints, then of followers, NaN for what the message lacks."""
 
 BASE = 7
 """Coordinates of a floating base, which stand before those of the joints where loops are closed."""

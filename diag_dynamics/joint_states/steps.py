@@ -10,7 +10,8 @@ a slack besides. A joint of unknown velocity may move at the highest velocity th
 rejected and stored as the candidate, apart from the state in force. The candidate takes the place of that state in two cases:
 
 * Three messages in a row agree with the candidate. The robot was moved, or its encoders were set.
-* The candidate comes again between accepted messages, so sources are interleaved. It moves while the state in force rests.
+* The candidate comes again between accepted messages, so sources are interleaved. It moves
+  while the state in force rests.
 """
 
 import numpy as np
@@ -32,7 +33,7 @@ CANDIDATE_TIMEOUT = 500_000_000
 
 @large_kernel
 def judge_step(memory, here, position, velocity, stamp, unstamped, one):
-    """Return the code of a step; `one.moved` is a joint for which the candidate takes the place of the state in force."""
+    """Return the code of a step; set `one.moved` if the candidate replaces the state in force."""
     far = _mark_far_joints(memory, here, position, velocity, stamp, unstamped)
     if far < 0:
         return codes.STATE
@@ -66,7 +67,7 @@ def accept_step(memory, here, one):
 
 @kernel
 def _mark_far_joints(memory, here, position, velocity, stamp, unstamped):
-    """Mark joints whose steps no velocity explains in the scratch; return the first one, or −1."""
+    """Mark joints whose steps no velocity explains; return the first of them, or −1."""
     first = -1
     for k in range(len(here) - 1, -1, -1):
         j = here[k]
@@ -105,7 +106,7 @@ def _largest_step(joint, slack, velocity, before, elapsed):
 
 @kernel
 def _compare_candidate(memory, here, position, velocity, stamp):
-    """Return how many messages in a row agree with the candidate, and whether sources are interleaved."""
+    """Return the messages in a row of the candidate, and whether sources are interleaved."""
     slack, in_row, interleaved = memory.shared[0].slack, STATES, False
     for j in here:
         joint, elapsed = memory.joints[j], stamp - memory.joints[j].other_stamp
@@ -139,9 +140,9 @@ def _store_candidate(joint, position, velocity, stamp):
 
 # --- Stuck sensors
 #
-# A joint has a velocity of MOVING or more while no bit of its position changes for the timeout, or its
-# velocity is exactly 0 while its position moves by more than MOVED from one multiple of the timeout to the next. An arm at
-# rest is neither. States further apart than the timeout say nothing.
+# A joint has a velocity of MOVING or more while no bit of its position changes for the timeout. Or
+# its velocity is exactly 0 while its position moves by more than MOVED from one multiple of the
+# timeout to the next. An arm at rest is neither. States further apart than the timeout say nothing.
 
 SAMPLES = 5
 """Number of states that are compared within the timeout: the first one after each multiple of its fifth part."""

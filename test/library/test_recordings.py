@@ -33,7 +33,7 @@ def states_written(path, pairs, **options):
 
 
 def driven(model, count, seed=3, stuck=0):
-    """Return joint states at 500 Hz, as pairs of bytes and log time; old values for a time [ns] `stuck`."""
+    """Return pairs of bytes and log time at 500 Hz; old values for a time [ns] `stuck`."""
     driver = Driver(model, seed)
     driver.stick(START, stuck)
     return [(driver.good(START + k * 2 * MS), START + k * 2 * MS + 1000) for k in range(count)]

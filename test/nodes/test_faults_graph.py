@@ -217,7 +217,7 @@ def names_both_nodes(report):
     ids=["arm and gripper", "one joint in both", "other order"],
 )
 def test_publishers_of_parts(monitor, intruder, panda, first, second, overlap):
-    """A warning in diagnostics and log names two nodes whose joints overlap, at equal positions, too."""
+    """A warning in diagnostics and log names two nodes whose joints overlap."""
     publisher = intruder.create_publisher(JointState, "/default/joint_states", BEST_EFFORT)
     q, qd, tau, _ = panda.samples[0]
     monitor.next_report()

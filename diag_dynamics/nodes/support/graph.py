@@ -15,7 +15,7 @@ NOT_YET_KNOWN = "unknown node"
 
 
 def publishers(node, subscription, kind):
-    """Return names of the nodes that publish a subscription's topic, and problems by name of the node.
+    """Return names of the nodes that publish a topic, and problems by name of the node.
 
     `kind` is a package/msg/Type.
     """
