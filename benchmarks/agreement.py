@@ -67,18 +67,18 @@ def check(case, pinocchio, mujoco):
         same(f"{name} of factors", getattr(factors, name), expected[at])
 
     Q, QD, TAU = case.states(100)
-    batch = dyn.evaluate_batch(Q, QD, TAU)
+    batch = dyn.evaluate(Q, QD, TAU)
     accelerations = Parallel(pinocchio, 2, Q, QD, TAU)().T[:, order]
     for name in QUANTITIES:
         same(
-            f"{name} of evaluate_batch",
+            f"{name} of evaluate, many states",
             getattr(batch, name),
             np.array(
                 [getattr(dyn.evaluate(*state), name) for state in zip(Q, QD, TAU, strict=True)]
             ),
         )
     same(
-        "nu_dot of evaluate_batch and abaInParallel",  # ν̇ = mᵀq̈ + ṁᵀq̇
+        "nu_dot of evaluate, many states, and abaInParallel",  # ν̇ = mᵀq̈ + ṁᵀq̇
         batch.nu_dot,
         np.array(
             [

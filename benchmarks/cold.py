@@ -33,7 +33,7 @@ dyn.inverse_dynamics(q, zero, zero), dyn.factors(q), dyn.placement(q, model.link
 for sweep in (dyn.nu_from_qd, dyn.qd_from_nu, dyn.epsilon_from_tau, dyn.tau_from_epsilon):
     sweep(q, zero)
 dyn.reflected_mass(q, model.link_names[-1], (1, 0, 0))
-dyn.evaluate_batch(q[None], zero[None], zero[None]).link_energy
+dyn.evaluate(q[None], zero[None], zero[None]).link_energy
 dd.DisturbanceObserver(dyn, gain=25.0).update(0.0, q, zero, zero)
 dd.JointTracking(dyn, gain=1.0, convergence=1.0).command(q, zero, q)
 dd.RateDamping(dyn, gain=1.0).command(q, zero)

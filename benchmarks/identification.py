@@ -39,7 +39,7 @@ def motion(model, states):
     )
     q, qd, qdd = 0.5 * (model.lower + model.upper) + scale * q, scale * qd, scale * qdd
     tau = (
-        dd.DiagonalDynamics(model).inverse_dynamics_batch(q, qd, qdd)
+        dd.DiagonalDynamics(model).inverse_dynamics(q, qd, qdd)
         + 0.3 * qd
         + 0.3 * np.tanh(qd / 5e-3)
     )

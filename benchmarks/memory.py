@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What compiled code allocates, and what a stream of states holds; in processes of their own, which print JSON."""
+"""What compiled code allocates, and what slices of states hold; in processes of their own, which print JSON."""
 
 import json
 import os
@@ -23,7 +23,7 @@ CALLS = 1000
 def rows(states):
     """The lines of the table. Each is one count or peak, so its quartiles are itself."""
     counts = _run("allocations")
-    few, many = _run("stream", max(states // 10, 4 * SIZE)), _run("stream", states)
+    few, many = _run("slices", max(states // 10, 4 * SIZE)), _run("slices", states)
     found = {name: Ratio(*[(more - one) / (CALLS - 1)] * 3) for name, (one, more) in counts.items()}
     peak = Ratio(*[many["peak"] / few["peak"]] * 3)
     sizes = f"{many['peak'] / 1e6:.0f} MB, all results are {many['results'] / 1e6:.0f} MB"
@@ -36,7 +36,7 @@ def rows(states):
             found,
         ),
         Row(
-            f"memory of `evaluate_stream`, {many['states']:,} states",
+            f"memory of `evaluate` over slices, {many['states']:,} states",
             f"that of {few['states']:,} states",
             "7 dof",
             1.1,
@@ -57,7 +57,7 @@ def allocations():
 
     def batch(count):
         X = np.zeros((count, model.nv))
-        return lambda: dyn.evaluate_batch(X, X, X, threads=1)
+        return lambda: dyn.evaluate(X, X, X, threads=1)
 
     def count(call):
         call()
@@ -66,13 +66,13 @@ def allocations():
         return rtsys.get_allocation_stats().alloc - before
 
     return {
-        "`evaluate_batch`": [count(batch(1)), count(batch(CALLS))],
+        "`evaluate` of rows": [count(batch(1)), count(batch(CALLS))],
         "`Simulation.advance`": [count(partial(simulation.advance, steps=n)) for n in (1, CALLS)],
     }
 
 
-def stream(states):
-    """Largest memory [B] of a stream of states from mapped files, beyond that of the process before, and of all results."""
+def slices(states):
+    """Largest additional memory [B] of evaluations of slices of mapped files, and that of all results."""
     import diag_dynamics as dd
     from diag_dynamics.model.catalog import find_urdf
 
@@ -88,11 +88,12 @@ def stream(states):
                 )
             arrays.append(np.load(array.filename, mmap_mode="r"))
             del array
-        dyn.evaluate_batch(*(array[:2] for array in arrays))
+        dyn.evaluate(*(array[:2] for array in arrays))
         base, peak, results, seen = _own_memory(), 0, 0, 0
-        for batch in dyn.evaluate_stream(*arrays, size=SIZE):
+        for first in range(0, states, SIZE):
+            batch = dyn.evaluate(*(array[first : first + SIZE] for array in arrays))
             peak = max(peak, _own_memory() - base)
-            results += batch.nu.base.nbytes
+            results += batch.rows.nbytes
             seen += len(batch)
     assert seen == states
     return {"states": states, "peak": peak, "results": results}
@@ -122,6 +123,6 @@ def _run(what, *arguments):
 if __name__ == "__main__":
     print(
         json.dumps(
-            {"allocations": allocations, "stream": stream}[sys.argv[1]](*map(int, sys.argv[2:]))
+            {"allocations": allocations, "slices": slices}[sys.argv[1]](*map(int, sys.argv[2:]))
         )
     )

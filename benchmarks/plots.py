@@ -99,7 +99,7 @@ def _throughput(measured):
     counts = sorted({count for _, count in measured.throughput})
     styles = dict(zip(counts, ("-", "--", "-.", ":") * len(counts), strict=False))
     for (name, count), states in measured.throughput.items():
-        color, marker = (OURS, "o") if name == "evaluate_batch" else (PINOCCHIO, "v")
+        color, marker = (OURS, "o") if name == "evaluate" else (PINOCCHIO, "v")
         label = f"{name}, {count} thread{'s' * (count > 1)}"
         axes.plot(
             measured.batch_sizes, states, styles[count], color=color, marker=marker, label=label

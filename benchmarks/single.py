@@ -12,7 +12,6 @@ from rows import Row
 from timing import interleaved, ratio
 
 FIELDS = f"`evaluate`, then its {len(QUANTITIES)} fields read"
-REUSED = f"`evaluate` with `out=`, then its {len(QUANTITIES)} fields read"
 FACTORS = "`crba`, `cholesky.decompose`, U√D, inverse"
 
 fields = attrgetter(*QUANTITIES)
@@ -22,11 +21,9 @@ def measure(case, pinocchio, mujoco, rounds):
     """Seconds per call of the library and its peers, in turns."""
     dyn, q, qd, tau = case.dynamics, case.q, case.qd, case.tau
     evaluate = partial(dyn.evaluate, q, qd, tau)
-    reused = partial(evaluate, out=dyn.new_evaluation())
     ours = {
         "evaluate": evaluate,
         "fields": lambda: fields(evaluate()),
-        "reused": lambda: fields(reused()),
         "forward_dynamics": partial(dyn.forward_dynamics, q, qd, tau),
         "factors": partial(dyn.factors, q),
     }
@@ -48,7 +45,6 @@ def rows(times, dof):
     return [
         row(bare, "evaluate", aba, "aba", COMPARED, targets(1.15, 1.1, 0.78)),
         row(FIELDS, "fields", aba, "aba", COMPARED, targets(1.75, 1.6, 1.0)),
-        row(REUSED, "reused", aba, "aba", "6–50 dof"),
         row(bare, "evaluate", dense, "dense_evaluate", "all robots"),
         row(FIELDS, "fields", dense, "dense_evaluate", "all robots"),
         row(
@@ -61,7 +57,6 @@ def rows(times, dof):
 COLUMNS = {
     "`evaluate` / `pin.aba`": ("evaluate", "aba"),
     "fields read / `pin.aba`": ("fields", "aba"),
-    "`out=`, fields read / `pin.aba`": ("reused", "aba"),
     "`evaluate` / `pin.aba`, default convention": ("evaluate", "aba_default"),
     "`evaluate` / dense": ("evaluate", "dense_evaluate"),
     "`forward_dynamics` / `pin.aba`": ("forward_dynamics", "aba"),

@@ -37,13 +37,12 @@ def chosen(cases, pinocchios):
 
 def rows(pairs, size, rounds):
     """Lines of the table: time per state on all processors, against the peer's and of large batches against small ones."""
-    found = {name: {} for name in ("ours", "reused", "kept", "wrench", "touched")}
+    found = {name: {} for name in ("ours", "kept", "wrench", "touched")}
     for case, pinocchio in pairs:
         times = interleaved(
             _calls(case, pinocchio, size, cores()), rounds, seconds=0.03, pause=PAUSE
         )
-        for name in ("ours", "reused"):
-            found[name][case.label] = ratio(times[name], times["theirs"])
+        found["ours"][case.label] = ratio(times["ours"], times["theirs"])
         times = interleaved(_kept(case, pinocchio, cores()), rounds, seconds=0.03, pause=PAUSE)
         found["kept"][case.label] = ratio(times["ours"], times["theirs"])
         calls = _external(case, pinocchio, size, cores())
@@ -58,42 +57,35 @@ def rows(pairs, size, rounds):
     growth = {case.label: ratio(times[10 * size] / 10, times[size])}
     return [
         Row(
-            "`evaluate_batch` per state, all cores",
+            "`evaluate` of rows per state, all cores",
             peer,
             COMPARED,
             targets(0.45, 0.4, 0.36),
             found["ours"],
         ),
         Row(
-            "`evaluate_batch` with `out=` per state, all cores",
-            peer,
-            COMPARED,
-            None,
-            found["reused"],
-        ),
-        Row(
-            f"`evaluate_batch` of {KEPT} states, all results kept",
+            f"`evaluate` of {KEPT} rows, all results kept",
             peer,
             COMPARED,
             None,
             found["kept"],
         ),
         Row(
-            "`wrench_batch` at the last link per state, all cores",
+            "`wrench` of rows at the last link per state, all cores",
             peer,
             COMPARED,
             None,
             found["wrench"],
         ),
         Row(
-            "`touched_link_batch` in contact per state, all cores",
+            "`touched_link` of rows in contact per state, all cores",
             peer,
             COMPARED,
             None,
             found["touched"],
         ),
         Row(
-            f"`evaluate_batch` per state, {10 * size:,} states",
+            f"`evaluate` of rows per state, {10 * size:,} states",
             f"{size:,} states",
             case.label,
             1.25,
@@ -108,7 +100,7 @@ def curves(case, pinocchio, sizes, rounds):
     for count in threads():
         for size in sizes:
             both = _calls(case, pinocchio, size, count)
-            calls["evaluate_batch", count, size] = both["ours"]
+            calls["evaluate", count, size] = both["ours"]
             calls["pin.abaInParallel", count, size] = both["theirs"]
     times = interleaved(calls, rounds, pause=PAUSE)
     lines = dict.fromkeys((name, count) for name, count, _ in calls)
@@ -120,24 +112,22 @@ def curves(case, pinocchio, sizes, rounds):
 def _calls(case, pinocchio, size, count):
     """One call of each, on the same states."""
     Q, QD, TAU = case.states(size)
-    out = case.dynamics.new_batch(size)
     return {
-        "ours": lambda: case.dynamics.evaluate_batch(Q, QD, TAU, threads=count),
-        "reused": lambda: case.dynamics.evaluate_batch(Q, QD, TAU, threads=count, out=out),
+        "ours": lambda: case.dynamics.evaluate(Q, QD, TAU, threads=count),
         "theirs": Parallel(pinocchio, count, Q, QD, TAU),
     }
 
 
 def _call(case, size, count):
     Q, QD, TAU = case.states(size)
-    return lambda: case.dynamics.evaluate_batch(Q, QD, TAU, threads=count)
+    return lambda: case.dynamics.evaluate(Q, QD, TAU, threads=count)
 
 
 def _kept(case, pinocchio, count):
     """Calls of few states, of which ours keeps the last hundred results: their memory is fresh."""
     kept, evaluate, (Q, QD, TAU) = (
         deque(maxlen=100),
-        case.dynamics.evaluate_batch,
+        case.dynamics.evaluate,
         case.states(KEPT),
     )
     return {
@@ -158,8 +148,8 @@ def _external(case, pinocchio, size, count):
     covariance = 0.04 * np.eye(dynamics.model.nv) + 0.01
     link = dynamics.model.link_names[int(dynamics.model.bodies["link"][-1])]
     return {
-        "wrench": lambda: dynamics.wrench_batch(Q, TAU, link, covariance, threads=count),
-        "touched": lambda: dynamics.touched_link_batch(
+        "wrench": lambda: dynamics.wrench(Q, TAU, link, covariance, threads=count),
+        "touched": lambda: dynamics.touched_link(
             Q, TAU, covariance, significance=0.0, threads=count
         ),
         "theirs": Parallel(pinocchio, count, Q, QD, TAU),

@@ -58,14 +58,11 @@ class Evaluation:
     the right and ``+ friction`` on the left if these were requested (Jain and Rodriguez 1995, eq.
     3.1, with gravity, wrenches and friction as separate terms).
 
-    Results are read-only and permanent, except those of :meth:`DiagonalDynamics.new_evaluation`,
-    which hold the last evaluation, or NaN after an error in it. ``copy.copy`` makes a permanent
-    copy. `link_energy` is computed on each access; all other attributes are read from memory.
+    Results are read-only and permanent. `link_energy` is computed on each access; all other
+    attributes are read from memory.
     """
 
-    __slots__ = ("_external", "_friction", "_memory", "_model", "_rows", "_state", "_with_tau")
-
-    _memory: Any  # that evaluate may write; not set in permanent results
+    __slots__ = ("_external", "_friction", "_model", "_rows", "_state", "_with_tau")
 
     def __init__(
         self,
@@ -194,10 +191,6 @@ class Evaluation:
         """,
     )
 
-    def set_terms(self, with_tau: bool, external: Term = None, friction: Term = None) -> None:
-        """Set the terms that evaluate does not write into memory."""
-        self._with_tau, self._external, self._friction = with_tau, external, friction
-
     def _motion(self) -> tuple[Array, Array]:
         """Return positions and rates, one row per state."""
         return self._state[ws.POSITIONS][None], self._state[ws.RATES][None]
@@ -228,7 +221,7 @@ class Evaluation:
 
     def __reduce__(self) -> tuple[Any, ...]:
         terms = self._with_tau, self._external, self._friction
-        return evaluation_of, (self._model, self._state.copy(), *terms)
+        return evaluation_of, (self._model, self._state, *terms)
 
 
 NAMES = tuple(
@@ -256,8 +249,7 @@ class BatchEvaluation(Evaluation):
     """All quantities of :class:`Evaluation` at T states, with a leading axis of length T.
 
     Numbers such as `kinetic_energy` are arrays of shape (T,). A batch is a sequence: an index
-    returns the Evaluation of one state, a slice a batch. A result of
-    :meth:`DiagonalDynamics.new_batch` holds the last batch that evaluate wrote into it.
+    returns the Evaluation of one state, a slice a batch.
     """
 
     __slots__ = ("_parts",)
@@ -272,23 +264,17 @@ class BatchEvaluation(Evaluation):
         external: Term = None,
         friction: Term = None,
     ) -> None:
-        self._parts = BatchMemory(*(read_only(part.view()) for part in memory))
-        self._model, self._state = model, self._parts.results
+        for part in (*memory, external, friction):
+            if part is not None:
+                read_only(part)
+        self._parts = memory
+        self._model, self._state = model, memory.results
         self._rows = _BatchRows(enumerate(self._state))
         self._rows.update(enumerate(self._parts.numbers, ws.KINETIC_ENERGY))
         if not model.floating_base:
             self._rows[ws.BASE_ENERGY] = read_only(np.zeros(len(self)))
-        self.set_terms(with_tau, external, friction)
-
-    def set_terms(self, with_tau: bool, external: Term = None, friction: Term = None) -> None:
-        """Set the terms that evaluate does not write into memory."""
-        for term in (external, friction):
-            if term is not None:
-                read_only(term)
-        super().set_terms(with_tau, external, friction)
+        self._with_tau, self._external, self._friction = with_tau, external, friction
         self._rows.terms = external, friction
-        for row in (ws.NU_DOT, ws.XI_DOT, ws.ENERGY_SHARE):  # of an earlier evaluation
-            self._rows.pop(row, None)
 
     kinetic_energy = _row(ws.KINETIC_ENERGY, "K [J], shape (T,).")  # type: ignore[assignment]
     base_energy = _row(  # type: ignore[assignment]
@@ -317,7 +303,7 @@ class BatchEvaluation(Evaluation):
     def __getitem__(self, t: slice) -> BatchEvaluation: ...
     def __getitem__(self, t: int | slice) -> Evaluation | BatchEvaluation:
         results, numbers, positions, speeds = self._parts
-        if isinstance(t, slice):  # a copy, because an `out` may be overwritten
+        if isinstance(t, slice):  # a copy, because kernels require C order
             parts = results[:, t], numbers[:, t], positions[t], speeds[t]
             memory = BatchMemory(*(np.array(part, order="C") for part in parts))
             terms = (None if x is None else x[t].copy() for x in (self._external, self._friction))
@@ -354,8 +340,8 @@ class BatchEvaluation(Evaluation):
         return frame
 
     def __reduce__(self) -> tuple[Any, ...]:
-        memory = BatchMemory(*(part.copy() for part in self._parts))
-        return type(self), (self._model, memory, self._with_tau, self._external, self._friction)
+        terms = self._with_tau, self._external, self._friction
+        return type(self), (self._model, self._parts, *terms)
 
 
 class BatchMemory(NamedTuple):
@@ -368,12 +354,13 @@ class BatchMemory(NamedTuple):
 
     @classmethod
     def allocate(cls, model: RobotModel, count: int) -> BatchMemory:
-        """Return uninitialized memory for `count` states, in one piece."""
-        nv, nq = model.nv, model.nq
-        shapes = (ws.N_RESULTS, count, nv), (ws.N_NUMBERS, count), (count, nq), (count, nv)
-        ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
-        parts = np.split(np.empty(ends[-1]), ends[:-1])
-        return cls(*(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)))
+        """Return uninitialized memory for `count` states."""
+        return cls(
+            np.empty((ws.N_RESULTS, count, model.nv)),
+            np.empty((ws.N_NUMBERS, count)),
+            np.empty((count, model.nq)),
+            np.empty((count, model.nv)),
+        )
 
 
 class Factors(NamedTuple):
@@ -519,30 +506,6 @@ def expand(result: _Result, rows: BoolArray) -> _Result:
         return full
 
     return type(result)(*map(expanded, result))
-
-
-def reusable(result: Evaluation, memory: Any) -> Any:
-    """Return a result in memory that evaluate may write again, filled with NaN."""
-    for part in memory:
-        part.fill(np.nan)
-    result._memory = memory
-    return result
-
-
-def memory_of(out: Evaluation, kind: type[Evaluation], model: RobotModel) -> Any:
-    """Return the memory of a result that may be overwritten."""
-    memory = getattr(out, "_memory", None)
-    if memory is not None and type(out) is kind and out._model is model:
-        return memory
-    name = type(out).__name__
-    if type(out) is not kind:
-        found = f"of type {name}"
-    elif out.model is not model:
-        found = f"of another model, robot '{out.model.name}' ({out.model.nv} dof)"
-    else:
-        found = f"an earlier call's {name}, which stays as it is"
-    maker = "new_batch(T)" if kind is BatchEvaluation else "new_evaluation()"
-    raise InputError(f"out is {found}, expected a result of {maker} of '{model.name}'.")
 
 
 def energy_shares(nu: Array) -> Array:

@@ -14,11 +14,11 @@ dyn = dd.DiagonalDynamics(model)
 t = np.arange(10_000)[:, None] * 1e-3
 frequency = np.linspace(0.1, 0.5, model.nv)
 Q, QD = np.sin(frequency * t), frequency * np.cos(frequency * t)
-TAU = dyn.gravity_torque_batch(Q)
+TAU = dyn.gravity_torque(Q)
 
-dyn.compile("evaluate_batch")  # or the first call would, and be taken for a slow one
+dyn.compile("evaluate", rows=True)  # or the first call would, and be taken for a slow one
 begun = time.perf_counter()
-batch = dyn.evaluate_batch(Q, QD, TAU)
+batch = dyn.evaluate(Q, QD, TAU)
 print(f"{len(batch)} states in {1e3 * (time.perf_counter() - begun):.1f} ms")
 peak = int(batch.kinetic_energy.argmax())
 print(f"K is highest after {t[peak, 0]:.3f} s: {batch[peak].kinetic_energy:.3f} J")

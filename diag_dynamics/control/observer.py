@@ -243,7 +243,7 @@ def influence(dynamics: DiagonalDynamics) -> BoolArray:
     """Return which components of ε each joint's torque changes, bool (nv, nv), at any position."""
     nv = dynamics.model.nv
     q = np.tile(dynamics.model.random(0), (nv, 1))
-    found: BoolArray = dynamics.epsilon_from_tau_batch(q, np.eye(nv)) != 0.0
+    found: BoolArray = dynamics.epsilon_from_tau(q, np.eye(nv)) != 0.0
     return found
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from diag_dynamics import checks, threads
 from diag_dynamics.arrays import Array, Frame, ManyWrenches
 from diag_dynamics.model import RobotModel
-from diag_dynamics.results import BatchMemory
 
 ARRAY, FLOAT = np.ndarray, np.dtype(np.float64)
 
@@ -40,15 +39,6 @@ class States(NamedTuple):
     def at(self, t: int) -> States:
         """Return the arguments at one of many states."""
         return States(self.q[t], {name: x[min(t, len(x) - 1)] for name, x in self.vectors.items()})
-
-    def apart_from(self, memory: BatchMemory) -> States:
-        """Return the arguments, with copies of those that lie in memory that a sweep writes."""
-
-        def apart(x: Array) -> Array:
-            return x.copy() if np.may_share_memory(x, memory.results.base) else x
-
-        vectors = {name: apart(x) for name, x in self.vectors.items()}
-        return States(apart(self.q), vectors, self.threads)
 
 
 class Arguments:

@@ -259,29 +259,28 @@ class SweepCaller:
 
     # --- Evaluation
 
-    def evaluate(self, at: States, with_tau: bool, loads: Loads, memory: Any, out: Any) -> Any:
-        """Evaluate into memory, that of `out` if given: rows of one state or a BatchMemory."""
-        try:
-            external, friction = self._evaluate_terms(at, loads, memory)
-        except BaseException:  # a Ctrl-C, too
-            if out is not None:
-                results.reusable(out, memory).set_terms(with_tau)
-            raise
-        if out is not None:
-            out.set_terms(with_tau, external, friction)
-            return out
-        result = results.BatchEvaluation if at.threads else results.evaluation_of
-        return result(self.model, memory, with_tau, external, friction)
+    def evaluate(self, at: States, with_tau: bool, loads: Loads) -> results.Evaluation:
+        """Return the evaluation of one state or many."""
+        if at.threads:
+            batch = results.BatchMemory.allocate(self.model, len(at.q))
+            terms = self._evaluate_terms(at, loads, batch)
+            return results.BatchEvaluation(self.model, batch, with_tau, *terms)
+        state = self._row_memory()
+        terms = self._evaluate_terms(at, loads, state)
+        return results.evaluation_of(self.model, state, with_tau, *terms)
+
+    def _row_memory(self) -> Array:
+        """Return uninitialized memory for the results of one state."""
+        return np.empty((ws.N_ROWS, max(self.model.nq, 1)))
 
     def _evaluate_terms(
         self, at: States, loads: Loads, memory: Any
     ) -> tuple[results.Term, results.Term]:
         """Evaluate into memory; return ε of wrenches and of friction, None without them."""
         external = friction = None
-        # Before memory is written: the wrenches may lie in it.
-        effort = None if loads.wrenches is None else self._wrench_effort(at, loads)
         nu, power = self._fill(at, memory)
-        if effort is not None:
+        if loads.wrenches is not None:
+            effort = self._wrench_effort(at, loads)
             external = self._epsilon(at, effort, "f_ext is too large")
         if loads.friction:
             resisting = self.friction(at)
@@ -299,7 +298,7 @@ class SweepCaller:
         if not at.threads:
             self.check(evaluation.evaluate(self.robot, *inputs, memory), at)
             return memory[ws.NU, : self.nv], memory[ws.POWER, :1]
-        single = partial(self._fill, memory=np.empty((ws.N_ROWS, max(self.model.nq, 1))))
+        single = partial(self._fill, memory=self._row_memory())
         self._call_many(batch.evaluate_many, inputs, memory, at, single, ws.WIDTH)
         return memory.results[ws.NU], memory.numbers[ws.POWER - ws.KINETIC_ENERGY]
 

@@ -18,13 +18,7 @@ from diag_dynamics.sweeps import (
 
 METHODS = {
     evaluation.evaluate: "evaluate",
-    evaluation.link_energies: "evaluate evaluate_batch",
-    batch.evaluate_many: "evaluate_batch",
-    batch.mass_matrix_each: "mass_matrix_batch",
-    batch.effort_of_wrenches_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch",
-    batch.sweep_each: "evaluate_batch forward_dynamics_batch inverse_dynamics_batch bias_batch "
-    "gravity_torque_batch nu_from_qd_batch qd_from_nu_batch epsilon_from_tau_batch "
-    "tau_from_epsilon_batch momentum_batch",
+    evaluation.link_energies: "evaluate",
     factorization.factors: "factors",
     classical.forward_dynamics: "forward_dynamics",
     classical.inverse_dynamics: "inverse_dynamics bias gravity_torque",
@@ -48,21 +42,32 @@ METHODS = {
     kinematics.motion: "link_velocity link_acceleration",
     mobilities.mobilities: "mobilities",
     external.wrench: "wrench",
-    external.wrench_each: "wrench_batch",
     external.touched_link: "touched_link",
-    external.touched_link_each: "touched_link_batch",
     contacts.contacts: "contact",
-    contacts.contacts_each: "contact_batch",
 }
-"""Methods by the function that they call."""
+"""Methods by the function that they call for one state."""
+
+ROWS = {
+    batch.evaluate_many: "evaluate",
+    batch.mass_matrix_each: "mass_matrix",
+    batch.effort_of_wrenches_each: "evaluate forward_dynamics inverse_dynamics",
+    batch.sweep_each: "evaluate forward_dynamics inverse_dynamics bias gravity_torque momentum "
+    "nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
+    external.wrench_each: "wrench",
+    external.touched_link_each: "touched_link",
+    contacts.contacts_each: "contact",
+}
+"""Methods by the function that they call for rows of states."""
 
 
-def compile_methods(*methods: str) -> None:
-    """Compile the functions of these methods, of all if no name follows."""
+def compile_methods(*methods: str, rows: bool) -> None:
+    """Compile the functions of these methods, and those for rows of states if required."""
     known = set(" ".join(METHODS.values()).split())
     for name in methods:
         if name not in known:
             raise InputError(f"compile: {name!r} is none of {', '.join(sorted(known))}.")
-    for entry, users in METHODS.items():
-        if not methods or not set(methods).isdisjoint(users.split()):
-            entry.compile()
+    tables = [METHODS, ROWS] if rows or not methods else [METHODS]
+    for table in tables:
+        for entry, users in table.items():
+            if not methods or not set(methods).isdisjoint(users.split()):
+                entry.compile()

@@ -6,23 +6,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from diag_dynamics import results
 from diag_dynamics.arrays import (
     Array,
     Frame,
     ManyWrenches,
-    MatrixLike,
     PointLike,
     RowsLike,
     StatesLike,
     VectorLike,
 )
-from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vector, whole
+from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vector
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact, Impact, impact
 from diag_dynamics.dynamics import calls, noise
@@ -31,14 +29,11 @@ from diag_dynamics.dynamics.compilation import compile_methods
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.results import (
-    BatchEvaluation,
-    BatchMemory,
     Evaluation,
     ExternalWrench,
     Factors,
     Momentum,
     TouchedLink,
-    memory_of,
 )
 from diag_dynamics.sweeps import (
     classical,
@@ -102,9 +97,17 @@ class DiagonalDynamics:
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model,)  # a copy has memory of its own
 
-    def compile(self, *methods: str) -> None:
-        """Compile methods by name, or all methods, so that no later call waits for the compiler."""
-        compile_methods(*methods)
+    def compile(self, *methods: str, rows: bool = False) -> None:
+        """Compile methods by name, or all methods, so that no later call waits for the compiler.
+
+        Parameters
+        ----------
+        *methods : str
+            Names of methods; without names, all methods for one state and for rows.
+        rows : bool
+            Whether to compile the named methods for rows of states, too.
+        """
+        compile_methods(*methods, rows=rows)
 
     # --- All quantities
 
@@ -117,7 +120,6 @@ class DiagonalDynamics:
         *,
         frame: Frame = "link",
         friction: bool = False,
-        out: Evaluation | None = None,
         threads: int | None = None,
     ) -> Evaluation:
         """Evaluate every quantity of the diagonalized equations of motion at one state or many.
@@ -132,22 +134,15 @@ class DiagonalDynamics:
             External wrenches and their axes.
         friction : bool
             Whether to evaluate the friction of :meth:`friction_torque` as a separate term.
-        out : Evaluation, optional
-            Result of :meth:`new_evaluation` or :meth:`new_batch` to overwrite; nothing is allocated
-            then. Its own arrays may be arguments. It keeps its numbers if `q`, `qd` or `tau`
-            has a wrong type or shape, and is NaN after other errors.
         threads : int, optional
             Number of threads for many states.
 
         Returns
         -------
         Evaluation
-            A new one, or `out`; for many states a :class:`BatchEvaluation`, with the same bits as
-            evaluations of one state.
+            For many states a :class:`BatchEvaluation`, with the same bits as evaluations of one.
         """
-        if type(out) is BatchEvaluation:
-            return self._evaluate_rows(q, qd, tau, Loads(f_ext, frame, friction), threads, out)
-        state = np.empty(self._shape) if out is None else memory_of(out, Evaluation, self.model)
+        state = np.empty(self._shape)
         effort, status = self._zero if tau is None else tau, ws.BAD_LENGTH
         try:
             if (
@@ -162,92 +157,13 @@ class DiagonalDynamics:
             pass
         if status:  # with checked arguments, which name the error if there is one
             loads = Loads(f_ext, frame, friction)
-            if out is None and is_rows(q):
-                return self._evaluate_rows(q, qd, tau, loads, threads, None)
-            at = self._arguments.one(q, qd=qd, tau=effort)
-            return self._caller.evaluate(at, tau is not None, loads, state, out)
+            at = self._arguments.states(q, threads, qd=qd, tau=effort)
+            return self._caller.evaluate(at, tau is not None, loads)
         if self._loops:
             self._caller.warn_of_loops()
-        if out is None:
-            state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
-            rows = state if self._whole else state[:, : self._nv]
-            return Evaluation(self.model, state, rows, tau is not None)
-        out.set_terms(tau is not None)
-        return out
-
-    def new_evaluation(self) -> Evaluation:
-        """Return an Evaluation of NaN to overwrite: ``evaluate(…, out=…)`` allocates no memory.
-
-        Only `evaluate` writes it. Arrays that were read from it earlier then show the new results.
-        """
-        memory = np.empty(self._shape)
-        state = results.read_only(memory.view())
-        rows = tuple(state[:, : self._nv])
-        return results.reusable(Evaluation(self.model, state, rows, False), memory)
-
-    def evaluate_batch(
-        self,
-        Q: MatrixLike,
-        QD: MatrixLike,
-        TAU: MatrixLike | None = None,
-        f_ext: ManyWrenches | None = None,
-        *,
-        frame: Frame = "link",
-        threads: int | None = None,
-        friction: bool = False,
-        out: BatchEvaluation | None = None,
-    ) -> BatchEvaluation:
-        """Evaluate many states, shapes (T, nq) and (T, nv), as :meth:`evaluate`."""
-        return self._evaluate_rows(Q, QD, TAU, Loads(f_ext, frame, friction), threads, out)
-
-    def _evaluate_rows(
-        self,
-        Q: Any,
-        QD: Any,
-        TAU: Any,
-        loads: Loads,
-        threads: int | None,
-        out: BatchEvaluation | None,
-    ) -> BatchEvaluation:
-        at = self._arguments.many(Q, threads, qd=QD, tau=self._zero if TAU is None else TAU)
-        if out is None:
-            memory = BatchMemory.allocate(self.model, len(at.q))
-        else:
-            memory = memory_of(out, BatchEvaluation, self.model)
-            if len(out) != len(at.q):
-                raise InputError(f"out has {len(out)} states, expected {len(at.q)}, as Q has.")
-            at = at.apart_from(memory)
-        return self._caller.evaluate(at, TAU is not None, loads, memory, out)
-
-    def new_batch(self, count: int) -> BatchEvaluation:
-        """Return a BatchEvaluation of `count` states to overwrite, as :meth:`new_evaluation`."""
-        if not (isinstance(count, (int, np.integer)) and count >= 0):
-            raise InputError(f"count is {count!r}, expected a whole number >= 0.")
-        memory = BatchMemory.allocate(self.model, int(count))
-        return results.reusable(BatchEvaluation(self.model, memory, False), memory)
-
-    def evaluate_stream(
-        self,
-        Q: RowsLike,
-        QD: RowsLike,
-        TAU: RowsLike | None = None,
-        *,
-        size: int = 16384,
-        threads: int | None = None,
-        friction: bool = False,
-    ) -> Iterator[BatchEvaluation]:
-        """Yield evaluations of any number of states in batches of `size`, in bounded memory.
-
-        Arrays mapped from files are read batch by batch.
-        """
-        whole("size", size)
-        for name, value in (("QD", QD), ("TAU", TAU)):
-            if value is not None and len(value) != len(Q):
-                raise InputError(f"{name} has {len(value)} states, expected {len(Q)}, as Q has.")
-        for first in range(0, len(Q), size):
-            part = slice(first, first + size)
-            states = Q[part], QD[part], None if TAU is None else TAU[part]
-            yield self.evaluate_batch(*states, threads=threads, friction=friction)
+        state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
+        rows = state if self._whole else state[:, : self._nv]
+        return Evaluation(self.model, state, rows, tau is not None)
 
     # --- Joint space
 
@@ -749,20 +665,3 @@ class DiagonalDynamics:
         w = self.epsilon_from_wrench(q, link, np.concatenate([u, np.zeros(3)]), point, frame)
         after = impact(self.nu_from_qd(q, qd), w, mass, restitution)
         return after._replace(qd_after=self.qd_from_nu(q, after.nu_after))
-
-    # --- Other names, for many states
-
-    forward_dynamics_batch = forward_dynamics
-    inverse_dynamics_batch = inverse_dynamics
-    mass_matrix_batch = mass_matrix
-    friction_torque_batch = friction_torque
-    bias_batch = bias
-    gravity_torque_batch = gravity_torque
-    momentum_batch = momentum
-    nu_from_qd_batch = nu_from_qd
-    qd_from_nu_batch = qd_from_nu
-    epsilon_from_tau_batch = epsilon_from_tau
-    tau_from_epsilon_batch = tau_from_epsilon
-    wrench_batch = wrench
-    touched_link_batch = touched_link
-    contact_batch = contact

@@ -279,7 +279,7 @@ class Dataset:
     def _filled(self, segment, dynamics):
         """Return a segment with the model's efforts at joints whose effort is unknown."""
         t, q, qd, tau = segment.columns
-        model = dynamics.inverse_dynamics_batch(q, qd, np.gradient(qd, t, axis=0))
+        model = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
         return Segment(t, replace(segment.states, effort=np.where(self.known, tau, model)))
 
     def _add(self, count, cause, text):

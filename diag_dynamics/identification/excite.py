@@ -342,7 +342,7 @@ class _Series:
         position, velocity, acceleration = (scale * (base @ shape) for base in self._bases)
         position += np.where(self._moving, first, self._low + 0.5 * span)
         motion = position, velocity, acceleration
-        return *motion, self._dynamics.inverse_dynamics_batch(*motion, friction=True)
+        return *motion, self._dynamics.inverse_dynamics(*motion, friction=True)
 
     def condition(self, genes):
         """Return the condition number; inf where an effort does not suffice."""

@@ -63,10 +63,10 @@ def validate(models, parts):
             (part, known) for segment, known in block for part in portions([segment])
         ):
             t, q, qd, tau = part.columns
-            tau = tau - dynamics.friction_torque_batch(
+            tau = tau - dynamics.friction_torque(
                 qd, q
             )  # of rates as they are: that of filtered ones turns later
-            s = dynamics.evaluate_batch(q, qd, tau)
+            s = dynamics.evaluate(q, qd, tau)
             if known.all():
                 balance.add_windows(sums.integrate_states(part.states, s))
             _, torque, _, valid, _ = observer.observe_batch(replace(part.states, effort=tau), s)
@@ -76,7 +76,7 @@ def validate(models, parts):
                 measured = smoothed(*part.columns)[2]
                 q, qd, tau, qdd = smoothed(t, q, qd, tau)
                 inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
-                error = (tau - dynamics.inverse_dynamics_batch(q, qd, qdd))[inner]
+                error = (tau - dynamics.inverse_dynamics(q, qd, qdd))[inner]
                 errors.append(np.where(known, error, np.nan))
                 columns = np.hstack([measured[inner], measured[inner] - error, error])
                 curves.append(_downsample(elapsed + t[inner] - t[0], columns, each))

@@ -117,7 +117,7 @@ class Regressors:
             y[:, own + FRICTION] = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
             if self.load_of:
                 y[:, own + LOAD] = (
-                    np.abs(self.load_of.gravity_torque_batch(q[part])) * y[:, own + FRICTION]
+                    np.abs(self.load_of.gravity_torque(q[part])) * y[:, own + FRICTION]
                 )
             y[:, own + ROOT] = root_of_rate(rates, v0)
             self._fill_motors(y, rates)

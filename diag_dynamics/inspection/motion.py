@@ -54,9 +54,9 @@ class Motion:
         self.model, self._dynamics = model, DiagonalDynamics(model)
         self._Q = np.array([model.random(rng) for _ in range(POSES)])
         still = np.zeros((POSES, model.nv))
-        self.D = self._dynamics.evaluate_batch(self._Q, still).articulated_inertia
-        self.M = self._dynamics.mass_matrix_batch(self._Q)
-        self.gravity_torque = self._dynamics.gravity_torque_batch(self._Q)
+        self.D = self._dynamics.evaluate(self._Q, still).articulated_inertia
+        self.M = self._dynamics.mass_matrix(self._Q)
+        self.gravity_torque = self._dynamics.gravity_torque(self._Q)
         self.condition: Array = np.linalg.cond(self.M)
         self.velocity_limit = np.nan_to_num(model.velocity_limit, posinf=0.0)
         QD = np.random.default_rng(1).choice([-1.0, 1.0], still.shape) * self.velocity_limit

@@ -62,9 +62,7 @@ class Forces:
             known & np.isfinite(states.norm) & np.logical_or(states.contact, states.collision)
         )
         if len(rows):
-            found = self._dynamics.touched_link_batch(
-                states.q[rows], torque[rows], self._covariance
-            )
+            found = self._dynamics.touched_link(states.q[rows], torque[rows], self._covariance)
             links[rows] = [self._names.index(name) if name else -1 for name in found.link]
             confidence[rows] = found.confidence
         return states._replace(touched_link=links, touched_confidence=confidence)
@@ -92,9 +90,7 @@ class Forces:
         if self._links:
             wrenches = np.full((2, count, len(self._links), 6), np.nan)
             for n, link in enumerate(self._links):
-                w = self._dynamics.wrench_batch(
-                    states.q[known], torque[known], link, **self._options
-                )
+                w = self._dynamics.wrench(states.q[known], torque[known], link, **self._options)
                 wrenches[0, known, n], wrenches[1, known, n] = w.wrench, component_deviations(w)
             found["wrench"], found["wrench_deviation"] = wrenches.reshape(2, count, -1)
         return found

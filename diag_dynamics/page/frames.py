@@ -175,10 +175,10 @@ class FrameMaker:
         }
 
     def _rows(self, name, *arrays):
-        """Return the result of a method of the dynamics, by its batch where there are several states."""
+        """Return the result of a method of the dynamics, by rows where there are several states."""
         if len(arrays[0]) == 1:
             return getattr(self._dynamics, name)(*(row[0] for row in arrays))[None]
-        return getattr(self._dynamics, f"{name}_batch")(*arrays)
+        return getattr(self._dynamics, name)(*arrays)
 
     def _friction_power(self, states):
         if not self._model.has_friction:

@@ -229,11 +229,17 @@ def _integrate(of: Recording) -> power.Windows:
     """Return the powers of a recording over windows."""
     sums = power.WindowSums(of.model.nv, of.model.has_friction)
     efforts = np.where(of.states.effort_known[:, None], of.states.effort, 0.0)
-    options: dict[str, Any] = {"size": SIZE, "friction": of.model.has_friction}
-    stream = DiagonalDynamics(of.model).evaluate_stream(of.q, of.qd, efforts, **options)
-    parts = [of.states[k : k + SIZE] for k in range(0, len(of), SIZE)]
-    windows = [sums.integrate_states(*pair) for pair in zip(parts, stream, strict=True)]
+    dynamics, windows = DiagonalDynamics(of.model), []
+    for rows in _slices(of):
+        motion = of.q[rows], of.qd[rows], efforts[rows]
+        s = dynamics.evaluate(*motion, friction=of.model.has_friction)
+        windows.append(sums.integrate_states(of.states[rows], s))
     return power.Windows(*map(np.concatenate, zip(*windows, strict=True)))
+
+
+def _slices(of: Recording) -> list[slice]:
+    """Return slices of SIZE states each, which bound the memory of evaluations."""
+    return [slice(k, k + SIZE) for k in range(0, len(of), SIZE)]
 
 
 def _joint_energies(
@@ -242,8 +248,9 @@ def _joint_energies(
     """Return joints, times from zero on [s], and the energy share of each joint [J]."""
     if isinstance(of, Recording):
         _check_states(of)
-        t, stream = of.t, DiagonalDynamics(of.model).evaluate_stream(of.q, of.qd)
-        energies = np.concatenate([s.energy_share for s in stream])
+        t, dynamics = of.t, DiagonalDynamics(of.model)
+        shares = [dynamics.evaluate(of.q[k], of.qd[k]).energy_share for k in _slices(of)]
+        energies = np.concatenate(shares)
     elif isinstance(of, Evaluation):
         energies = np.atleast_2d(of.energy_share)
         _check_states(energies)

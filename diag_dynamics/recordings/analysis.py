@@ -225,7 +225,7 @@ class Analysis:
         self.motion.add_states(states)
         if self.exposure:
             options = {"threads": self._threads}
-            contact = self._dynamics.contact_batch(
+            contact = self._dynamics.contact(
                 states.position, states.velocity, self._points, **options
             )
             self.exposure.add_states(states.stamp, contact)
@@ -238,7 +238,7 @@ class Analysis:
         if self._covariance is None or not rows.any():
             return None
         columns = states.position[rows], observed.external_torque[rows], self._covariance
-        return expand(self._dynamics.touched_link_batch(*columns, threads=self._threads), rows)
+        return expand(self._dynamics.touched_link(*columns, threads=self._threads), rows)
 
     def _add_figures(self, states, s, observed):
         (_, torque, norm, valid, _), names, energy = (
@@ -269,7 +269,7 @@ class Analysis:
             np.where(states.effort_known[:, None], states.effort, 0.0),
         )
         try:
-            return states, self._dynamics.evaluate_batch(
+            return states, self._dynamics.evaluate(
                 *columns, threads=self._threads, friction=self.friction
             )
         except DiagDynamicsError:

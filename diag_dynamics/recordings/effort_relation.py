@@ -168,8 +168,8 @@ class EffortRelation:
     def columns(self, t, q, qd, tau):
         """Return the COLUMNS of states without gaps at even times, (nv, T, 8), and smoothed efforts there, (T, nv)."""
         q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
-        pulls = np.stack([one.gravity_torque_batch(q) for one in self._pulls])
-        inertial = self._dynamics.inverse_dynamics_batch(q, qd, qdd) - np.tensordot(
+        pulls = np.stack([one.gravity_torque(q) for one in self._pulls])
+        inertial = self._dynamics.inverse_dynamics(q, qd, qdd) - np.tensordot(
             self._model.gravity, pulls, 1
         )
         turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))

@@ -164,7 +164,7 @@ class Intake:
         without = self.assembler.efforts.without_gravity
         if without is None or not np.isfinite(states.effort).any():
             return states
-        gravity = self._dynamics.gravity_torque_batch(states.position)
+        gravity = self._dynamics.gravity_torque(states.position)
         joints = gravity.shape[1] - len(without)
         gravity[:, :joints] = 0.0  # of a base, on which no effort acts
         gravity[:, joints:] *= without

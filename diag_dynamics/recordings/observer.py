@@ -64,7 +64,7 @@ class Observed(NamedTuple):
         """
         whole = self.valid & np.isfinite(self.norm)
         rows = self.q[whole], self.external_torque[whole]
-        return expand(self.dynamics.wrench_batch(*rows, link, covariance, **options), whole)
+        return expand(self.dynamics.wrench(*rows, link, covariance, **options), whole)
 
     def touched_link(self, covariance: RowsLike | None, **options: Any) -> TouchedLink:
         """Return the touched link in all states; "" and NaN where there is no result.
@@ -73,7 +73,7 @@ class Observed(NamedTuple):
         """
         whole = self.valid & np.isfinite(self.norm)
         rows = self.q[whole], self.external_torque[whole]
-        return expand(self.dynamics.touched_link_batch(*rows, covariance, **options), whole)
+        return expand(self.dynamics.touched_link(*rows, covariance, **options), whole)
 
 
 class ObservedStates(NamedTuple):
@@ -204,7 +204,7 @@ class Observer:
             part = states[first : first + SIZE]
             s, columns = None, (part.position, part.velocity, np.nan_to_num(part.effort))
             if not self._on_torque:
-                s = self._dynamics.evaluate_batch(
+                s = self._dynamics.evaluate(
                     *columns, threads=self._threads, friction=self._friction
                 )
             yield part.stamp, self.observe_batch(part, s)
@@ -229,8 +229,8 @@ class Observer:
         """Return momentum, resisting and applied terms of samples, as DisturbanceObserver has them."""
         if self._on_torque:
             q, rates = states.position[rows], states.velocity[rows]
-            p, rate = self._dynamics.momentum_batch(q, rates, threads=self._threads)
-            friction = self._dynamics.friction_torque_batch(rates, q) if self._friction else 0.0
+            p, rate = self._dynamics.momentum(q, rates, threads=self._threads)
+            friction = self._dynamics.friction_torque(rates, q) if self._friction else 0.0
             return np.ascontiguousarray(p), friction - rate, states.effort[rows]
         resisting = s.coriolis[rows] + s.gravity[rows]
         if self._friction:
@@ -247,7 +247,7 @@ class Observer:
         x[~valid], norm[~valid] = 0.0, 0.0
         if self._on_torque:
             unknown = np.isnan(x)
-            residual = self._dynamics.epsilon_from_tau_batch(
+            residual = self._dynamics.epsilon_from_tau(
                 positions, np.where(unknown, 0.0, x), **threads
             )
             if unknown.any():
@@ -257,7 +257,7 @@ class Observer:
                 residual[unknown @ self._influence] = np.nan
             torque, norm = x, np.sqrt((residual * residual).sum(axis=1))
         else:
-            residual, torque = x, self._dynamics.tau_from_epsilon_batch(positions, x, **threads)
+            residual, torque = x, self._dynamics.tau_from_epsilon(positions, x, **threads)
         above = norm > self._threshold
         changes = np.append(True, above | ~valid | ~(norm >= self._release))
         last_change = np.maximum.accumulate(np.where(changes, np.arange(len(changes)), 0))

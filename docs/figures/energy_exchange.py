@@ -19,7 +19,7 @@ def data():
         q.append(simulation.q)
         qd.append(simulation.qd)
         simulation.advance(steps=10)
-    batch = dd.DiagonalDynamics(robot).evaluate_batch(np.array(q), np.array(qd))
+    batch = dd.DiagonalDynamics(robot).evaluate(np.array(q), np.array(qd))
     return t, batch.energy_share, -batch.nu * batch.coriolis
 
 

@@ -136,7 +136,7 @@ def judge(dynamics, thresholds, recording, pushes):
     false = sum(
         not any(push.begin <= begin < push.end + 1.0 for push in pushes) for begin in begins
     )
-    energy = dynamics.evaluate_batch(recording.q, recording.qd).kinetic_energy
+    energy = dynamics.evaluate(recording.q, recording.qd).kinetic_energy
     return (alarms.values / detector.limits).max(axis=1), np.concatenate(first), false, energy
 
 
@@ -167,7 +167,7 @@ def demonstrate(name, folder, error, seed):
         thresholds = dd.calibrate(free, dynamics, gain=GAIN, false_alarms=FALSE_ALARMS)
         thresholds.save(folder / f"{name}_alarms_{what}.yaml")
         judged.append(judge(dynamics, thresholds, pushed, pushes))
-    energy = dd.DiagonalDynamics(robot).evaluate_batch(pushed.q, pushed.qd).kinetic_energy
+    energy = dd.DiagonalDynamics(robot).evaluate(pushed.q, pushed.qd).kinetic_energy
     print(f"{name}: identified {', '.join(found.quality['taken'])} from 20 s of motion")
     shares = ["-" if share is None else f"{share:.2f}" for share in found.quality["explained"]]
     print(f"  variance of dK/dt explained: {shares[0]} with the URDF, {shares[1]} identified")

@@ -724,7 +724,7 @@ def tables(ur5, tmp_path_factory):
     pace, size = np.array([0.7, 1.1, 1.3, 1.7, 1.9, 2.3]), np.array([0.6, 0.4, 0.5, 0.6, 0.6, 0.6])
     q = size * np.sin(pace * t) + [0.0, -1.2, 1.4, 0.0, 0.0, 0.0]
     qd, qdd = size * pace * np.cos(pace * t), -size * pace**2 * np.sin(pace * t)
-    tau = dyn.inverse_dynamics_batch(q, qd, qdd) + rng.normal(size=q.shape) * 0.5
+    tau = dyn.inverse_dynamics(q, qd, qdd) + rng.normal(size=q.shape) * 0.5
     qd = qd + rng.normal(size=q.shape) * 1e-3
     push = np.zeros_like(tau)
     push[5000:5100, 2] = 12.0

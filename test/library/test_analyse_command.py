@@ -144,7 +144,7 @@ def test_mcap_has_every_field(written, panda, driven):
     """Its thresholds are compared with the monitor's by test_live_and_offline_agree."""
     states, energies, observed = (messages_of(written / "out.mcap")[topic] for topic in TOPICS)
     _, stamps, position, velocity, effort = driven
-    s = dd.DiagonalDynamics(panda).evaluate_batch(position, velocity, effort, friction=True)
+    s = dd.DiagonalDynamics(panda).evaluate(position, velocity, effort, friction=True)
     evaluated = (
         "nu",
         "xi",

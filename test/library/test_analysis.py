@@ -38,7 +38,7 @@ def motion(ur5):
 
 @pytest.fixture(scope="module")
 def gravity(ur5, motion):
-    return dd.DiagonalDynamics(ur5).gravity_torque_batch(motion[1])
+    return dd.DiagonalDynamics(ur5).gravity_torque(motion[1])
 
 
 def simulated(model, push=None, seconds=4.0):
@@ -205,7 +205,7 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
 
 def windows_by_numpy(model, t, q, qd, tau):
     """Return mean powers over windows at multiples of 0.1 s [W]: dK/dt, the residual, and those of the total rates."""
-    s = dd.DiagonalDynamics(model).evaluate_batch(q, qd, np.nan_to_num(tau), friction=True)
+    s = dd.DiagonalDynamics(model).evaluate(q, qd, np.nan_to_num(tau), friction=True)
     known = np.isfinite(tau).all(axis=1)
     power = np.column_stack([s.effort_power - (s.nu * s.friction).sum(axis=1), s.nu * s.nu_dot])[
         known
@@ -302,7 +302,7 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
 def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
     """States that cannot be evaluated are rejected."""
     t, q, qd, tau = motion
-    s = dd.DiagonalDynamics(ur5).evaluate_batch(q, qd, tau)
+    s = dd.DiagonalDynamics(ur5).evaluate(q, qd, tau)
     columns = [np.insert(x, 1500, x[1499], axis=0) for x in motion]
     columns[0][1500], columns[2][1500] = t[1499] + 1e-6, 1e200
     summary, *_ = analysed(*columns, parameters=LOOSE)
@@ -482,7 +482,7 @@ def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, t
     """Sums and maxima over single calls of the library."""
     t, q, qd, tau = motion
     points = dd.ContactPoints(ur5, dd.link_geometry(ur5, find_urdf("ur5")).points, None)
-    energy = dd.DiagonalDynamics(ur5).contact_batch(q, qd, points).energy
+    energy = dd.DiagonalDynamics(ur5).contact(q, qd, points).energy
     limit, path = float(np.quantile(energy.max(axis=1), 0.7)), tmp_path / "limits.yaml"
     path.write_text(f"regions: {{any: {{energy: {limit!r}}}}}")
     summary, text, _ = analysed(t, q, qd, tau, parameters=[f"contact.limits_file={path}"])

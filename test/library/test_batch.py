@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many states at once: the numbers of single calls, on any number of threads, in bounded memory."""
+"""Many states at once: the numbers of single calls, on any number of threads."""
 
 import os
 import platform
@@ -9,7 +9,6 @@ import re
 import sys
 import threading
 import time
-import tracemalloc
 
 import numba
 import numpy as np
@@ -87,7 +86,7 @@ def wrenches_at(f_ext, t):
 @pytest.mark.parametrize("efforts", [False, True], ids=["without efforts", "with efforts"])
 def test_batch_equals_single_evaluations(dyn, threads, efforts):
     Q, QD, *TAU = states(dyn)[: 2 + efforts]
-    many = dyn.evaluate_batch(Q, QD, *TAU, threads=threads, friction=True)
+    many = dyn.evaluate(Q, QD, *TAU, threads=threads, friction=True)
     singles = [dyn.evaluate(*state, friction=True) for state in zip(Q, QD, *TAU, strict=True)]
     for name in NAMES:
         expected = [getattr(one, name) for one in singles]
@@ -118,16 +117,14 @@ def test_other_batches_equal_single_calls(dyn, threads):
         expected = [getattr(dyn, name)(*state) for state in zip(*columns, strict=True)]
         options = {"threads": threads} if name in arguments else {}
         np.testing.assert_array_equal(
-            getattr(dyn, f"{name}_batch")(*columns, **options), expected, err_msg=name
+            getattr(dyn, name)(*columns, **options), expected, err_msg=name
         )
     expected = [dyn.momentum(*state) for state in zip(Q, QD, strict=True)]
-    np.testing.assert_array_equal(
-        dyn.momentum_batch(Q, QD, threads=threads), np.swapaxes(expected, 0, 1)
-    )
+    np.testing.assert_array_equal(dyn.momentum(Q, QD, threads=threads), np.swapaxes(expected, 0, 1))
 
 
 def test_methods_take_one_state_or_rows(dyn):
-    """Rows are arrays, lists, or columns by name; each method returns what its `_batch` name does."""
+    """Rows are arrays, lists, dicts, or columns by name, with equal results."""
     Q, QD, TAU, QDD = states(dyn, 5)
     arguments = {
         "evaluate": (Q, QD, TAU),
@@ -143,11 +140,10 @@ def test_methods_take_one_state_or_rows(dyn):
         "tau_from_epsilon": (Q, TAU),
     }
     for name, rows in arguments.items():
-        many = getattr(dyn, f"{name}_batch")(*rows)
+        many = getattr(dyn, name)(*rows)
         names = dyn.model.dof_names if rows[0] is QD else dyn.model.coordinate_names
         columns = dict(zip(names, rows[0].T, strict=True))
         for first in (
-            rows[0],
             rows[0].tolist(),
             [dict(zip(names, row, strict=True)) for row in rows[0]],
             columns,
@@ -159,9 +155,6 @@ def test_methods_take_one_state_or_rows(dyn):
             else:
                 expected = many
             np.testing.assert_array_equal(found, expected, err_msg=name)
-    out = dyn.new_batch(5)
-    assert dyn.evaluate(Q, QD, TAU, out=out) is out
-    np.testing.assert_array_equal(out.power, dyn.evaluate(Q, QD, TAU).power)
     with pytest.raises(dd.InputError, match="expected \\(5, "):
         dyn.evaluate(Q, QD[0])
 
@@ -170,9 +163,9 @@ def test_methods_take_one_state_or_rows(dyn):
 def test_wrenches_and_friction(dyn, frame):
     Q, QD, TAU, QDD = states(dyn)
     f_ext, options = wrenches(dyn), {"frame": frame, "friction": True}
-    forward = dyn.forward_dynamics_batch(Q, QD, TAU, f_ext, **options)
-    inverse = dyn.inverse_dynamics_batch(Q, QD, QDD, f_ext, **options)
-    many = dyn.evaluate_batch(Q, QD, TAU, f_ext, **options)
+    forward = dyn.forward_dynamics(Q, QD, TAU, f_ext, **options)
+    inverse = dyn.inverse_dynamics(Q, QD, QDD, f_ext, **options)
+    many = dyn.evaluate(Q, QD, TAU, f_ext, **options)
     for t in range(0, COUNT, 37):
         wrench = wrenches_at(f_ext, t)
         np.testing.assert_allclose(
@@ -192,14 +185,14 @@ def test_wrenches_and_friction(dyn, frame):
 def test_any_number_of_states(two, count):
     """Batches shorter and longer than WIDTH and the pieces of threads."""
     Q, QD, TAU, _ = states(two, count)
-    many = two.evaluate_batch(Q, QD, TAU, threads=2)
+    many = two.evaluate(Q, QD, TAU, threads=2)
     assert (
         len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
     )
     for t in range(count):
         np.testing.assert_array_equal(many.coriolis[t], two.evaluate(Q[t], QD[t], TAU[t]).coriolis)
-    assert two.forward_dynamics_batch(Q, QD, TAU).shape == (count, 2)
-    assert two.mass_matrix_batch(Q).shape == (count, 2, 2)
+    assert two.forward_dynamics(Q, QD, TAU).shape == (count, 2)
+    assert two.mass_matrix(Q).shape == (count, 2, 2)
 
 
 def evaluation_step(robot):
@@ -256,35 +249,10 @@ def test_large_angles_equal_reduced_ones(two):
     Q, QD, TAU, _ = states(two, 20)
     Q[::5] *= 1e9
     reduced = np.arctan2(np.sin(Q), np.cos(Q))
-    expected = two.evaluate_batch(reduced, QD, TAU)
-    many, one = two.evaluate_batch(Q, QD, TAU), two.evaluate(Q[0], QD[0], TAU[0])
+    expected = two.evaluate(reduced, QD, TAU)
+    many, one = two.evaluate(Q, QD, TAU), two.evaluate(Q[0], QD[0], TAU[0])
     np.testing.assert_allclose(many.coriolis, expected.coriolis, rtol=1e-11, atol=1e-13)
     np.testing.assert_allclose(one.coriolis, expected.coriolis[0], rtol=1e-11, atol=1e-13)
-
-
-@pytest.mark.parametrize("size", [1, 7, 100, 1000])
-def test_stream_equals_batch(two, size):
-    Q, QD, TAU, _ = states(two, 100)
-    pieces = list(two.evaluate_stream(Q, QD, TAU, size=size))
-    assert [len(piece) for piece in pieces[:-1]] == [size] * (len(pieces) - 1)
-    found = np.concatenate([piece.coriolis for piece in pieces])
-    np.testing.assert_array_equal(found, two.evaluate_batch(Q, QD, TAU).coriolis)
-
-
-def test_stream_memory_does_not_grow_with_states(two, tmp_path):
-    peaks = []
-    for count in (10_000, shortened(400_000, 100_000)):
-        files = [
-            np.lib.format.open_memmap(tmp_path / f"{name}_{count}.npy", "w+", shape=(count, 2))
-            for name in "ab"
-        ]
-        Q, QD = (np.load(file.filename, mmap_mode="r") for file in files)
-        tracemalloc.start()
-        energy = sum(piece.kinetic_energy.sum() for piece in two.evaluate_stream(Q, QD, size=5000))
-        peaks.append(tracemalloc.get_traced_memory()[1])
-        tracemalloc.stop()
-        assert energy == 0.0
-    assert peaks[1] < 1.1 * peaks[0] + 100_000
 
 
 # --- Arguments
@@ -296,11 +264,11 @@ def test_error_names_the_first_bad_state(dyn, at, which, value):
     arguments = dict(zip(("q", "qd", "tau"), states(dyn), strict=False))
     arguments[which][at, -1] = arguments[which][149, -1] = value
     name = (dyn.model.coordinate_names if which == "q" else dyn.model.dof_names)[-1]
-    for call in (dyn.evaluate_batch, dyn.forward_dynamics_batch):
+    for call in (dyn.evaluate, dyn.forward_dynamics):
         with pytest.raises(dd.InputError) as caught:
             call(*arguments.values(), threads=3)
         assert str(caught.value).startswith(f"state {at}: {which} of joint '{name}' is {value}")
-    assert np.isfinite(dyn.evaluate_batch(*states(dyn, 3)[:3]).nu_dot).all()
+    assert np.isfinite(dyn.evaluate(*states(dyn, 3)[:3]).nu_dot).all()
 
 
 def test_error_names_the_singular_state():
@@ -310,7 +278,7 @@ def test_error_names_the_singular_state():
     Q, QD, _, _ = states(dyn, 130)
     Q[100] = 0.0
     with pytest.raises(dd.SingularMassMatrixError, match=r"^state 100:") as caught:
-        dyn.evaluate_batch(Q, QD)
+        dyn.evaluate(Q, QD)
     assert caught.value.joint == "neck_roll"
 
 
@@ -319,37 +287,35 @@ FAST = [[1e140, 0.0]]
 NAN, LARGE = [[0.0, np.nan]], {"lower": np.full(6, 1.7e308)}
 
 WRONG = {
-    "one state": (lambda d: d.evaluate_batch([0, 0], STATE), "Q has shape (2,), expected (T, 2)"),
+    "one state": (lambda d: d.evaluate([0, 0], STATE), "qd has shape (1, 2), expected (2,)"),
     "columns": (
-        lambda d: d.evaluate_batch([[0, 0, 0]], STATE),
+        lambda d: d.evaluate([[0, 0, 0]], STATE),
         "Q has shape (1, 3), expected (T, 2)",
     ),
-    "rates": (lambda d: d.evaluate_batch(STATE, STATE * 2), "QD has shape (2, 2), expected (1, 2)"),
+    "rates": (lambda d: d.evaluate(STATE, STATE * 2), "QD has shape (2, 2), expected (1, 2)"),
     "efforts": (
-        lambda d: d.evaluate_batch(STATE, STATE, [0, 0]),
+        lambda d: d.evaluate(STATE, STATE, [0, 0]),
         "TAU has shape (2,), expected (1, 2)",
     ),
-    "ragged": (lambda d: d.evaluate_batch([[0, 0], [1]], STATE), "Q is not an array of numbers"),
-    "half a thread": (lambda d: d.bias_batch(STATE, STATE, threads=1.5), "threads is 1.5"),
-    "stream of nothing": (lambda d: list(d.evaluate_stream(STATE, STATE, size=0)), "size is 0"),
-    "stream without rates": (lambda d: list(d.evaluate_stream(STATE, [])), "QD has 0 states"),
+    "ragged": (lambda d: d.evaluate([[0, 0], [1]], STATE), "q is not a vector of numbers"),
+    "half a thread": (lambda d: d.bias(STATE, STATE, threads=1.5), "threads is 1.5"),
     "wrenches": (
-        lambda d: d.evaluate_batch(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}),
+        lambda d: d.evaluate(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}),
         "(1, 6)",
     ),
-    "rates of bias": (lambda d: d.bias_batch(STATE, NAN), "state 0: qd of joint 'elbow'"),
-    "rates of friction": (lambda d: d.friction_torque_batch(NAN), "state 0: qd of joint 'elbow'"),
+    "rates of bias": (lambda d: d.bias(STATE, NAN), "state 0: qd of joint 'elbow'"),
+    "rates of friction": (lambda d: d.friction_torque(NAN), "state 0: qd of joint 'elbow'"),
     "inverse dynamics": (
-        lambda d: d.inverse_dynamics_batch(STATE, NAN, STATE),
+        lambda d: d.inverse_dynamics(STATE, NAN, STATE),
         "state 0: qd of joint 'elbow'",
     ),
-    "large wrench": (lambda d: d.evaluate_batch(STATE, STATE, STATE, LARGE), "f_ext is too large"),
+    "large wrench": (lambda d: d.evaluate(STATE, STATE, STATE, LARGE), "f_ext is too large"),
     "large power": (
-        lambda d: d.evaluate_batch(STATE, FAST, STATE, {"lower": np.full(6, 1e180)}),
+        lambda d: d.evaluate(STATE, FAST, STATE, {"lower": np.full(6, 1e180)}),
         "power overflows",
     ),
     "large wrench, inverse": (
-        lambda d: d.inverse_dynamics_batch(STATE, STATE, STATE, LARGE),
+        lambda d: d.inverse_dynamics(STATE, STATE, STATE, LARGE),
         "state 0:",
     ),
 }
@@ -370,7 +336,6 @@ def test_wrong_arguments(two, case):
 def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     """The calling thread waits for its helpers, even if Ctrl-C interrupts that wait."""
     Q, QD, TAU, _ = states(two, 300)
-    out = two.evaluate_batch(Q, QD, TAU, out=two.new_batch(300))
     evaluate_many, wait, main = kernels.evaluate_many, helpers.wait, threading.current_thread()
     helper_began, may_end, ended = threading.Event(), threading.Event(), []
     waits = []
@@ -395,19 +360,18 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     monkeypatch.setattr(helpers, "wait", wait_for)
     monkeypatch.setattr(kernels, "evaluate_many", evaluate)
     with pytest.raises(KeyboardInterrupt):
-        two.evaluate_batch(Q, QD, TAU, threads=2, out=out)
+        two.evaluate(Q, QD, TAU, threads=2)
     assert len(ended) == 1 and len(waits) == interrupts
-    assert np.isnan(out.nu).all()
 
 
 @pytest.mark.full  # forks the process of the test
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
 def test_forked_process_has_threads_of_its_own(two):
     Q, QD, TAU, _ = states(two, 300)
-    expected = two.evaluate_batch(Q, QD, TAU, threads=2).nu
+    expected = two.evaluate(Q, QD, TAU, threads=2).nu
     child = os.fork()
     if not child:
-        os._exit(not np.array_equal(two.evaluate_batch(Q, QD, TAU, threads=2).nu, expected))
+        os._exit(not np.array_equal(two.evaluate(Q, QD, TAU, threads=2).nu, expected))
     assert os.waitpid(child, 0)[1] == 0
 
 
@@ -451,9 +415,7 @@ METHODS = {
     "nu_from_qd": lambda d, q, v, t: d.nu_from_qd(q.tolist(), v),
     "jacobian": lambda d, q, v, t: d.jacobian(q, "panda_hand", frame="world"),
     "wrench_factor": lambda d, q, v, t: d.wrench_factor(q, "panda_hand"),
-    "forward_dynamics_batch": lambda d, q, v, t: d.forward_dynamics_batch(
-        q[None], v[None], t[None]
-    ),
+    "forward_dynamics_batch": lambda d, q, v, t: d.forward_dynamics(q[None], v[None], t[None]),
 }
 
 

@@ -104,7 +104,7 @@ WRONG = [
     (lambda d: d.evaluate(Z, LARGE), "too large"),
     (lambda d: d.evaluate(Z, [1e150, 0], LARGE), "too large"),  # the power
     (
-        lambda d: d.evaluate_batch([Z] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9),
+        lambda d: d.evaluate([Z] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9),
         "state 0: q, qd, tau are too large",
     ),
     (
@@ -137,13 +137,13 @@ WRONG = [
     (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": np.nan}), "q of joint 'elbow' is nan"),
     (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": "x"}), "q is not a vector of numbers"),
     (
-        lambda d: d.evaluate_batch({"shoulder": Z, "elbow": [0]}, [Z, Z]),
+        lambda d: d.evaluate({"shoulder": Z, "elbow": [0]}, [Z, Z]),
         "Q has not as many entries",
     ),
     # masked entries
     (lambda d: d.mass_matrix(masked(Z)), "q has 1 masked entries"),
     (lambda d: d.evaluate(masked(Z), Z), "q has 1 masked entries"),
-    (lambda d: d.evaluate_batch(masked([Z]), [Z]), "Q has 1 masked entries"),
+    (lambda d: d.evaluate(masked([Z]), [Z]), "Q has 1 masked entries"),
 ]
 
 
@@ -181,9 +181,22 @@ def test_methods_are_compiled_by_the_names_of_their_functions(two):
     for entry in kernel._entries:
         if hasattr(two, entry.__name__) and entry.__module__.startswith("diag_dynamics.sweeps."):
             assert entry.__name__ in compilation.METHODS[entry].split()
-    assert all(hasattr(two, name) for name in " ".join(compilation.METHODS.values()).split())
-    with pytest.raises(dd.InputError, match="'evaluation' is none of bias, bias_batch"):
+    for table in (compilation.METHODS, compilation.ROWS):
+        assert all(hasattr(two, name) for name in " ".join(table.values()).split())
+    with pytest.raises(dd.InputError, match="'evaluation' is none of bias, contact"):
         two.compile("evaluation")
+
+
+def test_rows_are_compiled_if_required(two, monkeypatch):
+    compiled = []
+    monkeypatch.setattr(kernel.Entry, "compile", lambda entry: compiled.append(entry.__name__))
+    two.compile("mass_matrix")
+    assert compiled == ["mass_matrix"]
+    two.compile("mass_matrix", rows=True)
+    assert compiled == ["mass_matrix", "mass_matrix", "mass_matrix_each"]
+    compiled.clear()
+    two.compile()
+    assert {"mass_matrix_each", "evaluate", "evaluate_many"} <= set(compiled)
 
 
 def test_vectors_of_any_kind(two):
@@ -226,9 +239,9 @@ def test_dicts(dyn, state):
     np.testing.assert_array_equal(dyn.model.integrate(*named[:2]), dyn.model.integrate(*state[:2]))
     Q, QD = (np.stack([x, 2 * x]) for x in state[:2])
     columns = dict(zip(reversed(dyn.model.dof_names), Q.T[::-1], strict=True))
-    expected = dyn.evaluate_batch(Q, QD).nu
-    np.testing.assert_array_equal(dyn.evaluate_batch(columns, QD).nu, expected)
-    rows = dyn.evaluate_batch([named[0]] * 2, [named[1]] * 2).nu
+    expected = dyn.evaluate(Q, QD).nu
+    np.testing.assert_array_equal(dyn.evaluate(columns, QD).nu, expected)
+    rows = dyn.evaluate([named[0]] * 2, [named[1]] * 2).nu
     np.testing.assert_allclose(rows, [dyn.nu_from_qd(*state[:2])] * 2, rtol=1e-12, atol=1e-14)
 
 
@@ -243,7 +256,7 @@ def test_series_and_frames(dyn, state):
     np.testing.assert_array_equal(dyn.evaluate(*map(pandas.Series, state)).nu, expected.nu)
     positions = pandas.DataFrame([state[0]] * 3, columns=names).iloc[:, order]
     rates = pandas.DataFrame([state[1]] * 3, columns=names)
-    np.testing.assert_array_equal(dyn.evaluate_batch(positions, rates).nu, [expected.nu] * 3)
+    np.testing.assert_array_equal(dyn.evaluate(positions, rates).nu, [expected.nu] * 3)
     with pytest.raises(dd.InputError, match="q has a name twice: panda_joint1"):
         dyn.mass_matrix(pandas.Series(np.zeros(dyn.model.nv), [names[0]] * dyn.model.nv))
 

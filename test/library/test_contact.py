@@ -190,7 +190,7 @@ def test_batch_has_the_bits_of_single_states():
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(3)
     points = dd.ContactPoints(model, dd.link_geometry(model, robot(TALOS).urdf, "frames").points)
     Q, QD = np.array([model.random(rng) for _ in range(300)]), rng.normal(size=(300, model.nv))
-    many = dyn.contact_batch(Q, QD, points, threads=2)
+    many = dyn.contact(Q, QD, points, threads=2)
     for t in (0, 7, 299):
         one = dyn.contact(Q[t], QD[t], points)
         for name in (
@@ -208,7 +208,7 @@ def test_batch_has_the_bits_of_single_states():
         assert many.worst[t] == one.worst
     QD[5, 2] = math.nan
     with pytest.raises(dd.InputError, match="state 5: qd of joint"):
-        dyn.contact_batch(Q, QD, points)
+        dyn.contact(Q, QD, points)
 
 
 def test_points_outlive_pickling():

@@ -201,9 +201,7 @@ def test_batch_has_the_same_bits():
     )
     options = {"point": POINT, "frame": "world"}
     for threads in (1, 2):
-        many = case.dyn.wrench_batch(
-            Q, TAU, "panda_hand", case.covariance, threads=threads, **options
-        )
+        many = case.dyn.wrench(Q, TAU, "panda_hand", case.covariance, threads=threads, **options)
         assert many.wrench.shape == (600, 6) and many.chi_square.shape == (600,)
         for t in range(0, 600, 37):
             one = case.dyn.wrench(Q[t], TAU[t], "panda_hand", case.covariance, **options)
@@ -214,7 +212,7 @@ def test_batch_has_the_same_bits():
         InputError, match=r"state 5: external_torque of joint 'panda_joint2' is nan"
     ):
         TAU[5, 1] = np.nan
-        case.dyn.wrench_batch(Q, TAU, "panda_hand")
+        case.dyn.wrench(Q, TAU, "panda_hand")
 
 
 @pytest.mark.parametrize(
@@ -352,7 +350,7 @@ def test_noise_alone_touches_no_link():
     case, rng, count = Case(ARM), np.random.default_rng(8), 40_000
     noise = rng.normal(size=(count, 7)) @ np.linalg.cholesky(case.covariance).T
     Q = np.tile(case.q, (count, 1))
-    found = case.dyn.touched_link_batch(Q, noise, case.covariance)
+    found = case.dyn.touched_link(Q, noise, case.covariance)
     assert found.chi_square.mean() == pytest.approx(7.0, rel=0.02)
     share = (found.link != "").mean()
     assert 0.0008 < share < 0.0019  # the tail beyond 3 σ is 0.00135
@@ -382,7 +380,7 @@ def test_confidence_is_a_probability():
             )
             J = jacobian(case.oracle, q, link, rng.uniform(low, high))
             Q.append(q), true.append(link), TAU.append(J[:3].T @ force + L @ rng.normal(size=7))
-    found = case.dyn.touched_link_batch(np.array(Q), np.array(TAU), case.covariance)
+    found = case.dyn.touched_link(np.array(Q), np.array(TAU), case.covariance)
     stands_out = found.link != ""
     right, confidence = (found.link == np.array(true))[stands_out], found.confidence[stands_out]
     assert right.mean() == pytest.approx(confidence.mean(), abs=0.03)
@@ -455,7 +453,7 @@ class Contacts:
         """f̂ at each link's origin, and its deviation, in the order of the contacts."""
         rows = {link: [row for row in self.rows if row[0] == link] for link in self.links}
         return [
-            self.case.dyn.wrench_batch(
+            self.case.dyn.wrench(
                 np.array([r[1] for r in some]), np.array([r[3] for r in some]), link, covariance
             )
             for link, some in rows.items()
@@ -507,7 +505,7 @@ def test_force_at_a_known_point(contacts):
         plain, weighted = (
             np.median(
                 np.linalg.norm(
-                    c.case.dyn.wrench_batch(
+                    c.case.dyn.wrench(
                         np.array([row[1] for row in some]), TAU, link, x, **options
                     ).wrench[:, :3]
                     - force,
@@ -556,7 +554,7 @@ def test_share_of_right_links(contacts):
     """More links are right than by thresholds of three deviations, and the confidence is about their share."""
     c, order = contacts, np.array(contacts.links)
     Q, TAU = np.array([row[1] for row in c.rows]), np.array([row[3] for row in c.rows])
-    found = c.case.dyn.touched_link_batch(Q, TAU, c.covariance)
+    found = c.case.dyn.touched_link(Q, TAU, c.covariance)
     high = np.abs(TAU) > 3.0 * np.sqrt(np.diag(c.covariance))
     last = np.array([max(np.flatnonzero(row), default=0) for row in high])
     stands_out = found.link != ""

@@ -255,7 +255,7 @@ def test_batch_and_motion(arm):
     """Rows have the results of single states, and forward dynamics is the inverse of inverse dynamics."""
     rng, d = np.random.default_rng(2), dd.DiagonalDynamics(arm)
     q, qd, tau = (np.array([arm.random(rng) for _ in range(3)]) for _ in range(3))
-    rows = d.evaluate_batch(q, qd, tau)
+    rows = d.evaluate(q, qd, tau)
     for k in range(3):
         one = d.evaluate(q[k], qd[k], tau[k])
         assert np.abs(rows.nu[k] - one.nu).max() < 1e-13 * np.abs(one.nu).max()

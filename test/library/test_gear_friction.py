@@ -50,7 +50,7 @@ def test_friction_is_that_of_its_equation(v0, tmp_path):
     TAU = dyn.inverse_dynamics(Q, QD, QDD, friction=True)
     np.testing.assert_allclose(TAU - dyn.inverse_dynamics(Q, QD, QDD), expected, atol=1e-10)
     np.testing.assert_allclose(dyn.forward_dynamics(Q, QD, TAU, friction=True), QDD, atol=1e-9)
-    many = dyn.evaluate_batch(Q, QD, TAU, friction=True)
+    many = dyn.evaluate(Q, QD, TAU, friction=True)
     for k in range(len(Q)):
         np.testing.assert_allclose(dyn.friction_torque(QD[k], Q[k]), expected[k], atol=1e-10)
         one = dyn.evaluate(Q[k], QD[k], TAU[k], friction=True)

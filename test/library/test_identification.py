@@ -66,9 +66,9 @@ def residual(model, truth, oracle, seed=77):
     """Root mean square of |ℓ(τ̂ − τ)| on another motion [J^½/s], τ Pinocchio's, and the largest error [N m]."""
     _, q, qd, qdd = motion(truth, seed, 10.0, 50.0)
     dynamics = dd.DiagonalDynamics(model)
-    error = dynamics.inverse_dynamics_batch(q, qd, qdd) + dynamics.friction_torque_batch(qd)
+    error = dynamics.inverse_dynamics(q, qd, qdd) + dynamics.friction_torque(qd)
     error -= efforts(oracle, q, qd, qdd) + friction(qd)
-    epsilon = dd.DiagonalDynamics(truth).epsilon_from_tau_batch(q, error)
+    epsilon = dd.DiagonalDynamics(truth).epsilon_from_tau(q, error)
     return np.sqrt((epsilon**2).sum(axis=1).mean()), np.abs(error).max()
 
 

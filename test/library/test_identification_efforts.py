@@ -124,7 +124,7 @@ def test_no_relation_is_named_beside_a_payload(arm):
 
 def test_slow_motion_does_not_tell_the_other_sign_from_a_ceiling(arm):
     t, q, qd, _ = motion()
-    tau = 1e-3 * np.sin(t)[:, None] - dd.DiagonalDynamics(arm).gravity_torque_batch(q)
+    tau = 1e-3 * np.sin(t)[:, None] - dd.DiagonalDynamics(arm).gravity_torque(q)
     with pytest.raises(
         dd.InputError,
         match=r"opposite sign.* or gravity points the other way, as for a robot on a ceiling",

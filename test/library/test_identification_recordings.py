@@ -79,8 +79,8 @@ def torque_error(model, recording):
     columns = sosfiltfilt(butter(2, 5.0, fs=1.0 / interval, output="sos"), columns, axis=0)
     q, qd, tau = (np.ascontiguousarray(part) for part in np.split(columns, [n, 2 * n], axis=1))
     dynamics = dd.DiagonalDynamics(model)
-    expected = dynamics.inverse_dynamics_batch(q, qd, np.gradient(qd, interval, axis=0))
-    expected += dynamics.friction_torque_batch(qd, q)
+    expected = dynamics.inverse_dynamics(q, qd, np.gradient(qd, interval, axis=0))
+    expected += dynamics.friction_torque(qd, q)
     error = (tau - expected)[
         round(0.2 / interval) : -round(0.2 / interval)
     ]  # without what the filter makes of the ends
@@ -206,7 +206,7 @@ def arm():
     model = dd.load_urdf(UR5)
     t = np.arange(0.0, 10.0, 0.01)
     q, qd, _ = fourier(np.random.default_rng(3), t, np.full(6, 0.2), np.full(6, 1.5))
-    return model, t, q, qd, dd.DiagonalDynamics(model).gravity_torque_batch(q)
+    return model, t, q, qd, dd.DiagonalDynamics(model).gravity_torque(q)
 
 
 def table(path, names, t, *columns):

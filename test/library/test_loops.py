@@ -424,7 +424,7 @@ def test_batch():
     for name in ("spatial", "polynomial", "delta"):
         it = case(name)
         Q, QD, _ = (np.array(x) for x in zip(*it.states(12, spread=0.05), strict=True))
-        batch = it.dynamics.evaluate_batch(Q, QD)
+        batch = it.dynamics.evaluate(Q, QD)
         rows = [
             dd.DiagonalDynamics(it.model).evaluate(q, qd).coriolis
             for q, qd in zip(Q, QD, strict=True)

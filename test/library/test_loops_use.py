@@ -99,7 +99,7 @@ def test_random_positions(tmp_path):
     Q = np.array([model.random(rng) for _ in range(60)])
     for q in Q[::7]:
         dd.DiagonalDynamics(model).evaluate(q, np.ones(3))
-    dd.DiagonalDynamics(model).evaluate_batch(Q, np.ones((60, 3)))
+    dd.DiagonalDynamics(model).evaluate(Q, np.ones((60, 3)))
     assert np.ptp(Q, axis=0).min() > 3.0
     path = tmp_path / "loops.yaml"
     path.write_text(yaml.safe_dump({"loops": [FIVE_BAR]}))
@@ -127,8 +127,8 @@ def test_open_loop():
     rows = np.tile(model.start, (7, 1))
     rows[4] = apart
     for call in (
-        lambda: dynamics.evaluate_batch(rows, 0.0 * rows),
-        lambda: dynamics.mass_matrix_batch(rows),
+        lambda: dynamics.evaluate(rows, 0.0 * rows),
+        lambda: dynamics.mass_matrix(rows),
     ):
         with pytest.raises(LoopError, match=f"state 4: {text}"):
             call()
@@ -287,7 +287,7 @@ def test_friction_of_followers():
     np.testing.assert_allclose(
         s.friction, dynamics.epsilon_from_tau(Q[2], np.array(expected[2])), atol=1e-6
     )
-    batch = dynamics.evaluate_batch(Q, QD, friction=True)
+    batch = dynamics.evaluate(Q, QD, friction=True)
     np.testing.assert_allclose(batch.friction[2], s.friction, atol=1e-12)
     rejected = {"joints": {"rocker": {"load_friction": 0.1}}}
     with pytest.raises(dd.UnsupportedError, match="load_friction of joint 'rocker'"):
@@ -486,7 +486,7 @@ def test_page(bar):
     dynamics = dd.DiagonalDynamics(bar)
     layout = Layout(bar)
     q, qd = np.array([[0.7, 0.3], [-1.9, 0.1]]), np.zeros((2, 2))
-    s = dynamics.evaluate_batch(q, qd)
+    s = dynamics.evaluate(q, qd)
     frames = FrameMaker(dynamics).frames(States.of(np.arange(2.0), q, qd, None, s))
     assert layout.to_json()["coordinates"] == ["crank", "arm", "coupler", "rocker"]
     rows = [*frames["numbers"][:, layout.places["q"]], np.array(scene_of(bar, four_bar())["rest"])]

@@ -512,7 +512,7 @@ for name, options in (("ur5", {}), ("panda", {}), ("go2", {"floating_base": True
     model = dd.load_robot(name, **options)
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(3)
     q, (qd, tau) = model.neutral, rng.standard_normal((2, model.nv))
-    results = dyn.evaluate(q, qd, tau), dyn.evaluate_batch(*(np.tile(x, (11, 1)) for x in (q, qd, tau))), dyn.factors(q)
+    results = dyn.evaluate(q, qd, tau), dyn.evaluate(*(np.tile(x, (11, 1)) for x in (q, qd, tau))), dyn.factors(q)
     values = {f"{k} {key}": x for k, one in enumerate(results) for key, x in one.to_dict().items() if x is not None}
     found[name] = values | {"M": dyn.mass_matrix(q), "forward": dyn.forward_dynamics(q, qd, tau)}
     for k, wrong in enumerate(((q[1:], qd, tau), (q, qd, tau[None, 1:]), (q, "qd", tau), (q, np.nan * qd, tau))):

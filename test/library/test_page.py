@@ -141,7 +141,7 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     torque, norm, contact = (
         dyn.tau_from_epsilon(q, r),
         np.linalg.norm(r),
-        dyn.contact_batch(q[None], qd[None], points),
+        dyn.contact(q[None], qd[None], points),
     )
     observed = {
         "residual": r[None],
@@ -260,7 +260,7 @@ def test_many_states_are_as_one_by_one(panda):
     q, qd, tau = some(panda, 40)
     t = 100.0 + 0.01 * np.arange(40)
     t[20:] += 2.0 * GAP
-    batch = dyn.evaluate_batch(q, qd, tau)
+    batch = dyn.evaluate(q, qd, tau)
     whole = FrameMaker(dyn).frames(States.of(t, q, qd, tau, batch))
     for ends in (range(41), (0, 15, 40)):
         maker = FrameMaker(dyn)

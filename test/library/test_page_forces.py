@@ -117,7 +117,7 @@ def test_the_touched_link_of_states_in_contact(pushed):
         "norm": np.array([1.0, 1.0, np.nan, 1.0]),
     }
     observed["external_torque"][3] = 1e-3
-    batch = pushed.dyn.evaluate_batch(q := np.tile(pushed.q, (count, 1)), zero, zero)
+    batch = pushed.dyn.evaluate(q := np.tile(pushed.q, (count, 1)), zero, zero)
     states = States.of(np.arange(4.0), q, zero, zero, batch, residual=zero, **observed)
     states = states._replace(
         contact=np.array([True, False, True, False]), collision=np.array([False] * 3 + [True])

@@ -53,7 +53,7 @@ def push():
 
 @pytest.fixture(scope="module")
 def recording(push):
-    return recorded(PANDA, T, Q, QD, DYN.inverse_dynamics_batch(Q, QD, QDD, friction=True) - push)
+    return recorded(PANDA, T, Q, QD, DYN.inverse_dynamics(Q, QD, QDD, friction=True) - push)
 
 
 def curve(axes, label):
@@ -63,12 +63,12 @@ def curve(axes, label):
 
 def sliding(velocity):
     """Return the evaluation of the eight masses at velocities (T, 8)."""
-    return dd.DiagonalDynamics(MODEL).evaluate_batch(np.zeros_like(velocity), velocity)
+    return dd.DiagonalDynamics(MODEL).evaluate(np.zeros_like(velocity), velocity)
 
 
 def test_energy_is_stacked_by_joint(recording):
     """The top of the stack is K, each layer is as thick as the share of its joint; one layer is of all others."""
-    s = DYN.evaluate_batch(Q[:2000], QD[:2000])
+    s = DYN.evaluate(Q[:2000], QD[:2000])
     figure, ax = plt.subplots()
     axes = dd.plot.energy(s, T[:2000] + 7.0, ax=ax)
     assert axes is ax and plt.get_fignums() == [figure.number]
@@ -137,7 +137,7 @@ def test_many_oscillations_are_means_and_the_largest_energy():
 
 
 def test_shares_of_one_state_and_of_many(recording):
-    many = DYN.evaluate_batch(Q, QD)
+    many = DYN.evaluate(Q, QD)
     axes = dd.plot.shares(recording)
     assert [bar.get_width() for bar in axes.patches] == pytest.approx(
         many.energy_share.mean(axis=0).tolist()
@@ -271,7 +271,7 @@ def test_errors_name_the_argument(recording):
     for draw, key in (
         (lambda: dd.plot.energy([1.0]), "expected a Recording"),
         (
-            lambda: dd.plot.energy(DYN.evaluate_batch(Q, QD), t=[0.0, 1.0, 2.0]),
+            lambda: dd.plot.energy(DYN.evaluate(Q, QD), t=[0.0, 1.0, 2.0]),
             r"t has shape \(3,\)",
         ),
         (lambda: dd.plot.balance(without), "has efforts of all joints"),

@@ -91,7 +91,7 @@ def test_columns_of_tables(tmp_path):
     ]
     assert main(arguments) in (0, 1)
     unknown = np.isnan(tau).any(axis=1)
-    s = dd.DiagonalDynamics(model).evaluate_batch(
+    s = dd.DiagonalDynamics(model).evaluate(
         q, qd, np.where(unknown[:, None], 0.0, tau), friction=True
     )
     hidden, stamps = np.where(unknown, np.nan, 1.0), np.rint(t * 1e9)
@@ -339,7 +339,7 @@ def test_the_numbers_are_the_librarys(recording):
         which = np.rint(t * RATE).astype(int)
         np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
         q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
-        s = recording.dyn.evaluate_batch(q, qd, tau)
+        s = recording.dyn.evaluate(q, qd, tau)
         hand = told["layout"]["end_effector"]
         velocity = [
             recording.dyn.link_velocity(*state, hand, frame="world")[:3]
@@ -373,7 +373,7 @@ def test_the_numbers_are_the_librarys(recording):
             )
         K = s.kinetic_energy[found["link_energy"][1]]
         np.testing.assert_allclose(found["link_energy"][0].sum(axis=1), K, atol=1e-3 * K.max())
-        c = recording.dyn.contact_batch(q, qd, points)
+        c = recording.dyn.contact(q, qd, points)
         assert (found["contact_worst"][0][:, 0] == c.worst).all()
         allowed = np.where(points.limited, c.allowed_speed, np.nan)
         expected = {

@@ -1,18 +1,16 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results: read-only and permanent, or written again where the caller passes `out`; batches as sequences and tables."""
+"""Results: read-only and permanent; batches as sequences and tables."""
 
 import copy
 import pickle
-import tracemalloc
 
 import numpy as np
 import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.results import NAMES
-from robots import TwoLinkArm
 
 COUNT = 20
 """States of a batch."""
@@ -52,10 +50,8 @@ def every_kind(dyn):
     return {
         "new": dyn.evaluate(q, qd, tau),
         "new, with all": dyn.evaluate(q, qd, tau, **more),
-        "reused": dyn.evaluate(q, qd, tau, out=dyn.new_evaluation()),
-        "reused, with all": dyn.evaluate(q, qd, tau, out=dyn.new_evaluation(), **more),
-        "batch": dyn.evaluate_batch(*states(dyn), **more),
-        "reused batch": dyn.evaluate_batch(*states(dyn), out=dyn.new_batch(COUNT)),
+        "batch": dyn.evaluate(*states(dyn), **more),
+        "batch, without all": dyn.evaluate(*states(dyn)),
     }
 
 
@@ -89,13 +85,6 @@ def test_copies_are_permanent(dyn, way):
         twin = COPIES[way](result)
         assert type(twin) is type(result) and not twin.nu.flags.writeable
         assert_equal(twin, result)
-    q, qd, tau = state(dyn)
-    with pytest.raises(dd.InputError, match=r"^out "):
-        dyn.evaluate(q, qd, tau, out=copy.copy(dyn.evaluate(q, qd, tau, out=dyn.new_evaluation())))
-    with pytest.raises(dd.InputError, match=r"^out "):
-        dyn.evaluate_batch(
-            *states(dyn), out=copy.copy(dyn.evaluate_batch(*states(dyn), out=dyn.new_batch(COUNT)))
-        )
 
 
 def test_rates_are_those_of_forward_dynamics(dyn):
@@ -127,137 +116,6 @@ def test_stored_terms_are_those_of_the_equations(dyn):
         np.testing.assert_allclose(s.base_energy, base)
 
 
-# --- Results that are written again
-
-
-def test_out_equals_a_new_result(dyn):
-    """It does not depend on the previous content, and has NaN after an error."""
-    out, batch = dyn.new_evaluation(), dyn.new_batch(COUNT)
-    assert np.isnan(out.nu).all() and np.isnan(out.kinetic_energy) and np.isnan(batch.nu).all()
-    q, qd, tau = state(dyn)
-    wrench = {dyn.model.link_names[-1]: np.ones(6)}
-    for arguments in (
-        (q, qd, tau),
-        (q, qd),
-        (q, qd, tau, wrench),
-        (q.tolist(), qd, tau),
-        (q, -qd, tau),
-    ):
-        assert dyn.evaluate(*arguments, out=out) is out
-        assert_equal(out, dyn.evaluate(*arguments))
-    Q, QD, TAU = states(dyn)
-    for arguments in ((Q, QD, TAU), (Q, QD), (Q, 2.0 * QD, TAU)):
-        assert dyn.evaluate_batch(*arguments, out=batch) is batch
-        assert_equal(batch, dyn.evaluate_batch(*arguments))
-    dyn.evaluate(q, qd, tau, wrench, friction=True, out=out)
-    dyn.evaluate_batch(Q, QD, TAU, wrench, friction=True, out=batch)
-    qd[0] = QD[2, 0] = np.inf
-    for call in (
-        lambda: dyn.evaluate(q, qd, tau, out=out),
-        lambda: dyn.evaluate_batch(Q, QD, TAU, out=batch),
-    ):
-        with pytest.raises(dd.InputError, match="is inf"):
-            call()
-    for result in (out, batch):
-        assert np.isnan(result.nu).all() and np.isnan(result.kinetic_energy).all()
-        assert result.external is None and result.friction is None
-    qd[0] = 1.0
-    other = dd.DiagonalDynamics(dyn.model)
-    assert_equal(other.evaluate(q, qd, tau, out=out), dyn.evaluate(q, qd, tau))
-
-
-def test_arrays_of_out_show_the_new_values(dyn):
-    """Arrays of another `out`, of a new result and of a copy do not change."""
-    q, qd, tau = state(dyn)
-    out, new = dyn.new_evaluation(), dyn.evaluate(q, qd, tau)
-    nu, before = dyn.evaluate(q, qd, tau, out=out).nu, new.nu.copy()
-    other, copied = dyn.evaluate(q, qd, tau, out=dyn.new_evaluation()), copy.copy(out)
-    dyn.evaluate(q, 2.0 * qd, tau, out=out)
-    assert np.shares_memory(nu, out.nu)
-    np.testing.assert_allclose(nu, 2.0 * before)
-    for result in (other, copied, new):
-        np.testing.assert_array_equal(result.nu, before)
-
-
-TWO = dd.DiagonalDynamics(dd.load_urdf(TwoLinkArm().urdf))
-
-
-def on_the_moon(dyn):
-    return dd.DiagonalDynamics(dyn.model.with_gravity((0.0, 0.0, -1.62)))
-
-
-WRONG_OUT = {
-    "another robot": (lambda d, x: d.evaluate(*x, out=TWO.new_evaluation()), "'two_link_arm'"),
-    "another model": (
-        lambda d, x: d.evaluate(*x, out=on_the_moon(d).new_evaluation()),
-        "another model",
-    ),
-    "a permanent result": (lambda d, x: d.evaluate(*x, out=d.evaluate(*x)), "out "),
-    "no batch": (
-        lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_evaluation()),
-        "new_batch",
-    ),
-    "of four": (
-        lambda d, x: d.evaluate_batch(*np.array([x]).swapaxes(0, 1), out=d.new_batch(4)),
-        "4 states",
-    ),
-    "of none": (lambda d, x: d.new_batch(-1), "count is -1"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG_OUT)
-def test_wrong_out(case):
-    call, key = WRONG_OUT[case]
-    dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
-    with pytest.raises(dd.InputError) as caught:
-        call(dyn, np.zeros((2, 6)))
-    assert key in str(caught.value)
-
-
-def test_results_are_arguments_of_the_call_that_overwrites_them(dyn):
-    """Kernels read an argument completely before they write `out`."""
-    (q, qd, tau), (Q, QD, TAU), tip = state(dyn), states(dyn), dyn.model.link_names[-1]
-    of_one = {
-        "rates": lambda s: (q, s.nu, tau),
-        "wrenches": lambda s: (q, qd, tau, {tip: s.kappa[:6]}),
-        "all": lambda s: (s.rows[-2, : dyn.model.nq], s.nu, s.kappa),
-    }
-    for arguments in of_one.values():
-        out, apart = dyn.evaluate(q, qd, tau, out=dyn.new_evaluation()), dyn.evaluate(q, qd, tau)
-        expected = dyn.evaluate(*arguments(apart), friction=True)
-        assert_equal(dyn.evaluate(*arguments(out), friction=True, out=out), expected)
-    of_many = {
-        "rates and efforts": lambda b: (Q, b.nu, b.kappa),
-        "rates in reverse": lambda b: (Q, b.xi[::-1]),
-        "wrenches": lambda b: (Q, QD, TAU, {tip: b.kappa[:, :6]}),
-    }
-    for arguments in of_many.values():
-        out, apart = (
-            dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(COUNT)),
-            dyn.evaluate_batch(Q, QD, TAU),
-        )
-        expected = dyn.evaluate_batch(*arguments(apart), friction=True)
-        assert_equal(dyn.evaluate_batch(*arguments(out), friction=True, out=out), expected)
-
-
-def test_loops_with_out_allocate_nothing():
-    """The traced memory does not grow with the number of calls."""
-    (q, qd, tau), (Q, QD, TAU) = state(TWO), states(TWO, 2000)
-    out, batch = TWO.new_evaluation(), TWO.new_batch(2000)
-    for count in (10, 1000):  # the first calls make a workspace
-        tracemalloc.start()
-        for _ in range(count):
-            TWO.evaluate(q, qd, tau, out=out)
-        single = tracemalloc.get_traced_memory()[1]
-        tracemalloc.reset_peak()
-        for _ in range(count // 10):
-            TWO.evaluate_batch(Q, QD, TAU, threads=1, out=batch)
-        many = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-    assert single < 2000
-    assert many < 20_000  # of 400 kB that a batch takes
-
-
 # --- Batches as sequences and tables
 
 
@@ -283,14 +141,6 @@ def test_indices_and_slices(dyn):
         batch["nu"]
 
 
-def test_slice_of_a_reused_batch_is_permanent(dyn):
-    Q, QD, TAU = states(dyn)
-    out = dyn.evaluate_batch(Q, QD, TAU, out=dyn.new_batch(COUNT))
-    part, expected = out[:7], dyn.evaluate_batch(Q[:7], QD[:7], TAU[:7])
-    dyn.evaluate_batch(Q[::-1], 2 * QD, TAU, out=out)
-    np.testing.assert_allclose(part.nu, expected.nu, rtol=1e-12, atol=1e-300)
-
-
 def test_frames(dyn):
     import pandas
 
@@ -307,13 +157,10 @@ def test_frames(dyn):
 
 def test_robot_without_joints():
     dyn = dd.DiagonalDynamics(dd.load_urdf('<robot name="still"><link name="base"/></robot>'))
-    for result in (dyn.evaluate([], [], []), dyn.evaluate([], [], out=dyn.new_evaluation())):
-        assert (
-            result.kinetic_energy == 0.0
-            and result.nu.shape == (0,)
-            and result.link_energy.tolist() == [0.0]
-        )
-    many = dyn.evaluate_batch(np.zeros((3, 0)), np.zeros((3, 0)))
+    one = dyn.evaluate([], [], [])
+    assert one.kinetic_energy == 0.0 and one.nu.shape == (0,)
+    assert one.link_energy.tolist() == [0.0]
+    many = dyn.evaluate(np.zeros((3, 0)), np.zeros((3, 0)))
     assert many.kinetic_energy.tolist() == [0.0] * 3 and many.nu.shape == (3, 0)
     assert dyn.factors([]).m.shape == dyn.mass_matrix([]).shape == (0, 0)
     assert dyn.forward_dynamics([], [], []).shape == (0,)

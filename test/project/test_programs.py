@@ -47,7 +47,7 @@ def motion(model, seconds, seed):
     q = [0.0, -1.2, 1.2, 0.0, 0.5, 0.0] + 0.5 * np.sin(w[0] * t) + 0.2 * np.cos(w[1] * t)
     qd = 0.5 * w[0] * np.cos(w[0] * t) - 0.2 * w[1] * np.sin(w[1] * t)
     qdd = -0.5 * w[0] ** 2 * np.sin(w[0] * t) - 0.2 * w[1] ** 2 * np.cos(w[1] * t)
-    tau = real.inverse_dynamics_batch(q, qd, qdd) + real.friction_torque_batch(qd)
+    tau = real.inverse_dynamics(q, qd, qdd) + real.friction_torque(qd)
     return t[:, 0], q, qd + rng.normal(0.0, 2e-3, q.shape), tau + rng.normal(0.0, 0.5, q.shape)
 
 

@@ -15,13 +15,11 @@ model = dd.load_urdf("arm.urdf", mimic="free", armature={"joint1": 0.1}, gravity
 dyn = dd.DiagonalDynamics(model.with_payload("hand", 1.0))
 q, qd, tau = model.neutral, np.zeros(model.nv), [0.0] * model.nv
 s = dyn.evaluate(q, qd, tau, {"hand": np.ones(6)}, frame="world", friction=True)
-out = dyn.new_evaluation()
-energy: float = dyn.evaluate(q, qd, out=out).kinetic_energy
+energy: float = dyn.evaluate(q, qd).kinetic_energy
 if s.epsilon is not None and s.power is not None:
     moments = s.epsilon - s.coriolis
     energy += s.power
-batch = dyn.evaluate_batch(np.tile(q, (10, 1)), np.tile(qd, (10, 1)), out=dyn.new_batch(10))
-mean = batch.kinetic_energy.mean()
+nu = dyn.evaluate(np.tile(q, (10, 1)), np.tile(qd, (10, 1))).nu.mean(axis=0)
 factor = dyn.factors(q).m @ qd
 law = dd.JointTracking(dyn, gain=2.0, convergence=np.ones(model.nv))
 command = dd.EffortSaturation(model).filter(law.command(q, qd, q))
@@ -44,5 +42,4 @@ dyn.evaluate("q", qd)  # type: ignore[arg-type]
 s.nu = q  # type: ignore[misc]
 s.epsilon + s.coriolis  # type: ignore[operator]
 dyn.forward_dynamics(q, qd, tau, friktion=True)  # type: ignore[call-arg]
-dyn.evaluate_batch([q], [qd], out=dyn.new_evaluation())  # type: ignore[arg-type]
 dd.Simulation(model, step="1e-3")  # type: ignore[arg-type]

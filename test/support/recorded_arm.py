@@ -46,7 +46,7 @@ class Recording:
         pace = 0.7 + 0.3 * np.arange(self.model.nv)
         phase = pace * t[:, None]
         q, qd, qdd = 0.6 * np.sin(phase), 0.6 * pace * np.cos(phase), -0.6 * pace**2 * np.sin(phase)
-        tau = self.dyn.inverse_dynamics_batch(q, qd, qdd)
+        tau = self.dyn.inverse_dynamics(q, qd, qdd)
         for (begin, end), force in zip(pushes, forces, strict=False):
             tau[(t >= begin) & (t < end), 1] -= force
         return t, q, qd, tau

@@ -54,11 +54,9 @@ VALUES = {
         piece.observed.valid, np.linalg.norm(piece.observed.external_torque, axis=1), 0.0
     ),
     "joint_collision": lambda piece, _: piece.judged.joints,
-    "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix_batch(piece.states.position),
-    "bias": lambda piece, dynamics: dynamics.bias_batch(
-        piece.states.position, piece.states.velocity
-    ),
-    "gravity_torque": lambda piece, dynamics: dynamics.gravity_torque_batch(piece.states.position),
+    "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix(piece.states.position),
+    "bias": lambda piece, dynamics: dynamics.bias(piece.states.position, piece.states.velocity),
+    "gravity_torque": lambda piece, dynamics: dynamics.gravity_torque(piece.states.position),
     "m": lambda piece, dynamics: np.array([dynamics.factors(q).m for q in piece.states.position]),
     "d": lambda piece, dynamics: np.array([dynamics.factors(q).D for q in piece.states.position]),
     "l": lambda piece, dynamics: np.array([dynamics.factors(q).l for q in piece.states.position]),

@@ -115,7 +115,7 @@ class ReportOutput:
         )
         if self._points:
             evaluated = evaluated.with_contact(
-                self._dynamics.contact_batch(evaluated.q, evaluated.qd, self._points)
+                self._dynamics.contact(evaluated.q, evaluated.qd, self._points)
             )
         numbers, layout = np.array(self._maker.frames(evaluated)["numbers"]), self._maker.layout
         for name, power in zip(POWERS, mean_powers(states).T, strict=True):
