@@ -14,7 +14,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, BoolArray
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.sweeps import evaluation, external
+from diag_dynamics.sweeps import evaluation
 from diag_dynamics.sweeps import workspace as ws
 
 if TYPE_CHECKING:
@@ -440,20 +440,22 @@ class ExternalWrench(NamedTuple):
     chi_square: Any
 
     @classmethod
-    def of_rows(cls, rows: Array) -> ExternalWrench:
-        """Return the results in rows of sweeps.external."""
-        read_only(rows)
-        deviation = rows[..., external.DEVIATION, :]
-        observed = deviation <= 1.0
-        observed.flags.writeable = False
+    def allocate(cls, count: int) -> ExternalWrench:
+        """Return uninitialized memory for the results of `count` states."""
         return cls(
-            rows[..., external.WRENCH, :],
-            rows[..., external.COVARIANCE : external.DIRECTIONS, :],
-            rows[..., external.DIRECTIONS : external.DEVIATION, :],
-            deviation,
-            observed,
-            rows[..., external.CHI_SQUARE, 0][()],
+            wrench=np.empty((count, 6)),
+            covariance=np.empty((count, 6, 6)),
+            directions=np.empty((count, 6, 6)),
+            deviation=np.empty((count, 6)),
+            observed=np.empty((count, 6), dtype=bool),
+            chi_square=np.empty(count),
         )
+
+    def as_read_only(self) -> ExternalWrench:
+        """Mark all arrays as read-only and return the wrench."""
+        for array in self:
+            array.setflags(write=False)
+        return self
 
 
 class TouchedLink(NamedTuple):
@@ -481,7 +483,7 @@ class TouchedLink(NamedTuple):
 
     @classmethod
     def of_rows(cls, links: tuple[str, ...], rows: Array) -> TouchedLink:
-        """Return the results in rows of sweeps.external."""
+        """Return the results in rows of sweeps.external.touched_link."""
         probability = read_only(rows)[..., 1:]
         confidence = probability.max(axis=-1)
         names = np.array([*links, ""])[np.where(confidence > 0.0, probability.argmax(axis=-1), -1)]

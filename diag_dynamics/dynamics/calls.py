@@ -15,7 +15,9 @@ from diag_dynamics import checks, results, threads
 from diag_dynamics.arrays import Array, Frame, PointLike
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
+from diag_dynamics.dynamics import external_wrench
 from diag_dynamics.dynamics.arguments import Loads, States
+from diag_dynamics.dynamics.external_wrench import PointOfWrench
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, loop_error, loop_title
@@ -99,7 +101,7 @@ class SweepCaller:
         self,
         kernel: Callable[..., int],
         inputs: Iterable[Any],
-        outputs: Iterable[Array],
+        outputs: Iterable[Any],
         at: States,
         single: Callable[[States], Any],
         width: int = 1,
@@ -356,19 +358,21 @@ class SweepCaller:
             records[k] = body, X[:3, :3].ravel(), X[:3, 3]
         return records
 
-    def wrench(self, at: States, point: Addresses) -> results.ExternalWrench:
-        """Return the external wrench at a point of :func:`noise.point_of_wrench`."""
-        rows = self._empty(at, external.WRENCH_ROWS, 6)
-        inputs = point.at, at.q, at.vectors["external_torque"]
-        self._call(
-            external.wrench,
-            external.wrench_each,
-            inputs,
-            (rows,),
-            at,
-            partial(self.wrench, point=point),
-        )
-        return results.ExternalWrench.of_rows(rows)
+    def wrench(self, at: States, point: PointOfWrench) -> results.ExternalWrench:
+        """Return the external wrench at a point of :func:`external_wrench.point_of_wrench`."""
+        torque = at.vectors["external_torque"]
+        if at.threads:
+            wrenches = results.ExternalWrench.allocate(len(at.q))
+            inputs, single = (point, at.q, torque), partial(self.wrench, point=point)
+            self._call_many(external_wrench.estimate_each, inputs, wrenches, at, single)
+            return wrenches.as_read_only()
+        wrenches = external_wrench.estimate(self.robot, point, at.q[None], torque[None])
+        status = 0
+        if not len(wrenches.wrench):
+            J = np.empty((6, self.nv))
+            status = kinematics.jacobian(self.robot, at.q, point.body, point.point, J) or -1
+        self.check(status, at)
+        return results.ExternalWrench(*(rows[0] for rows in wrenches.as_read_only()))
 
     def touched_link(
         self, at: States, links: tuple[str, ...], table: Addresses

@@ -41,7 +41,7 @@ METHODS = {
     kinematics.jacobian: "jacobian",
     kinematics.motion: "link_velocity link_acceleration",
     mobilities.mobilities: "mobilities",
-    external.wrench: "wrench",
+    external.jacobians: "wrench",
     external.touched_link: "touched_link",
     contacts.contacts: "contact",
 }
@@ -53,7 +53,6 @@ ROWS = {
     batch.effort_of_wrenches_each: "evaluate forward_dynamics inverse_dynamics",
     batch.sweep_each: "evaluate forward_dynamics inverse_dynamics bias gravity_torque momentum "
     "nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
-    external.wrench_each: "wrench",
     external.touched_link_each: "touched_link",
     contacts.contacts_each: "contact",
 }

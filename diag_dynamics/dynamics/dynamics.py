@@ -23,7 +23,7 @@ from diag_dynamics.arrays import (
 from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vector
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact, Impact, impact
-from diag_dynamics.dynamics import calls, noise
+from diag_dynamics.dynamics import calls, external_wrench, noise
 from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, States, are_vectors
 from diag_dynamics.dynamics.compilation import compile_methods
 from diag_dynamics.exceptions import InputError
@@ -562,8 +562,8 @@ class DiagonalDynamics:
         """
         at = self._arguments.states(q, threads, external_torque=external_torque)
         options = link, point, frame, force_only, max_deviation
-        where = self._table(noise.point_of_wrench, covariance, *options)
-        return self._caller.wrench(at, where)
+        place = self._table(external_wrench.point_of_wrench, covariance, *options)
+        return self._caller.wrench(at, place)
 
     def touched_link(
         self,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments of estimates from external torque: its covariance, the point of a wrench, links that may be touched."""
+"""Noise of external torque, and the links that may be touched."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics import checks
-from diag_dynamics.arrays import Array, Frame, PointLike
+from diag_dynamics.arrays import Array, PointLike
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
@@ -51,37 +51,6 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
             f"covariance has the eigenvalue {smallest:.3g}; expected all of them > 0. Calibrate with a "
             "recording in which all joints move."
         ) from None
-
-
-def point_of_wrench(
-    model: RobotModel,
-    covariance: Any,
-    link: str,
-    point: PointLike,
-    frame: Frame,
-    force_only: bool,
-    max_deviation: tuple[float, float],
-) -> Addresses:
-    """Return the table of a point for sweeps.external.wrench."""
-    checks.choice("frame", frame, ("link", "world"))
-    offset = checks.numbers("point", point, (3,), "three finite numbers [m]")
-    scale = checks.numbers("max_deviation", max_deviation, (2,), "two numbers > 0 [N, N m]")
-    if not (scale > 0.0).all():
-        raise InputError(f"max_deviation is {max_deviation!r}, expected two numbers > 0 [N, N m].")
-    body, placement = model.placement_in_body(link)
-    if body == 0 and model.nv:
-        raise InputError(f"link is '{link}'; expected a link that a joint moves.")
-    rotation = placement[:3, :3]
-    return Addresses(
-        external.POINT_OF_WRENCH,
-        body=body,
-        point=placement[:3, 3] + rotation @ offset,
-        rotation=np.ascontiguousarray(rotation.T).ravel(),
-        in_world=int(frame == "world"),
-        scale=np.repeat(scale, 3),
-        whitening=whitening(model, covariance),
-        count=3 if force_only else 6,
-    )
 
 
 def candidates(

@@ -89,6 +89,7 @@ def test_wrench_is_recovered(case, frame):
         )
         d = found.directions[found.observed]
         assert found.observed.sum() == np.linalg.matrix_rank(J, 1e-9)
+        np.testing.assert_array_equal(np.isfinite(found.deviation), found.observed)
         np.testing.assert_allclose(d @ found.wrench, d @ case.push, rtol=1e-9, atol=1e-9 * 2e5)
         np.testing.assert_allclose(J.T @ found.wrench, J.T @ case.push, rtol=1e-9, atol=1e-9)
         assert found.chi_square < 1e-16

@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimate of an external wrench: weighted least squares by a singular value decomposition."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from diag_dynamics import checks
+from diag_dynamics.arrays import Array, Frame, PointLike
+from diag_dynamics.dynamics import noise
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.model import RobotModel
+from diag_dynamics.results import ExternalWrench
+from diag_dynamics.sweeps import external
+
+ROUNDING = 1e-13
+"""Singular value below which a direction is rounding error, as a fraction of the largest one."""
+
+BLOCK = 512
+"""Number of states that are decomposed at once."""
+
+
+class PointOfWrench(NamedTuple):
+    """A point of a link at which a wrench is estimated."""
+
+    body: int
+    point: Array  # in the body's axes
+    rotation: Array  # row-major, from the body's axes to those of the link
+    in_world: bool  # whether the wrench is in the axes of the root link
+    scale: Array  # max_deviation of each of six numbers
+    weight: Array  # S: the scale, and zeros for the moment if there is a force alone
+    whitening: Array  # Wᵀ, where WᵀW = Σ⁻¹, with columns of zeros up to six
+
+
+def point_of_wrench(
+    model: RobotModel,
+    covariance: Any,
+    link: str,
+    point: PointLike,
+    frame: Frame,
+    force_only: bool,
+    max_deviation: tuple[float, float],
+) -> PointOfWrench:
+    """Return the checked point of :meth:`DiagonalDynamics.wrench`."""
+    checks.choice("frame", frame, ("link", "world"))
+    offset = checks.numbers("point", point, (3,), "three finite numbers [m]")
+    scale = checks.numbers("max_deviation", max_deviation, (2,), "two numbers > 0 [N, N m]")
+    if not (scale > 0.0).all():
+        raise InputError(f"max_deviation is {max_deviation!r}, expected two numbers > 0 [N, N m].")
+    body, placement = model.placement_in_body(link)
+    if body == 0 and model.nv:
+        raise InputError(f"link is '{link}'; expected a link that a joint moves.")
+    rotation = placement[:3, :3]
+    W = noise.whitening(model, covariance)
+    return PointOfWrench(
+        body=body,
+        point=placement[:3, 3] + rotation @ offset,
+        rotation=np.ascontiguousarray(rotation.T).ravel(),
+        in_world=frame == "world",
+        scale=np.repeat(scale, 3),
+        weight=np.repeat(scale * (1.0, not force_only), 3),
+        whitening=np.pad(W.T, ((0, 0), (0, max(0, 6 - model.nv)))),
+    )
+
+
+def estimate(robot: int, point: PointOfWrench, Q: Array, TAU: Array) -> ExternalWrench:
+    """Return the wrenches at all states before the first that fails."""
+    G = np.empty((len(Q), 7, TAU.shape[1]))  # S J, and below it the torque
+    G[:, 6] = TAU
+    place = point.body, point.point, point.rotation, point.in_world, point.weight
+    valid = external.jacobians(robot, *place, Q, G)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        return _decompose(G[:valid] @ point.whitening, point.scale)
+
+
+def estimate_each(
+    robot: int, point: PointOfWrench, Q: Array, TAU: Array, begin: int, end: int, *results: Array
+) -> int:
+    """Write the wrenches at states `begin` to `end`; return the first state that fails, or the end."""
+    for first in range(begin, end, BLOCK):
+        last = min(first + BLOCK, end)
+        wrenches = estimate(robot, point, Q[first:last], TAU[first:last])
+        stop = first + len(wrenches.wrench)
+        for result, rows in zip(results, wrenches, strict=True):
+            result[first:stop] = rows
+        if stop < last:
+            return stop
+    return end
+
+
+def _decompose(G: Array, scale: Array) -> ExternalWrench:
+    """Return the wrenches of S J Wᵀ and, below it, Wτ, before the first that is not finite.
+
+    Of S J Wᵀ = U diag(z) Vᵀ the columns of S U are directions with independent estimates VᵀWτ/z,
+    whose standard deviations are 1/z.
+    """
+    G = G[: _count_finite(G)]
+    y = G[:, 6:]
+    U, z, Vt = np.linalg.svd(G[:, :6], full_matrices=False)
+    deviation = np.where(z > ROUNDING * z[:, :1], 1.0 / z, np.inf)
+    observed = deviation <= 1.0
+    directions = scale * U.swapaxes(1, 2)
+    factor = np.where(observed, deviation, 0.0)[:, :, None] * directions
+    covariance = factor.swapaxes(1, 2) @ factor
+    along = observed[:, None] * (y @ Vt.swapaxes(1, 2))
+    wrench = along @ factor
+    rest = y - along @ Vt
+    chi_square = rest @ rest.swapaxes(1, 2)
+    valid = _count_finite(chi_square)
+    return ExternalWrench(
+        wrench[:valid, 0],
+        covariance[:valid],
+        directions[:valid],
+        deviation[:valid],
+        observed[:valid],
+        chi_square[:valid, 0, 0],
+    )
+
+
+def _count_finite(matrices: Array) -> int:
+    """Return the number of matrices before the first with an entry that is not finite."""
+    finite = np.isfinite(matrices)
+    return len(finite) if finite.all() else int(finite.all(axis=(1, 2)).argmin())
