@@ -29,10 +29,18 @@ from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, payloads_of
 from diag_dynamics.parameters.spec import Spec, fixed, wrong
 
-_OF_EVERY_STATE = "total_joint_rates", "working_moments", "coriolis", "kinetic_energy", "state"
-_OF_EVERY_STATE += "external_torque", "external_wrench", "external_wrench_estimates"
+_OF_EVERY_STATE = (
+    "total_joint_rates",
+    "working_moments",
+    "coriolis",
+    "kinetic_energy",
+    "state",
+    "external_torque",
+)
 
 RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | {
+    "external_wrench": 250.0,
+    "external_wrench_estimates": 250.0,
     "mass_matrix_factors": 50.0,
     "joint_space_dynamics": 50.0,
 }

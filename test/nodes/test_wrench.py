@@ -20,6 +20,8 @@ LIMITS = 10.0, 1.0
 """Standard deviations of a useful force [N] and torque [N m]."""
 WIDE = {"external_wrench.max_force_deviation": 1e3, "external_wrench.max_torque_deviation": 1e3}
 """Limits with which all directions count at the hand, unweighted."""
+EVERY = {"max_rate.external_wrench": 0.0, "max_rate.external_wrench_estimates": 0.0}
+"""Rates with which every state has messages."""
 TORQUE = {"external_torque.gain": GAIN, "external_torque.friction": False}
 ARM = robot(PANDA)
 
@@ -92,7 +94,7 @@ def vector(wrench):
 
 def test_wrench_on_the_hand(frames):
     """Every state has one message: the wrench of the environment on the robot, in the axes of its frame at its origin."""
-    with frames.monitor.having(**WIDE):
+    with frames.monitor.having(**WIDE, **EVERY):
         stamps = frames.feed(*[pushed(FORCE)(0)] * 400)
     assert frames.hand.stamps == stamps[1:]  # the observer starts at the second state
     last = frames.hand.messages[-1]
@@ -127,15 +129,23 @@ def test_weights_of_the_noise(frames):
 def test_no_wrench_without_a_result(frames):
     """A controller receives nothing; the estimates say so, with zeros."""
     state = pushed(FORCE)(0)
-    frames.feed(*[state] * 10)
-    frames.feed(*[(*state[:2], None)] * 3)
+    with frames.monitor.having(**EVERY):
+        frames.feed(*[state] * 10)
+        frames.feed(*[(*state[:2], None)] * 3)
     assert not frames.hand.messages and not frames.forearm.messages
     for one in frames.at(HAND) + frames.at(FOREARM):
         assert not one.valid and not vector(one.wrench).any() and not np.any(one.covariance)
         assert not one.unobserved and one.chi_square == 0.0
     assert len(frames.at(HAND)) == len(frames.at(FOREARM)) == 3
-    frames.feed(state)
+    frames.feed(*[state] * 2)
     assert frames.hand.messages and frames.at(HAND)[0].valid
+
+
+def test_default_rate(frames):
+    """Without a parameter the rate is at most 250 Hz."""
+    frames.feed(*[pushed(FORCE)(0)] * 21)
+    stamps = [nanoseconds(one.header.stamp) for one in frames.at(HAND)]
+    assert set(np.diff(stamps)) == set(np.diff(frames.hand.stamps)) == {4_000_000}
 
 
 def test_rates(frames):
