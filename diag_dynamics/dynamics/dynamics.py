@@ -142,7 +142,6 @@ class DiagonalDynamics:
         Evaluation
             For many states a :class:`BatchEvaluation`, with the same bits as evaluations of one.
         """
-        state = np.empty(self._shape)
         effort, status = self._zero if tau is None else tau, ws.BAD_LENGTH
         try:
             if (
@@ -152,6 +151,7 @@ class DiagonalDynamics:
                 and type(q) is type(qd) is type(effort) is ARRAY
                 and q.dtype is qd.dtype is effort.dtype is FLOAT
             ):
+                state = np.empty(self._shape)
                 status = evaluation.evaluate.run(self._robot, q, qd, effort, state)
         except TypeError:  # another shape, or strides
             pass
