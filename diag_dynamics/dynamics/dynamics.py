@@ -150,6 +150,7 @@ class DiagonalDynamics:
                 and frame == "link"
                 and type(q) is type(qd) is type(effort) is ARRAY
                 and q.dtype is qd.dtype is effort.dtype is FLOAT
+                and q.ndim == 1  # numba takes long to reject rows
             ):
                 state = np.empty(self._shape)
                 status = evaluation.evaluate.run(self._robot, q, qd, effort, state)

@@ -80,7 +80,7 @@ def estimate(robot: int, point: PointOfWrench, Q: Array, TAU: Array) -> External
 def estimate_each(
     robot: int, point: PointOfWrench, Q: Array, TAU: Array, begin: int, end: int, *results: Array
 ) -> int:
-    """Write the wrenches at states `begin` to `end`; return the first state that fails, or the end."""
+    """Write the wrenches of states `begin` to `end`; return the first that fails, or the end."""
     for first in range(begin, end, BLOCK):
         last = min(first + BLOCK, end)
         wrenches = estimate(robot, point, Q[first:last], TAU[first:last])

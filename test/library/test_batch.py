@@ -415,7 +415,7 @@ METHODS = {
     "nu_from_qd": lambda d, q, v, t: d.nu_from_qd(q.tolist(), v),
     "jacobian": lambda d, q, v, t: d.jacobian(q, "panda_hand", frame="world"),
     "wrench_factor": lambda d, q, v, t: d.wrench_factor(q, "panda_hand"),
-    "forward_dynamics_batch": lambda d, q, v, t: d.forward_dynamics(q[None], v[None], t[None]),
+    "forward_dynamics of rows": lambda d, q, v, t: d.forward_dynamics(q[None], v[None], t[None]),
 }
 
 
