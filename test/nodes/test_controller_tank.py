@@ -8,9 +8,9 @@ import pytest
 
 import diag_dynamics as dd
 from arm import loop_of
-from controllers import START_AT, begin_at_rest, lockstep_arm, record, trajectory
+from controllers import START_AT, begin_at_rest, lockstep_arm, trajectory
 from diag_dynamics.nodes.controller.record import problems_of_limits
-from nodes import UR5, nanoseconds, robot
+from nodes import UR5, robot
 
 CAPACITY = 0.3
 """Of the tank [J]."""
@@ -22,15 +22,6 @@ def arm(peer):
     own = {"effort_rate": ["*=1e5"], "following_energy": 0.0, "tank_energy": CAPACITY}
     with lockstep_arm(peer, "/tank", list(robot(UR5).names), **own) as controller:
         yield controller
-
-
-def energy_of(arm, status):
-    """Return K [J] of the simulator's state of a status by Pinocchio; None without the state."""
-    state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
-    if state is None:
-        return None
-    qd = np.array(state.velocity)
-    return 0.5 * qd @ robot(UR5).oracle.at(np.array(state.position), qd).M @ qd
 
 
 def wait_for_tank(arm, condition, what):
@@ -45,21 +36,16 @@ def wait_for_tank(arm, condition, what):
     return arm.wait_for_report(holds, what, len(arm.reports))
 
 
-def test_the_motion_has_the_energy_of_the_tank(arm):
-    """K <= x_max on the way to a far target, without friction; diagnostics report x; a mode service fills the tank."""
+def test_diagnostics_report_the_tank(arm):
+    """A far target drains it and power is refused; a mode service fills it."""
     begin_at_rest(arm)
     wait_for_tank(arm, lambda x, _: x == pytest.approx(CAPACITY, rel=1e-5), "a full tank")
-    record(arm)
     goal = np.add(START_AT, (1.2, 0.5, -0.5, 0.3, 0.2, 0.0))
     arm.trajectory.publish(trajectory([(1.0, goal, [0] * 6, [0] * 6)], arm.simulator.robot.names))
     arm.wait_for(lambda s: s.energy_limited and s.energy > 0.5 * CAPACITY, "the tank")
     wait_for_tank(
         arm, lambda x, refused: x < 0.5 * CAPACITY and refused > 0.0, "a tank that refuses power"
     )
-    energies = [
-        energy for status in arm.status.messages if (energy := energy_of(arm, status)) is not None
-    ]
-    assert len(energies) > 100 and 0.5 * CAPACITY < max(energies) <= CAPACITY
     arm.switch("damping")
     arm.wait_for(lambda s: s.energy < 1e-6, "rest")
     arm.switch("damping")
