@@ -180,24 +180,6 @@ def test_frames_of_a_running_node(frames):
         assert not frames.hand.messages and not frames.estimates.messages
 
 
-def test_limits_of_the_deviation(frames):
-    """Tighter limits make a direction unobserved, looser ones observed."""
-    frames.feed(*[pushed(FORCE)(0)] * 10)
-    counts = [len(frames.at(FOREARM)[-1].unobserved) // 6]
-    for force, torque in ((0.1, 0.01), (1e4, 1e4)):
-        values = {
-            "external_wrench.max_force_deviation": force,
-            "external_wrench.max_torque_deviation": torque,
-        }
-        with frames.monitor.having(**values):
-            frames.feed(*[pushed(FORCE)(0)] * 10)
-            counts.append(len(frames.at(FOREARM)[-1].unobserved) // 6)
-            scale = np.repeat((force, torque), 3)
-            J = jacobian(FOREARM) * scale[:, None]
-            assert counts[-1] == (np.linalg.eigvalsh(J @ J.T) < 1.0).sum()
-    assert counts[1] > counts[0] >= counts[2]
-
-
 def test_frames_without_an_observer(peer):
     """The error names both parameters."""
     with pytest.raises(InputError, match=r"external_torque\.gain is 0.*external_wrench\.frames"):
