@@ -298,7 +298,7 @@ CLOSURES = {
         ["sweeps.batch", "simulation.steps"],
     ),
     "simulation.steps": (
-        ["simulation.runge_kutta", "sweeps.spatial", "numerics.linking"],
+        ["simulation.midpoint", "sweeps.spatial", "numerics.linking"],
         ["sweeps.batch", "simulation.simulation"],
     ),
     "joint_states.rules": (
