@@ -27,8 +27,8 @@ from diag_dynamics.text import Progress
 from diag_dynamics.threads import cores
 
 UNITS = {
-    "simulation.steps": 25,
     "sweeps.batch": 21,
+    "simulation.steps": 13,
     "sweeps.couplings": 12,
     "sweeps.regressors": 6,
     "sweeps.factorization": 6,
