@@ -78,54 +78,28 @@ class Field:
             return name
         return f"{name}[{self.count}]" if self.count else f"sequence<{name}>"
 
-    def default(self, definitions):
+    def default(self):
         """Return the value in a new message."""
         if self.count is not None:
-            return (
-                []
-                if not self.count
-                else [Field(f"{self.kind} x", "").default(definitions)] * self.count
-            )
+            return [] if not self.count else [Field(f"{self.kind} x", "").default()] * self.count
         if self.is_primitive:
             return "" if self.kind == "string" else 0.0 if self.kind.startswith("float") else 0
-        return message_type(self.kind, definitions)()
+        return message_type(self.kind)()
 
 
-def fields_of(definition, package):
-    """Return the fields of a definition without comments, constants and default values."""
-    lines = (line.split("#")[0].strip() for line in definition.splitlines())
+def fields_of(kind):
+    """Return the fields of a type without comments, constants and default values."""
+    package = kind.split("/")[0]
+    lines = (line.split("#")[0].strip() for line in definition_of(kind).splitlines())
     return [
         Field(" ".join(line.split()[:2]), package) for line in lines if line and "=" not in line
     ]
 
 
-class _Standard(dict):
-    """Definitions beside the standard ones, hashable by identity for the cache of types."""
-
-    __hash__ = object.__hash__
-
-    def __eq__(self, other):
-        return self is other
-
-    def __missing__(self, kind):
-        return STANDARD[kind]
-
-
-NO_OTHERS = _Standard()
-
-
-def definitions(texts):
-    """Return definitions by type, such as ``diag_dynamics/msg/KineticEnergy``, and the standard ones."""
-    return _Standard(texts)
-
-
 @cache
-def message_type(kind, more=NO_OTHERS):
+def message_type(kind):
     """Return the class of messages of a type such as ``sensor_msgs/msg/JointState``."""
-    try:
-        fields = fields_of(more[kind], kind.split("/")[0])
-    except KeyError:
-        raise InputError(f"there is no definition of {kind}.") from None
+    fields = fields_of(kind)
     idl = {field.name: field.idl for field in fields}
 
     class Message(SimpleNamespace):
@@ -133,7 +107,7 @@ def message_type(kind, more=NO_OTHERS):
 
         def __init__(self, **values):
             super().__init__(
-                **{field.name: field.default(more) for field in fields if field.name not in values},
+                **{field.name: field.default() for field in fields if field.name not in values},
                 **values,
             )
 
@@ -146,23 +120,19 @@ def message_type(kind, more=NO_OTHERS):
     return Message
 
 
-def read_message(raw, kind, more=NO_OTHERS):
+def read_message(raw, kind):
     """Return the message in bytes, as rclpy reads them; ValueError if they are no such message."""
-    return Reader(raw).message(kind, more)
+    return Reader(raw).message(kind)
 
 
-def definition_with_parts(kind, more=NO_OTHERS):
+def definition_with_parts(kind):
     """Return the definitions of a type and of all types in it, in the format ``ros2msg``."""
-    found = [kind]
-    for one in found:
-        others = (
-            field.kind
-            for field in fields_of(more[one], one.split("/")[0])
-            if not field.is_primitive
-        )
-        found += [other for other in dict.fromkeys(others) if other not in found]
-    parts = [f"MSG: {one.replace('/msg/', '/')}\n{more[one]}\n" for one in found[1:]]
-    return ("=" * 80 + "\n").join([f"{more[kind]}\n", *parts])
+    kinds = [kind]
+    for part in kinds:
+        others = (field.kind for field in fields_of(part) if not field.is_primitive)
+        kinds += [other for other in dict.fromkeys(others) if other not in kinds]
+    parts = [f"MSG: {part.replace('/msg/', '/')}\n{definition_of(part)}\n" for part in kinds[1:]]
+    return ("=" * 80 + "\n").join([f"{definition_of(kind)}\n", *parts])
 
 
 class Reader:
@@ -182,16 +152,13 @@ class Reader:
             bytearray(b"\1\1" + bytes(len(raw) - 2)),
         )
 
-    def message(self, kind, more=NO_OTHERS):
+    def message(self, kind):
         """Return the message of a type."""
-        fields = fields_of(more[kind], kind.split("/")[0])
-        return message_type(kind, more)(
-            **{field.name: self._field(field, more) for field in fields}
-        )
+        return message_type(kind)(**{field.name: self._field(field) for field in fields_of(kind)})
 
-    def _field(self, field, more):
+    def _field(self, field):
         if field.count is None:
-            return self._one(field, more)
+            return self._one(field)
         count = field.count or self._count()
         if count > len(self._raw) - self._at:
             raise ValueError("a sequence counts more entries than there are bytes")
@@ -199,14 +166,14 @@ class Reader:
             numbers = self._numbers(PRIMITIVES[field.kind][1], count)
             self.arrays[field.name] = self._at - numbers.nbytes, count
             return numbers
-        return [self._one(field, more) for _ in range(count)]
+        return [self._one(field) for _ in range(count)]
 
-    def _one(self, field, more):
+    def _one(self, field):
         if field.kind == "string":
             return self._text()
         if field.is_primitive:
             return self._numbers(PRIMITIVES[field.kind][1], 1)[0].item()
-        return self.message(field.kind, more)
+        return self.message(field.kind)
 
     def _count(self):
         return self._numbers("u4", 1)[0].item()
@@ -247,14 +214,19 @@ def _folders():
             yield Path(prefix) / "share" / "diag_dynamics" / "msg"
 
 
+def definition_of(kind):
+    """Return the definition of a type: a standard one, or one of this package."""
+    return STANDARD[kind] if kind in STANDARD else our_definitions()[kind]
+
+
 @cache
 def our_definitions():
     """Return the definitions of this package's messages by type; InputError if they are not found."""
     for folder in _folders():
         if found := sorted(folder.glob("*.msg")):
-            return definitions(
-                {f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found}
-            )
+            return {
+                f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found
+            }
     raise InputError(
         f"the definitions of this package's messages are in none of {', '.join(map(str, _folders()))}."
     )

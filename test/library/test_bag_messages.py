@@ -43,7 +43,7 @@ from bags import (
 )
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
-from diag_dynamics.wire.definitions import our_definitions, read_message
+from diag_dynamics.wire.definitions import read_message
 from hostile import MS, START, S
 
 
@@ -245,9 +245,7 @@ def test_stamps_of_a_written_mcap(tmp_path):
     states = dd.read_recording(path, arm("a", "b", "c")).states
     with open(out, "rb") as file:
         raw = [one.data for *_, one in make_reader(file).iter_messages()]
-    found = [
-        read_message(one, "diag_dynamics/msg/DiagonalizedState", our_definitions()) for one in raw
-    ]
+    found = [read_message(one, "diag_dynamics/msg/DiagonalizedState") for one in raw]
     for stamps, expected in (
         ([one.header.stamp for one in found], states.stamp),
         ([one.oldest_stamp for one in found], states.oldest_stamp),

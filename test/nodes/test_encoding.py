@@ -40,7 +40,7 @@ from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Observation, Settings
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.wire.cdr import Template
-from diag_dynamics.wire.definitions import definition_with_parts, our_definitions, read_message
+from diag_dynamics.wire.definitions import definition_with_parts, read_message
 from examples import examples, shortened
 from joint_state_messages import INF, NOW, S
 from joint_state_readers import DEFAULTS
@@ -518,9 +518,7 @@ INPUTS = ("sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry")
 )
 def test_definitions_equal_those_of_ros(name):
     """Of each message and of all in it, as another library understands the text."""
-    types = get_types_from_msg(
-        definition_with_parts(name, *[our_definitions()] * (name not in INPUTS)), name
-    )
+    types = get_types_from_msg(definition_with_parts(name), name)
     assert name in types
     for one, (_, fields) in types.items():
         package, _, part = one.split("/")

@@ -17,7 +17,7 @@ from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.monitor.reaction import service_request
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK
-from diag_dynamics.wire.definitions import definitions, message_type
+from diag_dynamics.wire.definitions import STANDARD, message_type
 from nodes import LATCHED, PANDA, Monitor, robot
 from pushed import GAIN, Motion, feed, subscribed
 
@@ -271,13 +271,9 @@ def test_thresholds_stay_while_there_is_a_service(monitor):
 
 def test_request_of_switch_controller(monkeypatch):
     """Its fields by a class of the published definition; the package itself is not among the tests' packages."""
-    own = definitions(
-        {
-            "controller_manager_msgs/msg/Request": DEFINITION,
-            "builtin_interfaces/msg/Duration": "int32 sec",
-        }
-    )
-    request = message_type("controller_manager_msgs/msg/Request", own)
+    monkeypatch.setitem(STANDARD, "controller_manager_msgs/msg/Request", DEFINITION)
+    monkeypatch.setitem(STANDARD, "builtin_interfaces/msg/Duration", "int32 sec")
+    request = message_type("controller_manager_msgs/msg/Request")
     request.BEST_EFFORT = 1
     kind = SimpleNamespace(Request=request)
     monkeypatch.setitem(sys.modules, "controller_manager_msgs", SimpleNamespace())

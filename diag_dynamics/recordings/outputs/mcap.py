@@ -15,7 +15,7 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.wire.cdr import Template
-from diag_dynamics.wire.definitions import definition_with_parts, message_type, our_definitions
+from diag_dynamics.wire.definitions import definition_with_parts, message_type
 
 TOPICS = {
     "state": "DiagonalizedState",
@@ -68,16 +68,13 @@ REVISION = 1
 class McapOutput:
     """Write messages about each state on some topics, at the log time of the message that completed the state."""
 
-    def __init__(self, path, reading, friction=False, topics=WRITTEN):
+    def __init__(self, path, reading, friction, topics):
         for topic in topics:
             if topic not in TOPICS:
                 raise InputError(f"topics has '{topic}'; expected any of {', '.join(TOPICS)}.")
         for library in ("mcap", "lz4.frame"):
             require(library, "writing MCAP")
-        chunks, definitions = (
-            import_module("diag_dynamics.recordings.outputs.chunks"),
-            our_definitions(),
-        )
+        chunks = import_module("diag_dynamics.recordings.outputs.chunks")
         self._target, self._count = AtomicFile(path), 0
         with self._target.errors():
             self._file = chunks.ChunkedFile(
@@ -86,7 +83,7 @@ class McapOutput:
         self._topics = {}  # by channel
         for topic in topics:
             rows = TopicRows(topic, reading, friction, chunks.PREFIX)
-            definition = definition_with_parts(rows.type, definitions).encode()
+            definition = definition_with_parts(rows.type).encode()
             self._topics[self._file.register(f"{NODE}/{topic}", rows.type, definition)] = rows
 
     def write(self, piece):
@@ -115,14 +112,11 @@ class McapOutput:
 class TopicRows:
     """Make the messages of one topic, a row of bytes for each state."""
 
-    def __init__(self, topic, reading, friction=False, prefix=0):
+    def __init__(self, topic, reading, friction, prefix):
         model, observation = reading.model, reading.settings.observation
         self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
         self._prefix = prefix
-        self._dynamics, self._message = (
-            DiagonalDynamics(model),
-            message_type(self.type, our_definitions()),
-        )
+        self._dynamics, self._message = DiagonalDynamics(model), message_type(self.type)
         limits = (
             observation.alarms.limits(model.dof_names)
             if observation and observation.alarms
