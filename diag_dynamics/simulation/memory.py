@@ -91,15 +91,15 @@ class Memory:
             "place": np.zeros(nq),
             "first_q": np.zeros(nq),
             "moment": np.zeros(3),
+            "follower_damping": np.zeros(len(model.bodies)),
+            "follower_friction": np.zeros(len(model.bodies)),
             **_bends(model),
             **{name: np.zeros(nv) for name in BY_DOF},
         }
         self.use(model)
 
     def use(self, model):
-        """Simulate a model with the same degrees of freedom; parameters and state stay."""
-        for name in ("follower_damping", "follower_friction"):
-            self._arrays.setdefault(name, np.zeros(len(model.bodies)))
+        """Simulate a model with the same joints; parameters and state stay."""
         self.workspace = model.new_workspace()
         self._locate()
 

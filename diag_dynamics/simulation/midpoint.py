@@ -18,7 +18,6 @@ from diag_dynamics.simulation.modes import (
     FREE,
     HELD,
     classify_joints,
-    is_tied,
     solve_step,
     spring_start,
 )
@@ -68,7 +67,7 @@ def midpoint_step(address, h, load):
         status = _move(address, h, load.tau)
     if status == 0:
         _account_for_friction(address, h)
-    _account_for_left_springs(address)
+        _account_for_elastic_energy(address)
     if status == 0 and is_beyond_hard_limit(address):
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status == 0:
@@ -168,7 +167,7 @@ def _touches_spring(address, h):
 
 @large_kernel
 def _move(address, h, tau):
-    """Move to the end of the step with the rates `after`; add all work and loss but those of friction."""
+    """Move to the end of the step with the rates `after`; add all work but that of friction."""
     sim = opened(address)
     bodies, _, _, _ = ws.opened(sim.robot)
     for k in range(len(tau)):
@@ -190,13 +189,9 @@ def _move(address, h, tau):
         else:
             work += tau[k] * u
         if sim.spring[k] != 0.0:
-            stiffness, side, start = sim.stiffness[k], sim.spring[k], sim.depth[k]
-            end, mean = start + u, spring_start(sim, k) + sim.weight[k] * u
-            loss -= sim.fraction[k] * (sim.limit_damping[k] * rate + stiffness * mean) * u
-            if is_tied(sim, k):
-                start, end = abs(start), abs(end)
-                side = 1.0
-            loss += _stored(stiffness, side * end) - _stored(stiffness, side * start)
+            mean = spring_start(sim, k) + sim.weight[k] * u
+            force = sim.limit_damping[k] * rate + sim.stiffness[k] * mean
+            loss -= sim.fraction[k] * force * u
     sim.accounts[WORK] += work
     sim.accounts[LOSS] += loss
     return 0
@@ -218,23 +213,20 @@ def _account_for_friction(address, h):
 
 
 @kernel
-def _stored(stiffness, depth):
-    """Energy [J] of a compliant limit at a depth [rad, m]."""
-    return 0.5 * stiffness * depth * depth if depth > 0.0 else 0.0
+def _stored(sim, k, q):
+    """Energy [J] of a compliant limit at positions."""
+    x = q[sim.coordinate[k]]
+    depth = max(0.0, x - sim.upper[k], sim.lower[k] - x)
+    return 0.5 * sim.stiffness[k] * depth * depth
 
 
 @large_kernel
-def _account_for_left_springs(address):
-    """Add the lost elastic energy of compliant limits from which joints have lifted off."""
+def _account_for_elastic_energy(address):
+    """Add the stored energy of compliant limits, of which `loss` has the whole work."""
     sim = opened(address)
-    for k in range(len(sim.spring)):
-        if sim.spring[k] == 0.0 and sim.stiffness[k] < math.inf:
-            q, first_q = sim.q[sim.coordinate[k]], sim.first_q[sim.coordinate[k]]
-            now, before = (
-                max(q - sim.upper[k], sim.lower[k] - q),
-                max(first_q - sim.upper[k], sim.lower[k] - first_q),
-            )
-            sim.accounts[LOSS] += _stored(sim.stiffness[k], now) - _stored(sim.stiffness[k], before)
+    for k in range(len(sim.stiffness)):
+        if sim.stiffness[k] < math.inf:
+            sim.accounts[LOSS] += _stored(sim, k, sim.q) - _stored(sim, k, sim.first_q)
 
 
 @kernel
