@@ -285,9 +285,10 @@ class Simulation:
                 f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
                 f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
             )
-        if model.flexible_joints != self.model.flexible_joints:
+        joints = model.flexible_joints, len(model.bodies)
+        if joints != (self.model.flexible_joints, len(self.model.bodies)):
             raise InputError(
-                f"change_model: robot '{model.name}' has other flexible joints, expected the same ones."
+                f"change_model: robot '{model.name}' has other flexible or mimic joints, expected the same ones."
             )
         flexible = FlexibleDynamics(model)
         nu = flexible.link.nu_from_qd(self.q, self.qd)

@@ -360,7 +360,7 @@ def test_copies_models_and_resets(panda):
     assert abs(sim.audit.residual) < 1e-4
     e = dd.FlexibleDynamics(sim.model).evaluate(sim.q, sim.theta, sim.qd, sim.thetad, tau)
     assert_close(sim.evaluate(tau).epsilon, e.epsilon[: len(q)], 1e-12)
-    with pytest.raises(dd.InputError, match="other flexible joints"):
+    with pytest.raises(dd.InputError, match="other flexible or mimic joints"):
         sim.change_model(dd.load_urdf(URDF, mimic="free"))
 
 

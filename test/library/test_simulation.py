@@ -449,6 +449,16 @@ def test_a_push_ends():
     assert sim.qd[0] == pytest.approx(rate, rel=1e-12) and sim.audit.work == work
 
 
+def test_model_with_another_mimic_joint_is_rejected():
+    """Friction of followers is by body: a model of the same degrees of freedom may have more bodies."""
+    links = [link(name, 1.0, inertia=(1, 0, 0, 1, 0, 1)) for name in ("base", "arm", "tip")]
+    hinge, end = joint("hinge", "revolute", "base", "arm"), joint("end", "fixed", "arm", "tip")
+    sim = dd.Simulation(dd.load_urdf(description("arm", *links, hinge, end)))
+    follower = end.replace("fixed", "revolute").replace("<limit", '<mimic joint="hinge"/><limit')
+    with pytest.raises(InputError, match="other flexible or mimic joints"):
+        sim.change_model(dd.load_urdf(description("arm", *links, hinge, follower)))
+
+
 def test_payload_taken_up_in_motion():
     """q and q̇ stay; the payload brings its energy at that speed and height, and the audit has it."""
     model = load(PANDA)
