@@ -9,8 +9,7 @@ import sys
 from pydoc import locate
 
 import rclpy
-import yaml
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import qos_profile_best_available
 
 
 def fields(value):
@@ -20,20 +19,21 @@ def fields(value):
 
 
 def show(message):
-    """Print a message or one of its fields as YAML."""
-    value = getattr(message, options[-1]) if "--field" in options else message
-    value = json.loads(json.dumps(value, default=fields))
-    print(yaml.safe_dump(value, sort_keys=False, default_flow_style=None), flush=True)
-    if "--once" in options:
+    """Print a message or one of its fields as JSON, and a field of text as it is."""
+    value = getattr(message, args[args.index("--field") + 1]) if "--field" in args else message
+    text = value if isinstance(value, str) else json.dumps(value, default=fields, indent=2)
+    print(text, flush=True)
+    if "--once" in args:
         sys.exit()
 
 
-topic, *options = sys.argv[1:]
+topic, *args = sys.argv[1:]
 signal.alarm(60)
+signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end with the reader of a pipe
 rclpy.init()
 node = rclpy.create_node("echo")
-while topic not in (types := dict(node.get_topic_names_and_types())):
+while not (publishers := node.get_publishers_info_by_topic(topic)):
     rclpy.spin_once(node, timeout_sec=0.1)
-kind = locate(types[topic][0].replace("/", "."))
-node.create_subscription(kind, topic, show, qos_profile_sensor_data)
+kind = locate(publishers[0].topic_type.replace("/", "."))
+node.create_subscription(kind, topic, show, qos_profile_best_available)
 rclpy.spin(node)

@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diag_dynamics.srv import ForwardDynamics
+from std_msgs.msg import String
 
 from controllers import Controller
 from limits import HANG
-from nodes import PANDA, UR5, Monitor, S, Truth, assert_close, robot
+from nodes import LATCHED, PANDA, UR5, Monitor, S, Truth, assert_close, robot
 from processes import Process, node_process
 from simulators import Simulator
 from streams import FRAME, Stream, get
@@ -108,6 +109,17 @@ def test_echo_prints_a_field(left, panda):
         assert echo.wait() == 0
     K = left.topics["kinetic_energy"].messages[-1].total
     assert float(echo.output.split()[0]) == pytest.approx(K, rel=1e-6)
+
+
+def test_echo_prints_a_latched_text(peer):
+    """A text that was published before echo started is printed as it is, for example a URDF."""
+    text = '<robot name="a">\n</robot>'
+    publisher = peer.publisher(String, "/text", LATCHED)
+    publisher.publish(String(data=text))
+    command = [sys.executable, EXAMPLES / "echo.py", "/text", "--field", "data", "--once"]
+    with Process(command) as echo:
+        assert echo.wait(HANG) == 0, echo.tail()
+    assert text in echo.output
 
 
 def call(monitor, service, kind, request):
