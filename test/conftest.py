@@ -20,10 +20,8 @@ except ModuleNotFoundError as error:
 WITH_ROS = [Path(__file__).parent / folder for folder in ("nodes", "live")]
 """Folders of the files that import ROS 2 at their top; all their tests are marked `ros`."""
 
-MAX_CPU_TIME = 30.0
+MAX_CPU_TIME = 10.0
 """CPU-seconds that a test of the gate may take, with the processes that it starts; wall time depends on the machine.
-
-On an idle machine tests take at most 10. Two of them took 11 and 12 at a load of 4 on two cores.
 
 Only workers fail a test for it, with few robots: before they start, the kernels are compiled. Live tests are exempt, because
 the test that ends a process would be charged for all of its life.

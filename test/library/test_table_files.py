@@ -101,6 +101,14 @@ WRITERS = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def first_reading(tmp_path_factory):
+    """Read a table before the first test, which would pay for imports and kernels of all."""
+    path = tmp_path_factory.mktemp("first") / "table.csv"
+    pd.DataFrame(np.arange(14.0).reshape(2, 7), columns=NAMES).to_csv(path, index=False)
+    read(path, None, joints="ab")
+
+
 @pytest.mark.parametrize("writer", WRITERS)
 @examples(40)
 @given(

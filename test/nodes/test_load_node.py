@@ -125,7 +125,11 @@ def test_reset_returns_to_the_payload_before(monitor):
     response = call(monitor, "accept_payload")  # of nothing more
     assert not response.success and "expected a recognized load" in response.message
     assert call(monitor, "reset_payload").success and payload(monitor).mass == 0.4
-    feed(monitor, map(LOADED, range(1800, 2700)))
+
+
+def test_reset_returns_to_a_payload_set_after_a_load(monitor):
+    request = SetPayload.Request(link=HAND)
+    feed(monitor, map(LOADED, range(900)))
     assert call(monitor, "accept_payload").success
     request.inertia.m, request.inertia.com.z = (
         payload(monitor).mass,
@@ -144,7 +148,10 @@ def test_push_on_the_arm_at_rest_stays_a_collision(monitor):
     assert not any(one.is_load for one in monitor.load.messages)
     response = call(monitor, "accept_payload")
     assert not response.success and "expected a recognized load" in response.message
-    found = feed(monitor, map(LOADED, range(900)))
+
+
+def test_a_load_is_recognized_again_after_a_reset(monitor):
+    feed(monitor, map(LOADED, range(900)))
     assert call(monitor, "reset_payload").success  # nothing is accepted
     feed(monitor, map(LOADED, range(900, 950)))
     assert monitor.load.messages[-1].mass == pytest.approx(MASS, abs=0.1)
