@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Print messages as `ros2 topic echo` does, for at most 60 s: TOPIC [--once] [--field NAME]."""
+"""Print messages of a topic as JSON, for at most 60 s: TOPIC [--once] [--field NAME]."""
 
 import json
 import signal

@@ -222,7 +222,7 @@ def _stored(sim, k, q):
 
 @large_kernel
 def _account_for_elastic_energy(address):
-    """Add the stored energy of compliant limits, of which `loss` has the whole work."""
+    """Add the change of the energy stored in compliant limits; their work is in the loss already."""
     sim = opened(address)
     for k in range(len(sim.stiffness)):
         if sim.stiffness[k] < math.inf:
