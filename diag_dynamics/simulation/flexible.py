@@ -3,12 +3,15 @@
 
 """Motors of flexible joints in an implicit step: eliminated before the links, computed after them.
 
-With a spring k and a damper d between motor (B, θ) and link, stretch s = θ − q and E = h w (d + w h k), a step is
+With a spring k and a damper d between motor (B, θ) and link, stretch s = θ − q and
+E = h w (d + w h k), a step is
 
-    B θ̇⁺ = B θ̇ + h(τ − τ_J)    h τ_J = h k s + E (1 − w)/w ṡ + E ṡ⁺    s⁺ = s + h ((1 − w)ṡ + w ṡ⁺)
+    B θ̇⁺ = B θ̇ + h(τ − τ_J)    h τ_J = h k s + E (1 − w)/w ṡ + E ṡ⁺
+    s⁺ = s + h ((1 − w)ṡ + w ṡ⁺)
 
-with the weight w of the spring: see midpoint.py. Elimination of θ̇⁺ leaves the inertia EB/(E + B) on the joint, which enters
-the sweep as armature does. No spring is too stiff for a step: E → ∞ is the rigid joint of armature B.
+with the weight w of the spring: see midpoint.py. Elimination of θ̇⁺ leaves the inertia EB/(E + B)
+on the joint, which enters the sweep as armature does. No spring is too stiff for a step: E → ∞ is
+the rigid joint of armature B.
 """
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
@@ -23,7 +26,7 @@ def implicit_inertia(stiffness, damping, weight, h):
 
 @kernel
 def _spring(sim, k, h):
-    """Torque of a spring without the part of ṡ⁺, and the fraction E/(E + B) of a motor that moves with its link."""
+    """Return the torque of a spring without the part of ṡ⁺, and the fraction E/(E + B)."""
     weight, B = sim.motor_weight[k], sim.rotor_inertia[k]
     E = implicit_inertia(sim.spring_stiffness[k], sim.spring_damping[k], weight, h)
     stretch = sim.theta[k] - sim.first_q[sim.coordinate[k]]

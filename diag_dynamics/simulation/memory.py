@@ -8,7 +8,7 @@ import numpy as np
 from diag_dynamics.numerics.tables import Addresses, Table, array
 
 WORK, LOSS, N_ACCOUNTS = range(3)
-"""Energy accounts [J]: work of efforts and wrenches; of damping, friction, and limits without elastic energy."""
+"""Energy accounts [J]: work of efforts and wrenches; loss by damping, friction and limits."""
 
 STATE = "q", "qd", "nu", "accounts", "theta", "thetad"
 """Parts of the vector `state`: q, q̇, ν, the energy accounts, and θ and θ̇ of flexible joints."""

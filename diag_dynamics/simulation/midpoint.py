@@ -3,10 +3,11 @@
 
 """A step of order 2: the midpoint rule, with friction, compliant limits and impacts at hard ones.
 
-Half a step from the start gives rates in the middle of the step; the impulse of the whole step is that at this middle. Both
-solve for rates implicitly in springs and dampers. The first acts at its end. In the second a joint has a weight w: with
-w = ½ its springs and dampers act at the middle, which keeps the energy of springs, and with w = 1 at the end of the step,
-which damps motions that are faster than the step.
+Half a step from the start gives rates in the middle of the step; the impulse of the whole step is
+that at this middle. Both solve for rates implicitly in springs and dampers. The first acts at its
+end. In the second a joint has a weight w: with w = ½ its springs and dampers act at the middle,
+which keeps the energy of springs, and with w = 1 at the end of the step, which damps motions that
+are faster than the step.
 """
 
 import math
@@ -25,7 +26,7 @@ from diag_dynamics.sweeps import classical, factorization, groups, kinematics
 from diag_dynamics.sweeps import workspace as ws
 
 UNMOVED = 1e-6
-"""Change of rate by an impact, relative to the largest one, below which a joint at rest stays at rest."""
+"""Change of rate by an impact, relative to the largest, below which a joint stays at rest."""
 
 SHORT = 1e-2
 """Fraction of a step: a joint that friction stops within it counts as not moved by an impact."""
@@ -109,7 +110,7 @@ def _add_bending_efforts(address):
 
 @large_kernel
 def _choose_weights(address, h):
-    """Set the weight ½ of joints whose springs and dampers are slower than a step: h (d + h k) ≤ inertia, so ωh ≤ 1."""
+    """Set the weight ½ of joints with h (d + h k) ≤ inertia: slower than a step, ωh ≤ 1."""
     sim = opened(address)
     bodies, _, work, _ = ws.opened(sim.robot)
     for i in range(1, len(bodies)):
@@ -142,8 +143,8 @@ def _displacement(sim, k, h):
 def _touches_spring(address, h):
     """Set the spring of joints that pass a compliant limit in the step; return whether any does.
 
-    A spring that the step resolves acts during the fraction of the step beyond the limit, with the mean depth there: half
-    of that at the end. A faster one acts at the end.
+    A spring that the step resolves acts during the fraction of the step beyond the limit, with the
+    mean depth there: half of that at the end. A faster one acts at the end.
     """
     sim = opened(address)
     bodies, _, work, _ = ws.opened(sim.robot)
@@ -199,7 +200,7 @@ def _move(address, h, tau):
 
 @large_kernel
 def _account_for_friction(address, h):
-    """Add the work of friction, impulse times mean rate; that of joints which stop together is one sum."""
+    """Add the work of friction, impulse times mean rate; joints that stop together are one sum."""
     sim = opened(address)
     sliding, stopping = 0.0, 0.0
     for k in range(len(sim.qd)):
@@ -222,7 +223,7 @@ def _stored(sim, k, q):
 
 @large_kernel
 def _account_for_elastic_energy(address):
-    """Add the change of the energy stored in compliant limits; their work is in the loss already."""
+    """Add the change of energy stored in compliant limits; the loss has their work already."""
     sim = opened(address)
     for k in range(len(sim.stiffness)):
         if sim.stiffness[k] < math.inf:

@@ -79,11 +79,14 @@ def classify_joints(address):
 def solve_step(address, h, tau):
     """Solve a step for q̇⁺ with friction: set `mode` and `after`. Return a status.
 
-    (M + A) q̇⁺ = M q̇ − A (1 − w)/w q̇ + h (τ + Jᵀf − c − g − k x) + λ with A = h w (d + w h k), dampers d, springs k and
-    weights w; M, g and Jᵀf at the position `place`, c with the rates `middle`. A held joint has q̇⁺ = 0 and an impulse
-    |λ| ≤ h f; a sliding one moves in its direction with λ = −h f mode. A hard limit bounds λ on one side only. This linear
-    complementarity problem has a positive definite matrix. In each round joints that violate the condition of their mode
-    change it. The last rounds release no joint: so they end in spite of rounding errors, and friction adds no energy.
+    (M + A) q̇⁺ = M q̇ − A (1 − w)/w q̇ + h (τ + Jᵀf − c − g − k x) + λ
+
+    with A = h w (d + w h k), dampers d, springs k and weights w. M, g and Jᵀf are at the position
+    `place`, c has the rates `middle`. A held joint has q̇⁺ = 0 and an impulse |λ| ≤ h f. A sliding
+    one moves in its direction with λ = −h f mode. A hard limit bounds λ on one side only. This
+    linear complementarity problem has a positive definite matrix. In each round joints that violate
+    the condition of their mode change it. The last rounds release no joint: so they end in spite of
+    rounding errors, and friction adds no energy.
     """
     sim = opened(address)
     n, changed = len(tau), True

@@ -50,18 +50,21 @@ class CompliantLimits(NamedTuple):
 class EnergyAudit(NamedTuple):
     """Work on a robot, and change of its energy, since the last reset [J].
 
-    The work of a force is that of its mean over each step. The work of an impulse is the energy that it takes.
+    The work of a force is that of its mean over each step. The work of an impulse is the energy
+    that it takes.
     """
 
     work: float
     """Work of the joint efforts, as saturated, and of the external wrenches."""
     loss: float
-    """Work of damping, friction and limits, but for elastic energy; negative. Limits bring joints back without speed: that
-    can add energy in the field of gravity."""
+    """Work of damping, friction and limits, but for elastic energy; negative.
+
+    Limits bring joints back without speed: that can add energy in the field of gravity.
+    """
     exchanged: float
     """Energy that came with another model: see :meth:`Simulation.change_model`."""
     energy: float
-    """Change of kinetic energy, of that in the field of gravity, and of the elastic energy of limits, joints and links."""
+    """Change of kinetic energy, of energy in the field of gravity, and of elastic energy."""
 
     @property
     def residual(self) -> float:
@@ -288,7 +291,8 @@ class Simulation:
         joints = model.flexible_joints, len(model.bodies)
         if joints != (self.model.flexible_joints, len(self.model.bodies)):
             raise InputError(
-                f"change_model: robot '{model.name}' has other flexible or mimic joints, expected the same ones."
+                f"change_model: robot '{model.name}' has other flexible or mimic joints, "
+                "expected the same ones."
             )
         flexible = FlexibleDynamics(model)
         nu = flexible.link.nu_from_qd(self.q, self.qd)

@@ -77,7 +77,10 @@ def _aba_outward_group(bodies, i, qd, work, Q, qdd):
 
 @nk.kernel
 def _aba(bodies, gravity, q, qd, tau, work, Q, qdd):
-    """q̈ from τ: an outward, an inward and another outward sweep (theory: A₀ = −g, κ with gravity left in)."""
+    """q̈ from τ: an outward, an inward and another outward sweep.
+
+    Theory: A₀ = −g, κ with gravity left in.
+    """
     n = len(bodies)
     status = joints.couple_with_rates(q, qd, work)
     if status != 0:
