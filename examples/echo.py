@@ -20,17 +20,17 @@ def fields(value):
 
 def show(message):
     """Print a message or one of its fields as JSON, and a field of text as it is."""
-    value = getattr(message, args[args.index("--field") + 1]) if "--field" in args else message
-    text = value if isinstance(value, str) else json.dumps(value, default=fields, indent=2)
-    print(text, flush=True)
+    part = getattr(message, args[args.index("--field") + 1]) if "--field" in args else message
+    print(part if isinstance(part, str) else json.dumps(part, default=fields, indent=2), flush=True)
     if "--once" in args:
         sys.exit()
 
 
 topic, *args = sys.argv[1:]
 signal.alarm(60)
-signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # end with the reader of a pipe
 rclpy.init()
+for number in signal.SIGINT, signal.SIGPIPE:  # Ctrl-C, and the end of a reader
+    signal.signal(number, signal.SIG_DFL)
 node = rclpy.create_node("echo")
 while not (publishers := node.get_publishers_info_by_topic(topic)):
     rclpy.spin_once(node, timeout_sec=0.1)
