@@ -36,7 +36,8 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
     array = checks.array_of(covariance)
     if array is None or array.shape != (count, count) or not np.isfinite(array).all():
         expected = f"finite numbers, shape ({count}, {count}), in the order of model.dof_names"
-        raise InputError(f"covariance is {covariance!r:.200}; expected {expected}.")
+        value = " ".join(repr(covariance).split())
+        raise InputError(f"covariance is {value:.200}; expected {expected}.")
     size = np.sqrt(np.outer(*[np.abs(np.diag(array))] * 2))
     if (np.abs(array - array.T) > SYMMETRIC * size).any():
         raise InputError(
