@@ -133,7 +133,7 @@ def test_parameters_while_unconfigured(made):
 
 
 def test_unknown_names(made, tmp_path, capfd):
-    """The node warns of misspelt parameters; it ignores those of other nodes and unrelated names."""
+    """The node warns of misspelt parameters; it lists unrelated names and ignores those of other nodes."""
     file = tmp_path / "shared.yaml"
     file.write_text(
         "/**:\n  ros__parameters:\n    joint_timeouts: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"
@@ -146,6 +146,7 @@ def test_unknown_names(made, tmp_path, capfd):
         "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?",
         "Unknown parameter 'max_rate.statos' ignored. Did you mean 'max_rate.status'?",
         "Unknown parameter 'use_sim_tme' ignored. Did you mean 'use_sim_time'?",
+        "Unknown parameters ignored: nothing, update_rate.",
     ]
     assert not node.has_parameter("update_rate")
 

@@ -146,7 +146,7 @@ def judge(node, specs, take):
 
 
 def _warn_unknown(node):
-    """Warn of overrides that resemble parameters of this node; those of other nodes may be in the same file."""
+    """Warn of misspelt overrides, and list unrelated ones, as of other packages."""
     own = [parameter.name for parameter in node.get_parameters_by_prefix("").values()]
     unknown = [
         name for name in node.overrides if name not in own and not name.startswith("qos_overrides.")
@@ -157,8 +157,13 @@ def _warn_unknown(node):
     others = {
         name for table in tables for name in (*table.PARAMETERS, getattr(table, "COMPENSATES", ""))
     }
-    for name in unknown:
-        if name not in others and (meant := nearest(name, own)):
+    unrelated = []
+    for name in sorted(set(unknown) - others):
+        if meant := nearest(name, own):
             node.get_logger().warning(
                 plain(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?")
             )
+        else:
+            unrelated.append(name)
+    if unrelated:
+        node.get_logger().info(plain(f"Unknown parameters ignored: {', '.join(unrelated)}."))
