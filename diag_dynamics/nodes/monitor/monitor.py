@@ -413,8 +413,8 @@ class MonitorNode(TableNode, Node):
         if len(names) < 2 or not joints:
             return []
         problem = (
-            f"several nodes publish '{shortened(joints[0])}' on {topic}: {', '.join(names)}. "
-            "Stop one of them, or remap its topic"
+            f"more than one of these nodes publishes '{shortened(joints[0])}' on {topic}: "
+            f"{', '.join(names)}. Stop one of them, or remap its topic"
         )
         self.get_logger().warning(problem, throttle_duration_sec=60.0)
         return [problem]
