@@ -120,7 +120,7 @@ FLAGS = "stamp_is_receive_time", "velocity_estimated"
 class MessageMaker:
     """Makes messages about one model, whose names and frame they share."""
 
-    def __init__(self, model, revision=0):
+    def __init__(self, model, revision):
         self._model, self._revision, self._frame, self._nv = (
             model,
             revision,
@@ -219,27 +219,18 @@ class MessageMaker:
         oldest = {"oldest_stamp.sec": sec, "oldest_stamp.nanosec": nanosec}
         return {"effort": state.effort, "friction": s.friction} | oldest
 
-    def mass_matrix_factors(self, factors, with_inverse, state):
-        """M and D of Factors, and ℓ if wanted."""
-        values = {"model_revision": self._revision, "nv": self._nv, "m": factors.m, "d": factors.D}
-        values |= {"l": factors.l if with_inverse else None, "l_valid": with_inverse}
-        values["stamp_is_receive_time"] = state.stamp_is_receive_time
-        return self.make(
-            "mass_matrix_factors", MassMatrixFactors, state, self._dofs, values, (with_inverse,)
-        )
-
-    def joint_space_dynamics(self, mass_matrix, bias, gravity, state):
-        """M, c and g."""
-        values = _flags(state) | {"mass_matrix": mass_matrix, "bias": bias, "gravity": gravity}
-        return self.make("joint_space_dynamics", JointSpaceDynamics, state, self._dofs, values)
-
     def matrix(self, topic, dynamics, state, with_inverse=False):
-        """Return one of topics.MATRICES at a RobotState; the factors with ℓ, if wanted."""
+        """Return one of topics.MATRICES at a RobotState: m, D and, if requested, ℓ; or M, c and g."""
         q, qd = state.position, state.velocity
         if topic == "mass_matrix_factors":
-            return self.mass_matrix_factors(dynamics.factors(q), with_inverse, state)
-        M, c, g = dynamics.mass_matrix(q), dynamics.bias(q, qd), dynamics.gravity_torque(q)
-        return self.joint_space_dynamics(M, c, g, state)
+            m, l_inverse, _, D = dynamics.factors(q)
+            values = {"model_revision": self._revision, "nv": self._nv, "m": m, "d": D}
+            values |= {"l": l_inverse if with_inverse else None, "l_valid": with_inverse}
+            values["stamp_is_receive_time"] = state.stamp_is_receive_time
+            return self.make(topic, MassMatrixFactors, state, self._dofs, values, (with_inverse,))
+        values = _flags(state) | {"mass_matrix": dynamics.mass_matrix(q)}
+        values |= {"bias": dynamics.bias(q, qd), "gravity": dynamics.gravity_torque(q)}
+        return self.make(topic, JointSpaceDynamics, state, self._dofs, values)
 
     def external_torque(self, seen, observation, state, alarming=None, contact=None, touched=None):
         """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid.
@@ -348,7 +339,7 @@ class BytesMaker(MessageMaker):
         Topics of which rclpy makes other bytes.
     """
 
-    def __init__(self, model, revision=0):
+    def __init__(self, model, revision):
         super().__init__(model, revision)
         self._layouts, self.unlike = {}, set()
 
