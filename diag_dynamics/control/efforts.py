@@ -35,7 +35,7 @@ class Efforts:
     Arguments are those of :class:`ControlLoop`. Limiters are None without limits; `unlimited` joints have no effort limit.
     """
 
-    def __init__(self, dynamics, values, compensated, points=None):
+    def __init__(self, dynamics, values, compensated, points):
         model = dynamics.model
         self._names, self._compensated, self._max_period = (
             model.dof_names,

@@ -137,7 +137,7 @@ class FitData:
     None without any. `parts` are the segments of each block with the joints that have efforts there (bool).
     """
 
-    def __init__(self, model, payloads, recordings, reference, tolerant, with_gains=False):
+    def __init__(self, model, payloads, recordings, reference, tolerant, with_gains):
         self.regressors = Regressors(model, [payload.body for payload in payloads])
         loaded = list_recordings("recordings", recordings)
         unloaded = [] if reference is None else list_recordings("reference", reference)

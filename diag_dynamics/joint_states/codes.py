@@ -120,7 +120,7 @@ STUCK_TEXTS = {
 }
 
 
-def rejection_text(outcome, labels, limit="max_age"):
+def rejection_text(outcome, labels, limit):
     """Return the text of an OUTCOME with one of CAUSES; `limit` names the parameter of the maximum age."""
     code = int(outcome["code"])
     numbers = {

@@ -114,7 +114,7 @@ class Curve(NamedTuple):
 
 
 def read_couplings(
-    source: Any, loops: Sequence[Loop] = (), curves: Mapping[str, Curve] = {}
+    source: Any, loops: Sequence[Loop], curves: Mapping[str, Curve]
 ) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
     """Return loops and non-linear mimic joints of a YAML file, or of its content; a list has loops alone.
 

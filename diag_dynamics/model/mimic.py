@@ -102,7 +102,7 @@ def _composed(joint: Any, leaders: Mimic) -> Mimic:
 
 
 def coupled_groups(
-    mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None], closed: Iterable[set[str]] = ()
+    mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None], closed: Iterable[set[str]]
 ) -> dict[str, set[str]]:
     """Return the group of each joint that is eliminated together with others, the same set for all of its members.
 

@@ -113,12 +113,12 @@ def compile_rest():
         "compile",
         "--if-needed",
         "--quiet",
+        "--jobs",
+        "1",
     ]
     # Elsewhere Python would import a checkout that is the current folder.
     where = {"cwd": os.path.dirname(sys.executable)}
-    return subprocess.Popen(
-        [*command, "--jobs", "1"], **where, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    return subprocess.Popen(command, **where, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def parse(arguments):

@@ -47,7 +47,7 @@ class Newest(NamedTuple):
     frame: bytes
 
 
-def compile_frames(dynamics, forces=NO_FORCES):
+def compile_frames(dynamics, forces):
     """Compile what frames of a robot need, or load it from the cache."""
     q, zero = dynamics.model.start, np.zeros(dynamics.model.nv)
     maker, last = FrameMaker(dynamics, (), forces), len(dynamics.model.link_names) - 1

@@ -122,7 +122,7 @@ class BagSource:
 
     offset, without_values, currents = 0, 0, ""  # as of TableSource
 
-    def __init__(self, path, topic=None, names=None):
+    def __init__(self, path, topic, names):
         self.names, self._path, self._bag = names, path, Bag(path)
         self._topics, self._notes, self._limits = check_topics(topic), [], (None, None)
         self.start, self.unread = self._bag.start, self._bag.unread

@@ -21,7 +21,7 @@ class TableSource:
 
     start = None  # as of BagSource
 
-    def __init__(self, path, columns, names=None):
+    def __init__(self, path, columns, names):
         self._path, self._columns, self.names = path, columns, names
         self._table, self._delay, self._named = None, None, {}
         self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of

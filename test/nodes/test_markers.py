@@ -193,7 +193,7 @@ class Watch(TorqueWatch):
         if known:
             values |= {"external_torque.covariance_joints": [*names]}
             values |= {"external_torque.covariance": covariance.ravel().tolist()}
-        super().__init__(dyn, Settings.of(values).observation)
+        super().__init__(dyn, Settings.of(values).observation, "")
         epsilon = dyn.epsilon_from_wrench(
             drawn.q, link, [*force, 0, 0, 0], center_of_body(drawn.model, link)
         )

@@ -149,13 +149,13 @@ class TorqueWatch:
     is m r without that load; detectors and forces are about it.
     """
 
-    def __init__(self, dynamics, observation, link=""):
+    def __init__(self, dynamics, observation, link):
         self._origin, self._is_reported = None, False
         self._alarm = self._contact = None
         self.start_interval()
         self.use(dynamics, observation, link)
 
-    def use(self, dynamics, observation, link=""):
+    def use(self, dynamics, observation, link):
         """Restart with another model or other parameters; `link` carries loads that are no contact."""
         self.dynamics, self.observation = dynamics, observation
         gain, threshold, release, friction, max_gap, alarms, settles_on = observation[:7]

@@ -135,7 +135,7 @@ def split_unit(header, known=()):
     return stem, unit
 
 
-def unit_of(column, joint=""):
+def unit_of(column, joint):
     """Return the unit of a column or None; a joint may be called deg."""
     stem, unit = split_unit(column.name.replace(joint, " ", 1))
     word = _UNIT_WORD.search(stem.lower())
