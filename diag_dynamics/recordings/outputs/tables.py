@@ -8,7 +8,6 @@ from contextlib import suppress
 
 import numpy as np
 
-from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.atomic_file import AtomicFile
@@ -39,7 +38,7 @@ OF_STATES, OF_EFFORTS, OBSERVED = (
 class TableOutput:
     """Write the analysis of a Reading as ``parquet`` (units in metadata, NaN) or ``csv`` (units in the header)."""
 
-    def __init__(self, path, reading, friction=False, kind="parquet"):
+    def __init__(self, path, reading, friction, kind="parquet"):
         self._arrow, self._library = (
             require(name, f"'{path}'") for name in ("pyarrow", f"pyarrow.{kind}")
         )
@@ -58,9 +57,7 @@ class TableOutput:
             self._writer.write_table(table)
 
     def close(self, _summary=None):
-        """Complete the file and give it its name; raise InputError if there was no state."""
-        if self._writer is None:
-            raise InputError(f"'{self._target.path}' is not written: the recording has no states.")
+        """Complete the file of at least one piece, and give it its name."""
         self._writer.close()
         self._file.close()
         self._target.commit()
@@ -101,7 +98,7 @@ class TableOutput:
         return self._arrow.Table.from_arrays(arrays, names=names)
 
 
-def make_columns(model, piece, offset=0, friction=False):
+def make_columns(model, piece, offset, friction):
     """Return name, unit and values, shape (T,), of each column of a piece."""
     states, s, (residual, torque, norm, _, collision) = piece[:3]
     slides = dict(zip(model.dof_names, sliding_dofs(model), strict=True))
