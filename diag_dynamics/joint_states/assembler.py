@@ -95,9 +95,7 @@ class StateAssembler:
         self._shared["needs_base"] = base is not None
         self._own["other_stamp"] = -1
         for field in FIELDS:
-            self._own[field] = np.nan
-        for field in FIELDS:
-            self._memory.followers[field] = np.nan
+            self._own[field] = self._memory.followers[field] = np.nan
         self._follow()
         self._one = memory.Batch.create(1, (), self._memory)
         self._message = memoryview(self._one.messages.view(np.uint8))
