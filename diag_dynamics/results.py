@@ -68,13 +68,13 @@ class Evaluation:
         self,
         model: RobotModel,
         state: Array,
-        rows: Any,
         with_tau: bool,
         external: Term = None,
         friction: Term = None,
     ) -> None:
-        # `state` has the rows of sweeps.workspace, of length max(nq, 1); `rows` are their first nv.
-        self._model, self._state, self._rows = model, state, rows
+        # `state` has the rows of sweeps.workspace, of length max(nq, 1).
+        self._model, self._state = model, state
+        self._rows: Any = state[:, : model.nv]
         self._with_tau, self._external, self._friction = with_tau, external, friction
 
     nu = _row(ws.NU, "Total joint rates ν = mᵀq̇ [J^½] (Table 1).")
@@ -504,8 +504,7 @@ def expand(result: _Result, rows: BoolArray) -> _Result:
         empty: Any = {"b": False, "U": ""}.get(x.dtype.kind, np.nan)
         full = np.full((len(rows), *x.shape[1:]), empty, x.dtype)
         full[rows] = x
-        full.flags.writeable = False
-        return full
+        return read_only(full)
 
     return type(result)(*map(expanded, result))
 
@@ -549,4 +548,4 @@ def evaluation_of(
     for term in (external, friction):
         if term is not None:
             read_only(term)
-    return Evaluation(model, read_only(state), state[:, : model.nv], with_tau, external, friction)
+    return Evaluation(model, read_only(state), with_tau, external, friction)

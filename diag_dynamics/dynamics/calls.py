@@ -21,7 +21,7 @@ from diag_dynamics.dynamics.external_wrench import PointOfWrench
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, SingularMassMatrixError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, loop_error, loop_title
-from diag_dynamics.model.links import wrenches_at, wrenches_on_links
+from diag_dynamics.model.links import point_in_body, wrenches_at, wrenches_on_links
 from diag_dynamics.model.remarks import warn
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
@@ -66,6 +66,7 @@ class SweepCaller:
 
     def __init__(self, model: RobotModel) -> None:
         self.model, self.nv = model, model.nv
+        self.shape = ws.N_ROWS, max(model.nq, 1)  # numbers need an entry even without joints
         self._workspace = model.new_workspace()
         self.robot = self._workspace.robot
         self._workspaces = threads.Workspaces(model)
@@ -140,13 +141,13 @@ class SweepCaller:
         """Raise the error of a kernel's status at one state, if there is one."""
         if not status:
             self.warn_of_loops()
-        if status and problem and status > couplings.OPEN_LOOP:
+            return
+        if problem and status > couplings.OPEN_LOOP:
             raise InputError(f"{problem}.")
-        if status:
-            # Factorized again in new memory: another thread may have used the shared one since.
-            own = self.model.new_workspace()
-            factorization.joint_inertias(own.robot, at.q, *np.empty((2, self.nv)))
-            raise_failure(self.model, status, own.work, at)
+        # Factorized again in new memory: another thread may have used the shared one since.
+        own = self.model.new_workspace()
+        factorization.joint_inertias(own.robot, at.q, *np.empty((2, self.nv)))
+        raise_failure(self.model, status, own.work, at)
 
     def warn_of_loops(self) -> None:
         """Warn once that a loop is nearly singular at the last state."""
@@ -267,13 +268,9 @@ class SweepCaller:
             batch = results.BatchMemory.allocate(self.model, len(at.q))
             terms = self._evaluate_terms(at, loads, batch)
             return results.BatchEvaluation(self.model, batch, with_tau, *terms)
-        state = self._row_memory()
+        state = np.empty(self.shape)
         terms = self._evaluate_terms(at, loads, state)
         return results.evaluation_of(self.model, state, with_tau, *terms)
-
-    def _row_memory(self) -> Array:
-        """Return uninitialized memory for the results of one state."""
-        return np.empty((ws.N_ROWS, max(self.model.nq, 1)))
 
     def _evaluate_terms(
         self, at: States, loads: Loads, memory: Any
@@ -300,7 +297,7 @@ class SweepCaller:
         if not at.threads:
             self.check(evaluation.evaluate(self.robot, *inputs, memory), at)
             return memory[ws.NU, : self.nv], memory[ws.POWER, :1]
-        single = partial(self._fill, memory=self._row_memory())
+        single = partial(self._fill, memory=np.empty(self.shape))
         self._call_many(batch.evaluate_many, inputs, memory, at, single, ws.WIDTH)
         return memory.results[ws.NU], memory.numbers[ws.POWER - ws.KINETIC_ENERGY]
 
@@ -316,12 +313,9 @@ class SweepCaller:
         self, q: Array, link: str, point: PointLike, frame: Frame
     ) -> tuple[int, Array, Array]:
         """Return a link's body, a point in its axes, and their rotation to the axes of `frame`."""
-        checks.choice("frame", frame, ("link", "world"))
-        offset = checks.numbers("point", point, (3,), "three finite numbers [m]")
-        body, placement = self.model.placement_in_body(link)
-        in_body = placement[:3, 3] + placement[:3, :3] @ offset
+        body, rotation, in_body = point_in_body(self.model, link, point, frame)
         if frame == "link":
-            return body, in_body, placement[:3, :3].T
+            return body, in_body, rotation.T
         X = np.empty((3, 4))
         self.check(kinematics.placement(self.robot, q, body, X), States(q))
         return body, in_body, X[:, :3]

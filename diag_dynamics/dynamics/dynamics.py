@@ -89,9 +89,7 @@ class DiagonalDynamics:
         self._arguments, self._caller = Arguments(model), calls.SweepCaller(model)
         self._zero, self._robot = self._arguments.zero, self._caller.robot
         self._loops = bool(model.loops)
-        self._nv, self._factors_shape = model.nv, (3, model.nv, model.nv)
-        self._shape = ws.N_ROWS, max(model.nq, 1)  # numbers need an entry even without joints
-        self._whole = self._shape[1] == model.nv
+        self._nv = model.nv
         self._tables: dict[Any, Any] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -152,7 +150,7 @@ class DiagonalDynamics:
                 and q.dtype is qd.dtype is effort.dtype is FLOAT
                 and q.ndim == 1  # numba takes long to reject rows
             ):
-                state = np.empty(self._shape)
+                state = np.empty(self._caller.shape)
                 status = evaluation.evaluate.run(self._robot, q, qd, effort, state)
         except TypeError:  # another shape, or strides
             pass
@@ -163,14 +161,14 @@ class DiagonalDynamics:
         if self._loops:
             self._caller.warn_of_loops()
         state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
-        rows = state if self._whole else state[:, : self._nv]
-        return Evaluation(self.model, state, rows, tau is not None)
+        return Evaluation(self.model, state, tau is not None)
 
     # --- Joint space
 
     def factors(self, q: VectorLike) -> Factors:
         """Return the factors m, ℓ, the unit factor and D of M(q) as :class:`Factors`."""
-        factors, D, status = np.empty(self._factors_shape), np.empty(self._nv), ws.BAD_LENGTH
+        nv, status = self._nv, ws.BAD_LENGTH
+        factors, D = np.empty((3, nv, nv)), np.empty(nv)
         try:
             if are_vectors(q, q, q):
                 status = factorization.factors.run(self._robot, q, factors, D)

@@ -14,6 +14,7 @@ from diag_dynamics.arrays import Array, Frame, PointLike
 from diag_dynamics.dynamics import noise
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
+from diag_dynamics.model.links import point_in_body
 from diag_dynamics.results import ExternalWrench
 from diag_dynamics.sweeps import external
 
@@ -46,19 +47,16 @@ def point_of_wrench(
     max_deviation: tuple[float, float],
 ) -> PointOfWrench:
     """Return the checked point of :meth:`DiagonalDynamics.wrench`."""
-    checks.choice("frame", frame, ("link", "world"))
-    offset = checks.numbers("point", point, (3,), "three finite numbers [m]")
     scale = checks.numbers("max_deviation", max_deviation, (2,), "two numbers > 0 [N, N m]")
     if not (scale > 0.0).all():
         raise InputError(f"max_deviation is {max_deviation!r}, expected two numbers > 0 [N, N m].")
-    body, placement = model.placement_in_body(link)
+    body, rotation, in_body = point_in_body(model, link, point, frame)
     if body == 0 and model.nv:
         raise InputError(f"link is '{link}'; expected a link that a joint moves.")
-    rotation = placement[:3, :3]
     W = noise.whitening(model, covariance)
     return PointOfWrench(
         body=body,
-        point=placement[:3, 3] + rotation @ offset,
+        point=in_body,
         rotation=np.ascontiguousarray(rotation.T).ravel(),
         in_world=frame == "world",
         scale=np.repeat(scale, 3),

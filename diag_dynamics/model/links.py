@@ -111,11 +111,20 @@ def wrenches_at(
     model: RobotModel, link: str, wrenches: Array, point: VectorLike, frame: str
 ) -> npt.NDArray[np.void]:
     """Return records of wrenches, shape (number, 6), at a point of one link [m], from its origin and in its axes."""
-    choice("frame", frame, ("link", "world"))
-    point = numbers("point", point, (3,), "three finite numbers [m]")
-    body, placement = model.placement_in_body(link)
-    turn = np.eye(3) if frame == "world" else placement[:3, :3]
+    body, rotation, in_body = point_in_body(model, link, point, frame)
+    turn = np.eye(3) if frame == "world" else rotation
     records = np.zeros(len(wrenches), WRENCH)
-    records["body"], records["point"] = body, placement[:3, 3] + placement[:3, :3] @ point
+    records["body"], records["point"] = body, in_body
     records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
     return records
+
+
+def point_in_body(
+    model: RobotModel, link: str, point: VectorLike, frame: str
+) -> tuple[int, Array, Array]:
+    """Return the body of a link, their rotation, and a point of the link in the body's axes [m]."""
+    choice("frame", frame, ("link", "world"))
+    offset = numbers("point", point, (3,), "three finite numbers [m]")
+    body, placement = model.placement_in_body(link)
+    rotation = placement[:3, :3]
+    return body, rotation, placement[:3, 3] + rotation @ offset
