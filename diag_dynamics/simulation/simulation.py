@@ -151,11 +151,10 @@ class Simulation:
             self._memory[name][:] = getattr(model, name)
         self._memory["slowest"][:] = max(model.friction_velocity, SLOWEST)
         self._set_limits(limits)
-        flexible, names = self.flexible, ("spring_stiffness", "spring_damping", "rotor_inertia")
-        for name, values in zip(
-            names, (flexible.stiffness, flexible.damping, flexible.rotor_inertia), strict=True
-        ):
-            self._memory[name][flexible.dofs] = values
+        flexible = self.flexible
+        self._memory["spring_stiffness"][flexible.dofs] = flexible.stiffness
+        self._memory["spring_damping"][flexible.dofs] = flexible.damping
+        self._memory["rotor_inertia"][flexible.dofs] = flexible.rotor_inertia
         self.effort_limits = effort_limits
         self._no_effort = np.zeros(model.nv)
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
@@ -297,11 +296,11 @@ class Simulation:
         flexible = FlexibleDynamics(model)
         nu = flexible.link.nu_from_qd(self.q, self.qd)
         self._start_energies = self._energies_at_start()
-        before = self._energies(*self._state()).sum()
+        before = self._energies().sum()
         self._use(flexible)
         self._memory.use(self.dynamics.model)
         self._memory["nu"][:] = nu
-        self._exchanged += float(self._energies(*self._state()).sum() - before)
+        self._exchanged += float(self._energies().sum() - before)
 
     @property
     def time(self) -> float:
@@ -473,7 +472,7 @@ class Simulation:
     @property
     def kinetic_energy(self) -> float:
         """K = ½νᵀν [J], with the rotors of flexible joints, ½Bθ̇²."""
-        return float(self._energies(*self._state())[0])
+        return float(self._energies()[0])
 
     @property
     def potential_energy(self) -> float:
@@ -483,10 +482,11 @@ class Simulation:
     @property
     def elastic_energy(self) -> float:
         """Elastic energy of compliant limits, flexible joints and links [J]."""
-        return float(self._energies(*self._state())[2])
+        return float(self._energies()[2])
 
-    def _energies(self, q, nu, theta, thetad):
-        """Return kinetic, potential and elastic energy [J]."""
+    def _energies(self, state=None):
+        """Return kinetic, potential and elastic energy [J] of a state, by default the present one."""
+        q, nu, theta, thetad = state or self._state()
         depth, stiffness, flexible = (
             self._beyond_limits(q),
             self._memory["stiffness"],
@@ -507,13 +507,13 @@ class Simulation:
     def _energies_at_start(self):
         """Energies of the state at the last reset, computed on first use because resets must be fast."""
         if self._start_energies is None:
-            self._start_energies = self._energies(*self._start)
+            self._start_energies = self._energies(self._start)
         return self._start_energies
 
     @property
     def audit(self) -> EnergyAudit:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
-        energy = (self._energies(*self._state()) - self._energies_at_start()).sum()
+        energy = (self._energies() - self._energies_at_start()).sum()
         work, loss = self._memory["accounts"].tolist()
         bent = self._bending_energy(self._memory["q"]) - self._bending_energy(self._start[0])
         return EnergyAudit(work + float(bent), loss, self._exchanged, float(energy))
