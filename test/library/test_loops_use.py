@@ -496,6 +496,9 @@ def test_page(bar):
         np.testing.assert_allclose(
             places["coupler"] @ [COUPLER, 0, 0, 1], places["rocker"] @ [ROCKER, 0, 0, 1], atol=1e-6
         )
+        np.testing.assert_allclose(
+            dynamics.placement(row[:2], "rocker"), places["rocker"], atol=1e-6
+        )
         point = places["rocker"] @ [ROCKER, 0, 0, 1]
         np.testing.assert_allclose(point[:3], tip_of_rocker(row[0]), atol=1e-6)
 

@@ -265,12 +265,9 @@ def desired_by_differences(arm, k):
     ):
         return None
     dt = (times[2] - times[1]) * 1e-9
-    both = zip(
-        states, statuses, strict=True
-    )  # followers of loops come after the degrees of freedom
     q = [
-        np.add(state.position[: len(status.tracking_error)], status.tracking_error)
-        for state, status in both
+        np.add(state.position, status.tracking_error)
+        for state, status in zip(states, statuses, strict=True)
     ]
     return q[2], (q[2] - q[1]) / dt, (q[2] - 2.0 * q[1] + q[0]) / dt**2
 
