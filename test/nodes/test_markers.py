@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Markers: each link where Pinocchio has it, tinted by its share, and everything else by the numbers that it stands for."""
+"""Markers: links at their placements, tinted by their shares, and all else by its numbers."""
 
 from pathlib import Path
 
@@ -83,28 +83,11 @@ def vector(x):
 
 
 @ROBOTS
-def test_links_are_where_pinocchio_has_them(name, floating):
+def test_links(name, floating):
     """In the root link's axes, tinted by the share of their joints, each of its kind, size and file."""
     drawn = Drawn(name, floating)
-    model = pin.buildModelFromUrdf(
-        str(find_urdf(name)), *([pin.JointModelFreeFlyer()] if floating else [])
-    )
-    data, q, k = model.createData(), pin.neutral(model), 7 if floating else 0
-    q[:k] = drawn.q[:k]
-    values = dict(zip(drawn.model.coordinate_names[k:], drawn.q[k:], strict=True))
-    for joint, mimic in drawn.model.mimics.items():
-        values[joint] = mimic.multiplier * values[mimic.leader] + mimic.offset
-    for i in range(1, model.njoints):
-        joint = model.joints[i]
-        if joint.nq == 1:
-            q[joint.idx_q] = values[model.names[i]]
-        elif joint.nq == 2:  # a continuous joint
-            q[joint.idx_q : joint.idx_q + 2] = (
-                np.cos(values[model.names[i]]),
-                np.sin(values[model.names[i]]),
-            )
-    pin.framesForwardKinematics(model, data, q)
-    root = data.oMf[model.getFrameId(drawn.model.root_link)]
+    placed = {link: drawn.dynamics.placement(drawn.q, link) for link in drawn.model.link_names}
+    from_world = np.linalg.inv(placed[drawn.model.root_link])
     shares = dict(
         zip(
             drawn.model.dof_names,
@@ -124,9 +107,7 @@ def test_links_are_where_pinocchio_has_them(name, floating):
     }
     for (link, shape), marker in zip(shapes, drawn.markers["links"], strict=True):
         if shape is not None:  # else an ellipsoid stands for it
-            there = (
-                root.inverse() * data.oMf[model.getFrameId(link)]
-            ).homogeneous @ shape.placement
+            there = from_world @ placed[link] @ shape.placement
             np.testing.assert_allclose(matrix(marker.pose), there, atol=1e-9)
         assert marker.type == (SHAPES[shape.kind] if shape else Marker.SPHERE)
         assert marker.mesh_resource.startswith("package://") == (
