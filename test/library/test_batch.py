@@ -60,23 +60,10 @@ def two():
 
 
 def states(dyn, count=COUNT, seed=0):
-    """Return positions, rates, efforts and accelerations, a row for each state."""
+    """Return positions, rates and efforts, a row for each state."""
     rng = np.random.default_rng(seed)
     Q = np.array([dyn.model.random(rng) for _ in range(count)]).reshape(count, dyn.model.nq)
-    return Q, *rng.standard_normal((3, count, dyn.model.nv))
-
-
-def wrenches(dyn, count=COUNT):
-    """Return a wrench that is the same at all states, and another one for each state."""
-    rng = np.random.default_rng(3)
-    return {
-        dyn.model.link_names[0]: rng.normal(size=6),
-        dyn.model.link_names[-1]: rng.normal(size=(count, 6)),
-    }
-
-
-def wrenches_at(f_ext, t):
-    return {name: wrench if wrench.ndim == 1 else wrench[t] for name, wrench in f_ext.items()}
+    return Q, *rng.standard_normal((2, count, dyn.model.nv))
 
 
 # --- Numbers of single calls
@@ -97,94 +84,50 @@ def test_batch_equals_single_evaluations(dyn, threads, efforts):
             np.testing.assert_array_equal(found, expected, err_msg=name)
 
 
-@pytest.mark.parametrize("threads", [1, 2, None])
-def test_other_batches_equal_single_calls(dyn, threads):
-    Q, QD, TAU, QDD = states(dyn)
-    arguments = {
-        "mass_matrix": (Q,),
-        "bias": (Q, QD),
-        "gravity_torque": (Q,),
-        "forward_dynamics": (Q, QD, TAU),
-        "inverse_dynamics": (Q, QD, QDD),
-    }
-    sweeps = {
-        "nu_from_qd": (Q, QD),
-        "qd_from_nu": (Q, QD),
-        "epsilon_from_tau": (Q, TAU),
-        "tau_from_epsilon": (Q, TAU),
-    }
-    for name, columns in (arguments | sweeps | {"friction_torque": (QD,)}).items():
-        expected = [getattr(dyn, name)(*state) for state in zip(*columns, strict=True)]
-        options = {"threads": threads} if name in arguments else {}
-        np.testing.assert_array_equal(
-            getattr(dyn, name)(*columns, **options), expected, err_msg=name
-        )
-    expected = [dyn.momentum(*state) for state in zip(Q, QD, strict=True)]
-    np.testing.assert_array_equal(dyn.momentum(Q, QD, threads=threads), np.swapaxes(expected, 0, 1))
+def forces(dyn, tau, frame="link"):
+    """Return friction, a wrench of the base, and one of the last link that depends on the efforts."""
+    wrenches = {dyn.model.link_names[0]: np.ones(6), dyn.model.link_names[-1]: tau[..., :6]}
+    return {"f_ext": wrenches, "friction": True, "frame": frame}
 
 
-def test_methods_take_one_state_or_rows(dyn):
-    """Rows are arrays, lists, dicts, or columns by name, with equal results."""
-    Q, QD, TAU, QDD = states(dyn, 5)
-    arguments = {
-        "evaluate": (Q, QD, TAU),
-        "forward_dynamics": (Q, QD, TAU),
-        "inverse_dynamics": (Q, QD, QDD),
-        "mass_matrix": (Q,),
-        "bias": (Q, QD),
-        "gravity_torque": (Q,),
-        "friction_torque": (QD,),
-        "nu_from_qd": (Q, QD),
-        "qd_from_nu": (Q, QD),
-        "epsilon_from_tau": (Q, TAU),
-        "tau_from_epsilon": (Q, TAU),
-    }
-    for name, rows in arguments.items():
-        many = getattr(dyn, name)(*rows)
-        names = dyn.model.dof_names if rows[0] is QD else dyn.model.coordinate_names
-        columns = dict(zip(names, rows[0].T, strict=True))
-        for first in (
-            rows[0].tolist(),
-            [dict(zip(names, row, strict=True)) for row in rows[0]],
-            columns,
-        ):
-            found = getattr(dyn, name)(first, *rows[1:])
-            if name == "evaluate":
-                assert type(found) is dd.BatchEvaluation
-                found, expected = found.rows, many.rows
-            else:
-                expected = many
-            np.testing.assert_array_equal(found, expected, err_msg=name)
-    with pytest.raises(dd.InputError, match="expected \\(5, "):
-        dyn.evaluate(Q, QD[0])
+METHODS = {
+    "evaluate": lambda d, q, v, t, **o: d.evaluate(q, v, t, **forces(d, t), **o).nu_dot,
+    "power": lambda d, q, v, t, **o: d.evaluate(q, v, t, **forces(d, t, "world"), **o).power,
+    "forward_dynamics": lambda d, q, v, t, **o: d.forward_dynamics(q, v, t, **forces(d, t), **o),
+    "inverse_dynamics": lambda d, q, v, t, **o: d.inverse_dynamics(
+        q, v, t, **forces(d, t, "world"), **o
+    ),
+    "mass_matrix": lambda d, q, v, t, **o: d.mass_matrix(q, **o),
+    "bias": lambda d, q, v, t, **o: d.bias(q, v, **o),
+    "gravity_torque": lambda d, q, v, t, **o: d.gravity_torque(q, **o),
+    "friction_torque": lambda d, q, v, t, **o: d.friction_torque(v, **o),
+    "momentum": lambda d, q, v, t, **o: np.hstack(d.momentum(q, v, **o)),
+    "nu_from_qd": lambda d, q, v, t, **o: d.nu_from_qd(q, v, **o),
+    "qd_from_nu": lambda d, q, v, t, **o: d.qd_from_nu(q, v, **o),
+    "epsilon_from_tau": lambda d, q, v, t, **o: d.epsilon_from_tau(q, t, **o),
+    "tau_from_epsilon": lambda d, q, v, t, **o: d.tau_from_epsilon(q, t, **o),
+}
+"""Methods of one state or rows."""
 
 
-@pytest.mark.parametrize("frame", ["link", "world"])
-def test_wrenches_and_friction(dyn, frame):
-    Q, QD, TAU, QDD = states(dyn)
-    f_ext, options = wrenches(dyn), {"frame": frame, "friction": True}
-    forward = dyn.forward_dynamics(Q, QD, TAU, f_ext, **options)
-    inverse = dyn.inverse_dynamics(Q, QD, QDD, f_ext, **options)
-    many = dyn.evaluate(Q, QD, TAU, f_ext, **options)
-    for t in range(0, COUNT, 37):
-        wrench = wrenches_at(f_ext, t)
-        np.testing.assert_allclose(
-            forward[t], dyn.forward_dynamics(Q[t], QD[t], TAU[t], wrench, **options), rtol=1e-11
-        )
-        np.testing.assert_allclose(
-            inverse[t], dyn.inverse_dynamics(Q[t], QD[t], QDD[t], wrench, **options), rtol=1e-11
-        )
-        one = dyn.evaluate(Q[t], QD[t], TAU[t], wrench, **options)
-        for name in ("external", "friction", "nu_dot", "xi_dot", "power"):
-            np.testing.assert_allclose(
-                getattr(many, name)[t], getattr(one, name), rtol=1e-11, atol=1e-11
-            )
+@pytest.mark.parametrize("name", METHODS)
+def test_rows_equal_single_calls(dyn, name):
+    """Positions are arrays, lists, dicts, or columns by name."""
+    (Q, QD, TAU), method = states(dyn), METHODS[name]
+    expected = [method(dyn, *state) for state in zip(Q, QD, TAU, strict=True)]
+    for threads in (1, 2, None):
+        found = method(dyn, Q, QD, TAU, threads=threads)
+        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+    names = dyn.model.coordinate_names
+    dicts = [dict(zip(names, q, strict=True)) for q in Q]
+    for rows in (Q.tolist(), dicts, dict(zip(names, Q.T, strict=True))):
+        np.testing.assert_array_equal(method(dyn, rows, QD, TAU), found)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
 def test_any_number_of_states(two, count):
     """Batches shorter and longer than WIDTH and the pieces of threads."""
-    Q, QD, TAU, _ = states(two, count)
+    Q, QD, TAU = states(two, count)
     many = two.evaluate(Q, QD, TAU, threads=2)
     assert (
         len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
@@ -224,7 +167,7 @@ def test_steps_side_by_side_are_vectorized(step):
 def test_many_states_keep_the_vectors_of_the_steps():
     """Of the time of single sweeps evaluate_many takes 0.4 as it is, 0.9 with scalar instructions."""
     model, count = dd.load_robot("go2", floating_base=True), 256
-    Q, QD, TAU, _ = states(dd.DiagonalDynamics(model), count)
+    Q, QD, TAU = states(dd.DiagonalDynamics(model), count)
     memory, one = BatchMemory.allocate(model, count), np.empty((ws.N_ROWS, model.nq))
     workspace = ws.Workspace(model.bodies, model.gravity)
     robot = workspace.robot
@@ -236,17 +179,18 @@ def test_many_states_keep_the_vectors_of_the_steps():
         for q, qd, tau in zip(Q, QD, TAU, strict=True):
             evaluation.evaluate(robot, q, qd, tau, one)
 
-    times = {side_by_side: [], one_by_one: []}
-    for _ in range(20):
-        for call, spent in times.items():
-            start = time.thread_time()
-            call()
-            spent.append(time.thread_time() - start)
-    assert min(times[side_by_side]) < 0.65 * min(times[one_by_one])
+    def duration(call):
+        start = time.thread_time()
+        call()
+        return time.thread_time() - start
+
+    pairs = [(duration(side_by_side), duration(one_by_one)) for _ in range(20)]
+    fast, slow = np.min(pairs, axis=0)
+    assert fast < 0.65 * slow
 
 
 def test_large_angles_equal_reduced_ones(two):
-    Q, QD, TAU, _ = states(two, 20)
+    Q, QD, TAU = states(two, 20)
     Q[::5] *= 1e9
     reduced = np.arctan2(np.sin(Q), np.cos(Q))
     expected = two.evaluate(reduced, QD, TAU)
@@ -261,21 +205,21 @@ def test_large_angles_equal_reduced_ones(two):
 @pytest.mark.parametrize("at", [0, 70, 149])
 @pytest.mark.parametrize(("which", "value"), [("q", np.nan), ("qd", np.inf), ("tau", -np.inf)])
 def test_error_names_the_first_bad_state(dyn, at, which, value):
-    arguments = dict(zip(("q", "qd", "tau"), states(dyn), strict=False))
+    arguments = dict(zip(("q", "qd", "tau"), states(dyn), strict=True))
     arguments[which][at, -1] = arguments[which][149, -1] = value
     name = (dyn.model.coordinate_names if which == "q" else dyn.model.dof_names)[-1]
     for call in (dyn.evaluate, dyn.forward_dynamics):
         with pytest.raises(dd.InputError) as caught:
             call(*arguments.values(), threads=3)
         assert str(caught.value).startswith(f"state {at}: {which} of joint '{name}' is {value}")
-    assert np.isfinite(dyn.evaluate(*states(dyn, 3)[:3]).nu_dot).all()
+    assert np.isfinite(dyn.evaluate(*states(dyn, 3)).nu_dot).all()
 
 
 def test_error_names_the_singular_state():
     dyn = dd.DiagonalDynamics(
         dd.load_urdf(robot_path("icub_description/robots/icub.urdf"), mimic="free")
     )
-    Q, QD, _, _ = states(dyn, 130)
+    Q, QD, _ = states(dyn, 130)
     Q[100] = 0.0
     with pytest.raises(dd.SingularMassMatrixError, match=r"^state 100:") as caught:
         dyn.evaluate(Q, QD)
@@ -335,7 +279,7 @@ def test_wrong_arguments(two, case):
 @pytest.mark.parametrize("interrupts", [1, 2])
 def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     """The calling thread waits for its helpers, even if Ctrl-C interrupts that wait."""
-    Q, QD, TAU, _ = states(two, 300)
+    Q, QD, TAU = states(two, 300)
     evaluate_many, wait, main = kernels.evaluate_many, helpers.wait, threading.current_thread()
     helper_began, may_end, ended = threading.Event(), threading.Event(), []
     waits = []
@@ -367,7 +311,7 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
 @pytest.mark.full  # forks the process of the test
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
 def test_forked_process_has_threads_of_its_own(two):
-    Q, QD, TAU, _ = states(two, 300)
+    Q, QD, TAU = states(two, 300)
     expected = two.evaluate(Q, QD, TAU, threads=2).nu
     child = os.fork()
     if not child:
@@ -400,40 +344,29 @@ def frequent_switches():
     sys.setswitchinterval(interval)
 
 
-METHODS = {
-    "evaluate with all": lambda d, q, v, t: (
-        d.evaluate(q, v, t, {"panda_hand": t[:6]}, friction=True).nu_dot
-    ),
-    "forward_dynamics": lambda d, q, v, t: d.forward_dynamics(
-        q, v, t, {"panda_hand": t[:6]}, friction=True
-    ),
-    "inverse_dynamics": lambda d, q, v, t: d.inverse_dynamics(
-        q, v, t, {"panda_hand": t[:6]}, friction=True
-    ),
-    "mass_matrix": lambda d, q, v, t: d.mass_matrix(q),
+SHARED = METHODS | {
     "factors": lambda d, q, v, t: d.factors(q).l,
-    "nu_from_qd": lambda d, q, v, t: d.nu_from_qd(q.tolist(), v),
     "jacobian": lambda d, q, v, t: d.jacobian(q, "panda_hand", frame="world"),
     "wrench_factor": lambda d, q, v, t: d.wrench_factor(q, "panda_hand"),
-    "forward_dynamics of rows": lambda d, q, v, t: d.forward_dynamics(q[None], v[None], t[None]),
+    "rows": lambda d, q, v, t: d.forward_dynamics(q[None], v[None], t[None]),
 }
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", SHARED)
 def test_threads_share_one_dynamics(name, frequent_switches):
     """Two threads that call at once get the bits that each gets alone."""
     dyn, method = (
         dd.DiagonalDynamics(with_friction(dd.load_robot("panda", mimic="free"))),
-        METHODS[name],
+        SHARED[name],
     )
-    two_states = list(zip(*states(dyn, 2)[:3], strict=True))
+    two_states = list(zip(*states(dyn, 2), strict=True))
     expected = [method(dyn, *state) for state in two_states]
     wrong, ready = [], threading.Barrier(2)
 
     def work(k):
         ready.wait()
         for _ in range(shortened(1500, 300)):
-            if not (method(dyn, *two_states[k]) == expected[k]).all():
+            if not np.array_equal(method(dyn, *two_states[k]), expected[k]):
                 wrong.append(k)
 
     threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
