@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots whose dynamics are known by hand, in the library and in the oracles; the oracles by other routes."""
+"""Robots whose dynamics are known by hand, in the library and in the oracles."""
 
 import re
 from pathlib import Path
@@ -12,8 +12,7 @@ from pinocchio.rpy import rpyToMatrix
 
 import diag_dynamics as dd
 import robots
-from accuracy import EPS, assert_close, norm, tolerance, tolerance_of_differences
-from coupling import NAMED, oracle_of
+from accuracy import EPS, norm
 from derivative_oracles import link_placement
 from oracles import Oracle
 from robots import description, joint, link
@@ -28,46 +27,6 @@ def test_oracles_share_no_code_with_the_library(name):
     """An oracle that shared code with the library would share its mistakes."""
     source = (Path(robots.__file__).parent / f"{name}.py").read_text(encoding="utf-8")
     assert not re.search(r"^\s*(from|import) diag_dynamics", source, re.M)
-
-
-CHECKED = (
-    robots.Robot(
-        "mobile_tree_20", robots.random_tree(20, kinds=robots.KINDS + robots.SEVERAL)
-    ).floating,
-    next(robot for robot in robots.random_robots() if robot.armature),
-    NAMED["nested three deep"]._replace(mimic="embed"),
-)
-
-
-@pytest.mark.parametrize("robot", CHECKED, ids=lambda robot: robot.id)
-def test_oracles_by_other_routes(robot):
-    """The oracles' factors, Coriolis terms and dynamics agree with differences and dense solves."""
-    o = oracle_of(robot)
-    for sample in robots.samples(robot.id, o):
-        t = o.at(sample.q, sample.qd, sample.tau)
-        unit, root, tol = np.sqrt(np.diag(t.M)), np.sqrt(t.D), tolerance(t)
-        weigh = np.outer(unit, unit)
-        m = np.linalg.cholesky(t.M[::-1, ::-1])[::-1, ::-1]
-        if robot.mimic == "embed":  # whose dofs are in the order of elimination
-            assert_close(t.m / unit[:, None], m / unit[:, None], tol)
-        assert_close(t.m @ t.m.T / weigh, t.M / weigh, 1e-13)
-        assert_close(
-            t.coriolis_by_difference, t.coriolis, tolerance_of_differences(t), t.coriolis_scale
-        )
-        assert_close(t.C_s @ t.qd / unit, t.c / unit, 1e-12, norm(t.c / unit) + t.coriolis_scale)
-        rate = o.derivative(lambda q: o.unit_factor(q)[0], t.q, t.qd)
-        other = np.linalg.solve(t.unit, t.c) - t.D * (rate.T @ t.qd)
-        scale = t.coriolis_scale + norm(t.Ddot * t.xi / root)
-        assert_close(
-            other / root, t.coriolis_unnormalized / root, tolerance_of_differences(t), scale
-        )
-        assert_close(t.nu @ t.coriolis, 0.0, 1e-12, norm(t.nu) * t.coriolis_scale)
-        parts = t.M @ sample.qdd / unit, t.c / unit, t.g / unit
-        tau = o.inverse_dynamics(t.q, t.qd, sample.qdd)
-        assert_close(tau / unit, sum(parts), 1e-12, sum(map(norm, parts)))
-        parts = t.M @ t.acceleration / unit, t.c / unit, t.g / unit
-        assert_close(sum(parts), t.tau / unit, tol, sum(map(norm, parts)))
-        assert sum(t.link_energy.values()) == pytest.approx(t.kinetic_energy, rel=1e-12)
 
 
 # --- closed forms, of the library and of the oracle

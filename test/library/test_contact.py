@@ -7,7 +7,6 @@ import math
 import pickle
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -23,7 +22,6 @@ from diag_dynamics.contact.results import (
     simplified_mass,
     speed_of_force,
 )
-from engines import bare
 from oracles import Oracle
 from robots import description, joint, link, random_robots, robot
 
@@ -33,7 +31,6 @@ PANDA = "panda_description/urdf/panda.urdf"
 TALOS = "talos_data/robots/talos_reduced.urdf"
 UR5 = "ur_description/urdf/ur5_robot.urdf"
 ROOT = Path(__file__).parents[2]
-FINGERS = "panda_finger_joint1", "panda_finger_joint2"
 
 
 def close(found, expected, tolerance, scale=None):
@@ -311,62 +308,6 @@ def test_impact_with_a_free_mass():
         dyn.impact(q, qd, "panda_hand", u, restitution=1.2)
     with pytest.raises(dd.InputError, match="mass"):
         dyn.impact(q, qd, "panda_hand", u, mass=0.0)
-
-
-@pytest.mark.parametrize(
-    ("mass", "stiffness"),
-    [(0.6, 75e3), (40.0, 25e3), (math.inf, 75e3)],
-    ids=["hand", "chest", "clamped"],
-)
-@pytest.mark.parametrize("turn", [0.0, 1.2])
-def test_simulated_impact(mass, stiffness, turn):
-    """A Panda that meets mass and spring in MuJoCo at 0.5 m/s: the largest force is v√(μk), within 1 %."""
-    model = dd.load_urdf(robot(PANDA).urdf, locked_joints=dict.fromkeys(FINGERS, 0.0))
-    dyn = dd.DiagonalDynamics(model)
-    q = np.array([turn, -0.3, 0.2, -1.9, 0.1, 1.7, 0.6])
-    r, u = np.array([0.0, 0.0, 0.1]), np.array([math.cos(turn), math.sin(turn), -0.3])
-    u /= norm(u)
-    J = dyn.jacobian(q, "panda_hand", r, frame="world")[:3]
-    qd = np.linalg.pinv(J) @ (0.5 * u)  # the point moves along u, and nowhere else
-    m = dyn.reflected_mass(q, "panda_hand", u, r, "world")
-    expected = contact_force(0.5, m, stiffness, mass)
-    assert simulated_force(
-        robot(PANDA).urdf, model, dyn, q, qd, r, u, mass, stiffness
-    ) == pytest.approx(expected, rel=0.01)
-
-
-def simulated_force(urdf, model, dyn, q, qd, r, u, mass, stiffness):
-    """Largest force on a spring before a mass that slides along u, in MuJoCo; fingers do not move, nothing weighs."""
-    spec = mujoco.MjSpec.from_string(bare(urdf))
-    for name in FINGERS:
-        spec.delete(spec.joint(name))
-    if mass < math.inf:
-        slider = spec.worldbody.add_body(
-            name="slider", mass=mass, inertia=[1, 1, 1], ipos=[0, 0, 0], explicitinertial=True
-        )
-        slider.add_joint(name="slide", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=u)
-    spec.option.gravity, spec.option.timestep = np.zeros(3), 2e-5
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    m = spec.compile()
-    d = mujoco.MjData(m)
-    for k, name in enumerate(model.dof_names):
-        d.qpos[m.joint(name).qposadr], d.qvel[m.joint(name).dofadr] = q[k], qd[k]
-    start, hand = dyn.placement(q, "panda_hand") @ [*r, 1.0], m.body("panda_hand").id
-    largest, falls = 0.0, 0
-    while falls < 50:
-        mujoco.mj_kinematics(m, d)
-        place = d.xmat[hand].reshape(3, 3) @ r + d.xpos[hand]
-        way = (place - start[:3]) @ u - (d.joint("slide").qpos[0] if mass < math.inf else 0.0)
-        force = stiffness * max(way, 0.0)
-        d.qfrc_applied[:] = 0.0
-        mujoco.mj_comPos(m, d)
-        mujoco.mj_applyFT(m, d, -force * u, np.zeros(3), place, hand, d.qfrc_applied)
-        if mass < math.inf:
-            d.qfrc_applied[m.joint("slide").dofadr] += force
-        falls = falls + 1 if force < largest else 0
-        largest = max(largest, force)
-        mujoco.mj_step(m, d)
-    return largest
 
 
 # --- The transient model and limits ------------------------------------------------------------------------
