@@ -22,15 +22,6 @@ MAX_BYTES = (
     32 * 1024 * 1024
 )  # largest URDF accepted; the largest public robot descriptions have some 200 kB
 
-# Encodings that editors write where they declare a part of them
-WIDER = {
-    "gb2312": "gb18030",
-    "gbk": "gb18030",
-    "shift_jis": "cp932",
-    "euc_kr": "cp949",
-    "big5": "cp950",
-}
-
 # Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it
 UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
 
@@ -149,7 +140,7 @@ def _declared(data: bytes) -> str:
     try:
         name = codecs.lookup(found[1].decode("ascii") if found else "utf-8").name
         if b"<?xml".decode(name) == "<?xml":
-            return "utf-8" if name == "ascii" else WIDER.get(name, name)
+            return "utf-8" if name == "ascii" else name
     except (LookupError, UnicodeError):
         pass
     return "utf-8"
