@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from mcap.reader import make_reader
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
+from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import CAUSES
 from diag_dynamics.page.meshes import LEVELS, pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import EVERY, SLOW, write_report
@@ -150,26 +150,6 @@ def test_names_that_are_no_utf8(recording):
     assert html.exists() and summary["recording"] == str(recording.folder / f"{name}.npz")
     assert paths["parquet"].is_symlink() and len(list(folder.iterdir())) == 4
     assert pq.read_table(io.BytesIO((folder / "older").read_bytes())).num_rows == 200
-
-
-def test_the_index_of_a_written_mcap(recording):
-    """The library mcap finds messages of a time by it, and other readers the channels of each chunk."""
-    path = recording.folder / "out.mcap"
-    recording.analyse("indexed", "--quiet", "--mcap", path, **recording.columns())
-    with open(path, "rb") as file:
-        reader = make_reader(file, validate_crcs=True)
-        indexes, every = (
-            reader.get_summary().chunk_indexes,
-            [one.log_time for *_, one in reader.iter_messages()],
-        )
-        begin, end = np.quantile(every, (0.4, 0.5), method="nearest").tolist()
-        part = [
-            one.log_time for *_, one in reader.iter_messages(starting_at=begin, ending_before=end)
-        ]
-    assert len(indexes) > 3 and all(one.message_index_offsets for one in indexes)
-    assert len(every) == 3 * len(recording.t) and part == [
-        time for time in every if begin <= time < end
-    ]
 
 
 # --- Downsampling ---
@@ -317,76 +297,68 @@ def track_of(told, blocks, track):
     return np.cumsum(256.0 ** np.arange(len(steps)) @ steps) * 0.5e-6, found
 
 
-def test_the_numbers_are_the_librarys(recording):
+COMPARED = (
+    "q",
+    "qd",
+    "effort",
+    "nu",
+    "coriolis",
+    "D",
+    "K",
+    "p_effort",
+    "p_gravity",
+    "contact_worst",
+    "contact_position",
+    "contact_speed",
+    "contact_mass",
+    "contact_energy",
+    "link_energy",
+    "link_velocity",
+)
+"""Fields of frames that are made without observations."""
+
+
+def test_the_numbers_are_those_of_frames(recording):
     """In the overview and at full rate: to the steps of the packing and the rounding of floats."""
     limits = dd.ContactLimits.load(recording.folder / "limits.yaml")
     options = ["--set", *WATCHED, f"contact.limits_file={recording.folder / 'limits.yaml'}"]
     html, summary = recording.analyse("swing", *options, **recording.columns())
-    (one,) = summary["collisions"]
-    assert PUSHED[0] < one["start"] < PUSHED[0] + 0.2
+    (collision,) = summary["collisions"]
+    assert PUSHED[0] < collision["start"] < PUSHED[0] + 0.2
     told, blocks = parts_of(html)
     assert told["summary"] == summary
-    assert [len(track["parts"]) for track in told["tracks"]] == [
-        1,
-        2,
-    ]  # the overview, and the full rate
-    points = dd.ContactPoints(
-        recording.model, dd.link_geometry(recording.model, ARM).points, limits, "limit"
-    )
+    overview, whole = told["tracks"]
+    assert (len(overview["parts"]), len(whole["parts"])) == (1, 2)
+    points = dd.link_geometry(recording.model, ARM).points
+    points = dd.ContactPoints(recording.model, points, limits, "limit")
     assert [point["name"] for point in told["layout"]["contact"]["points"]] == list(points.names)
+    maker = FrameMaker(recording.dyn, zip(points.names, points.links, strict=True))
+    hand, places = told["layout"]["end_effector"], maker.layout.places
     for track in told["tracks"]:
         t, found = track_of(told, blocks, track)
         which = np.rint(t * RATE).astype(int)
         np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
         q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
-        s = recording.dyn.evaluate(q, qd, tau)
-        hand = told["layout"]["end_effector"]
-        velocity = [
-            recording.dyn.link_velocity(*state, hand, frame="world")[:3]
-            for state in zip(q, qd, strict=True)
-        ]
-        expected = {
-            "q": q,
-            "qd": qd,
-            "effort": tau,
-            "nu": s.nu,
-            "coriolis": s.coriolis,
-            "D": s.articulated_inertia,
-        }
-        expected |= {
-            "K": s.kinetic_energy[:, None],
-            "link_energy": None,
-            "link_velocity": np.array(velocity),
-        }
-        for name, numbers in expected.items():
-            columns, every = found[name]
-            slow = name in SLOW and len(track["parts"]) == 2
-            assert (every.step or 1) == (EVERY if slow else 1)
-            if numbers is not None:
-                span = np.ptp(numbers, axis=0) / 16_000 + 2e-6 * np.abs(numbers).max() + 1e-9
-                assert (np.abs(columns - numbers[every]) <= span).all(), name
+        evaluation = recording.dyn.evaluate(q, qd, tau)
+        states = States.of(t, q, qd, tau, evaluation)
+        numbers = maker.frames(states.with_contact(recording.dyn.contact(q, qd, points)))["numbers"]
+        for k, state in enumerate(zip(q, evaluation.nu, strict=True)):
+            numbers[k, maker.layout.common :] = maker.chosen(*state, hand)
+        mass = places["contact_mass"]
+        numbers[:, mass] = np.log10(numbers[:, mass])
         smooth = (np.abs(t[:, None] - PUSHED) > 0.02).all(axis=1) & (t > 0.02) & (t < t[-1] - 0.02)
-        for name, force in (("p_effort", s.epsilon), ("p_gravity", -s.gravity)):
-            power = np.einsum("tk,tk->t", s.nu, force)
-            np.testing.assert_allclose(
-                found[name][0][smooth, 0], power[smooth], atol=2e-3 * np.abs(power).max()
-            )
-        K = s.kinetic_energy[found["link_energy"][1]]
-        np.testing.assert_allclose(found["link_energy"][0].sum(axis=1), K, atol=1e-3 * K.max())
-        c = recording.dyn.contact(q, qd, points)
-        assert (found["contact_worst"][0][:, 0] == c.worst).all()
-        allowed = np.where(points.limited, c.allowed_speed, np.nan)
-        expected = {
-            "position": c.position[np.arange(len(t)), c.worst],
-            "speed": c.speed,
-            "energy": c.energy,
-        }
-        expected |= {"mass": np.log10(c.reflected_mass), "allowed": np.log10(allowed)}
-        for name, numbers in expected.items():
-            np.testing.assert_allclose(
-                found[f"contact_{name}"][0], numbers, atol=1e-3, err_msg=name
-            )
-    around = track_of(told, blocks, told["tracks"][1])[0]
+        for name in COMPARED:
+            (columns, every), expected = found[name], numbers[:, places[name]]
+            is_slow = name in SLOW and track is whole
+            assert (every.step or 1) == (EVERY if is_slow else 1)
+            error, size = np.abs(columns - expected[every]), np.abs(expected).max()
+            if name.startswith("p_"):
+                assert (error[smooth] <= 2e-3 * size).all(), name
+            elif name.startswith("contact"):
+                assert (error <= 1e-3).all(), name
+            else:
+                assert (error <= np.ptp(expected, axis=0) / 16_000 + 2e-6 * size + 1e-9).all(), name
+    around = track_of(told, blocks, whole)[0]
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
 
 
