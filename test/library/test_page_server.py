@@ -87,7 +87,12 @@ def rejected(address, **query):
 # --- Requests ---
 
 
-def test_files_and_their_headers(address):
+def test_files_and_their_headers(serve, arm, tmp_path, monkeypatch):
+    """Files may be symlinks, as colcon --symlink-install installs them."""
+    for path in server.STATIC.iterdir():
+        (tmp_path / path.name).symlink_to(path)
+    monkeypatch.setattr(server, "STATIC", tmp_path)
+    address = serve(arm.stream)
     for path, kind in {"/": "text/html", "/page.js": "javascript", "/page.css": "text/css"}.items():
         status, headers, body = get(address, path)
         assert (status, kind in headers["Content-Type"], len(body) > 0) == (200, True, True)
@@ -95,16 +100,6 @@ def test_files_and_their_headers(address):
         policy = headers["Content-Security-Policy"].replace(";", " ").split()
         assert {"default-src", "'none'", "connect-src", "'self'"} <= set(policy)
         assert not {"http:", "https:", "*"} & set(policy)
-
-
-def test_files_that_are_symlinks(serve, arm, tmp_path, monkeypatch):
-    """As colcon --symlink-install installs them."""
-    for path in server.STATIC.iterdir():
-        (tmp_path / path.name).symlink_to(path)
-    monkeypatch.setattr(server, "STATIC", tmp_path)
-    address = serve(arm.stream)
-    for path in ("/", "/page.js", "/page.css"):
-        assert get(address, path)[0] == 200, path
 
 
 @pytest.mark.parametrize(
@@ -177,26 +172,20 @@ def test_robots_and_meshes(address):
 # --- Streams ---
 
 
-def test_a_stream_has_the_numbers_of_the_states(address, arm):
-    """The layout comes first. Frames have the evaluations of their states."""
-    dyn = dd.DiagonalDynamics(arm.model)
+def test_contents_of_a_stream(address, arm):
+    """The layout comes first. Later states have later frames."""
     with Stream(address, robot="/arm", hz=50, link="panda_link5") as stream:
         kind, layout = stream.packet()
         assert (kind, layout["dofs"]) == (LAYOUT, list(arm.model.dof_names))
         assert layout["thresholds"]["external_torque"] == [12.0] * arm.model.nv
         assert layout["thresholds"]["norm"] == 8.0
         assert stream.next(DIAGNOSTICS)[0]["values"] == {"gaps": 0}
-        before = 0.0
-        for frame in stream.frames(10):
-            q, qd, tau = (frame[name].astype(float) for name in ("q", "qd", "effort"))
-            K = dyn.evaluate(q, qd, tau).kinetic_energy
-            np.testing.assert_allclose([frame["K"], frame["link_energy"].sum()], K, rtol=1e-4)
-            velocity = dyn.link_velocity(q, qd, "panda_link5", frame="world")[:3]
-            np.testing.assert_allclose(frame["link_velocity"], velocity, atol=1e-4)
-            assert frame.t > before
-            before = frame.t
-        beat = stream.next(HEARTBEAT)
-        assert (beat["alive"], beat["link"]) == (True, "panda_link5")
+        frames = stream.frames(10)
+        assert (np.diff([frame.t for frame in frames]) > 0.0).all()
+        energies = [[frame["K"], frame["link_energy"].sum()] for frame in frames]
+        np.testing.assert_allclose(*np.transpose(energies), rtol=1e-4)
+        heartbeat = stream.next(HEARTBEAT)
+        assert (heartbeat["alive"], heartbeat["link"]) == (True, "panda_link5")
 
 
 @pytest.mark.parametrize(
@@ -248,7 +237,7 @@ def test_a_tab_pushes_the_link_that_it_shows(serve, arm):
 
 
 def test_a_robot_that_no_tab_can_push(serve, arm):
-    """The stream goes on after the request."""
+    """The stream continues after the request."""
     with Stream(serve(arm.stream)) as stream:
         assert not stream.next(HEARTBEAT)["pushes"]
         stream.send("push")

@@ -890,19 +890,14 @@ def test_iso_times(written, text):
 @pytest.mark.parametrize("zone", [None, "UTC", "Europe/Berlin", "America/New_York"])
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
 def test_times_of_pandas(tmp_path, zone, unit):
-    """Timestamps with a zone or none, as columns, as an index, and as text that pandas writes."""
-    times = pd.Series(
-        pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone).as_unit(unit)
-    )
-    frame = pd.DataFrame({"time": times, "q1": [1.0, 1.0], "qd1": [0.0, 0.0]})
-    frame.to_parquet(tmp_path / "times.parquet")
-    frame.to_csv(tmp_path / "times.csv", index=False)
-    frame.assign(time=times.astype(str).astype("category")).to_parquet(
-        tmp_path / "categories.parquet"
-    )
-    frame.rename(columns={"time": "when"}).to_parquet(tmp_path / "column.parquet", index=False)
-    frame.set_index("time").rename_axis(None).to_parquet(tmp_path / "index.parquet")
-    frame.set_index("time").rename_axis(None).to_csv(tmp_path / "index.csv")
+    """Timestamps with a zone or none, as a column, as an index, and as categories of text."""
+    times = pd.to_datetime([10**18, 10**18 + 10**7], utc=True).tz_convert(zone).as_unit(unit)
+    frame = pd.DataFrame({"q1": [1.0, 1.0], "qd1": [0.0, 0.0]}, index=times)
+    frame.to_parquet(tmp_path / "index.parquet")
+    frame.to_csv(tmp_path / "index.csv")
+    frame.assign(when=times).to_parquet(tmp_path / "column.parquet", index=False)
+    texts = pd.Categorical(times.astype(str))
+    frame.assign(time=texts).to_parquet(tmp_path / "categories.parquet", index=False)
     for path in tmp_path.iterdir():
         assert read(path).stamp.tolist() == [10**18, 10**18 + 10**7]
 
