@@ -15,6 +15,7 @@ from pathlib import Path
 from diag_dynamics.cli import common, fleet
 from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.findings import no_states_error
@@ -22,6 +23,7 @@ from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
+from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.recordings.summary import (
     WIDTH,
     count_collisions,
@@ -29,6 +31,7 @@ from diag_dynamics.recordings.summary import (
     format_summary,
     summarize,
 )
+from diag_dynamics.recordings.table_source import TableSource
 from diag_dynamics.text import Progress, plain
 
 EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
@@ -91,6 +94,8 @@ def run(chosen):
     if chosen.topics is not None and chosen.mcap is None:
         raise InputError("--topics requires --mcap OUT.mcap.")
     chosen.recording = common.expand_recordings(chosen.recording)
+    if chosen.columns and not Path(chosen.columns).expanduser().exists():
+        return _write_column_map(chosen)
     is_single = len(chosen.recording) == 1
     for option, name in OUTPUTS.items():
         if name != "json" and getattr(chosen, name) and not is_single:
@@ -101,6 +106,19 @@ def run(chosen):
     is_folder = chosen.json and not is_single and os.path.isdir(chosen.json)
     with common.json_output(Path(chosen.json, "all.json") if is_folder else chosen.json) as write:
         return (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
+
+
+def _write_column_map(chosen):
+    """Write a column map of the first recording to fill in."""
+    path, recording = Path(chosen.columns).expanduser(), chosen.recording[0]
+    source = open_source(recording)
+    if not isinstance(source, TableSource):
+        raise InputError(f"'{plain(recording)}' is no table; expected --columns with a file.")
+    joints = single_joints(common.chosen_model(chosen)) if chosen.urdf else ()
+    source.write_column_map(path, joints)
+    text = f"Wrote {path}, the columns of '{recording}'. Complete it and repeat the command."
+    print(plain(text), file=sys.stderr)
+    return FAILED
 
 
 def _analyse(chosen, parameters, robot, write):

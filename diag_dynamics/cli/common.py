@@ -98,7 +98,9 @@ def add_recording(parser, text, nargs="+"):
     parser.add_argument("recording", nargs=nargs, help=text)
     parser.add_argument("--urdf", metavar="ROBOT", help=f"{ROBOT} (default: the robot in the bag)")
     parser.add_argument(
-        "--columns", metavar="MAP.yaml", help="column map of a table (docs/recordings.md)"
+        "--columns",
+        metavar="MAP.yaml",
+        help="column map of a table; analyse writes one to fill in if there is no such file",
     )
     parser.add_argument(
         "--topic", action="append", help="topic of joint states; repeat it to merge several"

@@ -19,11 +19,6 @@ OTHER_TOPICS = (
 )
 WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no value of any joint
 
-CURRENTS = (
-    "efforts are {} in A, not torques in N m: all results of efforts are in A. Set effort_scale to the torque constant times "
-    "the gear ratio [N m/A], or find it by diag-dynamics identify --what gains,friction"
-)
-
 TEXTS = {
     "incomplete": None,
     "foreign": None,
@@ -86,8 +81,6 @@ def collect_findings(intake, source):
     found, rejected, units = [], counts[f"rejected: {IMPLAUSIBLE}"], intake.units.text()
     if units and rejected > MIN_REJECTED * counts["received"]:
         found.append(Finding(UNITS, rejected, units))
-    if source.currents and (intake.assembler.efforts.factors == 1.0).any():
-        found.append(Finding("motor currents", 1, CURRENTS.format(source.currents)))
     found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in source.unread]
     first = {one.cause: one.text for one in reversed(intake.rejections)}
     if SECOND_SOURCE in first:

@@ -49,9 +49,9 @@ class JointNames:
         return _replace(entry, self._entries[entry], name) if entry else name
 
     def unmap_joint(self, joint):
-        """Return the recording's name of a joint of the robot."""
-        names = (_replace(other, name, joint) for name, other in self._entries.items())
-        return next((name for name in names if name and self.map_name(name) == joint), joint)
+        """Return the names that a recording may have for a joint of the robot."""
+        names = [_replace(other, name, joint) for name, other in self._entries.items()]
+        return [name for name in names if name and self.map_name(name) == joint] or [joint]
 
     def check_recording(self, pieces, model):
         """Compare the map with the joints of a recording; return the names that were read from `pieces`."""

@@ -1,30 +1,25 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files and folders of any format as batches of messages about one robot.
-
-A source, BagSource or TableSource, has
-
-* `batches(model)`, which yields each :class:`~diag_dynamics.recordings.intake.Batch`; `limit(begin, end)` before it is a hint
-  of log times [ns] between which messages are read;
-* `joints(model)`, names of the robot's joints in the messages;
-* `description()`, the robot_description; `names`, JointNames or None; `start`, the first log time [ns], None if unknown;
-* when all batches are read, `offset`, `without_values`, `currents`, `unread` and `notes` for findings.
-"""
+"""Files and folders of any format as batches of messages about one robot."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import Decoder
+from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.model.sources import GIT_LFS
 from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import JointNames, suggest
+from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.table_source import TableSource
 from diag_dynamics.recordings.tables import is_dataset, split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
@@ -42,6 +37,30 @@ SEVERAL = {
     DESCRIPTION: "Give the robot: --urdf ROBOT (model).",
 }
 """Advice about several topics of a type."""
+
+
+@runtime_checkable
+class Source(Protocol):
+    """Messages of a recording about one robot; notes are complete after the last batch."""
+
+    names: JointNames | None  # the robot's names of joints in messages
+    start: int | None  # first log time [ns]; None if it is unknown before reading
+    offset: int  # delay of stamps from times in the file [ns]
+    without_values: int  # rows without a value of any joint
+    unread: list[Unread]
+    notes: list[str]
+
+    def description(self) -> str:
+        """Return the description of the robot; raise InputError without one."""
+
+    def joints(self, model: RobotModel) -> set[str]:
+        """Return the robot's names of joints in messages."""
+
+    def limit(self, begin: int | None, end: int | None) -> None:
+        """Allow to omit messages outside of log times [ns]."""
+
+    def batches(self, model: RobotModel) -> Iterator[Batch]:
+        """Yield batches of messages in the order of log time."""
 
 
 def check_topics(topic):
@@ -64,8 +83,8 @@ def path_text(path):
     return os.fspath(path)
 
 
-def open_source(path, columns=None, topic=None, joint_names=None):
-    """Return the BagSource or TableSource of a path; for its arguments see :func:`read_recording`."""
+def open_source(path, columns=None, topic=None, joint_names=None) -> Source:
+    """Return the Source of a path; for its arguments see :func:`read_recording`."""
     columns, path = read_column_map(columns), os.path.expanduser(path_text(path))
     names, paths = _make_names(columns, joint_names), list(map(Path, split_paths(path)))
     if is_dataset(path):
@@ -77,11 +96,10 @@ def open_source(path, columns=None, topic=None, joint_names=None):
     path = paths[0].parent if paths[0].name == METADATA else paths[0]
     if len(paths) > 1 or not _is_bag(path):
         return TableSource("+".join(map(str, paths)), columns, names)
-    for key, value in columns._asdict().items():
-        if key not in ("joint_names", "source") and value != ColumnMap._field_defaults[key]:
-            raise InputError(
-                f"'{path}' is a bag; expected a column map with joint_names only, but {columns.source} has {key}."
-            )
+    for key, value in vars(columns).items():
+        if key not in ("joint_names", "source") and value != getattr(ColumnMap(), key):
+            expected = "expected a column map with joint_names only"
+            raise InputError(f"'{path}' is a bag; {expected}, but {columns.source} has {key}.")
     return BagSource(path, topic, names)
 
 
@@ -118,9 +136,9 @@ def _is_bag(path):
 
 
 class BagSource:
-    """Messages of a bag: joint states of one robot on some topics, merged by log time, and odometry."""
+    """Messages of a bag, a Source: joint states of one robot, merged by log time, and odometry."""
 
-    offset, without_values, currents = 0, 0, ""  # as of TableSource
+    offset, without_values = 0, 0
 
     def __init__(self, path, topic, names):
         self.names, self._path, self._bag = names, path, Bag(path)

@@ -10,20 +10,20 @@ from diag_dynamics.joint_states.decoding import FIELDS, JointStates
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.recordings.intake import Batch
-from diag_dynamics.recordings.joint_names import describe_maps, listed, propose_maps
-from diag_dynamics.recordings.tables import open_table
+from diag_dynamics.recordings.tables import open_reader, open_table
+from diag_dynamics.recordings.tables.template import write_template
 
 LATEST = (1 << 31) - 1  # last second that a stamp can be of
 
 
 class TableSource:
-    """Rows of a table as joint states; stamps and log times are delayed so that the first one is not zero."""
+    """Rows of a table as joint states, a Source; stamps and log times begin after zero."""
 
-    start = None  # as of BagSource
+    start = None
 
     def __init__(self, path, columns, names):
         self._path, self._columns, self.names = path, columns, names
-        self._table, self._delay, self._named = None, None, {}
+        self._table, self._delay = None, None
         self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of
 
     @property
@@ -42,13 +42,8 @@ class TableSource:
         return self._table.without_values if self._table else 0
 
     @property
-    def currents(self):
-        """Columns of efforts that are motor currents [A]; empty for torques."""
-        return self._table.currents if self._table else ""
-
-    @property
     def notes(self):
-        """How columns and times were understood: a list of str."""
+        """How columns and times were read: a list of str."""
         beyond = (
             f"{self._beyond} rows have times outside of 0 … {LATEST} s, the range of ROS stamps, and are rejected; the "
             f"first is {self._first_beyond}. If times are not in seconds, set scale: {{time: ms}} in a column map."
@@ -63,40 +58,30 @@ class TableSource:
 
     def joints(self, model):
         """Return the robot's names of all joints in rows, as a set."""
-        table = open_table(
-            self._path,
-            self._columns,
-            self._own_names(model) if self.names else single_joints(model),
-        )
-        names = (
-            table.joints if one.names is None else filter(None, one.names.flat)
-            for one in table.pieces()
-        )
-        return {
-            self.names.map_name(name) if self.names else name for some in names for name in some
-        }
+        map_name = self.names.map_name if self.names else str
+        return {map_name(name) for names in _names(self._open(model)) for name in names}
 
     def limit(self, begin, end):
         """Omit nothing: a table has no index."""
 
     def batches(self, model):
         """Yield batches of messages in the order of the rows."""
-        joints = self._own_names(model) if self.names else single_joints(model)
-        try:
-            self._table = open_table(self._path, self._columns, joints)
-        except InputError as error:
-            raise InputError(f"{error}{self._proposal(joints)}") from error
+        if self.names:
+            self.names.check_recording(_names(self._open(model)), model)
+        self._table = self._open(model)
         for columns in self._table.pieces():
             yield self._make_batch(columns)
-        own, named = [*single_joints(model), *model.mimics, *model.followers], list(self._named)
-        if named and not any(
-            (self.names.map_name(name) if self.names else name) in own for name in named
-        ):
-            found = [] if self.names else propose_maps(named, own)
-            raise InputError(
-                f"'{self._path}': rows name {listed(named)}; expected joints of the robot: {listed(own)}."
-                f"{f' {describe_maps(found, named, own)}.' if found else ''}"
-            )
+
+    def write_column_map(self, path, joints):
+        """Write a column map to fill in to a new file; `joints` are the model's, or empty."""
+        write_template(path, open_reader(self._path, self._columns), joints)
+
+    def _open(self, model):
+        """Return the table, whose joints have any of the names that the map leads to."""
+        joints = single_joints(model)
+        if self.names:
+            joints = [name for joint in joints for name in self.names.unmap_joint(joint)]
+        return open_table(self._path, self._columns, tuple(joints))
 
     def _make_batch(self, columns):
         """Return the Batch of a piece of the table."""
@@ -106,7 +91,6 @@ class TableSource:
             groups = {}
             for k, names in enumerate(map(tuple, columns.names.tolist())):
                 groups.setdefault(names, []).append(k)
-            self._named |= dict.fromkeys(name for names in groups for name in names if name)
         parts = []
         for names, rows in groups.items():
             rows, there = (
@@ -137,32 +121,11 @@ class TableSource:
         self._beyond += int(beyond.sum())
         return stamp, np.where(beyond, -1, sec), nanosec
 
-    def _own_names(self, model):
-        """Return the table's names of the joints of a robot, as its map leads to them."""
-        joints = single_joints(model)
-        undone = tuple(map(self.names.unmap_joint, joints))
-        try:
-            table = open_table(self._path, self._columns, ())
-        except InputError:  # without names it is not certain which columns are read
-            table = open_table(self._path, self._columns, undone)
-        pieces = (
-            table.joints if one.names is None else filter(None, one.names.flat)
-            for one in table.pieces()
-        )
-        own = self.names.check_recording(pieces, model)
-        return tuple(name for name in own if self.names.map_name(name) in joints) or undone
 
-    def _proposal(self, joints):
-        """Return the map of names by which a table can be read, as a sentence; empty without one."""
-        try:
-            own = [
-                name
-                for name in open_table(self._path, self._columns, ()).joints
-                if name not in joints
-            ]
-        except InputError:
-            return ""
-        found = (
-            [] if self.names else propose_maps(own, [joint for joint in joints if joint not in own])
-        )
-        return f" {describe_maps(found, own, joints)}." if found else ""
+def _names(table):
+    """Yield the names of joints of a table, or of each of its pieces."""
+    if table.joints:
+        yield table.joints
+        return
+    for columns in table.pieces():
+        yield filter(None, columns.names.flat)

@@ -107,7 +107,7 @@ def save(table, path):
 
 FEATURES = {
     "observation.state": feature(list(JOINTS)),
-    "observation.velocity": feature({"motors": list(JOINTS)}),
+    "observation.velocity": feature({"motors": list(JOINTS)}, len(JOINTS)),
     "observation.effort": feature([f"{name}.effort" for name in JOINTS]),
     "action": feature([f"{name}.pos" for name in JOINTS]),
 }
@@ -170,19 +170,21 @@ def test_units_and_names_are_never_guessed(tmp_path):
     joints = dict(zip(DESK, ("a1", "a2", "jaw"), strict=True))
     options = {"parameters": {"missing_velocity": "estimate"}}
     with pytest.raises(
-        dd.InputError, match=r"reaches 40; expected rad or m.*scale: \{position: deg\}"
+        dd.InputError, match=r"reaches 40.*expected .*rad or m.*`scale: \{position: …\}`"
     ):
         dd.read_recording(root, model, {"joint_names": joints}, **options)
-    with pytest.raises(dd.InputError, match="none of which is one of the 3 joints: a1, a2, jaw"):
+    with pytest.raises(
+        dd.InputError, match="no columns are recognized as positions of a1, a2, jaw"
+    ):
         dd.read_recording(root, model, {"scale": {"position": "deg"}}, **options)
-    scale = {"position": {"*": "deg", "gripper": 1e-3}}
+    scale = {"position": ["deg", "deg", 1e-3]}
     recording = dd.read_recording(root, model, {"joint_names": joints, "scale": scale}, **options)
     np.testing.assert_allclose(recording.q, (q * [np.pi / 180, np.pi / 180, 1e-3])[1:], rtol=1e-12)
     bare = write_dataset(
         tmp_path / "bare", "v2.1", [[q / 100]], {"observation.state": feature(None, 3)}
     )
     with pytest.raises(
-        dd.InputError, match=r"no column is recognized as position; columns: .*observation\.state"
+        dd.InputError, match=r"no columns are recognized .*columns: .*observation\.state"
     ):
         dd.read_recording(bare, model, **options)
     by_map = {"position": "observation.state", "joints": ["jaw", "a2", "a1"]}

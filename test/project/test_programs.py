@@ -163,7 +163,7 @@ def test_maps_are_read(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     blocks = blocks_of(DOCS / "recordings.md")
-    (numbers,) = [
+    numbers, _ = [
         yaml.safe_load(block.code) for block in blocks if block.how == "columns of a table"
     ]
     np.savetxt("numbers.csv", np.c_[np.arange(50) * 0.01, np.zeros((50, 9))], delimiter=",")

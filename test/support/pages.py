@@ -16,7 +16,7 @@
 ``<!-- test: run in a folder of recordings -->``
     In test_programs.py; each line of bash is a command of diag-dynamics, which ends with 0 or 1.
 ``<!-- test: columns of a table -->``
-    A map, with which test_programs.py reads a table.
+    A map, with which test_programs.py or test_table_files.py reads a table.
 ``<!-- test: not run: REASON -->``
 """
 

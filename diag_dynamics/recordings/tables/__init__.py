@@ -10,27 +10,25 @@ from importlib import import_module
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
 
-_SOURCES = {b"PAR1": ("arrays", "ParquetSource")} | dict.fromkeys(
-    (b"PK\x03\x04", b"PK\x05\x06"), ("arrays", "NpzSource")
-)
+_READERS = {b"PAR1": "ParquetTable", b"PK\x03\x04": "NpzTable", b"PK\x05\x06": "NpzTable"}
 
 
 def open_table(path, columns, joints):
-    """Return the :class:`Table` of a file, an episode of LeRobot, or several files ``a+b``.
+    """Return the JointTable of a file, an episode of LeRobot, or several files ``a+b``."""
+    table, choice = import_module(f"{__name__}.table"), import_module(f"{__name__}.choice")
+    reader = open_reader(path, columns)
+    return table.JointTable(reader, choice.choose(reader, columns, joints))
 
-    `joints` are the model's, empty if unknown.
-    """
+
+def open_reader(path, columns):
+    """Return the Table of a path, with the header and the lines of text that a ColumnMap states."""
     require("pyarrow", f"'{path}'")
-    paths = split_paths(path)
     if is_dataset(path):
-        source = import_module(f"{__name__}.lerobot").LeRobotSource(path, columns, joints)
-    elif len(paths) == 1:
-        source = _open_source(path, columns, joints)
-    else:
-        joined = import_module(f"{__name__}.joined")
-        parts = [_open_source(one, columns, joints, joined.take_all) for one in paths]
-        source = joined.JoinedSource(path, parts, columns, joints)
-    return import_module(f"{__name__}.table").Table(source)
+        return import_module(f"{__name__}.lerobot").LeRobotTable(path)
+    readers = [_open_file(part, columns) for part in split_paths(path)]
+    if len(readers) == 1:
+        return readers[0]
+    return import_module(f"{__name__}.joined").JoinedTable(path, readers, columns.rate)
 
 
 def is_dataset(path):
@@ -44,8 +42,8 @@ def split_paths(path):
     return [path] if os.path.exists(path) else list(map(os.path.expanduser, path.split("+")))
 
 
-def _open_source(path, columns, joints, *choose):
-    """Return the source of a file by its first bytes; `choose` is another choice of columns than by the map."""
+def _open_file(path, columns):
+    """Return the Table of a file by its first bytes."""
     try:
         with open(path, "rb") as file:
             begin = file.read(8)
@@ -54,8 +52,8 @@ def _open_source(path, columns, joints, *choose):
     if not begin:
         raise InputError(f"'{path}' is empty: it has 0 bytes.")
     if begin.startswith(b"\x93NUMPY"):
-        raise InputError(
-            f"'{path}' is a single array without names: write an npz, np.savez(path, time=…, position=…)."
-        )
-    module, name = _SOURCES.get(begin[:4], ("csv", "CsvSource"))
-    return getattr(import_module(f"{__name__}.{module}"), name)(path, columns, joints, *choose)
+        advice = "Write an npz: np.savez(path, time=…, position=…)"
+        raise InputError(f"'{path}' is a single array without names. {advice}.")
+    if name := _READERS.get(begin[:4]):
+        return getattr(import_module(f"{__name__}.arrays"), name)(path)
+    return import_module(f"{__name__}.csv").CsvTable(path, columns)

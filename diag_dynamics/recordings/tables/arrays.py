@@ -15,10 +15,8 @@ from pyarrow import parquet
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
-from diag_dynamics.recordings.tables.cells import SAMPLE, is_list, make_column, unify
-from diag_dynamics.recordings.tables.choice import choose
+from diag_dynamics.recordings.tables.cells import SAMPLE, make_column, unify
 from diag_dynamics.recordings.tables.headers import Column
-from diag_dynamics.recordings.tables.names_in_data import NAMES, label_text, metadata_texts
 from diag_dynamics.recordings.tables.table import ROWS
 
 _UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -38,37 +36,38 @@ _BROKEN = (
         tokenize.TokenError,
     ),  # of what is encrypted, and of numpy's header of an array
 )
+_OWN = (b"pandas", b"ARROW:schema", b"PARQUET:field_id", b"unit")
+"""Keys of metadata that have no order of joints."""
 _NOT_WHOLE = "A file that was not closed or not copied completely lacks the index at its end."
 
 
-class ParquetSource:
-    """Rows of a Parquet file by row group; damaged ones are omitted. Fields of structs have names with dots."""
+class ParquetTable:
+    """Rows of a Parquet file by row group; fields of structs have names with dots."""
 
-    notes, unit = (), "row"
+    unit = "row"
 
-    def __init__(self, path, wanted, joints, choose=choose):
-        self.path = path
+    def __init__(self, path):
+        self.path, self.notes = path, []
         with self._open() as file:
             empty = _flatten(file.schema_arrow.empty_table())
-            columns = [
+            self.columns = [
                 _sample_column(file, field, empty.column(k)) for k, field in enumerate(empty.schema)
             ]
             metadata = [file.schema_arrow.metadata, *(field.metadata for field in empty.schema)]
-        self.headers = [one.name for one in columns]
-        self.choice = choose(
-            columns,
-            wanted,
-            joints,
-            path,
-            [text for one in metadata for text in metadata_texts(one)],
-        )
-        for name in (self.headers[k] for k in self.choice.used):
-            if self.headers.count(name) > 1:
-                raise InputError(f"'{path}' has two columns '{name}'.")
+        self.texts = [
+            f"metadata '{key.decode(errors='replace')}': {text.decode(errors='replace')}"
+            for entries in metadata
+            for key, text in (entries or {}).items()
+            if key not in _OWN
+        ]
 
-    def blocks(self, lose):
-        """Yield arrays by index of the column, and the number of each row."""
-        used, row = {k: self.headers[k] for k in self.choice.used}, 0
+    def blocks(self, numbers, others, lose):
+        """Yield arrays by column, and the number of each row."""
+        used, row = {k: self.columns[k].name for k in (*numbers, *others)}, 0
+        names = [column.name for column in self.columns]
+        for name in used.values():
+            if names.count(name) > 1:
+                raise InputError(f"'{self.path}' has two columns '{name}'.")
         with self._open() as file:
             for group in range(file.num_row_groups):
                 end = row + file.metadata.row_group(group).num_rows
@@ -80,14 +79,8 @@ class ParquetSource:
                         yield arrays, np.arange(row, row + len(table))
                         row += len(table)
                 except _UNREADABLE as error:
-                    place = f"row {row}, row group {group}"
-                    lose(
-                        "row group cannot be read",
-                        place,
-                        "rows lost",
-                        end - row,
-                        describe_error(error),
-                    )
+                    place, why = f"row {row}, row group {group}", describe_error(error)
+                    lose("row group cannot be read", place, "rows lost", end - row, why)
                 row = end
 
     def _open(self):
@@ -100,19 +93,14 @@ class ParquetSource:
 
 
 def _sample_column(file, field, empty):
-    """Return the Column of a field, with its first rows that have a value if it has texts or lists."""
+    """Return the Column of a field, with its first rows that have a value."""
     unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
     array = unify(empty.combine_chunks())
-    groups = (
-        range(min(file.num_row_groups, 64))
-        if pa.types.is_string(array.type) or is_list(array.type)
-        else ()
-    )
-    for group in groups:
+    for group in range(min(file.num_row_groups, 64)):
         with suppress(*_UNREADABLE, KeyError):
             for table in islice(_read_tables(file, group, 16, [field.name]), 64):
                 array = unify(table.column(field.name).combine_chunks())
-                if any(array.to_pylist()):
+                if any(value not in (None, [], "") for value in array.to_pylist()):
                     return make_column(field.name, array, unit)
     return make_column(field.name, array, unit)
 
@@ -131,51 +119,43 @@ def _flatten(table):
     return table
 
 
-class NpzSource:
+class NpzTable:
     """Rows of the arrays of an npz, (n,) or (n, k); one that is (k, n) is transposed."""
 
     unit = "row"
 
-    def __init__(self, path, wanted, joints, choose=choose):
-        self.path = path
+    def __init__(self, path):
+        self.path, self.notes, self.texts = path, [], []
         arrays = _read_arrays(path)
         if not arrays:
             raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
-        turned = _turn(arrays)
-        lengths = {len(one) for one in arrays.values() if _is_numeric(one)}
-        texts = _pop_texts(arrays, lengths, joints)
-        self.headers = list(arrays)
-        columns = [_make_array_column(name, array, lengths) for name, array in arrays.items()]
-        self.choice = choose(columns, wanted, joints, path, texts)
-        self._arrays = {k: arrays[self.headers[k]] for k in self.choice.used}
-        used = [self.headers[k] for k in self.choice.used]
-        first, of = (
-            (used[0], "rows of")
-            if not self.choice.time
-            else (self.headers[self.choice.time[0]], "times in")
-        )
-        self.notes = [
-            f"{name}: transposed, because it has a row for each joint."
-            for name in turned
-            if name in used
-        ]
-        for name in used:
-            if len(arrays[name]) != len(arrays[first]):
-                what = f"expected a row for each of the {len(arrays[first])} {of} '{first}'"
-                raise InputError(
-                    f"'{path}': array '{name}' has shape {arrays[name].shape}, {what}."
-                )
+        self._turned = _turn(arrays)
+        lengths = {len(array) for array in arrays.values() if _is_numeric(array)}
+        for name, array in list(arrays.items()):
+            if array.dtype.kind in "UO" and not (array.ndim == 1 and len(array) in lengths):
+                self.texts.append(f"array '{name}': {array.ravel()[:20].tolist()}")
+                del arrays[name]
+        self.columns = [_make_array_column(name, array) for name, array in arrays.items()]
+        self._arrays = list(arrays.values())
 
-    def blocks(self, lose):
-        """Yield arrays by index of the array, and the number of each row; the arrays that are used are in memory."""
-        count = len(self._arrays[self.choice.used[0]])
+    def blocks(self, numbers, others, lose):
+        """Yield arrays by column, and the number of each row; the file is in memory."""
+        used = [*others[:1], *numbers, *others[1:]]
+        first, count = self.columns[used[0]].name, len(self._arrays[used[0]])
+        for k in used:
+            name, array = self.columns[k].name, self._arrays[k]
+            if name in self._turned:
+                self.notes.append(f"{name}: transposed, because it has a row for each joint.")
+            if len(array) != count:
+                expected = f"expected the {count} rows of '{first}'"
+                raise InputError(f"'{self.path}': '{name}' has shape {array.shape}; {expected}.")
         for begin in range(0, count, ROWS):
-            arrays = {k: _convert(array[begin : begin + ROWS]) for k, array in self._arrays.items()}
+            arrays = {k: _convert(self._arrays[k][begin : begin + ROWS]) for k in used}
             yield arrays, np.arange(begin, min(begin + ROWS, count))
 
 
 def _read_arrays(path):
-    """Return arrays by name, bytes as texts, without arrays of Python objects that cannot be names."""
+    """Return arrays by name, bytes as texts; those of Python objects are empty."""
     arrays, name = {}, ""
     try:
         with np.load(path) as file:
@@ -183,21 +163,15 @@ def _read_arrays(path):
                 try:
                     array = file[name]
                 except ValueError as error:
-                    if "allow_pickle" in str(error) and _last(name).lower() not in NAMES:
-                        continue
-                    raise
+                    if "allow_pickle" not in str(error):
+                        raise
+                    array = np.empty(0, object)
                 if isinstance(array, np.ndarray):
                     arrays[name] = array.astype(str) if array.dtype.kind == "S" else array
     except _BROKEN as error:
-        why, where = describe_error(error), f"'{path}': array '{name}'" if name else f"'{path}'"
-        advice = (
-            " Save names as np.array(names, dtype=str)."
-            if "allow_pickle" in why
-            else ""
-            if name
-            else f" {_NOT_WHOLE}"
-        )
-        raise InputError(f"{where} cannot be read: {why}.{advice}") from error
+        where, advice = (f"'{path}': array '{name}'", "") if name else (f"'{path}'", _NOT_WHOLE)
+        text = f"{where} cannot be read: {describe_error(error)}. {advice}"
+        raise InputError(text.strip()) from error
     return arrays
 
 
@@ -206,7 +180,7 @@ def _is_numeric(array):
 
 
 def _turn(arrays):
-    """Give all arrays of numbers a row for each time, (n,) or (n, k); return the names of those that were (k, n)."""
+    """Give all numeric arrays a row for each time; return the names of those that were (k, n)."""
     shapes, turned = [array.shape for array in arrays.values() if _is_numeric(array)], []
     lengths = {shape[0] for shape in shapes if len(shape) == 1}
     if 1 not in lengths:  # in a recording of one row, (1, k) are k joints
@@ -220,30 +194,11 @@ def _turn(arrays):
     return turned
 
 
-def _pop_texts(arrays, lengths, known):
-    """Remove the arrays of text that have no row for each time; return those that may state names of joints."""
-    found = []
-    for name, array in list(arrays.items()):
-        value = array.tolist() if array.dtype.kind == "U" and array.ndim < 2 else None
-        once = (
-            isinstance(value, list) and len(set(value)) == len(value) and set(value) <= set(known)
-        )
-        if isinstance(value, str) or once or (value and len(value) not in lengths):
-            found += label_text(f"array '{name}'", _last(name), value)
-            del arrays[name]
-    return found
-
-
-def _make_array_column(name, array, lengths):
+def _make_array_column(name, array):
     """Return the Column of an array."""
-    of_rows = array.ndim == 1 or (array.ndim == 2 and len(array) in lengths)
-    if _is_numeric(array) or (array.dtype.kind == "U" and of_rows):
+    if _is_numeric(array) or (array.dtype.kind == "U" and array.ndim == 1):
         return make_column(name, unify(_convert(array[:SAMPLE])))
     return Column(name, numeric=False, type=array.dtype.name)
-
-
-def _last(name):
-    return name.replace("/", ".").split(".")[-1]
 
 
 def _convert(array):

@@ -13,9 +13,9 @@ from pyarrow import compute as pc
 
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.tables.headers import Column
-from diag_dynamics.recordings.tables.names_in_data import MAX_LENGTH, numbers_of
 
-SAMPLE = 6  # first rows that show what a column of texts holds
+SAMPLE = 6  # first rows that show what a column holds
+MAX_LENGTH = 10_000  # bytes of a text
 BLANK = (
     "",
     "NA",
@@ -57,7 +57,7 @@ def unify(array):
         array = pa.array([one.decode(errors="replace") for one in texts], pa.string())
     if "binary" in kind or kind in ("string", "large_string", "string_view"):
         array = pc.utf8_trim_whitespace(array.cast(pa.string()))
-        return pc.if_else(pc.is_in(array, pa.array([*BLANK, "[]", "()"])), None, array)
+        return pc.if_else(pc.is_in(array, pa.array(BLANK)), None, array)
     return array
 
 
@@ -85,37 +85,21 @@ def _parse_number(text):
     return None
 
 
-def make_column(name, array, unit=None, numeric=False):
-    """Return the Column of an array with the first rows; `numeric`: texts may be numbers."""
-    kind = array.type
-    moments, numeric = (
-        pa.types.is_timestamp(kind) or pa.types.is_duration(kind),
-        numeric or _is_numeric(kind),
-    )
-    column = Column(name, unit=unit or None, numeric=numeric, moments=moments, type=str(kind))
+def make_column(name, array, unit=None, is_text=False):
+    """Return the Column of an array with the first rows; columns of a text are numbers if empty."""
+    kind, values = array.type, array.to_pylist()
+    texts = tuple("" if value is None else str(value) for value in values[:SAMPLE])
+    column = Column(name, unit=unit or None, type=str(kind), sample=texts)
     if is_list(kind):
-        lists = [one or () for one in array.to_pylist()]
-        first = next(filter(None, lists), ())
-        if _is_numeric(kind.value_type):
-            return column._replace(width=len(first), numeric=bool(first))
-        return (
-            column._replace(sample=tuple(lists), listed=True)
-            if first and isinstance(first[0], str)
-            else column
-        )
-    if (texts := read_texts(array)) is None:
-        return column
-    given = [text for text in texts if text not in MISSING]
-    if any(map(is_number, given)):
-        return column._replace(numeric=True, moments=all(map(is_date, given)))
-    numbers = [numbers_of(text) for text in given]
-    if any(numbers) and None not in numbers:
-        return column._replace(width=max(map(len, numbers)), listed=True, numeric=True)
-    first = texts.index(given[0]) if given else 0
-    sample = tuple(texts[: max(SAMPLE, first + 1)])
-    return column._replace(
-        sample=sample, listed=bool(given) and all(text[-1] in ")]" for text in given)
-    )
+        width = len(next(filter(None, values), ()))
+        is_array = width > 0 and _is_numeric(kind.value_type)
+        return column._replace(width=width * is_array, numeric=is_array)
+    if pa.types.is_string(kind):
+        filled = [text for text in texts if text not in MISSING]
+        numeric = any(map(is_number, filled)) or (is_text and not filled)
+        return column._replace(numeric=numeric, moments=bool(filled) and all(map(is_date, filled)))
+    moments = pa.types.is_timestamp(kind) or pa.types.is_duration(kind)
+    return column._replace(numeric=_is_numeric(kind), moments=moments)
 
 
 def is_list(kind):
@@ -145,28 +129,19 @@ def read_numbers(array, lose):
     """Return the numbers of a column, (n,), and report texts that are none by `lose(cause, unit, rows, example)`."""
     with suppress(pa.ArrowInvalid):
         return _to_numpy(array)
-    return np.array(_parse_texts(array, _parse_number, lose, "number", "fields"), float)
-
-
-def _parse_texts(array, parse, lose, what, units):
     texts = read_texts(array)
-    values = list(map(parse, texts))
-    if lost := [k for k, one in enumerate(values) if one is None and texts[k] not in MISSING]:
-        lose(f"text where a {what} belongs", f"{units} are NaN", lost, f"'{texts[lost[0]][:40]}'")
-    return values
+    values = list(map(_parse_number, texts))
+    if lost := [k for k, number in enumerate(values) if number is None]:
+        lose("text where a number belongs", "fields are NaN", lost, f"'{texts[lost[0]][:40]}'")
+    return np.array(values, float)
 
 
 def read_lists(array, width, lose):
-    """Return the numbers of lists, or of texts of them, (n, k); NaN for lists of another length than `width`."""
-    if not is_list(array.type):
-        lists = _parse_texts(array, numbers_of, lose, "list of numbers", "rows of it")
-        array = pa.array(lists, pa.list_(pa.float64()))
+    """Return the numbers of lists, (n, k); NaN for lists of another length than `width`."""
     lengths = _lengths(array)
-    filled = np.arange(max(lengths.max(initial=0), width or 0)) < lengths[:, None]
+    filled = np.arange(max(lengths.max(initial=0), width)) < lengths[:, None]
     values = np.full(filled.shape, np.nan)
     values[filled] = _to_numpy(array.flatten())
-    if width is None:
-        return values
     odd = np.flatnonzero((lengths != width) & (lengths > 0))
     if odd.size:
         example = f"{lengths[odd[0]]} instead of {width}"

@@ -6,28 +6,40 @@
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import partial
-from typing import Any, NamedTuple
+
+import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.tables.headers import JOINT, UNITS, factor_of
+from diag_dynamics.recordings.tables.headers import QUANTITIES, UNITS, factor_of
 from diag_dynamics.yaml_files import read_yaml
 
-QUANTITIES = ("position", "velocity", "effort")
-UNSAID = object()  # value of a quantity that the map does not have
+JOINT = "{joint}"  # stands for the joints in a pattern
+Entries = tuple[str | int | None, ...]
+"""Names or numbers of columns, from 0; None is no column."""
+Numbers = tuple[float, ...]
+"""One number, or one for each joint."""
 
 
-class ColumnMap(NamedTuple):
-    """A map of columns, checked as far as it can be without its table."""
+@dataclass(frozen=True)
+class ColumnMap:
+    """A map of columns, checked as far as it can be without its table.
 
-    time: Any = UNSAID  # one column or two (seconds and nanoseconds), by name or number
+    None is not stated: a convention decides. An empty tuple is no column.
+    """
+
+    time: Entries | None = None  # one column, or two: seconds and nanoseconds
     rate: float | None = None  # rows per second [Hz], in place of a time
-    position: Any = UNSAID  # a name, a pattern, or a list of names or numbers; None: not read
-    velocity: Any = UNSAID
-    effort: Any = UNSAID
-    joints: tuple[str, ...] = ()  # in the order of the columns; empty if the map does not name them
-    scale: Mapping[str, Any] = {}  # by quantity: a number, a list, or a dict by joint
+    position: Entries | str | None = None  # of each joint, a pattern, or one array
+    velocity: Entries | str | None = None
+    effort: Entries | str | None = None
+    joints: tuple[str, ...] | None = None  # in the order of the columns
+    names: Entries | None = None  # columns that name the joint of each value in each row
+    scale: Mapping[str, Numbers] = field(default_factory=dict)  # by quantity: factors to SI
+    offset: Mapping[str, Numbers] = field(default_factory=dict)  # by quantity: summands in SI
+    mixing: tuple[Numbers, ...] | None = None  # rows of B in q = B θ, of columns of motors θ
     header: bool | None = None
     delimiter: str | None = None
     decimal: str = "."
@@ -46,43 +58,36 @@ def read_column_map(columns):
         columns = read_yaml(os.fspath(columns), f"The column map {source}")
     if not isinstance(columns, Mapping):
         keys = ", ".join(_PARSERS)
-        raise InputError(
-            f"{source} is {columns!r:.80}, expected the path of a YAML file or a dict with {keys}."
-        )
-    if isinstance(columns.get("joints"), Mapping):  # names in the data: names of the robot
-        if columns.get("joint_names") is not None:
-            raise InputError(
-                f"{source} has joint_names and a mapping joints; expected one of them."
-            )
-        columns = {**columns, "joints": None, "joint_names": columns["joints"]}
-    given = _parse(columns, _PARSERS, source)
-    given["scale"] = _parse(given.get("scale") or {}, _SCALES, f"{source}: scale")
-    given = {key: value for key, value in given.items() if value is not None or key in QUANTITIES}
-    if "rate" in given and ("time" in given or "time" in given["scale"]):
+        expected = f"expected the path of a YAML file or a dict with {keys}"
+        raise InputError(f"{source} is {columns!r:.80}; {expected}.")
+    fields = {}
+    for key, value in columns.items():
+        fields[key] = _parse(key, value, _PARSERS, source)
+    for key in ("scale", "offset"):
+        where, numbers = f"{source}: {key}", fields.get(key) or {}
+        parsers = dict.fromkeys(QUANTITIES if key == "offset" else UNITS, _NUMBERS[key])
+        fields[key] = {
+            name: _parse(name, value, parsers, where, name) for name, value in numbers.items()
+        }
+    if fields.get("rate") and (fields.get("time") or "time" in fields["scale"]):
         raise InputError(f"{source} has both rate and time; expected one of them.")
-    by_joint = {key: given[key] for key in QUANTITIES if isinstance(given.get(key), Mapping)}
-    for key, value in by_joint.items():
-        given["joints"] = joints = given.get("joints") or tuple(value)
-        if odd := sorted(map(str, set(value) ^ set(joints))):
-            differ = f"{key} is by joint, but for other joints than the rest: {', '.join(odd)}"
-            raise InputError(f"{source}: {differ}.")
-        given[key] = [value[joint] for joint in joints]
-    return ColumnMap(**given, source=source)
+    defaults = {"decimal": ".", "skip": 0}
+    fields = {key: defaults.get(key) if value is None else value for key, value in fields.items()}
+    return ColumnMap(**fields, source=source)
 
 
-def _parse(values, parsers, where):
-    """Return values by key, each checked by its parser."""
-    parsed = {}
-    for key, value in values.items():
-        if key not in parsers:
-            near = get_close_matches(str(key), parsers, n=1) or parsers
-            raise InputError(f"{where} has '{key}', expected {', '.join(map(repr, near))}.")
-        parser, expected = parsers[key]
-        try:
-            parsed[key] = None if value is None and key != "position" else parser(value)
-        except (TypeError, ValueError):
-            raise InputError(f"{where}: {key} is {value!r:.80}, expected {expected}.") from None
-    return parsed
+def _parse(key, value, parsers, where, *quantity):
+    """Return a value checked by the parser of its key; null of a quantity is no column."""
+    if key not in parsers:
+        near = get_close_matches(str(key), parsers, n=1) or parsers
+        raise InputError(f"{where} has '{key}'; expected {', '.join(map(repr, near))}.")
+    parser, expected = parsers[key]
+    if value is None:
+        return () if key in QUANTITIES[1:] and not quantity else None
+    try:
+        return parser(*quantity, value)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: {key} is {value!r:.80}; expected {expected}.") from None
 
 
 def _require(valid, value):
@@ -92,23 +97,20 @@ def _require(valid, value):
     return value
 
 
-def _parse_list(value, kinds=(str, int), most=1 << 20):
-    """Return a list of different texts that are not empty, or of numbers from 0; one value becomes a list."""
-    values = list(value) if isinstance(value, list | tuple) else [value]
+def _parse_entries(value, kinds=(str, int), count=1 << 20):
+    """Return a tuple of different texts that are not empty, or numbers from 0."""
+    values = tuple(value) if isinstance(value, list | tuple) else (value,)
     valid = all(
-        type(one) in kinds and (one >= 0 if isinstance(one, int) else one) for one in values
+        type(entry) in kinds and (entry >= 0 if isinstance(entry, int) else entry)
+        for entry in values
     )
-    return _require(valid and 0 < len(values) == len(set(values)) <= most, values)
+    return _require(valid and 0 < len(values) == len(set(values)) <= count, values)
 
 
 def _parse_quantity(value):
-    if isinstance(value, str):
-        return _require(value and value.count(JOINT) < 2, value)
-    if isinstance(value, Mapping):
-        return dict(
-            zip(_parse_list(list(value), (str,)), _parse_list(list(value.values())), strict=True)
-        )
-    return _parse_list(value)
+    if isinstance(value, str) and JOINT in value:
+        return _require(value.count(JOINT) == 1, value)
+    return _parse_entries(value)
 
 
 def _parse_rate(value):
@@ -121,15 +123,21 @@ def _parse_delimiter(value):
     return _require(valid, text)
 
 
-def _parse_scale(quantity, value):
-    """Return a scale as a number, or as numbers in a list or by joint; YAML 1.1 reads 1e-9 as text."""
-    if quantity != "time" and isinstance(value, Mapping):
-        return {str(joint): _parse_scale(quantity, one) for joint, one in value.items()}
-    if quantity != "time" and isinstance(value, list | tuple):
-        return [_parse_scale(quantity, one) for one in value]
-    factor = factor_of(quantity, value) if isinstance(value, str) else None
-    number = float(_require(not isinstance(value, bool), value) if factor is None else factor)
-    return _require(math.isfinite(number) and number != 0, number)
+def _parse_numbers(quantity, value, is_factor):
+    """Return one number, or one for each joint; YAML 1.1 reads 1e-9 as text."""
+    numbers = []
+    for number in value if isinstance(value, list | tuple) and quantity != "time" else [value]:
+        is_unit = is_factor and isinstance(number, str)
+        factor = factor_of(quantity, number) if is_unit else None
+        factor = _require(not isinstance(number, bool), number) if factor is None else factor
+        numbers.append(float(factor))
+    is_valid = np.isfinite(numbers).all() and (np.all(numbers) or not is_factor)
+    return _require(is_valid, tuple(numbers))
+
+
+def _parse_mixing(value):
+    matrix = np.array(value, float)
+    return _require(np.linalg.cond(matrix, 1) < 1e12, tuple(map(tuple, matrix.tolist())))
 
 
 def _checked(valid, expected):
@@ -139,31 +147,34 @@ def _checked(valid, expected):
 
 _COLUMNS = (
     _parse_quantity,
-    f"a column's name, a pattern with {JOINT} once, or a list of columns by name or number from 0, each once",
+    f"a column, a pattern with {JOINT} once, or a list of names or numbers from 0, each once",
 )
 _PARSERS = {
     "time": (
-        lambda value: tuple(_parse_list(value, most=2)),
+        lambda value: _parse_entries(value, count=2),
         "one column, or two: seconds and nanoseconds",
     ),
     "rate": (_parse_rate, "a finite number > 0 [Hz]"),
     **dict.fromkeys(QUANTITIES, _COLUMNS),
-    "joints": (
-        lambda value: tuple(_parse_list(value, (str,))),
-        "a list of the joints' names, each once",
-    ),
+    "joints": (lambda value: _parse_entries(value, (str,)), "a list of names, each once"),
+    "names": (_parse_entries, "a list of columns, each once"),
     "joint_names": _checked(lambda value: True, ""),  # JointNames checks it
     "scale": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(UNITS)}"),
+    "offset": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(QUANTITIES)}"),
+    "mixing": (_parse_mixing, "rows of an invertible matrix"),
     "header": _checked(lambda value: value in (True, False), "true or false"),
     "delimiter": (_parse_delimiter, "one character, such as ',', or tab or space"),
     "decimal": _checked(lambda value: value in (".", ","), "'.' or ','"),
     "skip": _checked(lambda value: type(value) is int and value >= 0, "a whole number from 0"),
 }
-"""By key: what returns a value or raises ValueError, and what is expected. null is no value."""
-_SCALES = {
-    quantity: (
-        partial(_parse_scale, quantity),
-        f"finite numbers other than 0 or units such as {', '.join(units)}",
-    )
-    for quantity, units in UNITS.items()
+"""By key: what returns a value or raises ValueError, and what is expected."""
+_NUMBERS = {
+    "scale": (
+        partial(_parse_numbers, is_factor=True),
+        "finite numbers other than 0, or units, one or one for each joint",
+    ),
+    "offset": (
+        partial(_parse_numbers, is_factor=False),
+        "finite numbers, one or one for each joint",
+    ),
 }

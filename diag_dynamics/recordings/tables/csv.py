@@ -24,10 +24,6 @@ from diag_dynamics.recordings.tables.cells import (
     make_column,
     unify,
 )
-from diag_dynamics.recordings.tables.choice import choose
-from diag_dynamics.recordings.tables.column_map import UNSAID
-from diag_dynamics.recordings.tables.headers import is_unit
-from diag_dynamics.recordings.tables.names_in_data import comment_texts
 from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS
 
 SPACES = " "  # as a delimiter: any number of spaces and tabs
@@ -49,40 +45,34 @@ _PACKINGS = {
 _BROKEN = (EOFError, OSError, zlib.error, lzma.LZMAError)
 
 
-class CsvSource:
-    """Rows of a text. A line is a row: a quote that was lost does not take the rest of the file along."""
+class CsvTable:
+    """Rows of a text. A line is a row: a quote that was lost loses no other line."""
 
-    notes, unit = (), "line"
+    unit = "line"
 
-    def __init__(self, path, wanted, joints, choose=choose):
-        self.path, self._broken, self._decimal = path, "", wanted.decimal
+    def __init__(self, path, column_map):
+        self.path, self.notes, self._broken, self._decimal = path, [], "", column_map.decimal
         _, begin = next(self._read_lines(_BEGINNING), (1, b""))
         lines = [_decode(line) for line in begin.split(b"\n")]
         if len(lines) < 2 or "\0" in lines[0]:
             why = self._broken or "its first line is not UTF-8 text with a line break (LF or CR LF)"
             raise InputError(f"'{path}' is not readable as CSV, Parquet or npz: {why}.")
-        columns, self._delimiter, named, self._above = _read_head(lines, wanted, joints, path)
-        self.headers = [one.name for one in columns]
-        texts = {
-            at: line.lstrip("#% \t\r")
+        self.columns, self._delimiter, self._above = _read_head(lines, column_map, path)
+        self.texts = [
+            f"line {at}: {line}"
             for at, line in enumerate(lines[:_COMMENTED], 1)
-            if line and (at <= wanted.skip or at == named or line[0] in "#%")
-        }
-        self.choice = choose(columns, wanted, joints, path, comment_texts(texts))
+            if line and (at <= column_map.skip or line[0] in "#%") and at != self._above
+        ]
         self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
-        numbers = self.choice.values.difference(
-            self.choice.time, (k for k, one in enumerate(columns) if one.listed)
-        )
-        self._convert = arrow_csv.ConvertOptions(
-            column_types={
-                str(k): pa.float64() if k in numbers else pa.string() for k in self.choice.used
-            },
-            include_columns=[str(k) for k in self.choice.used],
+
+    def blocks(self, numbers, others, lose):
+        """Yield numbers and texts by column, and the number of each line."""
+        types = dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(others, pa.string())
+        convert = arrow_csv.ConvertOptions(
+            column_types={str(k): kind for k, kind in types.items()},
+            include_columns=list(map(str, types)),
             null_values=list(BLANK),
         )
-
-    def blocks(self, lose):
-        """Yield arrays by index of the column, and the number of each line."""
         for line, text in self._read_lines(self._size):
             if line == 1:  # the lines above the rows are all in it
                 *above, text = text.split(b"\n", self._above)
@@ -90,7 +80,7 @@ class CsvSource:
             if self._decimal == ",":
                 text = _POINT.sub(b"_", text)  # of thousands: no number
                 text = _COMMA.sub(b".", text)
-            yield self._parse(text, line) or self._parse_lines(text, line, lose)
+            yield self._parse(text, line, convert) or self._parse_lines(text, line, types, lose)
         if self._broken:
             last = line + text.count(b"\n") - 1
             lose(f"{self._broken}: all after this line is lost", f"line {last}")
@@ -126,26 +116,26 @@ class CsvSource:
                 self._broken = f"the compressed data are damaged or end early: {describe_error(error)}; {doubt}"
         yield b""
 
-    def _parse(self, text, line):
+    def _parse(self, text, line, convert):
         """Return the columns of a block in which each line is a row; None for others."""
         if text.startswith(b"#") or b"\n#" in text or self._delimiter == SPACES:
             return None
-        names = [str(k) for k in range(len(self.headers))]  # headers may be there twice
+        names = [str(k) for k in range(len(self.columns))]  # headers may be there twice
         read = arrow_csv.ReadOptions(column_names=names, block_size=1 << 27, use_threads=False)
         parse = arrow_csv.ParseOptions(delimiter=self._delimiter)
         try:
-            table = arrow_csv.read_csv(pa.BufferReader(text), read, parse, self._convert)
+            table = arrow_csv.read_csv(pa.BufferReader(text), read, parse, convert)
         except pa.ArrowException:
             return None
         count = text.count(b"\n") + (not text.endswith(b"\n"))
         if table.num_rows != count:  # empty lines, or some between quotes
             return None
-        arrays = {k: table.column(str(k)).combine_chunks() for k in self.choice.used}
+        arrays = {int(name): table.column(name).combine_chunks() for name in table.column_names}
         return arrays, np.arange(line, line + count)
 
-    def _parse_lines(self, text, line, lose):
+    def _parse_lines(self, text, line, used, lose):
         """Return the columns of a block line by line; count lines that are no rows."""
-        width, kept, lines = len(self.headers), [], []
+        width, kept, lines = len(self.columns), [], []
         for at, one in enumerate(_decode(text).split("\n"), line):
             if one.startswith("#") or not one.strip():
                 continue
@@ -161,9 +151,7 @@ class CsvSource:
                     f"{len(fields)} instead of {width}",
                 )
                 lose(cause, f"line {at}", LEFT_OUT, example=example)
-        arrays = {
-            k: pa.array([fields[k] for fields in kept], pa.string()) for k in self.choice.used
-        }
+        arrays = {k: pa.array([fields[k] for fields in kept], pa.string()) for k in used}
         return arrays, np.array(lines, np.int64)
 
 
@@ -190,9 +178,9 @@ def fields_of(line, delimiter):
 # --- Header ---
 
 
-def _read_head(lines, wanted, known, path):
-    """Return columns, delimiter, the number of a line of names below the header or None, and of lines above the rows."""
-    at, comment = wanted.skip, None
+def _read_head(lines, column_map, path):
+    """Return columns, delimiter, and how many lines are above the rows."""
+    at, comment = column_map.skip, None
     while at < len(lines) and (not lines[at].strip() or _COMMENT.match(lines[at].lstrip())):
         comment = lines[at].lstrip("#% \t").rstrip() if lines[at].strip() else comment
         at += 1
@@ -202,31 +190,23 @@ def _read_head(lines, wanted, known, path):
         if line.strip() and not line.startswith("#")
     ]
     if not rows and comment is None:
-        raise InputError(
-            f"'{path}' has {len(lines)} lines; expected text after the {wanted.skip} skipped lines."
-        )
+        expected = f"expected text after the {column_map.skip} skipped lines"
+        raise InputError(f"'{path}' has {len(lines)} lines; {expected}.")
     rows, comment = (rows[: SAMPLE + 2], comment) if rows else ([(at, comment)], None)
-    delimiter = wanted.delimiter or _guess_delimiter([line for _, line in rows], wanted.decimal)
-    fields, named = [(n, fields_of(line, delimiter)) for n, line in rows], None
-    names, used = _read_header(fields, comment and fields_of(comment, delimiter), wanted, path)
-    units, below = [None] * len(names), [row for _, row in fields[used:]]
-    if (
-        used and below and len(below[0]) == len(names) and "n" not in _kinds(below[0])
-    ):  # of units, or of joints
-        second = [one.strip() for one in below[0]]
-        is_named = any(one in known for one in second)
-        if is_named or any(is_unit(one.strip("[]()")) for one in second):
-            named = fields[used][0] if is_named else None
-            units = (
-                units
-                if is_named
-                else [None if one in MISSING else one.strip("[]()") for one in second]
-            )
-            used, below = used + 1, below[1:]
+    delimiter = column_map.delimiter or _guess_delimiter(
+        [line for _, line in rows], column_map.decimal
+    )
+    fields = [(n, fields_of(line, delimiter)) for n, line in rows]
+    names, used = _read_header(fields, comment and fields_of(comment, delimiter), column_map, path)
+    below, units = [row for _, row in fields[used:]], [None] * len(names)
+    if used and below and len(below[0]) == len(names) and "n" not in _kinds(below[0]):
+        units = [unit.strip("[]() ") for unit in below.pop(0)]  # or other texts, which are none
+        units = [None if unit in MISSING else unit for unit in units]
+        used += 1
     texts = [[row[k] if k < len(row) else "" for row in below[:SAMPLE]] for k in range(len(names))]
-    arrays = [unify(pa.array(one, pa.string())) for one in texts]
-    columns = [make_column(*one, True) for one in zip(names, arrays, units, strict=True)]
-    return columns, delimiter, named, fields[used - 1][0] if used else at
+    arrays = [unify(pa.array(cells, pa.string())) for cells in texts]
+    columns = [make_column(*parts, True) for parts in zip(names, arrays, units, strict=True)]
+    return columns, delimiter, fields[used - 1][0] if used else at
 
 
 def _guess_delimiter(rows, decimal):
@@ -240,28 +220,19 @@ def _guess_delimiter(rows, decimal):
     return candidates[0] if candidates else SPACES if len(first.split()) > 1 else ","
 
 
-def _read_header(fields, comment, wanted, path):
-    """Return names of columns by the first lines, and how many of these are above the rows."""
+def _read_header(fields, comment, column_map, path):
+    """Return names of columns, and whether the first line has them."""
     line, first = fields[0]
-    kinds, numbers = _kinds(first), list(map(str, range(len(first))))
-    names = (
-        _find_echoed_names(first) if wanted.header is None and wanted.position is UNSAID else None
-    )
-    if wanted.header or (wanted.header is None and not names and "n" not in kinds):
+    numbers = [str(k) for k in range(len(first))]
+    if column_map.header or (column_map.header is None and "n" not in _kinds(first)):
         return [name.strip() for name in first], 1
-    by_numbers = (wanted.time is not UNSAID or wanted.rate) and isinstance(wanted.position, list)
-    times = () if wanted.rate else wanted.time
-    by_numbers = by_numbers and all(isinstance(one, int) for one in (*times, *wanted.position))
-    if wanted.header is None and not names:
-        names = (
-            comment if comment and len(comment) == len(first) else numbers if by_numbers else None
+    if column_map.header is None and [name.strip() for name in first] == numbers != ["0"]:
+        raise InputError(
+            f"'{path}': line {line} has the numbers of the columns. Set `header: true` or "
+            "`header: false` in a column map."
         )
-        if not names or "t" in kinds or [one.strip() for one in first] == numbers != ["0"]:
-            raise InputError(
-                f"'{path}': line {line} is not a header of names only. Set `header: true` or `header: false` in a column "
-                f"map (--columns MAP.yaml); without a header use column numbers from 0 to {numbers[-1]}."
-            )
-    return [name.strip() for name in names or numbers], 0
+    is_header = column_map.header is None and comment and len(comment) == len(first)
+    return [name.strip() for name in comment] if is_header else numbers, 0
 
 
 def _kinds(fields):
@@ -269,21 +240,3 @@ def _kinds(fields):
     return "".join(
         "n" if is_number(one) else " " if one.strip() in MISSING else "t" for one in fields
     )
-
-
-def _find_echoed_names(fields):
-    """Return names of columns of `ros2 topic echo --csv`, which has no header; None for any other line."""
-    match = re.fullmatch(r"nn[t ]([t ]+)(n+) *", _kinds(fields))
-    if (
-        not match
-        or len(match[2]) not in (len(match[1]), 3 * len(match[1]))
-        or not "".join(fields[:2]).isdecimal()
-    ):
-        return None
-    quantities = ("name", "position", "velocity", "effort")[: 1 + len(match[2]) // len(match[1])]
-    return [
-        "sec",
-        "nanosec",
-        "frame_id",
-        *(f"{one}{k}" for one in quantities for k in range(len(match[1]))),
-    ]

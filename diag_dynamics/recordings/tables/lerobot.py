@@ -13,10 +13,8 @@ from pyarrow import parquet
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
-from diag_dynamics.recordings.tables.cells import unify
-from diag_dynamics.recordings.tables.choice import choose
-from diag_dynamics.recordings.tables.column_map import UNSAID
-from diag_dynamics.recordings.tables.headers import Column, find_quantity
+from diag_dynamics.recordings.tables.cells import SAMPLE, make_column
+from diag_dynamics.recordings.tables.conventions import find_quantity
 from diag_dynamics.recordings.tables.table import ROWS
 
 MAX_ANGLE = 7.0  # positions beyond are in another unit than rad
@@ -96,12 +94,12 @@ def _episodes(path):
     return Dataset(path).files if dataset and dataset[1] is None else [None]
 
 
-class LeRobotSource:
+class LeRobotTable:
     """Frames of an episode; element `elbow` of observation.velocity is the column velocity.elbow."""
 
     unit = "row"
 
-    def __init__(self, path, wanted, joints):
+    def __init__(self, path):
         self.path, (root, number) = path, split_episode(path)
         dataset = Dataset(root)
         if number is None and len(dataset.files) == 1:
@@ -111,44 +109,21 @@ class LeRobotSource:
             raise InputError(
                 f"'{path}' is one of {len(dataset.files)} episodes; expected a number such as {some}."
             )
-        if wanted.time is UNSAID and not wanted.rate:
-            wanted = wanted._replace(rate=dataset.fps)
         features = {name: one for name, one in dataset.features.items() if _is_read(name, one)}
-        table = dataset.read(number, ["timestamp", *_ROWS, *features])
+        table = dataset.read(number, [*_ROWS, *features])
         self._rows = table["frame_index"].to_numpy()
-        self._arrays = {"timestamp": table["timestamp"].combine_chunks()}
+        arrays = {"time": pa.array(self._rows / dataset.fps)}
         for name, feature in features.items():
-            self._arrays |= _split_feature(name, feature, table[name].combine_chunks(), path)
-        self.headers = list(self._arrays)
-        columns = [_make_column(name, array) for name, array in self._arrays.items()]
-        self.choice = choose(columns, wanted, joints, path)
-        self.notes = [
-            f"episode {number} of {len(dataset.files)} of a LeRobot dataset, {dataset.fps:g} Hz."
-        ]
-        if "position" not in wanted.scale:
-            self._require_radians()
+            arrays |= _split_feature(name, feature, table[name].combine_chunks(), path)
+        self._arrays, self.texts = list(arrays.values()), []
+        self.columns = [_make_column(name, array) for name, array in arrays.items()]
+        count = len(dataset.files)
+        self.notes = [f"episode {number} of {count} of a LeRobot dataset, {dataset.fps:g} Hz."]
 
-    def _require_radians(self):
-        for k in self.choice.quantities["position"].columns:
-            values = unify(self._arrays[self.headers[k]]) if k is not None else None
-            largest = (
-                0.0
-                if values is None
-                else float(np.abs(np.asarray(_flat(values), float)).max(initial=0.0))
-            )
-            if largest > MAX_ANGLE:
-                what = (
-                    f"'{self.path}': '{self.headers[k]}' reaches {largest:.4g}; expected rad or m"
-                )
-                advice = "set scale: {position: deg} in a column map, or the factors of units from −100 to 100 by joint"
-                raise InputError(
-                    f"{what}. LeRobot arms record degrees or units of their range: {advice}."
-                )
-
-    def blocks(self, lose):
-        """Yield arrays by index of the column, and the number of each frame; the episode is in memory."""
+    def blocks(self, numbers, others, _lose):
+        """Yield arrays by column, and the number of each frame; the episode is in memory."""
         for begin in range(0, len(self._rows), ROWS):
-            arrays = {k: self._arrays[self.headers[k]].slice(begin, ROWS) for k in self.choice.used}
+            arrays = {k: self._arrays[k].slice(begin, ROWS) for k in (*numbers, *others)}
             yield arrays, self._rows[begin : begin + ROWS]
 
 
@@ -173,15 +148,14 @@ def _split_feature(name, feature, array, path):
             f"'{path}': rows of '{name}' have not {size} elements each, as meta/info.json says."
         )
     values = values.to_numpy(zero_copy_only=False).reshape(-1, size)
-    quantity = find_quantity(name.lower())
-    kind = (
-        quantity.lastgroup if quantity else "position" if name.split(".")[-1] == "state" else name
-    )
-    heads = [name if find_quantity(str(one).lower()) else kind for one in names]
-    return {
-        f"{head}.{one}": pa.array(values[:, k])
-        for k, (head, one) in enumerate(zip(heads, names, strict=True))
-    }
+    last = name.split(".")[-1]
+    kind = find_quantity(name) or ("position" if last == "state" else name)
+    columns = {}
+    for k, element in enumerate(map(str, names)):
+        joint, _, quantity = element.rpartition(".")
+        is_quantity = joint and find_quantity(quantity)
+        columns[f"{quantity}.{joint}" if is_quantity else f"{kind}.{element}"] = values[:, k]
+    return {name: pa.array(column) for name, column in columns.items()}
 
 
 def _flat(array):
@@ -189,5 +163,10 @@ def _flat(array):
 
 
 def _make_column(name, array):
-    width = len(_flat(array)) // max(len(array), 1) if hasattr(array.type, "value_type") else 0
-    return Column(name, width=width)
+    """Return the Column of an array; positions beyond any angle have a unit without a factor."""
+    column, numbers = make_column(name, array.slice(0, SAMPLE)), np.asarray(_flat(array), float)
+    largest = np.abs(numbers).max(initial=0.0)
+    is_position = find_quantity(name) == "position" or name.endswith("state")
+    if is_position and largest > MAX_ANGLE:
+        return column._replace(unit=f"unknown, as it reaches {largest:.4g}")
+    return column

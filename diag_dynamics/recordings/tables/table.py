@@ -4,11 +4,14 @@
 """Rows of any table as columns of joints, in pieces and SI units."""
 
 import re
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+import pyarrow as pa
 
+from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.messages import Unread
@@ -20,12 +23,30 @@ from diag_dynamics.recordings.tables.cells import (
     read_times,
     unify,
 )
-from diag_dynamics.recordings.tables.column_map import QUANTITIES
-from diag_dynamics.recordings.tables.names_in_data import read_row_names
+from diag_dynamics.recordings.tables.headers import QUANTITIES, Column
 
 ROWS = 20_000  # about as many are in a piece
 LEFT_OUT = "rows omitted"
 _DECIMAL_COMMA = re.compile(r"'[-+]?\d+,\d+(?:e[-+]?\d+)?'", re.IGNORECASE)
+
+
+@runtime_checkable
+class Table(Protocol):
+    """A file of rows: its columns, and blocks of cells. Readers of formats are Tables."""
+
+    path: str
+    unit: str  # what numbers of rows count: line or row
+    columns: list[Column]
+    texts: list[str]  # comments and metadata, which may name joints
+    notes: list[str]  # how the file was read; complete after the last block
+
+    def blocks(
+        self, numbers: list[int], others: list[int], lose: Callable[..., None]
+    ) -> Iterator[tuple[dict[int, pa.Array], Array]]:
+        """Yield cells of columns of numbers, of times and names by column, and rows' numbers.
+
+        `lose(cause, where, unit, count, example)` counts what cannot be read.
+        """
 
 
 class Columns(NamedTuple):
@@ -37,66 +58,55 @@ class Columns(NamedTuple):
     velocity: np.ndarray | None  # [rad/s, m/s], likewise; None where the file has none
     effort: np.ndarray | None  # [N m, N], likewise
     rows: np.ndarray  # line of a text, or row of another file from 0: int64, shape (n,)
-    names: np.ndarray | None = (
-        None  # joint of each value, str, shape (n, k), empty for none; None: those of the table
-    )
+    names: np.ndarray | None = None  # joint of each value, empty for none; None: of the table
 
     def select(self, which):
         """Return some of the rows."""
-        return Columns(*(None if one is None else one[which] for one in self))
+        return Columns(*(None if column is None else column[which] for column in self))
 
 
-class Table:
-    """Rows of a table in pieces; `notes` tell how columns were read, `unread` what was lost.
+class JointTable:
+    """Rows of a Table in pieces, by a Choice; `notes` tell how columns were read.
 
-    `unit`, ``line`` or ``row``, is what `Columns.rows` counts. `unread` and the number of rows `without_values` are complete
-    after the last piece.
+    `unread` and the number of rows `without_values` are complete after the last piece.
     """
 
-    def __init__(self, source):
-        self._source, self._choice, self.without_values, self._losses = source, source.choice, 0, {}
-        self.currents, self._first = source.choice.currents, None  # number of the first row
-        self.joints, self.unit, self.notes = (
-            source.choice.joints,
-            source.unit,
-            [*source.choice.notes, *source.notes],
-        )
+    def __init__(self, table, choice):
+        self._table, self._choice, self.without_values, self._losses = table, choice, 0, {}
+        self.joints, self.unit, self._first = choice.joints, table.unit, None
+
+    @property
+    def notes(self):
+        """How the file and its columns were read: a list of str."""
+        return [*self._choice.notes, *self._table.notes]
 
     @property
     def unread(self):
         """Unreadable data, a list of Unread."""
         return [
-            Unread(
-                self._source.path, where, cause + example + (f": {count} {unit}" if unit else "")
-            )
+            Unread(self._table.path, where, cause + example + (f": {count} {unit}" if unit else ""))
             for (cause, unit), (where, example, count) in self._losses.items()
         ]
 
     def _lose(self, cause, where, unit="", count=1, example=""):
-        """Count a loss of so many units, such as ``rows omitted``; place and example of the first are kept."""
+        """Count a loss of so many units, such as ``rows omitted``; the first is the example."""
         if self.unit == "line" and _DECIMAL_COMMA.search(example):
             example += "; decimal commas need decimal: ',' in a column map"
-        self._losses.setdefault((cause, unit), [where, f" ({example})" if example else "", 0])[
-            2
-        ] += count
+        example = f" ({example})" if example else ""
+        self._losses.setdefault((cause, unit), [where, example, 0])[2] += count
 
     def pieces(self):
         """Yield pieces as :class:`Columns`, once."""
-        names = self._choice.names
-        held, checked, single = None, False, names and not names.listed and len(names.columns) == 1
-        count = 0
-        for arrays, rows in self._source.blocks(self._lose):
+        checked, count = self._choice.time_scale is not None, 0
+        others = [*self._choice.time, *self._choice.names]
+        for arrays, rows in self._table.blocks(self._choice.values, others, self._lose):
             count += len(rows)
             columns = self._read({k: unify(array) for k, array in arrays.items()}, rows)
-            if not (checked or self._choice.time_scale) and len(columns.rows):
-                _require_seconds(columns.time, self._source.path)
+            if not checked and len(columns.rows):
+                _require_seconds(columns.time, self._table.path)
                 checked = True
-            if single:  # the last time waits for its other rows
-                columns, held = _join_rows(held, columns, self._source.path)
             if len(columns.rows):
                 yield columns
-        if held and len(held.rows):
-            yield _join(held, np.zeros(1, int))
         if not count:
             self._lose("there are no rows", "end")
 
@@ -104,32 +114,30 @@ class Table:
         """Return the rows that have a time and a value."""
         choice, names = self._choice, None
         times = [arrays[k] for k in choice.time]
-        time, stamp = (
-            read_times(times[0], choice.time_scale or 1.0) if times else self._count_times(rows)
-        )
+        if times:
+            time, stamp = read_times(times[0], choice.time_scale or 1.0)
+        else:
+            time, stamp = self._count_times(rows)
         for nanoseconds in times[1:]:
             more = read_times(nanoseconds, 1e-9)
             time, stamp = time + more[0], stamp + more[1]
         values = {
-            name: self._read_values(one, arrays, rows)
-            for name, one in choice.quantities.items()
-            if one
+            key: self._read_values(quantity, arrays, rows)
+            for key, quantity in choice.quantities.items()
         }
         if choice.names:
-            names = self._name_values(values, read_row_names(choice.names, arrays), rows)
+            names = np.column_stack([_read_names(arrays[k]) for k in choice.names])
+            self._lose_nameless(values, names, rows)
         empty = self._are_empty(values, names, arrays, rows)
         self.without_values += int(empty.sum())
         untimed = np.isnan(time)
         if (lost := np.flatnonzero(untimed & ~empty)).size:
-            texts = [one[lost[0]][:40] for one in map(read_texts, times) if one is not None]
-            example = " and ".join(map(repr, texts))
-            self._lose_rows(
-                rows, "", "no time, or a time that is no number", LEFT_OUT, lost, example
-            )
-        columns, left_out = (
-            Columns(time, stamp, *map(values.get, QUANTITIES), rows, names),
-            untimed | empty,
-        )
+            cells = [cells[lost[0]][:40] for cells in map(read_texts, times) if cells is not None]
+            cause, example = "no time, or a time that is no number", " and ".join(map(repr, cells))
+            self._lose_rows(rows, "", cause, LEFT_OUT, lost, example)
+        values = {key: self._convert(key, value) for key, value in values.items()}
+        columns = Columns(time, stamp, *map(values.get, QUANTITIES), rows, names)
+        left_out = untimed | empty
         return columns.select(~left_out) if left_out.any() else columns
 
     def _count_times(self, rows):
@@ -139,91 +147,68 @@ class Table:
         return time, np.rint(time * SECOND).astype(np.int64)
 
     def _read_values(self, quantity, arrays, rows):
-        """Return values of a quantity in SI units, (n, k)."""
+        """Return values of a quantity as the file has them, (n, k)."""
         if quantity.whole:
-            k, width = quantity.columns[0], None if self._choice.names else len(self.joints)
-            values = read_lists(arrays[k], width, self._lose_in_column(k, rows))
-        else:
-            values = np.full((len(rows), len(quantity.columns)), np.nan)
-            for joint, k in enumerate(quantity.columns):
-                if k is not None:
-                    values[:, joint] = read_numbers(arrays[k], self._lose_in_column(k, rows))
-        return values if (quantity.scale == 1.0).all() else values * quantity.scale
+            k = quantity.columns[0]
+            return read_lists(arrays[k], len(self.joints), self._lose_in_column(k, rows))
+        values = np.full((len(rows), len(quantity.columns)), np.nan)
+        for joint, k in enumerate(quantity.columns):
+            if k is not None:
+                values[:, joint] = read_numbers(arrays[k], self._lose_in_column(k, rows))
+        return values
+
+    def _convert(self, key, values):
+        """Return values of joints in SI units; power is the same at motors and joints."""
+        quantity, mixing = self._choice.quantities[key], self._choice.mixing
+        if (quantity.scale != 1.0).any():
+            values = values * quantity.scale
+        if mixing is not None:
+            matrix = np.linalg.inv(mixing) if key == "effort" else mixing.T
+            unknown = np.isnan(values).astype(float) @ (matrix != 0.0) > 0.0
+            mixed = np.where(np.isnan(values), 0.0, values) @ matrix
+            values = np.where(unknown, np.nan, mixed)
+        return values + quantity.offset if quantity.offset.any() else values
 
     def _lose_rows(self, rows, before, cause, unit, lost, example):
         self._lose(cause, f"{self.unit} {rows[lost[0]]}", unit, len(lost), before + example)
 
     def _lose_in_column(self, k, rows):
-        return partial(self._lose_rows, rows, f"column '{self._source.headers[k]}': ")
+        return partial(self._lose_rows, rows, f"column '{self._table.columns[k].name}': ")
 
     def _are_empty(self, values, names, arrays, rows):
-        """Return whether rows have neither a value nor the name of any joint, and no NaN in place of one."""
+        """Return whether rows have neither a value nor a name of any joint, nor NaN as a value."""
         empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
-        for one in values.values():
-            empty &= np.isnan(one).all(axis=1)
+        for numbers in values.values():
+            empty &= np.isnan(numbers).all(axis=1)
         for k in self._choice.values if empty.any() else ():
             empty &= are_blank(arrays[k])
         return empty
 
-    def _name_values(self, values, names, rows):
-        """Return the names, with values and names padded to one width; count values without a name as lost."""
-        width = max(one.shape[1] for one in (names, *values.values()))
-        names = _widen(names, width, "")
-        for quantity, one in values.items():
-            values[quantity] = one = _widen(one, width, np.nan)
-            odd = (names == "") & ~np.isnan(one)
+    def _lose_nameless(self, values, names, rows):
+        """Count values without the name of a joint as lost."""
+        for key, numbers in values.items():
+            odd = (names == "") & ~np.isnan(numbers)
             if odd.any():
-                example = f"{quantity} {one[odd][0]:g}"
-                cause = "values without the name of a joint"
+                cause, example = "values without the name of a joint", f"{key} {numbers[odd][0]:g}"
                 self._lose_rows(rows, "", cause, "values omitted", np.nonzero(odd)[0], example)
-        return names
+
+
+def _read_names(array):
+    """Return the texts of a column, (n,) of str; empty for null."""
+    encoded = array.dictionary_encode()
+    texts = np.array([*encoded.dictionary.to_pylist(), ""], object)
+    return texts[encoded.indices.fill_null(len(texts) - 1).to_numpy(zero_copy_only=False)]
 
 
 def _require_seconds(time, path):
     """Reject times that in seconds would be beyond the year 5138."""
     middle = float(np.nanmedian(np.abs(time)))
-    if 1e11 <= middle < np.inf:
-        unit = "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns"
-        raise InputError(
-            f"'{path}': times are about {middle:.6g}; expected seconds. Set `scale: {{time: {unit}}}` in a column map."
-        )
+    if unit := unit_of_size(middle):
+        advice = f"Set `scale: {{time: {unit}}}` in a column map"
+        raise InputError(f"'{path}': times are about {middle:.6g}; expected seconds. {advice}.")
 
 
-def _widen(values, width, fill):
-    return np.pad(values, ((0, 0), (0, width - values.shape[1])), constant_values=fill)
-
-
-# --- Rows of single joints ---
-
-
-def _join_rows(held, columns, path):
-    """Return rows of single joints as one of each time, and those of the last time, which may be incomplete."""
-    if held:
-        pairs = zip(held, columns, strict=True)
-        columns = Columns(*(None if a is None else np.concatenate([a, b]) for a, b in pairs))
-    stamp, name = columns.stamp, columns.names[:, :1].ravel()
-    back = np.flatnonzero((stamp[1:] < stamp[:-1]) & (name[1:] != name[:-1]))
-    if back.size and (name[: back[0] + 1] == name[0]).all():
-        order = f"rows are in the order of joints, '{name[0]}' before '{name[back[0] + 1]}'"
-        raise InputError(f"'{path}': {order}. Sort the rows by time.")
-    starts = np.flatnonzero(np.diff(stamp, prepend=stamp[:1] - 1))
-    if len(starts) < 2:
-        return columns.select(slice(0)), columns
-    return _join(columns.select(slice(starts[-1])), starts[:-1]), columns.select(
-        slice(starts[-1], None)
-    )
-
-
-def _join(columns, starts):
-    """Return the rows from each start on as one."""
-    counts = np.diff([*starts, len(columns.rows)])
-    row = np.repeat(np.arange(len(starts)), counts)
-    place = np.arange(len(columns.rows)) - starts[row]
-    wide = {}
-    for field in (*QUANTITIES, "names"):
-        if (values := getattr(columns, field)) is not None:
-            wide[field] = np.full(
-                (len(starts), counts.max()), "" if field == "names" else np.nan, values.dtype
-            )
-            wide[field][row, place] = values[:, 0]
-    return columns.select(starts)._replace(**wide)
+def unit_of_size(time):
+    """Return the probable unit of a time that is too large for seconds; None for others."""
+    unit = "ms" if time < 1e14 else "us" if time < 1e17 else "ns"
+    return unit if 1e11 <= time < np.inf else None
