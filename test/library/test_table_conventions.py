@@ -215,6 +215,11 @@ def test_arrays_are_read_by_their_names(tmp_path):
     table = table.cast(table.schema.set(1, degrees))
     parquet.write_table(table, tmp_path / "x.parquet")
     require_truth(read(tmp_path / "x.parquet"), np.pi / 180)
+    numbers = {f"q{k}": q[:, k] for k in range(3)}
+    for others in (numbers, {"pos": q}):
+        np.savez(tmp_path / "x.npz", t=t, q=q, **others)
+        with pytest.raises(dd.InputError, match=rf"the position may be .*{OFFER}"):
+            read(tmp_path / "x.npz")
 
 
 # --- Errors ---

@@ -356,6 +356,7 @@ def test_rows_of_other_topics_are_no_messages(written):
     ]
     text = (
         f"__time,{','.join(f'/joint_states/a/{name}' for name in FIELDS)},/imu/x,/mode\n"
+        + ",,,,,\n"
         + "".join(rows)
         + "0.3,,1,,,\n"
     )
@@ -374,7 +375,7 @@ def test_rows_of_other_topics_are_no_messages(written):
         "qd": np.array([0, np.nan, 0]),
     }
     for content, others, states, rejected in (
-        (text, 20, 20, 21),
+        (text, 21, 20, 21),
         (pa.table({"__time": [0.0, 0.1, 0.2], **numbers, "/imu/x": [None, 1.0, None]}), 1, 2, 0),
         (pa.table({"__time": [0.0, 0.1, 0.2], **sent}), 0, 2, 1),
         (arrays, 0, 2, 1),

@@ -199,7 +199,8 @@ def _read_head(lines, column_map, path):
     fields = [(n, fields_of(line, delimiter)) for n, line in rows]
     names, used = _read_header(fields, comment and fields_of(comment, delimiter), column_map, path)
     below, units = [row for _, row in fields[used:]], [None] * len(names)
-    if used and below and len(below[0]) == len(names) and "n" not in _kinds(below[0]):
+    kinds = _kinds(below[0]) if used and below and len(below[0]) == len(names) else ""
+    if "t" in kinds and "n" not in kinds:
         units = [unit.strip("[]() ") for unit in below.pop(0)]  # or other texts, which are none
         units = [None if unit in MISSING else unit for unit in units]
         used += 1
