@@ -387,7 +387,7 @@ INTERFACES = {
                 SERVICE,
                 f"~/mode/{mode}",
                 "std_srvs/Trigger",
-                "activate this law with the present state as its target; also resumes after a ramp-down",
+                "activate this law with the present state as its target",
             )
             for mode in MODES
         ),

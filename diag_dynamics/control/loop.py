@@ -51,6 +51,7 @@ class Sent(NamedTuple):
         None  # dV/dt since the state before [W]; None unless both have the same target
     )
     lost: str = ""  # why the robot's position replaced the target, or another mode its own; empty if it did not
+    silent: bool = False  # whether there is no command, because a ramp to zero has ended
 
 
 class ControlLoop:
@@ -83,7 +84,7 @@ class ControlLoop:
             raise InputError(
                 f"parameter 'hold_time' is {hold_time:g} s, expected at least {limit}."
             )
-        self.supervisor = Supervisor(max_age, hold_time, values["resume_after_ramp"])
+        self.supervisor = Supervisor(max_age, hold_time)
         self._initial_mode = self._mode_of(values["initial_mode"])
         self.following = None  # of the last trajectory
         self.tolerances = Tolerances.of_parameters(values, model.dof_names)
@@ -118,7 +119,7 @@ class ControlLoop:
         return self.modes[name]
 
     def switch(self, mode):
-        """Put a mode in force from the next state on, with that state as its target; this starts a stopped loop again.
+        """Put a mode in force from the next state on, with that state as its target.
 
         Efforts approach those of the new law at the effort rate, and the energy tank is filled. An InputError names gains
         that are unstable at the rate of the states.
@@ -126,7 +127,12 @@ class ControlLoop:
         chosen = self._mode_of(mode)
         if self._periods >= CHECK_EVERY and (unstable := self._unstable(chosen)):
             raise InputError(unstable)
-        self.supervisor.release()
+        if self.supervisor.phase == RAMPING_DOWN:
+            raise InputError(
+                "the controller has stopped, and there is no valid state yet: "
+                f"{self.supervisor.reason}."
+            )
+        self.supervisor.cause = ""
         self.efforts.fill_tank()
         self.stop_trajectory(f"mode {mode} was requested")
         self._mode = chosen
@@ -237,10 +243,10 @@ class ControlLoop:
         if problem:
             return self.without_state(now, problem)
         before, self.state = self.state, state
-        if supervisor.latched:
-            return self._stay_stopped(now)
         if supervisor.will_start:
             self._carried_since = None
+        if supervisor.phase == RAMPING_DOWN:  # the arm may have been moved, perhaps by a person
+            self._mode = self._braking
         is_start = supervisor.will_start or supervisor.starting
         if is_start or self._is_interrupted(before):
             self._finish("no valid joint state for longer than hold_time")
@@ -257,13 +263,6 @@ class ControlLoop:
         # After the command, because a law that fails must not prolong the hold.
         supervisor.valid(now, has_started)
         return sent._replace(lost=unstable or sent.lost)
-
-    def _stay_stopped(self, now):
-        """Return zero effort for a valid state of a stopped loop."""
-        self.supervisor.wait()
-        nu = self.dynamics.nu_from_qd(self.state.position, self.state.velocity)
-        self.energy = 0.5 * float(nu @ nu)
-        return self._sent(self.at_rest, now, now)
 
     def _is_interrupted(self, before):
         """Return whether the state does not follow the one before within the longest hold."""
@@ -355,7 +354,13 @@ class ControlLoop:
         self._mode.forget_rate()
         if self._observer:
             self._observer.reset()
-        return self._sent(self.at_rest, now, now)
+        silent = self.is_silent
+        return self._sent(self.at_rest, now, now)._replace(silent=silent)
+
+    @property
+    def is_silent(self):
+        """Whether there is no command until a state is valid, because a ramp to zero has ended."""
+        return self.supervisor.phase == RAMPING_DOWN and not self.efforts.sent.any()
 
     @property
     def at_rest(self):
@@ -364,8 +369,8 @@ class ControlLoop:
         return np.zeros_like(gravity) if self.supervisor.phase == RAMPING_DOWN else gravity
 
     def leave(self):
-        """Return the last effort before the loop ends, without rate limit; None if there was none."""
-        if self.supervisor.phase == INACTIVE:
+        """Return the effort at the end of the loop, without rate limit; None: no command."""
+        if self.supervisor.phase == INACTIVE or self.is_silent:
             return None
         self.efforts.reset(self.at_rest)
         return self.efforts.sent

@@ -6,8 +6,6 @@
 import time
 from enum import IntEnum
 
-from diag_dynamics.exceptions import InputError
-
 INACTIVE, ACTIVE, HOLDING, RAMPING_DOWN = range(4)
 """Phases as ControllerStatus reports them."""
 
@@ -23,9 +21,7 @@ class State(IntEnum):
     ACTIVE = 2  # the law
     HOLDING_START = 3  # gravity compensation without a valid state, returns to STARTING
     HOLDING = 4  # gravity compensation without a valid state, returns to ACTIVE
-    RAMPING_DOWN = 5  # zero without a valid state
-    STOPPED = 6  # zero with valid states, until a mode is chosen
-    RELEASED = 7  # zero until the next valid state, which starts the chosen mode
+    RAMPING_DOWN = 5  # zero without a valid state, then none
 
 
 class Event(IntEnum):
@@ -35,27 +31,22 @@ class Event(IntEnum):
     CARRIED = 1  # a valid state, and the efforts have reached it
     INVALID = 2  # no valid state
     TIMEOUT = 3  # no valid state for longer than the hold time
-    SWITCH = 4  # a mode is chosen
 
 
 _S = State
 # fmt: off
-TRANSITIONS = {  # next state by state and event; None refuses the event
-    #                  VALID        CARRIED     INVALID           TIMEOUT           SWITCH
-    _S.WAITING:       (_S.STARTING, _S.ACTIVE,  _S.WAITING,       _S.WAITING,       _S.WAITING),
-    _S.STARTING:      (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN,  _S.STARTING),
-    _S.ACTIVE:        (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN,  _S.ACTIVE),
-    _S.HOLDING_START: (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN,  _S.HOLDING_START),
-    _S.HOLDING:       (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN,  _S.HOLDING),
-    _S.RAMPING_DOWN:  (_S.STOPPED,  _S.STOPPED, _S.RAMPING_DOWN,  _S.RAMPING_DOWN,  None),
-    _S.STOPPED:       (_S.STOPPED,  _S.STOPPED, _S.RAMPING_DOWN,  _S.RAMPING_DOWN,  _S.RELEASED),
-    _S.RELEASED:      (_S.STARTING, _S.ACTIVE,  _S.RAMPING_DOWN,  _S.RAMPING_DOWN,  _S.RELEASED),
+TRANSITIONS = {  # next state by state and event
+    #                  VALID        CARRIED     INVALID           TIMEOUT
+    _S.WAITING:       (_S.STARTING, _S.ACTIVE,  _S.WAITING,       _S.WAITING),
+    _S.STARTING:      (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN),
+    _S.ACTIVE:        (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN),
+    _S.HOLDING_START: (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN),
+    _S.HOLDING:       (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN),
+    _S.RAMPING_DOWN:  (_S.STARTING, _S.ACTIVE,  _S.RAMPING_DOWN,  _S.RAMPING_DOWN),
 }
 # fmt: on
-RESUMING = (_S.STARTING, _S.ACTIVE, _S.RAMPING_DOWN, _S.RAMPING_DOWN, _S.RAMPING_DOWN)
-"""Row of RAMPING_DOWN for a loop that resumes by itself."""
 
-_PHASES = INACTIVE, ACTIVE, ACTIVE, HOLDING, HOLDING, RAMPING_DOWN, RAMPING_DOWN, RAMPING_DOWN
+_PHASES = INACTIVE, ACTIVE, ACTIVE, HOLDING, HOLDING, RAMPING_DOWN
 """Phase by state."""
 
 
@@ -63,32 +54,27 @@ class Supervisor:
     """State of a control loop by validity and age of the robot's states.
 
     Without a valid state the loop holds the last gravity torque for at most `hold_time` [s], and
-    then ramps the efforts down to zero. Valid states then do not put the law in force, unless
-    `resumes`: a loose cable would drop and catch an arm repeatedly, and a person may already be
-    working on it.
+    then ramps the efforts down to zero. The next valid state starts the loop again.
 
     `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions.
     `machine_time` returns a monotonic time [s], which ends a hold if the clock stands still.
-    `reason` is why the law is not in force.
+    `reason` is why the law is not in force, and `cause` that of the last ramp until a mode is
+    chosen.
     """
 
-    def __init__(self, max_age, hold_time, resumes=False, machine_time=time.monotonic):
+    def __init__(self, max_age, hold_time, machine_time=time.monotonic):
         self.max_age, self.hold_time, self._machine_time = max_age, hold_time, machine_time
-        self._transitions = TRANSITIONS | ({State.RAMPING_DOWN: RESUMING} if resumes else {})
         self.forget()
 
     def forget(self):
         """Wait for the first valid state."""
         self.state, self.reason = State.WAITING, "no valid state yet"
-        self._cause = ""  # of the last ramp
+        self.cause = ""
         self._outage = 0  # time without valid states, less that of later valid ones [ns]
         self._last, self._moved = (
             0,
             0.0,
         )  # clock at the last event [ns], and machine time when it moved [s]
-
-    def _next(self, event):
-        return self._transitions[self.state][event]
 
     @property
     def phase(self):
@@ -96,14 +82,9 @@ class Supervisor:
         return _PHASES[self.state]
 
     @property
-    def latched(self):
-        """Whether the loop stays stopped when a valid state arrives."""
-        return self._next(Event.VALID) == State.STOPPED
-
-    @property
     def will_start(self):
         """Whether the next valid state starts the loop. Earlier targets are then void."""
-        return self.phase in (INACTIVE, RAMPING_DOWN) and not self.latched
+        return self.phase in (INACTIVE, RAMPING_DOWN)
 
     @property
     def starting(self):
@@ -130,7 +111,7 @@ class Supervisor:
             self._outage = 0
         elif self.phase == ACTIVE:
             self._outage = max(self._outage - max(now - self._last, 0), 0)
-        self.state = self._next(Event.CARRIED if carried else Event.VALID)
+        self.state = TRANSITIONS[self.state][Event.CARRIED if carried else Event.VALID]
         self.reason, self._last = "", now
 
     def invalid(self, now, reason):
@@ -149,20 +130,5 @@ class Supervisor:
         stands_still = machine - self._moved > max(self.hold_time, MIN_STANDSTILL)
         timeout = stands_still or self._outage * 1e-9 >= self.hold_time
         if timeout and self.phase != RAMPING_DOWN:
-            self._cause = f"{reason}; the clock stands still" if stands_still else reason
-        self.state = self._next(Event.TIMEOUT if timeout else Event.INVALID)
-
-    def wait(self):
-        """Accept a valid state while the loop is stopped."""
-        self.state = State.STOPPED
-        self.reason = (
-            f"states are valid again; choose a mode to go on. The controller stopped: {self._cause}"
-        )
-
-    def release(self):
-        """Accept the choice of a mode; raise InputError while a stopped loop has no valid state."""
-        if self._next(Event.SWITCH) is None:
-            raise InputError(
-                f"the controller has stopped, and there is no valid state yet: {self.reason}."
-            )
-        self.state = self._next(Event.SWITCH)
+            self.cause = f"{reason}; the clock stands still" if stands_still else reason
+        self.state = TRANSITIONS[self.state][Event.TIMEOUT if timeout else Event.INVALID]

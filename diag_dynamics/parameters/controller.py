@@ -159,10 +159,6 @@ _WHILE_UNCONFIGURED = {
         0.0,
         10.0,
     ),
-    "resume_after_ramp": Spec(
-        False,
-        "Whether the law resumes at the first valid state after the ramp, without a mode service call.",
-    ),
     "max_rate.status": Spec(0.0, "Maximum rate of ~/status [Hz]; 0: every command.", 0.0),
     "max_rate.feedback": Spec(
         20.0, "Maximum rate of the feedback of trajectories [Hz]; 0: every command.", 0.0

@@ -22,19 +22,15 @@ Q, REST, MOVING = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.zeros(6), np.fu
 AGE, HOLD, RATE = 20, 300, 400.0
 """max_state_age and hold_time [ms], effort_rate [N m/s]."""
 
-EVENTS = "valid", "carried", "invalid", "timeout", "switch"
-REFUSED = "refused"
+EVENTS = "valid", "carried", "invalid", "timeout"
 TABLE = """
-                valid          carried      invalid        timeout        switch
-WAITING         STARTING       ACTIVE       WAITING        WAITING        WAITING
-STARTING        STARTING       ACTIVE       HOLDING_START  RAMPING_DOWN   STARTING
-ACTIVE          ACTIVE         ACTIVE       HOLDING        RAMPING_DOWN   ACTIVE
-HOLDING_START   STARTING       ACTIVE       HOLDING_START  RAMPING_DOWN   HOLDING_START
-HOLDING         ACTIVE         ACTIVE       HOLDING        RAMPING_DOWN   HOLDING
-RAMPING_DOWN    STOPPED        STOPPED      RAMPING_DOWN   RAMPING_DOWN   refused
-STOPPED         STOPPED        STOPPED      RAMPING_DOWN   RAMPING_DOWN   RELEASED
-RELEASED        STARTING       ACTIVE       RAMPING_DOWN   RAMPING_DOWN   RELEASED
-RESUMING        STARTING       ACTIVE       RAMPING_DOWN   RAMPING_DOWN   RAMPING_DOWN
+                valid          carried      invalid        timeout
+WAITING         STARTING       ACTIVE       WAITING        WAITING
+STARTING        STARTING       ACTIVE       HOLDING_START  RAMPING_DOWN
+ACTIVE          ACTIVE         ACTIVE       HOLDING        RAMPING_DOWN
+HOLDING_START   STARTING       ACTIVE       HOLDING_START  RAMPING_DOWN
+HOLDING         ACTIVE         ACTIVE       HOLDING        RAMPING_DOWN
+RAMPING_DOWN    STARTING       ACTIVE       RAMPING_DOWN   RAMPING_DOWN
 """
 ROWS = [line.split() for line in TABLE.strip().splitlines()[1:]]
 CASES = [
@@ -48,14 +44,12 @@ PATHS = {
     "HOLDING_START": ["valid", "invalid"],
     "HOLDING": ["carried", "invalid"],
     "RAMPING_DOWN": ["carried", "timeout"],
-    "STOPPED": ["carried", "timeout", "carried"],
-    "RELEASED": ["carried", "timeout", "carried", "switch"],
-    "RESUMING": ["carried", "timeout"],
 }
-"""Events from the beginning to each state; RESUMING is RAMPING_DOWN with resume_after_ramp."""
+"""Events from the beginning to each state."""
 
 PHASES = {"WAITING": 0, "STARTING": 1, "ACTIVE": 1, "HOLDING_START": 2, "HOLDING": 2}
-"""As in ControllerStatus; all others have 3."""
+PHASES["RAMPING_DOWN"] = 3
+"""As in ControllerStatus."""
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +61,9 @@ def strong():
 class Driven:
     """A loop that is driven by events; `sent` is the answer to the last one."""
 
-    def __init__(self, arm, resumes=False, compensated=False, mode=DAMPING, hold=HOLD):
+    def __init__(self, arm, compensated=False, mode=DAMPING, hold=HOLD):
         defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-        values = {"hold_time": hold * 1e-3, "resume_after_ramp": resumes, "initial_mode": mode}
+        values = {"hold_time": hold * 1e-3, "initial_mode": mode}
         values |= {"effort_rate": [f"*={RATE}"], "limit_margin": 0.0}
         self.loop, self.now, self.sent = ControlLoop(arm, defaults | values, compensated), S, None
         self.machine, self.hold = 0.0, hold
@@ -103,34 +97,27 @@ class Driven:
             self.step()
         elif event == "invalid":
             self.without()
-        elif event == "timeout":
+        else:
             self.without()
             self.without(self.hold * MS)
-        else:
-            self.loop.switch(DAMPING)
 
     def reach(self, name):
         for event in PATHS[name]:
             self.go(event)
-        assert self.state == name.replace("RESUMING", "RAMPING_DOWN")
+        assert self.state == name
         return self
 
 
 def driven(arm, name, **options):
-    return Driven(arm, resumes=name == "RESUMING", **options).reach(name)
+    return Driven(arm, **options).reach(name)
 
 
 @pytest.mark.parametrize(("name", "event", "after"), CASES)
 def test_states_and_events(strong, name, event, after):
     one = driven(strong, name)
-    if after == REFUSED:
-        with pytest.raises(InputError, match="no valid state yet: NaN"):
-            one.go(event)
-        after = name
-    else:
-        one.go(event)
+    one.go(event)
     assert one.state == after
-    assert one.loop.supervisor.phase == PHASES.get(after, 3)
+    assert one.loop.supervisor.phase == PHASES[after]
     assert one.loop.supervisor.starting == (after in ("STARTING", "HOLDING_START"))
     assert bool(one.loop.supervisor.reason) == (one.loop.supervisor.phase != 1)
 
@@ -145,7 +132,7 @@ def test_commands_of_states(strong, name, compensated):
     for _ in range(2 + int(np.abs(gravity).max() / RATE * 1000)):
         if name == "STARTING":
             one.go("valid")
-        elif name in ("ACTIVE", "STOPPED"):
+        elif name == "ACTIVE":
             one.step(qd=MOVING)
         else:
             one.without()
@@ -165,9 +152,7 @@ def test_commands_of_states(strong, name, compensated):
 
 def test_each_event_has_an_entry_in_the_table():
     """The table of the code has as many rows and columns as that of this test."""
-    assert {name.replace("RESUMING", "RAMPING_DOWN") for name, *_ in ROWS} == {
-        state.name for state in State
-    }
+    assert {name for name, *_ in ROWS} == {state.name for state in State}
     assert len(supervisor.Event) == len(EVENTS) and set(supervisor.TRANSITIONS) == set(State)
 
 
@@ -245,7 +230,7 @@ def test_the_law_begins_where_a_start_ends(strong):
 
 def test_a_start_after_the_ramp_is_a_new_one(strong):
     """The arm may have been moved: the time of an earlier start does not count."""
-    one, fast = Driven(strong, resumes=True), 0.2 * strong.velocity_limit
+    one, fast = Driven(strong), 0.2 * strong.velocity_limit
     one.carry()
     one.step(qd=fast)
     one.go("timeout")
@@ -255,7 +240,7 @@ def test_a_start_after_the_ramp_is_a_new_one(strong):
     assert one.state == "STARTING"
 
 
-@pytest.mark.parametrize("name", ["WAITING", "RELEASED", "RESUMING"])
+@pytest.mark.parametrize("name", ["WAITING", "RAMPING_DOWN"])
 def test_no_start_outside_of_limits(strong, name):
     """A position beyond its limit counts as no valid state where a law would begin, and there alone."""
     for end, side in ((strong.upper, 1.0), (strong.lower, -1.0)):
@@ -268,16 +253,15 @@ def test_no_start_outside_of_limits(strong, name):
         one = driven(strong, name)
         one.step(at_stop)
         assert one.loop.supervisor.phase == 1
-        for other in ("ACTIVE", "STOPPED"):
-            one = driven(strong, other)
-            one.step(beyond)
-            assert one.state == other
+        one = driven(strong, "ACTIVE")
+        one.step(beyond)
+        assert one.state == "ACTIVE"
 
 
 # --- Mode switches
 
 
-@pytest.mark.parametrize("name", ["HOLDING", "HOLDING_START", "RELEASED"])
+@pytest.mark.parametrize("name", ["HOLDING", "HOLDING_START"])
 def test_a_mode_chosen_without_a_state(strong, name):
     """It is in force from the next state on, which is its target; without one it changes no effort."""
     one = driven(strong, name)
@@ -311,17 +295,44 @@ def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
 def test_the_cause_of_the_ramp_is_the_first_one():
     one = outage((1000, True), (1020, False), (1320, False))
     one.invalid(2000 * MS, "NaN")
-    assert one.reason == "NaN"
-    one.wait()
-    assert one.reason.endswith("controller stopped: late")
+    assert (one.reason, one.cause) == ("NaN", "late")
+    one.valid(2001 * MS)
+    assert (one.reason, one.cause) == ("", "late")
 
 
-def test_an_unknown_mode_releases_nothing(strong):
-    one = driven(strong, "STOPPED")
-    for mode in ("wing", "pose"):
-        with pytest.raises(InputError, match=r"mode is 'wing'|'controlled_link' is empty"):
+def test_modes_that_are_rejected(strong):
+    """Unknown modes, one without its link, and all of them while the loop has stopped."""
+    for name, mode, reason in (
+        ("ACTIVE", "wing", "mode is 'wing'"),
+        ("ACTIVE", "pose", "'controlled_link' is empty"),
+        ("RAMPING_DOWN", TRACKING, "no valid state yet: NaN"),
+    ):
+        one = driven(strong, name)
+        with pytest.raises(InputError, match=reason):
             one.loop.switch(mode)
-    assert one.state == "STOPPED"
+        assert one.loop.mode == DAMPING
+
+
+@pytest.mark.parametrize("compensated", [False, True])
+def test_gravity_compensation_and_damping_after_the_ramp(strong, compensated):
+    """The ramp ends in silence. An arm at rest gets gravity torque, a moving one is braked."""
+    one = driven(strong, "ACTIVE", mode=TRACKING, compensated=compensated)
+    one.loop.take_set_point(Q + 0.3)
+    one.go("timeout")
+    while not one.sent.silent:
+        one.without()
+    assert not one.sent.effort.any() and one.loop.leave() is None
+    one.step(Q + 0.1, MOVING)
+    assert one.sent.command.nu @ one.sent.command.epsilon < 0.0
+    for _ in range(500):
+        one.step(Q + 0.1)
+        assert not one.sent.silent
+    gravity = gravity_of(Q + 0.1) * (not compensated)
+    np.testing.assert_allclose(one.sent.effort, gravity, atol=1e-9)
+    assert (one.loop.mode, one.loop.supervisor.cause) == (DAMPING, "NaN")
+    one.loop.switch(TRACKING)
+    one.step(Q + 0.1)
+    assert not one.sent.command.error.any() and not one.loop.supervisor.cause
 
 
 # --- Clocks and timeouts of an outage
@@ -430,8 +441,6 @@ def test_the_time_of_an_outage(events, state):
 
 def test_a_whole_hold_after_the_ramp():
     one = outage((1000, VALID), (1020, NONE), (1320, NONE))
-    one.wait()
-    one.release()
     one.valid(1400 * MS)
     for time, state in ((1401, State.HOLDING), (1700, State.HOLDING), (1701, State.RAMPING_DOWN)):
         one.invalid(time * MS, "late")
@@ -456,12 +465,10 @@ def test_a_clock_that_stands_still(hold, timeout):
     machine[0] += 0.01
     one.invalid(S + 1, "late")
     assert one.state == State.RAMPING_DOWN
-    one.wait()
-    assert "late; the clock stands still" in one.reason
+    assert "late; the clock stands still" in one.cause
 
 
-@pytest.mark.parametrize("name", ["RAMPING_DOWN", "STOPPED", "RELEASED"])
-def test_the_ramp_of_a_clock_that_stood_still_goes_on(name):
+def test_the_ramp_of_a_clock_that_stood_still_goes_on():
     """A clock that moves again does not end it, though it never counted a whole hold."""
     machine = [0.0]
     one = Supervisor(0.02, 0.3, machine_time=lambda: machine[0])
@@ -469,11 +476,6 @@ def test_the_ramp_of_a_clock_that_stood_still_goes_on(name):
     one.invalid(S, "late")
     machine[0] = 1.1
     one.invalid(S, "late")
-    if name != "RAMPING_DOWN":
-        one.wait()
-    if name == "RELEASED":
-        one.release()
-    assert one.state.name == name
     one.invalid(S + MS, "late")
     assert one.state == State.RAMPING_DOWN
 
@@ -508,11 +510,15 @@ def test_an_outage_within_the_hold_keeps_the_target(strong):
     [("ACTIVE", True), ("STARTING", True), ("HOLDING", True), ("RAMPING_DOWN", False)],
 )
 def test_the_last_effort(strong, name, carries, compensated):
-    """It is gravity compensation at once, zero for an arm with its own, or after the ramp; none before the first state."""
+    """Gravity compensation, or zero in the ramp; none before the first state and after zero."""
     assert Driven(strong).loop.leave() is None
     one = driven(strong, name, compensated=compensated and name != "STARTING")
-    carries = carries and not (compensated and name != "STARTING")
-    np.testing.assert_allclose(one.loop.leave(), gravity_of(Q) * carries, atol=1e-9)
+    own = compensated and name != "STARTING"
+    effort = one.loop.leave()
+    if own and not carries:
+        assert effort is None
+    else:
+        np.testing.assert_allclose(effort, gravity_of(Q) * (carries and not own), atol=1e-9)
     one.loop.forget()
     assert (
         one.state == "WAITING"

@@ -37,7 +37,7 @@ def live(peer):
         "use_sim_time": True,  # the simulator lets time go where the machine is busy, and its stamps fall behind the clock
         "energy_limit": 0.5,
         "max_rate.status": 200.0,
-        "resume_after_ramp": True,  # on a machine with too much to do nearly every state may come too late for a while
+        "hold_time": 10.0,  # on a busy machine nearly every state may be late for a while
         "effort_rate": ["*=400.0"],
     }
     with Simulator(peer, "/live", UR5, **parameters) as simulator:

@@ -125,17 +125,12 @@ class Fed(Controller):
         return self.answered(lambda: self.tick(LOOK), lambda s: s.phase == phase, f"phase {phase}")
 
     def take_up(self, mode, q=Q, qd=REST):
-        """Choose a mode for a robot that was given up, which valid states alone do not put in force."""
+        """Publish valid states again, and then choose a mode, which is rejected before."""
         assert not self.ask(mode).success
-        valid = lambda s: "states are valid again; choose a mode" in s.message  # noqa: E731
-        for _ in range(3):
-            self.tick()
-            status = self.answered(lambda: self.publish(q, qd), valid, "valid states")
-            assert (
-                status.phase == RAMPING_DOWN
-                and not any(status.effort_command)
-                and not status.lyapunov_valid
-            )
+        assert self.step(q, qd).mode == "damping"
+        ramp = "mode damping; choose a mode to go on after the ramp: "
+        self.wait_until_told("control", ramp, b"\1")
+        self.process.wait_for_text("Resumed: mode damping. Choose a mode to go on.")
         return self.law(mode)
 
     def take(self, publisher, message):
@@ -229,6 +224,11 @@ def check_the_end(fed, since, published=lambda: None):
     fed.answered(without, lambda s: s.phase == RAMPING_DOWN, "the end of the hold")
     last = fed.answered(without, lambda s: not any(s.effort_command), "zero")
     assert last.phase == RAMPING_DOWN and last.message
+    count = len(fed.sent.messages)
+    fed.answered(without, lambda s: s is not last, "a status without a command")
+    assert len(fed.sent.messages) == count
+    for line in ("Holding gravity: ", "Ramping down: "):
+        fed.process.wait_for_text(line)
     statuses = fed.status.messages[fed.status.messages.index(since) :]
     held = [s for s in statuses if s.phase == HOLDING]
     ramped = statuses[len(held) :]
@@ -536,7 +536,7 @@ def test_late_states_by_the_clock_of_the_machine(peer):
         "robot_compensates_gravity": False,
         "initial_mode": "gravity_compensation",
     }
-    parameters |= {"resume_after_ramp": True, "max_state_age": 0.2}
+    parameters |= {"max_state_age": 0.2}
     with ByTheWall(peer, "/wall", **parameters) as wall:
         wall.connect().settle()
         wall.status.forget()

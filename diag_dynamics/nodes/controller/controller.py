@@ -23,6 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 from diag_dynamics.control.by_dof import command_order, require_same_joints
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES
+from diag_dynamics.control.supervisor import HOLDING, RAMPING_DOWN
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import Options, joints_of
@@ -89,6 +90,7 @@ class ControllerNode(ManagedNode):
         self._transforms = None  # of tf
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
+        self._logged_phase = None  # of the supervisor
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
         self._diagnostics = Diagnostics(
@@ -356,7 +358,9 @@ class ControllerNode(ManagedNode):
         """Send a command, and publish status and feedback."""
         if sent is None:
             return
-        self._send(sent.effort)
+        if not sent.silent:
+            self._send(sent.effort)
+        self._log_phase()
         if sent.lost:
             self._record.refuse("targets aborted", sent.lost)
             self.get_logger().warning(plain(sent.lost), throttle_duration_sec=1.0)
@@ -364,6 +368,22 @@ class ControllerNode(ManagedNode):
         if self._status.get_subscription_count() and self._status_limit.due(now):
             self._status.publish(status_message(self._loop, sent))
         self._trajectories.update()
+
+    def _log_phase(self):
+        """Log the begin of a hold, of a ramp, and of the law after one of them."""
+        supervisor, log, before = self._loop.supervisor, self.get_logger(), self._logged_phase
+        self._logged_phase = phase = supervisor.phase
+        if phase == before:
+            return
+        if phase == HOLDING:
+            text = f"Holding gravity: {supervisor.reason}."
+            log.warning(shortened(text), throttle_duration_sec=1.0)
+        elif phase == RAMPING_DOWN:
+            log.error(shortened(f"Ramping down: {supervisor.reason}."))
+        elif before == RAMPING_DOWN:
+            log.warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
+        elif before == HOLDING:
+            log.info(f"Resumed: mode {self._loop.mode}.", throttle_duration_sec=1.0)
 
     def _send(self, effort):
         self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))

@@ -62,7 +62,7 @@ class Record:
             self._largest_gap = max(self._largest_gap, gap)
             self.counts["stalls"] += gap > max_gap
         self._last_sent = now
-        self.counts["commands"] += 1
+        self.counts["commands"] += not sent.silent
         self.counts["commands limited"] += bool(sent.saturated)
         self._smallest_scale = min(self._smallest_scale, loop.efforts.scale)
         bound = loop.efforts.contact_limiter
@@ -85,6 +85,9 @@ class Record:
         """Return the status of an active controller."""
         supervisor, mode = loop.supervisor, f"mode {loop.mode}"
         if supervisor.phase == IN_FORCE:
+            if supervisor.cause:
+                ramp = f"choose a mode to go on after the ramp: {steady(supervisor.cause)}"
+                return Status("control", WARN, f"{mode}; {ramp}", values)
             if recent["holds"]:
                 values["last hold"] = self._last_hold
                 return Status(
