@@ -3,8 +3,7 @@
 
 """Reaction of the monitor to collisions: the topic ~/collision, and one service call with its latency."""
 
-import sys
-from types import SimpleNamespace
+import contextlib
 from unittest import mock
 
 import numpy as np
@@ -12,12 +11,12 @@ import pytest
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
+from controller_managers import ControllerManager
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
-from diag_dynamics.nodes.monitor.reaction import service_request
+from diag_dynamics.nodes.support import controller_manager
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK
-from diag_dynamics.wire.definitions import STANDARD, message_type
 from nodes import LATCHED, PANDA, Monitor, robot
 from pushed import GAIN, Motion, feed, subscribed
 
@@ -233,13 +232,6 @@ def test_contact_as_the_event(monitor, peer):
 # --- parameters
 
 SWITCH = {"reaction.type": "switch_controller", "reaction.deactivate": ["arm_controller"]}
-DEFINITION = """
-string[] activate_controllers
-string[] deactivate_controllers
-int32 strictness
-bool activate_asap
-builtin_interfaces/Duration timeout
-"""  # the request of controller_manager_msgs/srv/SwitchController without its constants
 
 
 @pytest.mark.parametrize(
@@ -254,7 +246,7 @@ builtin_interfaces/Duration timeout
 )
 def test_wrong_parameters(peer, monkeypatch, values, named):
     """The node does not start, and the error names the parameter."""
-    monkeypatch.setitem(sys.modules, "controller_manager_msgs.srv", None)
+    monkeypatch.setattr(controller_manager, "SwitchController", None)
     values = (
         {"reaction.service": "stop", "robot_description": robot(PANDA).path} | THRESHOLDS | values
     )
@@ -269,21 +261,87 @@ def test_thresholds_stay_while_there_is_a_service(monitor):
     assert not result.successful and "reaction.service is set" in result.reason
 
 
-def test_request_of_switch_controller(monkeypatch):
-    """Its fields by a class of the published definition; the package itself is not among the tests' packages."""
-    monkeypatch.setitem(STANDARD, "controller_manager_msgs/msg/Request", DEFINITION)
-    monkeypatch.setitem(STANDARD, "builtin_interfaces/msg/Duration", "int32 sec")
-    request = message_type("controller_manager_msgs/msg/Request")
-    request.BEST_EFFORT = 1
-    kind = SimpleNamespace(Request=request)
-    monkeypatch.setitem(sys.modules, "controller_manager_msgs", SimpleNamespace())
-    monkeypatch.setitem(
-        sys.modules, "controller_manager_msgs.srv", SimpleNamespace(SwitchController=kind)
+# --- controllers
+
+
+@pytest.fixture
+def switching(peer):
+    """Return a function that returns a manager of controllers with states, and a monitor."""
+    with contextlib.ExitStack() as stack:
+
+        def start(activate=("hold",), **states):
+            manager = ControllerManager(peer, "/switching", **states)
+            stack.callback(manager.leave)
+            parameters = THRESHOLDS | SWITCH | {"robot_description": robot(PANDA).path}
+            parameters["reaction.service"] = "controller_manager/switch_controller"
+            parameters["reaction.activate"] = list(activate)
+            other = stack.enter_context(
+                Monitor(peer, "/switching", outputs=["state"], **parameters)
+            )
+            return manager, subscribed(other)
+
+        yield start
+
+
+def entry_of(monitor):
+    """Return level and message of the next entry but one, which has the states of now."""
+    monitor.next_report()
+    entry = monitor.next_report().entries[REACTION]
+    return entry.level, entry.message.partition(": ")[2]
+
+
+def test_switch_of_controllers(switching):
+    """One request; names are compared before it, and states after it."""
+    manager, other = switching(arm_controller="active", hold="inactive")
+    assert entry_of(other) == (OK, "ready")
+    feed(other, [FREE] * 3 + [PUSHED] * 60)
+    assert manager.states == {"arm_controller": "inactive", "hold": "active"}
+    assert len(manager.requests) == 1 and entry_of(other) == (OK, "ready")
+    assert "Reaction failed" not in other.process.output
+
+
+@pytest.mark.parametrize(
+    ("activate", "states", "before", "after", "requests"),
+    [
+        (["hold"], {}, "'hold' is not loaded", "no controller with this name exists", 2),
+        (["hold"], {"hold": "unconfigured"}, "'hold' is unconfigured", "'hold' is unconfigured", 1),
+        (
+            ["wing", "hold"],
+            {"hold": "inactive"},
+            "'wing' is not loaded",
+            "'wing' is not loaded; expected active",
+            1,
+        ),
+    ],
+    ids=["unknown", "unconfigured", "one of two"],
+)
+def test_controllers_that_cannot_be_activated(switching, activate, states, before, after, requests):
+    """Others are switched. Diagnostics name these before a collision, the log after it."""
+    manager, other = switching(activate, arm_controller="active", **states)
+    level, message = entry_of(other)
+    assert level == ERROR and before in message
+    feed(other, [FREE] * 3 + [PUSHED] * 60)
+    assert manager.states["arm_controller"] == "inactive"
+    assert manager.states.get("hold") == {"inactive": "active"}.get(
+        states.get("hold"), states.get("hold")
     )
-    made, sent = service_request(SWITCH | {"reaction.activate": ["hold", ""]})
-    assert made is kind and set(vars(sent)) == set(request.get_fields_and_field_types())
-    assert (sent.deactivate_controllers, sent.activate_controllers) == (
-        ["arm_controller"],
-        ["hold"],
+    assert len(manager.requests) == requests and not any(
+        request.activate_controllers for request in manager.requests[1:]
     )
-    assert sent.strictness == 1 and sent.activate_asap and sent.timeout.sec == 0
+    assert any("Reaction failed" in line and after in line for line in other.process.node.output)
+    level, message = entry_of(other)
+    assert level == ERROR and "last call failed: " in message
+    values = {one.key: one.value for one in other.next_report().entries[REACTION].values}
+    assert values["calls"] == values["failed calls"] == "1"
+
+
+def test_a_manager_that_changes_nothing(switching):
+    """A response of success with the states as before is a failure."""
+    manager, other = switching(arm_controller="active", hold="inactive")
+    manager.switch = lambda *_: None
+    feed(other, [FREE] * 3 + [PUSHED] * 60)
+    differences = (
+        "after the response controller 'arm_controller' is active; expected inactive; "
+        "controller 'hold' is inactive; expected active"
+    )
+    assert differences in other.process.output and entry_of(other)[0] == ERROR

@@ -10,6 +10,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.controller_manager import ControllerSwitch
 from diag_dynamics.nodes.support.diagnostics import ERROR, OK, Status, shortened
 from diag_dynamics.nodes.support.publishing import connected, latched
 
@@ -28,17 +29,26 @@ class Reaction:
         self._publisher = connected(node.create_publisher, Bool, "~/collision", latched())
         self._service, self._client = node.values["reaction.service"], None
         self._on_contact = node.values["reaction.event"] == "contact"
-        self._published = self._future = None
+        self._published = self._future = self._fallback = self._controllers = None
         self._judged_at = -math.inf
         self._calls, self._failures, self._failure, self._latencies = 0, 0, "", {}
         if self._service:
-            kind, self._request = service_request(node.values)
+            is_switch = node.values["reaction.type"] == "switch_controller"
+            kind = ControllerSwitch.service_type() if is_switch else Trigger
             try:
                 self._client = node.create_client(kind, self._service)
             except Exception as error:  # rclpy does not name the parameter
                 raise InputError(
                     f"parameter 'reaction.service' is '{self._service}': {error}"
                 ) from error
+            self._request = kind.Request()
+            if is_switch:
+                names = [
+                    list(filter(None, node.values[f"reaction.{part}"]))
+                    for part in ("deactivate", "activate")
+                ]
+                self._controllers = ControllerSwitch(node, self._client.service_name, *names)
+                self._request, self._fallback = self._controllers.requests()
 
     def accept_state(self, watch, received):
         """React to the last state of a TorqueWatch, received at the steady time `received` [s]."""
@@ -67,31 +77,42 @@ class Reaction:
             self._publisher.publish(Bool(data=collision))
 
     def _call(self, received):
-        self._calls += 1
+        self._calls, self._failure = self._calls + 1, ""
         if self._future:
             self._client.remove_pending_request(self._future)
         self._future = None
         if not self._client.service_is_ready():
             self._fail("the service is not available")
             return
-        self._future = self._client.call_async(self._request)
-        self._sent = self._steady()
+        self._send(self._request, received)
         self._measure("call sent", received)
-        self._future.add_done_callback(partial(self._take_response, received))
 
-    def _take_response(self, received, future):
+    def _send(self, request, received):
+        self._future = self._client.call_async(request)
+        self._sent = self._steady()
+        self._future.add_done_callback(partial(self._take_response, request, received))
+
+    def _take_response(self, request, received, future):
         """Measure and log the response to the last call."""
         if future is not self._future:
             return
         self._future, response = None, future.result()
         latency = self._measure("response", received)
         if getattr(response, "success", getattr(response, "ok", False)):
-            self._failure = ""
             self._log.info(
                 f"Reaction: response of '{self._service}' {latency:.3g} ms after the joint state."
             )
-        else:
-            self._fail(f"the response is a failure: {getattr(response, 'message', '')}")
+            if self._controllers:
+                self._controllers.update(self._take_differences)
+            return
+        self._fail(f"the response is a failure: {getattr(response, 'message', '')}")
+        if request is self._request and self._fallback:
+            self._send(self._fallback, received)
+
+    def _take_differences(self, differences):
+        """Report controllers in another state than that of the request, after a success."""
+        if differences:
+            self._fail(f"after the response {differences}")
 
     def _measure(self, what, received):
         """Store the time since reception [ms] and its maximum; return it."""
@@ -101,7 +122,8 @@ class Reaction:
         return latency
 
     def _fail(self, reason):
-        self._failures, self._failure = self._failures + 1, reason
+        self._failures += not self._failure  # once a call
+        self._failure = reason
         self._log.error(shortened(f"Reaction failed: '{self._service}': {reason}"))
 
     def report(self):
@@ -117,26 +139,10 @@ class Reaction:
         message = self._failure and f"last call failed: {self._failure}"
         if self._future and self._steady() - self._sent > RESPONSE_TIMEOUT:
             message = f"no response within {RESPONSE_TIMEOUT:g} s"
+        if self._controllers:
+            self._controllers.update()
+            message = message or self._controllers.problem()
         if not self._client.service_is_ready():
             message = "the service is not available"
         level = ERROR if message else OK
         return [Status("reaction", level, f"'{self._service}': {message or 'ready'}", values)]
-
-
-def service_request(values):
-    """Return type and request of the service of `reaction.*`; InputError if its package is not installed."""
-    if values["reaction.type"] == "trigger":
-        return Trigger, Trigger.Request()
-    try:
-        from controller_manager_msgs.srv import SwitchController
-    except ImportError as error:
-        raise InputError(
-            "parameter 'reaction.type' is 'switch_controller'; expected an installed package controller_manager_msgs. "
-            f"Install it ({error})."
-        ) from error
-    request = SwitchController.Request()
-    request.activate_controllers = list(filter(None, values["reaction.activate"]))
-    request.deactivate_controllers = list(filter(None, values["reaction.deactivate"]))
-    request.strictness = request.BEST_EFFORT  # one controller that fails does not keep the others
-    request.activate_asap = True
-    return SwitchController, request

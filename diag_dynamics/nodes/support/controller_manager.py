@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""States of ros2_control's controllers, where controller_manager_msgs is installed."""
+
+from diag_dynamics.exceptions import InputError
+
+try:
+    from controller_manager_msgs.srv import ListControllers, SwitchController
+except ImportError:  # PyPI has no controller_manager_msgs
+    ListControllers = SwitchController = None
+
+ACTIVE, UNCONFIGURED, NOT_LOADED = "active", "unconfigured", "not loaded"
+"""States of a controller, the last one for a name that its manager does not list."""
+
+
+class ControllerSwitch:
+    """Controllers that a request deactivates and activates, compared with list_controllers.
+
+    `service` is the full name of switch_controller.
+    """
+
+    def __init__(self, node, service, deactivate, activate):
+        self._deactivate, self._activate = deactivate, activate
+        self._states = self._listing = self._take = None
+        name = f"{service.rpartition('/')[0]}/list_controllers"
+        self._client = node.create_client(ListControllers, name)
+
+    @staticmethod
+    def service_type():
+        """Return the type of the service."""
+        if SwitchController is None:
+            raise InputError(
+                "parameter 'reaction.type' is 'switch_controller'; expected an installed package "
+                "controller_manager_msgs. Install it."
+            )
+        return SwitchController
+
+    def requests(self):
+        """Return the request, and one with the deactivations alone or None.
+
+        controller_manager rejects a request as a whole if none of its deactivations, or none of its
+        activations, is loaded.
+        """
+        options = {"strictness": SwitchController.Request.BEST_EFFORT, "activate_asap": True}
+        whole, part = (
+            SwitchController.Request(
+                deactivate_controllers=self._deactivate, activate_controllers=names, **options
+            )
+            for names in (self._activate, [])
+        )
+        return whole, part if self._activate and self._deactivate else None
+
+    def update(self, take=None):
+        """Request the states; `take` is called with what then differs from the request."""
+        self._take = take or self._take
+        if self._listing:
+            self._client.remove_pending_request(self._listing)
+        self._listing = None
+        if self._client.service_is_ready():
+            self._listing = self._client.call_async(ListControllers.Request())
+            self._listing.add_done_callback(self._take_states)
+
+    def _take_states(self, future):
+        if future is not self._listing:
+            return
+        self._listing, take, self._take = None, self._take, None
+        self._states = {one.name: one.state for one in future.result().controller}
+        if take:
+            take(self._differences())
+
+    def _differences(self):
+        """Return the controllers that are not in the state of the request."""
+        differences = [
+            f"controller '{name}' is {ACTIVE}; expected inactive"
+            for name in self._deactivate
+            if self._states.get(name) == ACTIVE
+        ]
+        states = {name: self._states.get(name, NOT_LOADED) for name in self._activate}
+        differences += [
+            f"controller '{name}' is {state}; expected {ACTIVE}"
+            for name, state in states.items()
+            if state != ACTIVE
+        ]
+        return "; ".join(differences)
+
+    def problem(self):
+        """Return why a request would fail by the last states; empty if it would not."""
+        if self._states is None:
+            return f"no response of '{self._client.service_name}' yet"
+        problems = [
+            f"controller '{name}' is {NOT_LOADED}"
+            for name in (*self._deactivate, *self._activate)
+            if name not in self._states
+        ]
+        problems += [
+            f"controller '{name}' is {UNCONFIGURED}"
+            for name in self._activate
+            if self._states.get(name) == UNCONFIGURED
+        ]
+        return "; ".join(problems)
