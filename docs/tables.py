@@ -353,6 +353,13 @@ INTERFACES = {
         ),
         CLOCK,
         Interface(
+            IN,
+            "controller_manager/activity",
+            "controller_manager_msgs/ControllerManagerActivity",
+            "latched: state of the effort controller",
+            "controller_manager_msgs",
+        ),
+        Interface(
             OUT,
             "effort_controller/commands",
             "std_msgs/Float64MultiArray",

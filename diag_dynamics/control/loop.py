@@ -60,7 +60,8 @@ class ControlLoop:
     `values` are those of parameters.controller.PARAMETERS, `compensated` is whether the robot adds gravity compensation to
     the efforts that it receives, and `points` are ContactPoints with limits. `modes` are those that the parameters allow, by
     name, `state` is the last valid RobotState or None, `energy` its kinetic energy [J], `following` the :class:`Following` of
-    the last trajectory or None, and `tolerances` the default ones of trajectories.
+    the last trajectory or None, and `tolerances` the default ones of trajectories. `not_executed`
+    is why the robot does not execute the commands, empty if it does.
     """
 
     def __init__(self, model, values, compensated, points=None):
@@ -88,6 +89,7 @@ class ControlLoop:
         self._initial_mode = self._mode_of(values["initial_mode"])
         self.following = None  # of the last trajectory
         self.tolerances = Tolerances.of_parameters(values, model.dof_names)
+        self.not_executed = ""
         self.forget()
 
     def forget(self):
@@ -253,6 +255,8 @@ class ControlLoop:
             self._mode.void()
         if unstable := self._check_gains(before):
             self._finish(unstable)
+        if self.not_executed:
+            return self.stand_by(now, self.not_executed)._replace(lost=unstable)
         self._mode.begin(state)
         self._scale_contact(now)
         external = self._observed(state)
@@ -263,6 +267,19 @@ class ControlLoop:
         # After the command, because a law that fails must not prolong the hold.
         supervisor.valid(now, has_started)
         return sent._replace(lost=unstable or sent.lost)
+
+    def stand_by(self, now, reason):
+        """Return gravity compensation with damping; the next state starts from it anew."""
+        self._finish(reason)
+        self._mode.void()
+        self._carried_since = None
+        if self._observer:
+            self._observer.reset()
+        self.efforts.begin()
+        filtered = self.efforts.filtered(self.state, self._braking.command(self.state), None)
+        self.efforts.reset(filtered.effort)
+        self.supervisor.stand_by(now, reason)
+        return self._sent_by(filtered, now)
 
     def _is_interrupted(self, before):
         """Return whether the state does not follow the one before within the longest hold."""

@@ -19,7 +19,7 @@ class State(IntEnum):
     WAITING = 0  # none: no valid state yet
     STARTING = 1  # damping until the efforts reach gravity compensation
     ACTIVE = 2  # the law
-    HOLDING_START = 3  # gravity compensation without a valid state, returns to STARTING
+    HOLDING_START = 3  # gravity compensation without a law, returns to STARTING
     HOLDING = 4  # gravity compensation without a valid state, returns to ACTIVE
     RAMPING_DOWN = 5  # zero without a valid state, then none
 
@@ -113,6 +113,11 @@ class Supervisor:
             self._outage = max(self._outage - max(now - self._last, 0), 0)
         self.state = TRANSITIONS[self.state][Event.CARRIED if carried else Event.VALID]
         self.reason, self._last = "", now
+
+    def stand_by(self, now, reason):
+        """Accept a valid state while the robot does not execute the commands; start again then."""
+        self.state, self.reason, self._outage = State.HOLDING_START, reason, 0
+        self._last, self._moved = now, self._machine_time()
 
     def invalid(self, now, reason):
         """Record the reason why no state is valid at a time [ns]; end a hold after its timeout."""

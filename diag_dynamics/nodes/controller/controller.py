@@ -23,6 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 from diag_dynamics.control.by_dof import command_order, require_same_joints
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES
+from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import HOLDING, RAMPING_DOWN
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
@@ -38,6 +39,8 @@ from diag_dynamics.nodes.controller.record import (
 )
 from diag_dynamics.nodes.controller.trajectories import ACTION, Trajectories
 from diag_dynamics.nodes.support.clocks import steady_clock
+from diag_dynamics.nodes.support.controller_manager import ACTIVE as RUNNING
+from diag_dynamics.nodes.support.controller_manager import NOT_LOADED, ControllerActivity
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import (
@@ -84,6 +87,7 @@ class ControllerNode(ManagedNode):
             COMPENSATES, Parameter.Type.BOOL, required
         ).value
         self._loop = self._states = self._descriptions = self._watch = self._trajectories = None
+        self._activity = None  # of the effort controller
         self._description, self._refused, self._other = None, "", None
         self._published, self._subscribed, self._offered = [], [], []
         self._record, self._order_known = Record(), ""
@@ -123,6 +127,7 @@ class ControllerNode(ManagedNode):
                 f"parameter '{COMPENSATES}' is not set and has no default. Set {WHY_REQUIRED}."
             )
         self._commands = self._publisher(Float64MultiArray, COMMANDS)
+        self._activity = ControllerActivity(self, self._commands.topic_name, self._take_activity)
         self._status = self._publisher(ControllerStatus, "~/status")
         self._status_limit = RateLimit(self.values["max_rate.status"])
         if self.values["controlled_link"] and self._transforms is None:
@@ -225,9 +230,12 @@ class ControllerNode(ManagedNode):
             self.destroy_publisher(publisher)
         if self._trajectories:
             self._trajectories.destroy()
+        if self._activity:
+            self._activity.destroy()
         self._offered, self._published = [], []
         self._left = self._standing()
         self._loop = self._descriptions = self._description = self._trajectories = None
+        self._activity = None
         self._refused, self._other = "", None
 
     # --- The robot
@@ -334,10 +342,25 @@ class ControllerNode(ManagedNode):
         self._answer(sent, now)
 
     def _step(self, raw, now):
+        self._loop.not_executed = self._not_executed()
         found = self._states.accept(raw, now)
         if isinstance(found, Rejected):
             raise RejectedError(*found)
         return None if found.state is None else self._loop.step(found.state, now)
+
+    def _not_executed(self):
+        """Return why the effort controller does not execute the commands; empty if unknown."""
+        state, name = self._activity.state, self._activity.name
+        unknown = state == NOT_LOADED and self._commands.get_subscription_count()
+        if state in (None, RUNNING) or unknown:  # another node may receive the commands
+            return ""
+        return f"controller '{name}' is {state}"
+
+    def _take_activity(self, before, state):
+        """Start anew when the state of the effort controller changes."""
+        is_in_force = self._loop is not None and self._loop.supervisor.phase == IN_FORCE
+        if is_in_force and before not in (None, state):
+            self._loop.stand_by(self.time.now(), f"controller '{self._activity.name}' is {state}")
 
     def _look(self):
         """Hold the robot if the last state has become too old."""
@@ -494,6 +517,7 @@ class ControllerNode(ManagedNode):
         if self.phase != ACTIVE:
             return [], {}
         topic, problems = self._commands.topic_name, []
+        state = self._activity.check()
         receivers, others = (
             self._commands.get_subscription_count(),
             self.count_publishers(topic) - 1,
@@ -505,7 +529,11 @@ class ControllerNode(ManagedNode):
         if others > 0:
             problems.append(f"other publishers on {topic}: {others}")
         problems += [*problems_of_limits(self._loop.efforts), *self._record.problems_of_contact()]
-        return problems, {"subscribers": receivers, "other publishers": others}
+        return problems, {
+            "subscribers": receivers,
+            "other publishers": others,
+            "state of the effort controller": state or "unknown",
+        }
 
 
 def joints_of_controller(node, controller, timeout):

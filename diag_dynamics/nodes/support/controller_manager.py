@@ -4,14 +4,56 @@
 """States of ros2_control's controllers, where controller_manager_msgs is installed."""
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.publishing import connected, latched
 
 try:
     from controller_manager_msgs.srv import ListControllers, SwitchController
 except ImportError:  # PyPI has no controller_manager_msgs
     ListControllers = SwitchController = None
+try:
+    from controller_manager_msgs.msg import ControllerManagerActivity
+except ImportError:  # nor has ROS 2 Humble this type
+    ControllerManagerActivity = None
 
 ACTIVE, UNCONFIGURED, NOT_LOADED = "active", "unconfigured", "not loaded"
 """States of a controller, the last one for a name that its manager does not list."""
+
+
+class ControllerActivity:
+    """State of the controller that receives a topic, by the activity of its controller manager.
+
+    `state` is None until a message arrives. `take` is called with the state before and the new one.
+    """
+
+    def __init__(self, node, topic, take):
+        controller = topic.rpartition("/")[0]
+        namespace, _, self.name = controller.rpartition("/")
+        self.state, self._node, self._take = None, node, take
+        self.topic, self._subscription = f"{namespace}/controller_manager/activity", None
+        if ControllerManagerActivity:
+            self._subscription = connected(
+                node.create_subscription,
+                ControllerManagerActivity,
+                self.topic,
+                self._take_activity,
+                latched(),
+            )
+
+    def check(self):
+        """Return the state; forget it if its manager has left the graph."""
+        if self._subscription and not self._subscription.get_publisher_count():
+            self.state = None
+        return self.state
+
+    def destroy(self):
+        """Remove the subscription."""
+        if self._subscription:
+            self._node.destroy_subscription(self._subscription)
+
+    def _take_activity(self, message):
+        states = {controller.name: controller.state.label for controller in message.controllers}
+        before, self.state = self.state, states.get(self.name, NOT_LOADED)
+        self._take(before, self.state)
 
 
 class ControllerSwitch:
