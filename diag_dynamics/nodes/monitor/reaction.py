@@ -47,7 +47,7 @@ class Reaction:
                     list(filter(None, node.values[f"reaction.{part}"]))
                     for part in ("deactivate", "activate")
                 ]
-                self._controllers = ControllerSwitch(node, self._client.service_name, *names)
+                self._controllers = ControllerSwitch(node, self._service, *names)
                 self._request, self._fallback = self._controllers.requests()
 
     def accept_state(self, watch, received):

@@ -59,14 +59,15 @@ class ControllerActivity:
 class ControllerSwitch:
     """Controllers that a request deactivates and activates, compared with list_controllers.
 
-    `service` is the full name of switch_controller.
+    `service` is the name of switch_controller.
     """
 
     def __init__(self, node, service, deactivate, activate):
         self._deactivate, self._activate = deactivate, activate
         self._states = self._listing = self._take = None
-        name = f"{service.rpartition('/')[0]}/list_controllers"
-        self._client = node.create_client(ListControllers, name)
+        manager = node.resolve_service_name(service).rpartition("/")[0]
+        self._name = f"{manager}/list_controllers"
+        self._client = node.create_client(ListControllers, self._name)
 
     @staticmethod
     def service_type():
@@ -129,7 +130,7 @@ class ControllerSwitch:
     def problem(self):
         """Return why a request would fail by the last states; empty if it would not."""
         if self._states is None:
-            return f"no response of '{self._client.service_name}' yet"
+            return f"no response of '{self._name}' yet"
         problems = [
             f"controller '{name}' is {NOT_LOADED}"
             for name in (*self._deactivate, *self._activate)
