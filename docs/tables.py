@@ -206,6 +206,12 @@ INTERFACES = {
             "in header.frame_id",
             "floating_base",
         ),
+        Interface(
+            IN,
+            "effort_controller/commands",
+            "std_msgs/Float64MultiArray",
+            "to recognize efforts that repeat commands while the robot stands still",
+        ),
         CLOCK,
         *(
             Interface(OUT, f"~/{topic.name}", topic.type, topic.meaning, topic.condition)

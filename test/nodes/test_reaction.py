@@ -8,7 +8,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
 from controller_managers import ControllerManager
@@ -128,6 +128,26 @@ def test_a_collision_ends_without_a_result(monitor, peer):
     assert not published(monitor)
     peer.pass_time(0.3)
     assert published(monitor) == [False]
+
+
+@pytest.mark.parametrize(
+    ("first", "factor", "text"), [(0.0, 0.0, "0"), (np.nan, 0.0, "0"), (0.0, 0.5, "commands")]
+)
+def test_efforts_that_are_not_measured(monitor, peer, first, factor, text):
+    """Brakes hold the arm, or the driver repeats commands: no result, no collision, no call."""
+    q, qd, tau = FREE
+    efforts = np.array([first, *factor * tau[1:]])
+    commands = peer.publisher(Float64MultiArray, "/reacting/effort_controller/commands")
+    commands.publish(Float64MultiArray(data=np.nan_to_num(efforts)[::-1]))
+    monitor.next_report()  # of the states before
+    assert not any(message.valid for message in feed(monitor, [(q, qd, efforts)] * 100))
+    report = monitor.next_report()
+    assert "collision" not in report.entries["external torque"].message
+    note = f"all efforts are {text}, but gravity requires"
+    assert note in report.entries["joint states"].message
+    peer.node.destroy_publisher(commands)
+    assert feed(monitor, [FREE] * 60)[-1].valid
+    assert not published(monitor) and not monitor.stop_service.calls
 
 
 @pytest.mark.parametrize(

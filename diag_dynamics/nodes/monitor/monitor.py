@@ -13,6 +13,7 @@ from sensor_msgs.msg import Imu, JointState
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected
+from diag_dynamics.nodes.monitor.commands import EffortCommands
 from diag_dynamics.nodes.monitor.gravity import GravitySource
 from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, Refused, model_status
@@ -54,6 +55,7 @@ class MonitorNode(TableNode, Node):
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
         self._outputs.use_frames(self._settings.frames)
         self._reaction = Reaction(self)
+        self._commands = EffortCommands(self)
         self._diagnostics = Diagnostics(
             self, self._report, lambda: self._robot and self._robot.model
         )
@@ -271,7 +273,9 @@ class MonitorNode(TableNode, Node):
     def _observe(self, robot, state):
         """Publish external torque, and a collision at once."""
         watch = robot.torque
-        alarm = watch.accept_state(state)
+        problem = robot.effort_problem(self._commands)
+        measured = state._replace(effort=None, partial=None) if problem else state
+        alarm = watch.accept_state(measured)
         self._reaction.accept_state(watch, self._received)
         if watch.begins:
             self.get_logger().warning(plain(f"Collision: {watch.cause}."))
@@ -400,11 +404,8 @@ class MonitorNode(TableNode, Node):
             if kind is JointState and self._robot:
                 problems += self._overlap(subscription.topic_name, sorted({*names} - {*wrong}))
         values, wrong = clock_notes(self)
-        if self._robot and (load := self._robot.load_without_effort()):
-            problems.append(
-                f"all efforts are 0, but gravity requires {load:.3g} N m or N: the brakes hold the robot, or the driver "
-                "does not measure efforts (effort_available)"
-            )
+        if self._robot and (problem := self._robot.effort_problem(self._commands)):
+            problems.append(problem)
         return notes | values, problems + wrong
 
     def _overlap(self, topic, names):

@@ -81,6 +81,7 @@ class MonitoredRobot:
             None
         )
         self._moved = 0  # jumps of positions that the watches know of
+        self._stands_still = False  # whether the last two states have the same positions
         self.use(model, settings, revision)
         compile_dynamics()
         self._compile()
@@ -193,13 +194,29 @@ class MonitoredRobot:
         """Status of external torque, where it is observed."""
         return self.torque.report(self.assembler.without_effort)
 
-    def load_without_effort(self):
-        """Return the largest gravity torque [N m, N] at the last state if all of its efforts are 0; else 0."""
-        state, load = self.state, 0.0
-        if state is not None and state.effort is not None and not state.effort.any():
-            torque = self.dynamics.gravity_torque(state.position)
-            load = np.abs(torque[len(torque) - len(self.assembler.joint_names) :]).max(initial=0.0)
-        return load if load > MIN_LOAD else 0.0
+    def effort_problem(self, commands):
+        """Return why the efforts of the last state are not measured; empty if they may be.
+
+        `commands` are EffortCommands.
+        """
+        state = self.state
+        effort = state and (state.partial if state.effort is None else state.effort)
+        if effort is None:
+            return ""
+        joints = slice(len(effort) - len(self.assembler.joint_names), None)
+        effort, names = effort[joints], "0"
+        if effort[~np.isnan(effort)].any():
+            names = "commands"
+            if not (self._stands_still and commands.repeated_by(effort)):
+                return ""
+        excess = effort - self.dynamics.gravity_torque(state.position)[joints]
+        load = np.nan_to_num(np.abs(excess)).max(initial=0.0)
+        if load <= MIN_LOAD:
+            return ""
+        return (
+            f"all efforts are {names}, but gravity requires {load:.3g} N m or N more: the brakes "
+            "hold the robot, or the driver does not measure efforts (effort_available)"
+        )
 
     def report(self):
         """Return the statuses of what watches states, and begin the next interval."""
@@ -249,7 +266,8 @@ class MonitoredRobot:
             state = state._replace(partial=self._of_joints(state.partial, state.position))
         if self._links.has_any:
             state = self._of_links(state)
-        self.state = None
+        before, self.state = self.state, None
+        self._stands_still = before is not None and np.array_equal(before.position, state.position)
         friction = self.settings.values["publish_friction"]
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
         self.state = state
