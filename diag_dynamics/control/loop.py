@@ -271,7 +271,6 @@ class ControlLoop:
     def stand_by(self, now, reason):
         """Return gravity compensation with damping; the next state starts from it anew."""
         self._finish(reason)
-        self._mode.void()
         self._carried_since = None
         if self._observer:
             self._observer.reset()

@@ -36,6 +36,7 @@ class Switched(Controller):
         self.clock = peer.publisher(Clock, f"{namespace}/clock")
         self.states = peer.publisher(JointState, f"{namespace}/joint_states")
         defaults = {"autostart": True, "use_sim_time": True, "controlled_link": "tool0"}
+        defaults["following_energy"] = 0.0  # which would give set-points up
         defaults |= {"robot_description": robot(UR5).path, "robot_compensates_gravity": False}
         super().__init__(
             peer, namespace, "-r", f"/clock:={namespace}/clock", **(defaults | parameters)
@@ -139,6 +140,22 @@ def test_a_law_starts_anew_with_its_controller(arm):
     arm.activate("trajectories", "effort_controller")
     arm.run(0.1)
     assert max(arm.activate("effort_controller", "trajectories"), arm.run(0.4)) <= MAX_SPEED
+
+
+def test_a_controller_that_is_loaded_and_activated_at_once(arm):
+    """Another node may receive the commands before, so that the law is in force."""
+    del arm.manager.states["effort_controller"]
+    arm.manager.publish()
+    assert arm.ask("tracking").success
+    arm.run(0.2)
+    arm.velocity = VELOCITY
+    arm.run(0.2)
+    arm.velocity = np.zeros(6)
+    arm.run(0.01)
+    assert np.abs(arm.status.messages[-1].tracking_error).max() > 0.05
+    arm.manager.states |= {"trajectories": "inactive", "effort_controller": "active"}
+    arm.manager.publish()
+    assert arm.run(0.4) <= MAX_SPEED
 
 
 def test_a_restart_of_the_manager(peer):

@@ -145,6 +145,8 @@ def test_efforts_that_are_not_measured(monitor, peer, first, factor, text):
     assert "collision" not in report.entries["external torque"].message
     note = f"all efforts are {text}, but gravity requires"
     assert note in report.entries["joint states"].message
+    moving = [(q + 1e-9 * number, qd, efforts) for number in range(3)]
+    assert feed(monitor, moving)[-1].valid == (text == "commands")
     peer.node.destroy_publisher(commands)
     assert feed(monitor, [FREE] * 60)[-1].valid
     assert not published(monitor) and not monitor.stop_service.calls
