@@ -249,15 +249,14 @@ def report_written(*paths):
 @contextmanager
 def json_output(path):
     """Yield a function that writes a document as JSON; ``-`` is stdout, None nothing. The file is created first."""
-    from diag_dynamics.recordings.atomic_file import AtomicFile
+    from diag_dynamics.atomic_file import AtomicFile
 
     file = AtomicFile(path) if path and path != "-" else None
 
     def write(document):
         text = json.dumps(document, indent=1, allow_nan=False)
         if file:
-            Path(file.name).write_text(text, encoding="utf-8")
-            file.commit()
+            file.write_text(text)
         elif path == "-":
             print(text)
 

@@ -14,7 +14,9 @@ import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import suppress
 
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.numerics.cache import (
     PACKAGE,
     STAMP_PREFIX,
@@ -77,8 +79,8 @@ def run(chosen):
     if failure:
         print(f"diag-dynamics compile: {failure}", file=sys.stderr)
         return 1
-    with suppress(OSError):  # without it, the next --if-needed looks through the cache
-        _stamp_file().write_text(_stamp(), encoding="utf-8")
+    with suppress(InputError):  # without it, the next --if-needed looks through the cache
+        write_text(_stamp_file(), _stamp())
     if not chosen.quiet:
         print(
             f"Compiled, or found compiled, in {time.perf_counter() - start:.0f} s.", file=sys.stderr

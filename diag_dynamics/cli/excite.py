@@ -3,10 +3,9 @@
 
 """`diag-dynamics excite`: a trajectory from which friction, rotor inertias and inertias can be identified."""
 
-from pathlib import Path
-
 import numpy as np
 
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.excite import excite
@@ -81,9 +80,9 @@ def run(chosen):
             **{name: getattr(chosen, name) for name in numbers},
         )
     if chosen.output:
-        Path(chosen.output).write_text(found.to_json(), encoding="utf-8")
+        write_text(chosen.output, found.to_json())
     if chosen.trajectory:
-        Path(chosen.trajectory).write_text(found.to_message(chosen.approach), encoding="utf-8")
+        write_text(chosen.trajectory, found.to_message(chosen.approach))
     print("\n".join(map(plain, _summary(model, found))))
     common.report_written(chosen.output, chosen.trajectory)
     return common.DONE

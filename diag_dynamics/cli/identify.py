@@ -4,8 +4,8 @@
 """`diag-dynamics identify`: friction, rotor inertias, payloads and inertias from recordings."""
 
 import sys
-from pathlib import Path
 
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.exceptions import InputError, UnsupportedError
@@ -116,9 +116,7 @@ def _write_parameters(chosen, found, earlier, robot):
     )
     possible, shared = without_impossible_links(found.model, parameters)
     text = urdf_with(read_source(source).text, possible)
-    Path(chosen.write_urdf).write_text(
-        f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', encoding="utf-8"
-    )
+    write_text(chosen.write_urdf, f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
     return shared
 
 

@@ -8,6 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import plain
@@ -81,9 +82,7 @@ def _estimate(robot, density, output, as_json):
         )
     found = estimated(described.text, density, folder_of(robot).resolve())
     if found.estimates:
-        output.write_text(
-            f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n', encoding="utf-8"
-        )
+        write_text(output, f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n')
     if as_json:
         _print_json(_estimates_document(found, density, output))
     else:

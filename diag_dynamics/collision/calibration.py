@@ -9,12 +9,12 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, IntArray
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import positive
 from diag_dynamics.collision.detector import NORM, TORQUE, AlarmDetector, AlarmThresholds, Judged
 from diag_dynamics.collision.residuals import (
@@ -158,10 +158,7 @@ class Calibration(AlarmThresholds):
         content = yaml_text(
             {"/**": {"ros__parameters": {"external_torque": torque, "alarm": alarm}}}
         )
-        try:
-            Path(path).expanduser().write_text("".join([*lines, content]), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"'{os.fspath(path)}' cannot be written: {error.strerror}.") from error
+        write_text(path, "".join([*lines, content]))
 
 
 def _entries(thresholds: AlarmThresholds) -> dict[str, Any]:

@@ -4,14 +4,13 @@
 """The report of an identification: curves, parameters with intervals, steps and base parameters in one HTML file."""
 
 from importlib import resources
-from pathlib import Path
 
 import numpy as np
 
 import diag_dynamics
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.identification.result import COLUMNS
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.atomic_file import AtomicFile
 
 WIDTH, HEIGHT = 1000.0, 100.0  # of a drawing, which the page stretches
 UNITS = {"damping": "N m s/rad", "friction": "N m", "effort_offset": "N m", "armature": "kg m²"}
@@ -39,9 +38,7 @@ def write_report(path, found):
         base=[_base_parameter(one) for one in quality["base_parameters"]["parameters"]],
         version=diag_dynamics.__version__,
     )
-    file = AtomicFile(path)
-    Path(file.name).write_text(page, encoding="utf-8", errors="backslashreplace")
-    file.commit()
+    write_text(path, page)
 
 
 def _draw_joint(found, name, k):

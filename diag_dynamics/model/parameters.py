@@ -9,7 +9,6 @@ import copy
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -17,6 +16,7 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import choice, listed, mapping, not_negative, number, numbers, positive
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.inertias import LARGEST, Payload, checked_body, not_physical
@@ -261,12 +261,7 @@ class Parameters:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them into a YAML file; numbers come back with the same bits."""
-        try:
-            Path(path).write_text(_HEAD + yaml_text(self.to_dict()), encoding="utf-8")
-        except OSError as error:
-            raise InputError(
-                f"Cannot write the file of parameters '{path}': {error.strerror or error}."
-            ) from error
+        write_text(path, _HEAD + yaml_text(self.to_dict()))
 
 
 def read_parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:

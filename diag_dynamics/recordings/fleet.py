@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import diag_dynamics
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.optional import require
 from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.findings import no_states_error
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading, make_settings
@@ -75,8 +75,8 @@ def analyse_fleet(
         if progress:
             progress(len(rows), len(jobs), row["recording"])
     table = [rows[job.path] for job in jobs]
-    _write(out / "fleet.csv", _format_csv(table))
-    _write(out / "fleet.html", _render_page(table, jobs))
+    write_text(out / "fleet.csv", _format_csv(table))
+    write_text(out / "fleet.html", _render_page(table, jobs))
     return table
 
 
@@ -137,7 +137,7 @@ def _analyse(job, options, gain):
             raise no_states_error(job.path, analysis.findings)
         columns.close()
         summary = summarize(analysis) | {"recording": job.path, "fingerprint": job.fingerprint}
-        _write(summary_path, json.dumps(summary, indent=1, allow_nan=False))
+        write_text(summary_path, json.dumps(summary, indent=1, allow_nan=False))
         return _make_row(summary)
     except (DiagDynamicsError, OSError) as error:
         _remove_outputs(job)
@@ -179,9 +179,3 @@ def _render_page(rows, jobs):
     folders = [os.path.dirname(job.path) for job in jobs]
     folder = os.path.join(os.path.commonpath(folders), "") if folders else ""
     return template.render(rows=rows, links=links, folder=folder)
-
-
-def _write(path, text):
-    file = AtomicFile(path)
-    Path(file.name).write_text(text, encoding="utf-8", errors="backslashreplace")
-    file.commit()

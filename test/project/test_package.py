@@ -115,6 +115,17 @@ def test_compiled_code_is_stale_after_any_change_of_its_sources():
             )
 
 
+def test_one_writer_of_files():
+    """The others write into its temporary file, or into a folder of their own."""
+    writing = re.compile(
+        r"""\.write_(?:text|bytes)\(|open\([^)]*["'][wax]b?["']|FileIO\(|OSFile\("""
+    )
+    temporary = "page/report.py", "recordings/outputs/chunks.py", "recordings/outputs/tables.py"
+    expected = {"atomic_file.py", "cli/common.py", "recordings/bags.py", *temporary}
+    writers = {path for path, source in SOURCES.items() if writing.search(source)}
+    assert {str(path.relative_to(PACKAGE)) for path in writers} == expected
+
+
 def test_the_page_makes_no_html_of_text():
     """Names in messages come from strangers."""
     forbidden = re.compile(

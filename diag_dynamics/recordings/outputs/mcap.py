@@ -9,11 +9,11 @@ from importlib import import_module
 import numpy as np
 
 import diag_dynamics
+from diag_dynamics.atomic_file import AtomicFile
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 

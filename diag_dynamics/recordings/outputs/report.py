@@ -6,6 +6,7 @@
 import numpy as np
 
 import diag_dynamics
+from diag_dynamics.atomic_file import AtomicFile
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
@@ -16,7 +17,6 @@ from diag_dynamics.page.meshes import MeshLibrary, pack_meshes
 from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_of, write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.recordings.atomic_file import AtomicFile
 from diag_dynamics.recordings.outputs.downsampling import (
     ContactRuns,
     Overview,
@@ -69,7 +69,8 @@ class ReportOutput:
             "version": diag_dynamics.__version__,
         }
         runs = sorted(self._runs, key=lambda run: run[1])
-        write_report(self._target.name, data, [whole, *(track for *_, track in runs)], meshes)
+        with self._target.errors():
+            write_report(self._target.name, data, [whole, *(track for *_, track in runs)], meshes)
         self._target.commit()
 
     def drop(self):

@@ -8,9 +8,9 @@ from contextlib import suppress
 
 import numpy as np
 
+from diag_dynamics.atomic_file import AtomicFile
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.atomic_file import AtomicFile
 
 UNITS = {
     "velocity": ("rad/s", "m/s"),
@@ -58,8 +58,9 @@ class TableOutput:
 
     def close(self, _summary=None):
         """Complete the file of at least one piece, and give it its name."""
-        self._writer.close()
-        self._file.close()
+        with self._target.errors():
+            self._writer.close()
+            self._file.close()
         self._target.commit()
 
     def drop(self):

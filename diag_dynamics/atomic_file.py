@@ -4,6 +4,7 @@
 """A file under a temporary name until it is complete."""
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import chain, count
@@ -25,10 +26,9 @@ class AtomicFile:
             )
         if self.path.is_dir():
             raise InputError(f"'{self.path}' cannot be written: it is a folder.")
+        # A pipe is not opened: its reader would take the closing for the end.
         numbers = () if self._is_direct else chain([""], (f".{k}" for k in count(1)))
-        for (
-            number
-        ) in numbers:  # a pipe is not opened: its reader would take the closing for the end
+        for number in numbers:
             self.name = f"{self._target}{number}.part"
             with self.errors(), suppress(FileExistsError):  # of another process
                 open(self.name, "xb").close()
@@ -47,12 +47,44 @@ class AtomicFile:
             ) from error
 
     def commit(self) -> None:
-        """Give the file its final name."""
-        if not self._is_direct:
+        """Give the file its final name and the mode of the file that it replaces."""
+        if self._is_direct:
+            return
+        with self.errors():
+            _synchronize(self.name)
+            with suppress(FileNotFoundError):
+                shutil.copymode(self._target, self.name)
             os.replace(self.name, self._target)
+        with suppress(OSError):  # some file systems have no such call for folders
+            _synchronize(self._target.parent)
+
+    def write_text(self, text: str) -> None:
+        """Write the whole file and give it its final name."""
+        with self.errors():
+            Path(self.name).write_text(text, encoding="utf-8", errors="backslashreplace")
+        self.commit()
 
     def discard(self) -> None:
         """Delete the temporary file."""
         if not self._is_direct:
             with suppress(OSError):
                 os.remove(self.name)
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file, or leave the old one and raise InputError."""
+    file = AtomicFile(path)
+    try:
+        file.write_text(text)
+    except BaseException:
+        file.discard()
+        raise
+
+
+def _synchronize(path: str | os.PathLike[str]) -> None:
+    """Wait until a file or folder is on the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
