@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,22 +22,39 @@ EXPONENT = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"
 def _loader() -> Any:
     """Return the class of loaders."""
     yaml = require("yaml", "reading YAML")
-    loader = type("Loader", (yaml.SafeLoader,), {})
-    loader.add_implicit_resolver(
+
+    class Loader(yaml.SafeLoader):
+        def compose_mapping_node(self, anchor: Any) -> Any:
+            """Return the node of a mapping; each key is there once."""
+            node = super().compose_mapping_node(anchor)
+            names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+            for name, count in Counter(names).items():
+                if count > 1:
+                    problem = f"key {name!r} is there {count} times; expected once"
+                    raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+            return node
+
+    Loader.add_implicit_resolver(
         "tag:yaml.org,2002:float", re.compile(EXPONENT), list("-+.0123456789")
     )
-    return loader
+    return Loader
 
 
 def read_yaml(path: object, what: str) -> Any:
-    """Return the contents of a YAML file, {} if it is empty; `what` names it in errors."""
+    """Return the contents of a YAML file; `what` names it in errors."""
+    content = parsed_yaml(read_text(path, what), what)
+    if content is None:
+        raise InputError(f"{what} is empty; expected YAML.")
+    return content
+
+
+def read_text(path: object, what: str) -> str:
+    """Return the text of a file; `what` names it in errors."""
     try:
-        text = Path(str(path)).expanduser().read_text(encoding="utf-8")
+        return Path(str(path)).expanduser().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError, ValueError) as error:  # ValueError: a null in the name
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{what} cannot be read: {reason}.") from error
-    content = parsed_yaml(text, what)
-    return {} if content is None else content
 
 
 def parsed_yaml(text: str, what: str) -> Any:

@@ -139,6 +139,7 @@ class Calibration(AlarmThresholds):
             "Units: gain 1/s; joints and external_torque N m, of prismatic joints N; norm J^0.5/s; times s.",
         ]
         alarm = {
+            "joint_count": len(self.joints),
             **_entries(self),
             "release": float(self.release),
             "hold_off": float(self.hold_off),
@@ -146,17 +147,14 @@ class Calibration(AlarmThresholds):
         }
         if self.contact:
             alarm |= {f"contact_{name}": value for name, value in _entries(self.contact).items()}
-        torque = {
-            "gain": float(self.gain),
-            "friction": bool(self.friction),
-            "settles_on": self.settles_on,
-        }
+        torque = {"gain": float(self.gain), "settles_on": self.settles_on}
         if self.covariance is not None and not singular_joint(self.names, self.covariance):
             numbers = [float(f"{x:.10g}") for x in self.covariance.ravel().tolist()]
             torque |= {"covariance_joints": list(self.names), "covariance": numbers}
+        torque["friction"] = bool(self.friction)  # last: a part of a truth value is none
         lines = [f"# {' '.join(note.split())}\n" for note in head]
         content = yaml_text(
-            {"/**": {"ros__parameters": {"external_torque": torque, "alarm": alarm}}}
+            {"/**": {"ros__parameters": {"alarm": alarm, "external_torque": torque}}}
         )
         write_text(path, "".join([*lines, content]))
 

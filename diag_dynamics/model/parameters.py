@@ -24,7 +24,7 @@ from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.model.urdf import parse_urdf, read_urdf
 from diag_dynamics.rigid_body import RigidBody, symmetric
-from diag_dynamics.yaml_files import read_yaml, yaml_text
+from diag_dynamics.yaml_files import read_text, read_yaml, yaml_text
 
 NEGLIGIBLE = 1e-9  # fraction of a mass that is rounding
 
@@ -51,6 +51,8 @@ _HEAD = """\
 # Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in the axes of the link, inertia about com
 # [kg m²].
 """
+
+_END = "# End of file. Number of joints: {}\n"
 
 
 class FlexibleJoint(NamedTuple):
@@ -152,6 +154,11 @@ class Parameters:
         """Links with a payload of negative mass."""
         return [name for name, payload in self.payloads.items() if payload.mass < 0.0]
 
+    @property
+    def joint_count(self) -> int:
+        """Number of joints with parameters."""
+        return len({*self.joints, *self.couplings, *self.flexible_joints})
+
     def by_joint(self, name: str) -> dict[str, float]:
         """Return one number of :class:`JointParameters` by joint, of those that have it."""
         return {
@@ -167,9 +174,16 @@ class Parameters:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Parameters:
-        """Read them from a YAML file, as :meth:`save` writes it."""
+        """Read them from a YAML file, as :meth:`save` writes it or without its first line."""
         source = f"file of parameters '{os.fspath(path)}'"
-        return cls.from_dict(read_yaml(path, source), source)
+        parameters = cls.from_dict(read_yaml(path, source), source)
+        text, end = read_text(path, source), _END.format(parameters.joint_count)
+        if text.startswith(_HEAD[: _HEAD.index("\n")]) and not text.endswith(end):
+            raise InputError(
+                f"{source} ends with {text[-40:]!r}; expected {end!r} because it begins as a whole "
+                "file of this package. Write it again, or remove its first line."
+            )
+        return parameters
 
     @classmethod
     def from_dict(cls, content: object, source: str = "parameters") -> Parameters:
@@ -261,7 +275,8 @@ class Parameters:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write them into a YAML file; numbers come back with the same bits."""
-        write_text(path, _HEAD + yaml_text(self.to_dict()))
+        end = _END.format(self.joint_count)
+        write_text(path, _HEAD + yaml_text(self.to_dict()) + end)
 
 
 def read_parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:

@@ -14,7 +14,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
 from diag_dynamics.model.loops import COUPLINGS
 from diag_dynamics.parameters import controller, simulator, view
-from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.parameters.monitor import PARAMETERS, require_thresholds
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"
@@ -52,8 +52,11 @@ def parameters_of(files=(), assignments=()):
     """
     values = {}
     for path in files:
+        arrived = {}
         for name, value in _read_file(path).items():
-            values |= _check(name, value, f"'{path}'")
+            arrived |= _check(name, value, f"'{path}'")
+        require_thresholds(arrived, f"'{path}': ")
+        values |= arrived
     lists = {}
     for entry in assignments:
         name, equals, value = entry.partition("=")

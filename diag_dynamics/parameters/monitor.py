@@ -206,6 +206,11 @@ _COLLISION = {
         [""],
         "External torque |m r| that raises an alarm, as joint=threshold [N m, N]; * for all others. 0 disables.",
     ),
+    "alarm.joint_count": Spec(
+        0,
+        "Number of joints in alarm.joints, of files of diag-dynamics calibrate; 0: unknown.",
+        read_only=True,
+    ),
     "alarm.external_torque": Spec(0.0, "Norm of m r that raises an alarm [N m]; 0 disables.", 0.0),
     "alarm.norm": Spec(
         0.0,
@@ -595,6 +600,19 @@ def _check_contact_order(alarms, contact):
             raise InputError(
                 f"threshold of contact for '{name}' is {low:g} (alarm.contact_*), expected at most {high:g} (alarm.*)."
             )
+
+
+def require_thresholds(arrived, source=""):
+    """Reject parameters of a cut file of thresholds: external_torque.friction is the last one."""
+    count = arrived.get("alarm.joint_count")
+    entries = len([*filter(None, arrived.get("alarm.joints") or ())])
+    is_whole = "external_torque.friction" in arrived
+    if count and not (is_whole and entries == count):
+        raise InputError(
+            f"{source}parameter 'alarm.joint_count' is {count}; expected {entries}, the number of "
+            f"alarm.joints{'' if is_whole else ', and external_torque.friction'}. The file is cut: "
+            "calibrate again. After a change by hand, remove alarm.joint_count."
+        )
 
 
 def _alarms(values, kind=""):

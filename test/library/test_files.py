@@ -7,10 +7,13 @@ import os
 import resource
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.atomic_file import write_text
+from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.yaml_files import yaml_text
 
 # --- Writing
 
@@ -56,3 +59,64 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     part = f"{path}.part"
     assert calls == [(part, "old"), (part, str(path)), (str(tmp_path), "new")]
     assert path.stat().st_mode & 0o777 == 0o640
+
+
+# --- Files of parameters
+
+
+def test_a_truncated_file_of_parameters_is_rejected(tmp_path):
+    """At any length; the whole file and one without both marks are read."""
+    rng, path = np.random.default_rng(1), tmp_path / "arm.yaml"
+    values = np.exp(rng.normal(size=(6, 3))).tolist()
+    joints = {f"joint{k}": dd.JointParameters(*x) for k, x in enumerate(values)}
+    saved = dd.Parameters(joints)
+    saved.save(path)
+    whole = path.read_bytes()
+    for size in range(len(whole)):
+        path.write_bytes(whole[:size])
+        with pytest.raises(dd.InputError, match=r"arm\.yaml'"):
+            dd.Parameters.load(path)
+    path.write_text(yaml_text(saved.to_dict()))
+    assert dict(dd.Parameters.load(path).joints) == joints
+    path.write_text(whole.decode().replace("joints: 6", "joints: 5"))
+    with pytest.raises(dd.InputError, match=r"joints: 5.*expected.*joints: 6"):
+        dd.Parameters.load(path)
+
+
+def test_a_truncated_file_of_thresholds_is_rejected(tmp_path):
+    """At any length but without the last newline: the count is first, a truth value is last."""
+    path, trust = tmp_path / "alarms.yaml", {"asked": 1.0, "duration": 9.0, "alarms": 0}
+    trust |= {"held_out": 0, "method": "tail", "peaks": 9, "gain": 30.0, "friction": False}
+    noise = {"names": ("a", "b"), "covariance": np.diag([2.5, 12.5])}
+    saved = dd.Calibration(joints={"a": 12.5, "b": 2.25}, norm=1.5, **trust, **noise)
+    saved.save(path)
+    whole = path.read_bytes()
+    assert parameters_of([path])["alarm.joint_count"] == 2
+    for size in range(len(whole) - 1):
+        path.write_bytes(whole[:size])
+        with pytest.raises(dd.InputError, match=r"alarms\.yaml'"):
+            parameters_of([path])
+    path.write_bytes(whole.replace(b"      - b=2.25\n", b""))
+    with pytest.raises(dd.InputError, match=r"'alarm.joint_count' is 2; expected 1"):
+        parameters_of([path])
+
+
+@pytest.mark.parametrize("read", [lambda path: parameters_of([path]), dd.Parameters.load])
+def test_keys_are_there_once(tmp_path, read):
+    path = tmp_path / "x.yaml"
+    path.write_text("joints: {a: {damping: 1}}\njoints: {a: {damping: 2}}")
+    with pytest.raises(dd.InputError, match=r"x\.yaml' is no YAML: key 'joints' is there 2 times"):
+        read(path)
+
+
+def test_empty_files_are_rejected(tmp_path):
+    """They would mean no loops, or columns by their names."""
+    path = tmp_path / "x.yaml"
+    path.write_text("# joints:\n")
+    for read in (
+        dd.Parameters.load,
+        lambda path: dd.load_robot("ur5", loops=path),
+        lambda path: dd.read_recording("x.csv", "ur5", columns=path),
+    ):
+        with pytest.raises(dd.InputError, match=r"x\.yaml'? is empty; expected YAML"):
+            read(path)

@@ -185,6 +185,7 @@ NOT_OBSERVED = {
     *(
         "robot_description",
         "loops_file",
+        "alarm.joint_count",
         "max_joints",
         "max_coupled",
         "floating_base",

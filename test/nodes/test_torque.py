@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from rclpy.exceptions import ParameterException
 
 import diag_dynamics as dd
 from diag_dynamics.collision.calibration import Calibration
@@ -290,6 +291,17 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
         options = [values[f"alarm.{key}"] for key in ("release", "hold_off", "standing")]
         assert options == [0.6, 0.3, 1.5]
         assert peer.get_parameters(monitor.name, list(values)) == values
+        joints = len(panda.names)
+        assert f"Collision thresholds of {joints} joints." in monitor.process.output
+    content = (tmp_path / "alarms.yaml").read_text()
+    for size, error in (
+        (-3, "friction"),
+        (-30, "joint_count"),
+        (content.index("31.5") + 2, "joint_count"),
+    ):
+        (tmp_path / "alarms.yaml").write_text(content[:size])
+        with pytest.raises((dd.InputError, ParameterException), match=error):
+            peer.start("monitor", "--ros-args", *arguments)
 
 
 def test_when_it_is_computed(monitor, standing, panda):

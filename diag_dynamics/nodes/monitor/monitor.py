@@ -3,6 +3,7 @@
 
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
+import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -29,7 +30,7 @@ from diag_dynamics.nodes.support.graph import clock_notes, publishers, warn_of_t
 from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.publishing import connected
 from diag_dynamics.nodes.support.topics import NODES
-from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings, require_thresholds
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
 from diag_dynamics.text import plain
 
@@ -46,6 +47,7 @@ class MonitorNode(TableNode, Node):
 
     def __init__(self, **options):
         super().__init__(NODES["monitor"], PARAMETERS, **options)
+        require_thresholds(self.overrides)
         self._settings = Settings.of(self.values)
         self._robot = self._refused = None  # in force; a description that is not
         self._revision = 0
@@ -153,6 +155,9 @@ class MonitorNode(TableNode, Node):
                 f"Joints without rotor inertia: {plain(', '.join(robot.without_rotors[:MAX_NAMES]))}. Their energies and "
                 "alarms are wrong. Set armature, or parameters_file (docs/identification.md)."
             )
+        if robot.torque and (alarming := robot.torque.alarming):
+            count = np.isfinite(alarming.limits[:-2]).sum()
+            log.info(f"Collision thresholds of {count} joints.")
         log.info(
             f"Ready: robot '{name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
             f"subscribed to {self.resolve_topic_name('joint_states')}."

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
-from diag_dynamics.model import load_urdf
+from diag_dynamics.model import Parameters, load_urdf
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.remarks import handle_warnings
@@ -76,6 +76,11 @@ def load_robot(node, description, values):
     _refuse_mjcf(description)
     node.get_logger().info("Loading the robot.")
     warnings = []
+    if path := values["parameters_file"]:
+        parameters = Parameters.load(path)
+        values = values | {"parameters_file": parameters}
+        text = f"Parameters of {parameters.joint_count} joints from '{path}'."
+        node.get_logger().info(plain(text))
     with handle_warnings(warnings.append):
         model = model_of(description, values)
     for text in warnings[:MAX_WARNINGS]:
