@@ -76,7 +76,7 @@ def code_folder(module):
         return None
     folder = cache_folder() / f"{PREFIX}{source_hash(module)[:16]}"
     try:
-        folder.mkdir(exist_ok=True)
+        make_private(folder)
         folder.touch()
         remove_unused(folder.parent)
     except OSError as error:
@@ -90,7 +90,35 @@ def remove_unused(folder):
     for path in (*folder.glob(f"{PREFIX}*"), *folder.glob(f"{STAMP_PREFIX}*")):
         with suppress(FileNotFoundError):  # another process removes it at the same time
             if time.time() - path.stat().st_mtime > UNUSED:
-                shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()
+                _remove(path)
+
+
+def _remove(path):
+    """Remove a file or folder."""
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def make_private(folder):
+    """Make a folder that this user alone can write; OSError for one of another user.
+
+    Compiled code runs as this user. Others may have written into a folder that was open to them.
+    """
+    for path in (*reversed(folder.parents), folder):
+        if not path.exists():
+            path.mkdir(mode=0o700, exist_ok=True)
+            path.chmod(0o700)
+    if not hasattr(os, "getuid"):
+        return
+    if {folder.lstat().st_uid, folder.stat().st_uid} != {os.getuid()}:
+        raise PermissionError(f"'{folder}' belongs to another user")
+    if folder.stat().st_mode & 0o022:
+        folder.chmod(0o700)
+        for path in folder.iterdir():
+            _remove(path)
+        logger.warning("Other users could write '%s'. Its compiled code is discarded.", folder)
 
 
 @functools.cache
@@ -110,23 +138,16 @@ def cache_folder():
             Path(user) / "diag_dynamics",
             Path(tempfile.gettempdir()) / f"diag_dynamics-{owner}",
         ]
+    reasons = []
     for candidate in candidates:
-        if _is_ours(candidate):
-            return candidate
+        try:
+            make_private(candidate)
+            with tempfile.TemporaryFile(dir=candidate):
+                return candidate
+        except OSError as error:
+            reasons.append(str(error))
     logger.warning(
-        "No writable folder for compiled code (tried %s); each process compiles it again. "
-        "Set NUMBA_CACHE_DIR to a writable folder.",
-        ", ".join(map(str, candidates)),
+        "No folder for compiled code; each process compiles it again. %s. Set NUMBA_CACHE_DIR.",
+        "; ".join(reasons),
     )
     return None
-
-
-def _is_ours(folder):
-    """Whether this user owns `folder` and can write to it."""
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-        return not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
-    except OSError:
-        return False

@@ -286,6 +286,44 @@ def test_folder_of_compiled_code(tmp_path, monkeypatch, caplog):
     assert chosen() is None and "NUMBA_CACHE_DIR" in caplog.text
 
 
+@pytest.mark.parametrize("umask", [0o002, 0o000, 0o077])
+def test_only_this_user_writes_compiled_code(tmp_path, monkeypatch, caplog, umask):
+    """A folder that was open to others is emptied once; another user's is rejected."""
+    monkeypatch.setattr(cache.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "new" / "cache"))
+    before = os.umask(umask)
+    try:
+        top = cache.cache_folder.__wrapped__()
+        monkeypatch.setattr(cache, "cache_folder", lambda: top)
+        folder = cache.code_folder.__wrapped__(__name__)
+        folders = (top.parent.parent, top.parent, top, folder)
+        assert {path.stat().st_mode & 0o777 for path in folders} == {0o700}
+        (folder / "code.nbc").touch()
+        for opened, is_left in ((None, True), (folder, False), (None, True), (top, False)):
+            folder.mkdir(exist_ok=True)
+            (folder / "code.nbc").touch()
+            if opened:
+                opened.chmod(0o777)
+            caplog.clear()
+            cache.make_private(top)
+            assert cache.code_folder.__wrapped__(__name__) == folder
+            assert (folder / "code.nbc").exists() == is_left == (not caplog.records)
+            assert len(caplog.records) <= 1
+    finally:
+        os.umask(before)
+    (tmp_path / "to_foreign").symlink_to("/usr" if os.getuid() else tmp_path / "foreign")
+    foreign = [tmp_path / "to_foreign"]
+    if not os.getuid():
+        (tmp_path / "foreign").mkdir()
+        (tmp_path / "of_foreign").symlink_to(top)
+        foreign += [tmp_path / "foreign", tmp_path / "of_foreign"]
+        for path in foreign[1:]:
+            os.chown(path, 65534, 65534, follow_symlinks=False)
+    for path in foreign:
+        with pytest.raises(PermissionError, match="another user"):
+            cache.make_private(path)
+
+
 # Of each module: others that it is compiled with, and some that it is not.
 CLOSURES = {
     "sweeps.evaluation": (
@@ -400,7 +438,8 @@ def run(folder, cache, **more):
         "PYTHONDONTWRITEBYTECODE": "1",
     } | more
     command = [sys.executable, "-c", SCRIPT]
-    done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True)
+    options = {"cwd": folder, "umask": 0, "capture_output": True, "text": True}
+    done = subprocess.run(command, env=environment, **options)
     assert done.returncode == 0, done.stderr
     D, hits = done.stdout.split()[-2:]
     return float(D), int(hits), done.stderr
