@@ -65,6 +65,13 @@ class Switched(Controller):
         """Return the largest speed [rad/s] of a time."""
         return max(self.pass_cycle(publishes) for _ in range(round(seconds * S / PERIOD)))
 
+    def move(self, seconds):
+        """Have the trajectory controller move the arm for a time, and stop it."""
+        self.velocity = VELOCITY
+        self.run(seconds)
+        self.velocity = np.zeros(6)
+        self.run(0.01)
+
     def activate(self, name, instead):
         """Switch controllers; the activity is late. Return the largest speed meanwhile."""
         publish, self.manager.publish = self.manager.publish, lambda: None
@@ -83,14 +90,11 @@ def shared(peer):
 
 @pytest.fixture
 def arm(shared):
-    """Return the arm at rest, where a trajectory has taken it from an earlier set-point."""
+    """Return the arm at rest at its start, with the trajectory controller active."""
     if shared.manager.states["effort_controller"] == "active":
         shared.activate("trajectories", "effort_controller")
     shared.plant.reset(START_AT, np.zeros(6))
-    shared.velocity = VELOCITY
-    shared.run(0.5)
     shared.velocity = np.zeros(6)
-    shared.run(0.01)
     return shared
 
 
@@ -113,8 +117,9 @@ def test_while_another_controller_moves_the_arm(arm):
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_switch_from_rest(arm, mode):
-    """The arm stays where it is, whatever the node was for."""
+    """The arm stays where it is, not where it was when the mode was chosen."""
     assert arm.ask(mode).success
+    arm.move(0.4)
     assert max(arm.activate("effort_controller", "trajectories"), arm.run(0.4)) <= MAX_SPEED
     assert arm.status.messages[-1].mode == mode
     arm.wait_until_told("control", f"mode {mode}", b"\0")
@@ -138,7 +143,7 @@ def test_a_law_starts_anew_with_its_controller(arm):
     arm.set_point.publish(joint_state(NAMES, arm.plant.q + 0.5))
     assert arm.run(0.3) > MAX_SPEED
     arm.activate("trajectories", "effort_controller")
-    arm.run(0.1)
+    arm.move(0.1)
     assert max(arm.activate("effort_controller", "trajectories"), arm.run(0.4)) <= MAX_SPEED
 
 
@@ -148,10 +153,7 @@ def test_a_controller_that_is_loaded_and_activated_at_once(arm):
     arm.manager.publish()
     assert arm.ask("tracking").success
     arm.run(0.2)
-    arm.velocity = VELOCITY
-    arm.run(0.2)
-    arm.velocity = np.zeros(6)
-    arm.run(0.01)
+    arm.move(0.2)
     assert np.abs(arm.status.messages[-1].tracking_error).max() > 0.05
     arm.manager.states |= {"trajectories": "inactive", "effort_controller": "active"}
     arm.manager.publish()
