@@ -71,7 +71,7 @@ def run(kind):
         spent["write"] += time.process_time() - begun
     return [spent[stage] / analysis.states * 1e6 for stage in spent]
 parquet = lambda reading, friction: TableOutput(folder + "/out.parquet", reading, friction)
-mcap = lambda reading, friction: McapOutput(folder + "/out.mcap", reading, friction, ("state",))
+mcap = lambda reading, _: McapOutput(folder + "/out.mcap", reading, ("state",))
 run(parquet)  # compiles, and has everything in the cache
 os.remove(folder + "/out.parquet")  # to take away what a file replaces is not the analysis' work
 print(*run(parquet), *run(mcap))"""

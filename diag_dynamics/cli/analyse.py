@@ -204,9 +204,10 @@ def _summary(chosen, recording, parameters, robot):
     gain = common.GAIN if chosen.gain is None else chosen.gain
     analysis, outputs = Analysis(reading, gain=gain, threads=chosen.threads), []
     topics = WRITTEN if chosen.topics is None else chosen.topics.split(",")
-    messages, csv = partial(McapOutput, topics=topics), partial(TableOutput, kind="csv")
-    kinds = (chosen.mcap, messages), (chosen.parquet, TableOutput), (chosen.csv, csv)
+    kinds = (chosen.parquet, TableOutput), (chosen.csv, partial(TableOutput, kind="csv"))
     try:
+        if chosen.mcap:
+            outputs.append(McapOutput(chosen.mcap, reading, topics))
         outputs += [kind(path, reading, analysis.friction) for path, kind in kinds if path]
         if chosen.report:
             outputs.append(ReportOutput(chosen.report, reading))

@@ -85,6 +85,15 @@ class ObservedStates(NamedTuple):
     valid: BoolArray
     collision: BoolArray
 
+    @property
+    def torque_norm(self) -> Array:
+        """‖m r‖ of all joints together [N m, N of prismatic joints]."""
+        return np.linalg.norm(self.external_torque, axis=1)
+
+    def rows(self, which: Array) -> ObservedStates:
+        """Return the columns at some states."""
+        return ObservedStates(*(column[which] for column in self))
+
 
 def observe(
     dynamics: DiagonalDynamics,

@@ -32,8 +32,6 @@ from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, model_st
 from diag_dynamics.nodes.support import messages
 from diag_dynamics.nodes.support.messages import (
     BytesMaker,
-    CollisionThresholds,
-    ContactThresholds,
     MessageMaker,
 )
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
@@ -41,6 +39,7 @@ from diag_dynamics.parameters.monitor import Observation, Settings
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, read_message
+from diag_dynamics.wire.fields import CollisionThresholds, ContactThresholds
 from examples import examples, shortened
 from joint_state_messages import INF, NOW, S
 from joint_state_readers import DEFAULTS
@@ -260,8 +259,7 @@ def arguments(name, moment):
         touched = dyn.touched_link(q, tau, np.eye(model.nv) * 10.0 ** rng.integers(-2, 2))
     return {
         **{topic: (s, state) for topic in ORDER if topic not in MATRICES},
-        "mass_matrix_factors": (dyn.factors(q), moment.inverse, state),
-        "joint_space_dynamics": (dyn.mass_matrix(q), dyn.bias(q, qd), dyn.gravity_torque(q), state),
+        **dict.fromkeys(MATRICES, (dyn, state, moment.inverse)),
         "contact": (dyn.contact(q, moment.effort * qd, points), state),
         "external_torque": (seen, observation, state, alarming, contact, touched),
         "external_wrench_estimates": (links[moment.seed % len(links)], found, state),
@@ -280,7 +278,9 @@ def _points(name, model, rows, limits):
 
 def encode(encoder, topic, of_it):
     """Return a topic's bytes."""
-    if topic in MATRICES or topic not in ORDER:
+    if topic in MATRICES:
+        return encoder.matrix(topic, *of_it)
+    if topic not in ORDER:
         return getattr(encoder, topic)(*of_it)
     return encoder.evaluated(topic, *of_it)
 
@@ -319,7 +319,7 @@ OTHERWISE = {
 def test_where_rclpy_serializes_otherwise(otherwise):
     """The messages themselves are sent, and the topic is named; other topics are not affected."""
     for topic in ORDER:
-        maker, encoder = (kind(dynamics("arm").model) for kind in (MessageMaker, BytesMaker))
+        maker, encoder = (kind(dynamics("arm").model, 7) for kind in (MessageMaker, BytesMaker))
         with mock.patch.object(
             messages, "serialize_message", lambda message: otherwise(serialize_message(message))
         ):

@@ -4,6 +4,7 @@
 """A recording fed to a monitor and the same recording read: the same states, counters, external torque and collisions."""
 
 import json
+from array import array
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,9 @@ from sensor_msgs.msg import JointState
 import diag_dynamics as dd
 from bags import Message, serialized, write_mcap
 from diag_dynamics.cli.main import main
+from diag_dynamics.nodes.monitor.outputs import TYPES
 from diag_dynamics.parameters.monitor import PARAMETERS
+from diag_dynamics.recordings.outputs import mcap
 from hostile import MS, START
 from nodes import Reports, nanoseconds
 from recording_cases import CASES, hostile_messages, write_case
@@ -272,22 +275,62 @@ def external_torque(messages):
     ]
 
 
-def analysed(folder, parameters):
-    """Return what `analyse` writes of external torque, and how many collisions it counts, by the same parameters."""
+def analysed(folder, parameters, topics=("external_torque",)):
+    """Return messages by topic that `analyse` writes, and its number of collisions."""
     (folder / "monitor.yaml").write_text(
         yaml.safe_dump({"/**": {"ros__parameters": parameters}}), encoding="utf-8"
     )
     given = ["--urdf", str(folder / "arm.urdf"), "--parameters", str(folder / "monitor.yaml")]
     out, summary = folder / "out.mcap", folder / "summary.json"
-    outputs = ["--json", str(summary), "--mcap", str(out), "--topics", "external_torque", "--quiet"]
+    outputs = ["--json", str(summary), "--mcap", str(out), "--topics", ",".join(topics), "--quiet"]
     assert main(["analyse", str(folder / "in.mcap"), *given, *outputs]) < 2
     with out.open("rb") as stream:
-        raw = [message.data for _, _, message in make_reader(stream).iter_messages()]
-    found = external_torque(deserialize_message(one, ExternalTorque) for one in raw)
+        sent = {topic: [] for topic in topics}
+        for _, channel, one in make_reader(stream).iter_messages():
+            topic = channel.topic.rpartition("/")[2]
+            sent[topic].append(deserialize_message(one.data, TYPES[topic]))
     count = len(json.loads(summary.read_text(encoding="utf-8"))["collisions"])
     out.unlink()
     summary.unlink()
-    return found, count
+    return sent, count
+
+
+NOISE = {"external_torque.covariance_joints": [*JOINTS]}
+NOISE["external_torque.covariance"] = [0.04, 0.0, 0.0, 0.02]
+CONTACTS = NOISE | {"alarm.contact_joints": ["*=0.5"]}
+TOPICS = {topic: TYPES[topic] for topic in mcap.TOPICS}
+
+
+@pytest.mark.parametrize("flag", [False, True])
+def test_every_field_of_a_recording_is_that_of_the_monitor(peer, tmp_path, flag):
+    """All topics, with and without friction, the inverse factor, efforts and results."""
+    flags = {"publish_friction": flag, "publish_inverse_factor": flag}
+    parameters = ALARMS | CONTACTS | flags | {f"max_rate.{topic}": 0.0 for topic in TOPICS}
+    (tmp_path / "arm.urdf").write_text(ARM, encoding="utf-8")
+    messages = pushed_messages()[140:360]
+    for k in range(20):
+        stamp = messages[-1].log_time + 10 * MS
+        raw = serialized(stamp, JOINTS, [0.3 + 1e-4 * k, 0.3], [0.01, 0.0], [])
+        messages.append(Message("/joint_states", stamp, raw))
+    write_mcap(tmp_path / "in.mcap", messages)
+    offline = analysed(tmp_path, parameters, TOPICS)[0]
+    live = Live(peer, f"/all{flag}", tmp_path / "arm.urdf", parameters)
+    published = {name: peer.topic(kind, f"{live.name}/{name}") for name, kind in TOPICS.items()}
+    with live.process:
+        live.feed(messages)
+    for name, topic in published.items():
+        assert len(topic.messages) == len(offline[name]) > 50
+        for one, other in zip(topic.messages, offline[name], strict=True):
+            for field in one.get_fields_and_field_types():
+                values = getattr(one, field), getattr(other, field)
+                if hasattr(values[0], "__float__") or isinstance(values[0], array):
+                    np.testing.assert_allclose(*values, rtol=1e-6, atol=1e-6, err_msg=field)
+                else:
+                    assert values[0] == values[1], field
+    torque = offline["external_torque"]
+    assert {one.touched_link for one in torque} == {"", "upper", "lower"}
+    assert {one.contact for one in torque} == {one.valid for one in torque} == {False, True}
+    assert {one.effort_valid for one in offline["state"]} == {False, True}
 
 
 def test_every_parameter_is_compared():
@@ -309,7 +352,10 @@ def test_live_and_offline_agree(peer, tmp_path, name):
     messages = pushed_messages()
     write_mcap(tmp_path / "in.mcap", messages)
     parameters = common | {name: value}
-    (offline, count), others = analysed(tmp_path, parameters), analysed(tmp_path, common)
+    (sent, count), (others, other_count) = (
+        analysed(tmp_path, chosen) for chosen in (parameters, common)
+    )
+    offline, others = (external_torque(one["external_torque"]) for one in (sent, others))
     live = Live(peer, f"/pushed{place}", tmp_path / "arm.urdf", parameters)
     with live.process:
         live.feed(messages)
@@ -324,4 +370,4 @@ def test_live_and_offline_agree(peer, tmp_path, name):
         np.testing.assert_allclose(one[1], other[1], rtol=1e-6, atol=1e-6)
         assert one[2] == pytest.approx(other[2], rel=1e-6, abs=1e-6, nan_ok=True)
     assert any(one[3] for one in published) or name == "effort_available"
-    assert repr((offline, count)) != repr(others)
+    assert repr((offline, count)) != repr((others, other_count))

@@ -12,7 +12,7 @@ from diag_dynamics.control.load import LoadEstimator
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
-from diag_dynamics.nodes.support.messages import CollisionThresholds, ContactThresholds
+from diag_dynamics.wire.fields import CollisionThresholds, ContactThresholds
 
 
 class LiveAlarm:

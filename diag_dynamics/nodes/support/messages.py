@@ -7,7 +7,6 @@ import math
 import struct
 from array import array
 from functools import reduce
-from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -33,6 +32,15 @@ from diag_dynamics.msg import Load as LoadMessage
 from diag_dynamics.sweeps import evaluation
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.wire.cdr import Template
+from diag_dynamics.wire.fields import (
+    FLAGS,
+    QUANTITIES,
+    evaluated_fields,
+    flags_of,
+    matrix_fields,
+    texts_of,
+    torque_fields,
+)
 
 MAX_LAYOUTS = 64
 """Layouts of messages that are kept: with efforts or without, with friction or without, of points of contact."""
@@ -51,41 +59,11 @@ def to_time(nanoseconds):
     return Time(sec=sec, nanosec=nanosec)
 
 
-class CollisionThresholds(NamedTuple):
-    """Thresholds of external torque by joint, and the joints whose collision lasts.
-
-    Attributes
-    ----------
-    limits : ndarray, shape (nv + 2,)
-        Of an AlarmDetector: thresholds of the joints [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s].
-    joints : ndarray of bool, shape (nv,)
-        Which joints keep the alarm up.
-    """
-
-    limits: np.ndarray
-    joints: np.ndarray
-
-    def fields(self, valid):
-        """Fields of ExternalTorque, with a result or without."""
-        fields = {
-            "torque_threshold": self.limits[:-2],
-            "torque_norm_threshold": float(self.limits[-2]),
-        }
-        return fields | ({"joint_collision": self.joints} if valid else {})
-
-
-class ContactThresholds(NamedTuple):
-    """Thresholds of contact, as in CollisionThresholds, and whether there is a contact."""
-
-    limits: np.ndarray
-    on: bool
-
-    def fields(self):
-        """Fields of ExternalTorque."""
-        joints, norm, r = self.limits[:-2], float(self.limits[-2]), float(self.limits[-1])
-        fields = {"contact_torque_threshold": joints, "contact_torque_norm_threshold": norm}
-        return fields | {"contact": self.on, "contact_threshold": r}
-
+MATRICES = {
+    "mass_matrix_factors": MassMatrixFactors,
+    "joint_space_dynamics": JointSpaceDynamics,
+}
+"""Messages of matrices."""
 
 EVALUATED = {
     "total_joint_rates": TotalJointRates,
@@ -96,47 +74,31 @@ EVALUATED = {
 }
 """Messages about an Evaluation."""
 
+TOPICS = *EVALUATED, *MATRICES, "external_torque"
+"""Topics whose fields recordings have, too."""
+
 SAME = "nu", "xi", "epsilon", "kappa", "coriolis", "coriolis_unnormalized", "gravity"
 SAME += "energy_share", "articulated_inertia", "kinetic_energy"
 ROWS = {field: getattr(ws, field.upper()) for field in SAME}
-ROWS |= {
-    "total": ws.KINETIC_ENERGY,
-    "power": ws.EFFORT_POWER,
-    "position": ws.POSITIONS,
-    "velocity": ws.RATES,
-}
+ROWS |= {field: getattr(ws, name.upper()) for field, name in QUANTITIES.items()}
+ROWS |= {"position": ws.POSITIONS, "velocity": ws.RATES}
 """Rows of an Evaluation's memory that fields of these messages are read from."""
-
-OF_EFFORT = (ws.EPSILON, ws.KAPPA, ws.EFFORT_POWER)
-"""Rows that are empty without effort."""
 
 SECONDS = struct.Struct("<iI")
 """A builtin_interfaces/Time."""
 
-FLAGS = "stamp_is_receive_time", "velocity_estimated"
-"""Fields of most messages that a RobotState has, too."""
+
+OLDEST = "oldest_stamp.sec", "oldest_stamp.nanosec"
+"""Fields of the oldest contribution to a state."""
 
 
 class MessageMaker:
     """Makes messages about one model, whose names and frame they share."""
 
     def __init__(self, model, revision):
-        self._model, self._revision, self._frame, self._nv = (
-            model,
-            revision,
-            model.root_link,
-            model.nv,
-        )
-        self._dofs = {"dof_names": list(model.dof_names)}
-        positions = (
-            [] if model.coordinate_names == model.dof_names else list(model.coordinate_names)
-        )
-        self._texts, self._places = dict.fromkeys(EVALUATED, self._dofs), {}
-        self._texts["kinetic_energy"] = self._dofs | {"link_names": list(model.link_names)}
-        self._texts["state"] = self._dofs | {
-            "position_names": positions,
-            "model_revision": revision,
-        }
+        self._model, self._frame = model, model.root_link
+        self._texts = {topic: texts_of(topic, model, revision) for topic in TOPICS}
+        self._dofs = self._texts["external_torque"]
         self._link_energy, self._workspace = np.empty(len(model.link_names)), model.new_workspace()
 
     def make(self, topic, kind, state, texts, values, shape=()):
@@ -161,96 +123,46 @@ class MessageMaker:
             *parts, field = path.split(".")
             if isinstance(value, np.ndarray):
                 value = value.ravel().tolist() if value.dtype == bool else doubles(value)
+            if isinstance(value, np.floating):
+                value = value.item()
             if value is not None:
                 setattr(reduce(getattr, parts, message), field, value)
         return message
 
     def evaluated(self, topic, s, state):
         """Return a message of :data:`EVALUATED` about an Evaluation and the RobotState that it is of."""
-        kind, with_effort, with_friction = (
-            EVALUATED[topic],
-            s.epsilon is not None,
-            s.friction is not None,
-        )
-        if (topic, with_effort) not in self._places:
-            self._places[topic, with_effort] = self._places_of(kind, with_effort)
-        places, flags = self._places[topic, with_effort]
-        valid = {
-            "effort_valid": with_effort,
-            "power_valid": with_effort,
-            "friction_valid": with_friction,
-        }
-        values = {field: s.rows.item(at) if at[1] == 0 else s.rows[at] for field, at in places}
-        values |= {flag: valid[flag] if flag in valid else getattr(state, flag) for flag in flags}
-        values |= self._beside(topic, s, state)
-        return self.make(
-            topic, kind, state, self._texts[topic], values, (with_effort, with_friction)
-        )
+        kind, texts, with_effort = EVALUATED[topic], self._texts[topic], s.epsilon is not None
+        names = kind.get_fields_and_field_types()
+        names = [name for name in names if name not in (*texts, "header", "oldest_stamp")]
+        values = self._values(topic, names, s, state)
+        return self.make(topic, kind, state, texts, values, (with_effort, s.friction is not None))
 
-    def _places_of(self, kind, with_effort):
-        """Return the fields of a message with their places in the rows of an Evaluation, and its flags."""
-        fields, counts = kind.get_fields_and_field_types(), {ws.POSITIONS: self._model.nq}
-        rows = [(field, ROWS[field]) for field in fields if field in ROWS]
-        places = [
-            (field, (row, slice(counts.get(row, self._nv)) if "sequence" in fields[field] else 0))
-            for field, row in rows
-            if with_effort or row not in OF_EFFORT
-        ]
-        return places, [
-            flag
-            for flag in (*FLAGS, "effort_valid", "power_valid", "friction_valid")
-            if flag in fields
-        ]
-
-    def _beside(self, topic, s, state):
-        """Return the fields that are no rows; None for those that are unknown."""
+    def _values(self, topic, names, s, state):
+        """Return values by field of these names, and in a state its oldest stamp."""
+        others = {"friction": s.friction}
         if topic == "kinetic_energy":
-            energies = self._link_energy
-            if not evaluation.link_energy(
-                self._workspace.robot, self._model.links, s.rows, energies
-            ):
+            energies = others["link_energy"] = self._link_energy
+            robot, links = self._workspace.robot, self._model.links
+            if not evaluation.link_energy(robot, links, s.rows, energies):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
-            return {"link_energy": energies, "base_energy": s.base_energy}
-        if topic == "coriolis":
-            return {"friction": s.friction}
-        if topic != "state":
-            return {}
-        sec, nanosec = divmod(state.oldest, SECOND)
-        oldest = {"oldest_stamp.sec": sec, "oldest_stamp.nanosec": nanosec}
-        return {"effort": state.effort, "friction": s.friction} | oldest
+        values = evaluated_fields(names, s, state, s.epsilon is not None, **others)
+        if topic == "state":
+            values |= zip(OLDEST, divmod(state.oldest, SECOND), strict=True)
+        return values
 
     def matrix(self, topic, dynamics, state, with_inverse=False):
         """Return one of topics.MATRICES at a RobotState: m, D and, if requested, ℓ; or M, c and g."""
-        q, qd = state.position, state.velocity
-        if topic == "mass_matrix_factors":
-            m, l_inverse, _, D = dynamics.factors(q)
-            values = {"model_revision": self._revision, "nv": self._nv, "m": m, "d": D}
-            values |= {"l": l_inverse if with_inverse else None, "l_valid": with_inverse}
-            values["stamp_is_receive_time"] = state.stamp_is_receive_time
-            return self.make(topic, MassMatrixFactors, state, self._dofs, values, (with_inverse,))
-        values = _flags(state) | {"mass_matrix": dynamics.mass_matrix(q)}
-        values |= {"bias": dynamics.bias(q, qd), "gravity": dynamics.gravity_torque(q)}
-        return self.make(topic, JointSpaceDynamics, state, self._dofs, values)
+        values = matrix_fields(topic, dynamics, state, with_inverse)
+        return self.make(topic, MATRICES[topic], state, self._texts[topic], values, (with_inverse,))
 
     def external_torque(self, seen, observation, state, alarming=None, contact=None, touched=None):
         """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid.
 
         `alarming` are CollisionThresholds, `contact` ContactThresholds, `touched` is a TouchedLink.
         """
-        values = _flags(state) | {
-            "valid": seen.valid,
-            "norm": seen.norm,
-            "collision": seen.collision,
-        }
-        if seen.valid:
-            values |= {"residual": seen.residual, "external_torque": seen.external_torque}
-        values |= {"threshold": observation.threshold, "release_threshold": observation.release}
-        values |= {"torque_norm": seen.torque_norm, "torque_norm_threshold": math.inf}
-        values |= alarming.fields(seen.valid) if alarming else {}
-        values |= {"contact_threshold": math.inf, "contact_torque_norm_threshold": math.inf}
-        values |= contact.fields() if contact else {}
-        link = touched.link if touched else ""
-        values |= {"touched_link_confidence": touched.confidence if link else 0.0}
+        link, confidence = (touched.link, touched.confidence) if touched else ("", 0.0)
+        thresholds = observation, alarming, contact
+        values = torque_fields(seen, seen.valid, state, *thresholds, confidence)
         shape = seen.valid, alarming is None, contact is None, link
         texts = self._dofs | {"touched_link": link}
         return self.make("external_torque", ExternalTorque, state, texts, values, shape)
@@ -264,7 +176,7 @@ class MessageMaker:
 
     def external_wrench_estimates(self, frame, found, state):
         """Return the same with its covariance; None: no result."""
-        values, count = _flags(state) | {"valid": found is not None}, 0
+        values, count = flags_of(state) | {"valid": found is not None}, 0
         if found:
             unobserved = found.directions[~found.observed]
             values |= _wrench_values(found.wrench) | {"covariance": found.covariance.ravel()}
@@ -292,13 +204,13 @@ class MessageMaker:
             explained=load.explained,
             is_load=load.is_load,
             payload=Inertia(m=payload.mass, com=_vector(payload.com), **moments),
-            **_flags(state),
+            **flags_of(state),
         )
 
     def contact(self, contact, state):
         """Contact at the points of a robot, and the RobotState it came from."""
         texts = {"point_names": list(contact.names), "link_names": list(contact.links)}
-        values = _flags(state) | {
+        values = flags_of(state) | {
             "valid": True,
             "limited": contact.points.limited,
             "positions": contact.position,
@@ -317,10 +229,6 @@ class MessageMaker:
 def _vector(numbers):
     x, y, z = map(float, numbers)
     return Vector3(x=x, y=y, z=z)
-
-
-def _flags(state):
-    return {field: getattr(state, field) for field in FLAGS}
 
 
 def _wrench_values(wrench):
@@ -364,8 +272,8 @@ class BytesMaker(MessageMaker):
         for place, flag in layout.flags:
             layout.template.data[place] = getattr(state, flag)
         if layout.beside:
-            values = self._beside(topic, s, state)
-            for field, view in layout.beside:
+            values = self._values(topic, layout.names, s, state)
+            for field, view in layout.beside.items():
                 view[...] = values[field]
         return layout.stamped(state)
 
@@ -380,8 +288,11 @@ class BytesMaker(MessageMaker):
     def _keep(self, key, template, values):
         if len(self._layouts) >= MAX_LAYOUTS:
             self._layouts.clear()
-        places = self._places[key[0], key[1][0]][0] if key[0] in EVALUATED else ()
-        self._layouts[key] = _Layout(template, values, places, (ws.N_ROWS, max(self._model.nq, 1)))
+        model, places = self._model, {}
+        for field in ROWS.keys() & values.keys() if key[0] in EVALUATED else ():
+            count = model.nq if field == "position" else model.nv
+            places[field] = ROWS[field], slice(count) if np.ndim(values[field]) else 0
+        self._layouts[key] = _Layout(template, values, places, (ws.N_ROWS, max(model.nq, 1)))
         return self._layouts[key]
 
 
@@ -401,12 +312,11 @@ class _Layout:
             (field, view.reshape(np.shape(values[field]) or 1)) for field, view in numbers.items()
         ]
         self.flags = [(template.place(flag), flag) for flag in FLAGS if flag in numbers]
-        places = {field: place for field, place in places if field in numbers}
-        self.beside = [
-            (field, view)
-            for field, view in self.views
-            if field not in places and view.dtype != bool
-        ]
+        places = {field: place for field, place in places.items() if field in numbers}
+        self.beside = {
+            field: view for field, view in self.views if field not in places and view.dtype != bool
+        }
+        self.names = [name for name in self.beside if name not in OLDEST]
         rows, at = np.arange(math.prod(shape)).reshape(shape), np.arange(len(template.data)) // 8
         target = [
             at[: view.nbytes : 8] + template.place(field) // 8

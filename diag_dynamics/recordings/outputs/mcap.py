@@ -4,6 +4,7 @@
 """MCAP: messages of the monitor about every state."""
 
 from contextlib import suppress
+from functools import reduce
 from importlib import import_module
 
 import numpy as np
@@ -12,10 +13,21 @@ import diag_dynamics
 from diag_dynamics.atomic_file import AtomicFile
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
+from diag_dynamics.parameters.monitor import Observation
+from diag_dynamics.results import expand
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
+from diag_dynamics.wire.fields import (
+    CollisionThresholds,
+    ContactThresholds,
+    evaluated_fields,
+    matrix_fields,
+    texts_of,
+    torque_fields,
+)
 
 TOPICS = {
     "state": "DiagonalizedState",
@@ -32,43 +44,13 @@ WRITTEN = "state", "kinetic_energy", "external_torque"
 """Default topics; those of matrices are large."""
 NODE = "/diag_dynamics"  # name of the monitor whose topics they are
 
-UNKNOWN = (
-    {"effort", "epsilon", "kappa", "power"},
-    {"residual", "external_torque", "joint_collision"},
-)
-"""Fields that are empty or 0 without effort, and without a result of the observer."""
-VALUES = {
-    "position": lambda piece, _: piece.states.position,
-    "velocity": lambda piece, _: piece.states.velocity,
-    "effort": lambda piece, _: piece.states.effort,
-    "stamp_is_receive_time": lambda piece, _: piece.states.stamp_received,
-    "velocity_estimated": lambda piece, _: piece.states.velocity_estimated,
-    "power": lambda piece, _: piece.s.effort_power,
-    "total": lambda piece, _: piece.s.kinetic_energy,
-    "residual": lambda piece, _: piece.observed.residual,
-    "external_torque": lambda piece, _: piece.observed.external_torque,
-    "norm": lambda piece, _: np.where(piece.observed.valid, piece.observed.norm, 0.0),
-    "collision": lambda piece, _: piece.observed.collision,
-    "contact": lambda piece, _: piece.contact.alarm,
-    "torque_norm": lambda piece, _: np.where(
-        piece.observed.valid, np.linalg.norm(piece.observed.external_torque, axis=1), 0.0
-    ),
-    "joint_collision": lambda piece, _: piece.judged.joints,
-    "mass_matrix": lambda piece, dynamics: dynamics.mass_matrix(piece.states.position),
-    "bias": lambda piece, dynamics: dynamics.bias(piece.states.position, piece.states.velocity),
-    "gravity_torque": lambda piece, dynamics: dynamics.gravity_torque(piece.states.position),
-    "m": lambda piece, dynamics: np.array([dynamics.factors(q).m for q in piece.states.position]),
-    "d": lambda piece, dynamics: np.array([dynamics.factors(q).D for q in piece.states.position]),
-    "l": lambda piece, dynamics: np.array([dynamics.factors(q).l for q in piece.states.position]),
-}
-"""Values of fields, a row for each state; others are those of the evaluation with the same name."""
 REVISION = 1
 
 
 class McapOutput:
     """Write messages about each state on some topics, at the log time of the message that completed the state."""
 
-    def __init__(self, path, reading, friction, topics):
+    def __init__(self, path, reading, topics):
         for topic in topics:
             if topic not in TOPICS:
                 raise InputError(f"topics has '{topic}'; expected any of {', '.join(TOPICS)}.")
@@ -82,7 +64,7 @@ class McapOutput:
             )
         self._topics = {}  # by channel
         for topic in topics:
-            rows = TopicRows(topic, reading, friction, chunks.PREFIX)
+            rows = TopicRows(topic, reading, chunks.PREFIX)
             definition = definition_with_parts(rows.type).encode()
             self._topics[self._file.register(f"{NODE}/{topic}", rows.type, definition)] = rows
 
@@ -112,101 +94,124 @@ class McapOutput:
 class TopicRows:
     """Make the messages of one topic, a row of bytes for each state."""
 
-    def __init__(self, topic, reading, friction, prefix):
-        model, observation = reading.model, reading.settings.observation
+    def __init__(self, topic, reading, prefix):
+        model, settings = reading.model, reading.settings
+        names, observation = model.dof_names, settings.observation
         self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
-        self._prefix = prefix
-        self._dynamics, self._message = DiagonalDynamics(model), message_type(self.type)
-        limits = (
-            observation.alarms.limits(model.dof_names)
-            if observation and observation.alarms
-            else None
-        )
-        low = (
-            observation.contact.limits(model.dof_names)
-            if observation and observation.contact
-            else None
-        )
-        self._constants = {
-            "dof_names": list(model.dof_names),
-            "link_names": list(model.link_names),
-            "position_names": []
-            if model.coordinate_names == model.dof_names
-            else list(model.coordinate_names),
-            "model_revision": REVISION,
-            "nv": model.nv,
-            "l_valid": True,
-            "friction_valid": friction,
-            "threshold": observation.threshold if observation else np.inf,
-            "release_threshold": observation.release if observation else np.inf,
-            "torque_norm_threshold": np.inf if limits is None else limits[-2],
-            "torque_threshold": [] if limits is None else limits[:-2].tolist(),
-            "contact_threshold": np.inf if low is None else low[-1],
-            "contact_torque_norm_threshold": np.inf if low is None else low[-2],
-            "contact_torque_threshold": [] if low is None else low[:-2].tolist(),
-            "touched_link": "",
-            "touched_link_confidence": 0.0,
-        }
-        self._constants |= {"contact": False} if low is None else {}
-        self._constants |= {} if friction else {"friction": []}
-        self._constants |= {"joint_collision": []} if limits is None else {}
+        self._prefix, self._message = prefix, message_type(self.type)
+        self._dynamics, self._texts = DiagonalDynamics(model), texts_of(topic, model, REVISION)
+        self._with_friction = settings.values["publish_friction"]
+        self._with_inverse = settings.values["publish_inverse_factor"]
+        self._observation = observation or Observation(0.0, np.inf, np.inf, False, 0.0)
+        alarms, contact = self._observation.alarms, self._observation.contact
+        self._alarms = alarms and alarms.limits(names)
+        self._contact = contact and contact.limits(names)
+        self._covariance = self._observation.covariance_of(names)
 
     def make_rows(self, piece):
         """Yield indices of states, and their messages as uint8 of shape (number of states, PREFIX + bytes)."""
-        by_result = self._topic == "external_torque"
-        known = piece.observed.valid if by_result else piece.states.effort_known
-        values = self._values(piece)
-        for is_known in (True, False):
-            which = np.flatnonzero(known == is_known)
-            if not len(which):
-                continue
-            kept = {
-                path: x for path, x in values.items() if is_known or path not in UNKNOWN[by_result]
-            }
-            if is_known not in self._templates:
-                self._templates[is_known] = self._make_template(kept, is_known)
-            template = self._templates[is_known]
-            rows = np.empty((len(which), self._prefix + len(template.data)), np.uint8)
-            rows[:, self._prefix :] = template.data
-            for path, column in kept.items():
-                begin, numbers = self._prefix + template.place(path), template.numbers[path]
-                column = np.ascontiguousarray(column[which].reshape(len(which), -1), numbers.dtype)
+        is_torque = self._topic == "external_torque"
+        known = piece.observed.valid if is_torque else piece.states.effort_known
+        links, confidence = self._touched_links(piece)
+        groups = {*zip(known.tolist(), links.tolist(), strict=True)}
+        for is_known, link in sorted(groups, reverse=True):
+            which = np.flatnonzero((known == is_known) & (links == link))
+            state, seen = _state_of(piece.states[which]), piece.observed.rows(which)
+            if is_torque:
+                thresholds = self._thresholds(piece, which)
+                values = torque_fields(seen, is_known, state, *thresholds, confidence[which])
+                values["touched_link"] = link
+            elif self._topic in ("mass_matrix_factors", "joint_space_dynamics"):
+                values = matrix_fields(self._topic, self._dynamics, state, self._with_inverse)
+            else:
+                names = self._message.get_fields_and_field_types().keys()
+                names -= {"header", "oldest_stamp", *self._texts}
+                friction = self._friction(piece, which)
+                s = _Rows(piece.s, which)
+                values = evaluated_fields(names, s, state, is_known, friction=friction)
+            yield which, self._encode(values, state, (is_known, link))
+
+    def _touched_links(self, piece):
+        """Return touched links, "" for none, and their probabilities."""
+        links, confidence = np.full(len(piece.states), ""), np.zeros(len(piece.states))
+        rows = piece.observed.valid & np.isfinite(piece.observed.norm)
+        if self._topic == "external_torque" and self._covariance is not None and rows.any():
+            results = piece.states.position[rows], piece.observed.external_torque[rows]
+            touched = expand(self._dynamics.touched_link(*results, self._covariance), rows)
+            links, confidence = touched.link, np.nan_to_num(touched.confidence)
+        return links, confidence
+
+    def _thresholds(self, piece, which):
+        """Return the Observation, and thresholds of collision and contact by state."""
+        alarms = contact = None
+        if self._alarms is not None:
+            rows = np.tile(self._alarms, (len(which), 1))
+            alarms = CollisionThresholds(rows, piece.judged.joints[which])
+        if self._contact is not None:
+            rows = np.tile(self._contact, (len(which), 1))
+            contact = ContactThresholds(rows, piece.contact.alarm[which])
+        return self._observation, alarms, contact
+
+    def _friction(self, piece, which):
+        """Return the term of friction; None unless the parameter publish_friction is true."""
+        if not self._with_friction:
+            return None
+        return (
+            np.zeros_like(piece.s.nu[which])
+            if piece.s.friction is None
+            else piece.s.friction[which]
+        )
+
+    def _encode(self, values, state, key):
+        """Return messages of these values, with room for a prefix; those of a key have one layout."""
+        stamps = {"header.stamp": state.newest}
+        if self._topic == "state":
+            stamps["oldest_stamp"] = state.oldest
+        for path, stamp in stamps.items():
+            values |= {f"{path}.sec": stamp // SECOND, f"{path}.nanosec": stamp % SECOND}
+        if key not in self._templates:
+            self._templates[key] = self._make_template(values)
+        template, count = self._templates[key], len(state.newest)
+        rows = np.empty((count, self._prefix + len(template.data)), np.uint8)
+        rows[:, self._prefix :] = template.data
+        for path, numbers in template.numbers.items():
+            if isinstance(column := values.get(path), np.ndarray):
+                begin = self._prefix + template.place(path)
+                column = np.ascontiguousarray(column.reshape(count, -1), numbers.dtype)
                 rows[:, begin : begin + numbers.nbytes] = column.view(np.uint8)
-            yield which, rows
+        return rows
 
-    def _values(self, piece):
-        """Return by the paths of fields their values, a row for each state."""
-        states, values = piece.states, {}
-        for field in self._message.get_fields_and_field_types():
-            if field in ("header", "oldest_stamp"):
-                stamp, path = (
-                    (states.stamp, "header.stamp")
-                    if field == "header"
-                    else (states.oldest_stamp, field)
-                )
-                values |= {f"{path}.sec": stamp // SECOND, f"{path}.nanosec": stamp % SECOND}
-            elif field not in self._constants and not field.endswith("valid"):
-                name = (
-                    "gravity_torque"
-                    if (self._topic, field) == ("joint_space_dynamics", "gravity")
-                    else field
-                )
-                values[field] = (
-                    VALUES[name](piece, self._dynamics)
-                    if name in VALUES
-                    else getattr(piece.s, name)
-                )
-        return values
-
-    def _make_template(self, values, is_known):
-        """Return the template of messages with these values, with effort or a result of the observer or without."""
-        message = self._message()
+    def _make_template(self, values):
+        """Return the template of messages with the texts and lengths of the first state."""
+        message = self._message(**self._texts)
         message.header.frame_id = self._dynamics.model.root_link
-        for field, kind in message.get_fields_and_field_types().items():
-            if field in self._constants:
-                setattr(message, field, self._constants[field])
-            elif field.endswith("valid"):
-                setattr(message, field, is_known)
-            elif kind.startswith("sequence") and field in values:
-                setattr(message, field, values[field][0].ravel().tolist())
+        for path, value in values.items():
+            *parts, field = path.split(".")
+            value = value[0] if isinstance(value, np.ndarray) else value
+            if value is not None:
+                value = np.ravel(value) if np.ndim(value) else value
+                setattr(reduce(getattr, parts, message), field, value)
         return Template(message)
+
+
+class _Rows:
+    """Quantities of a BatchEvaluation at some states."""
+
+    def __init__(self, s, which):
+        self._s, self._which = s, which
+
+    def __getattr__(self, name):
+        return getattr(self._s, name)[self._which]
+
+
+def _state_of(states):
+    """Return States as a RobotState of columns."""
+    return RobotState(
+        states.position,
+        states.velocity,
+        states.effort,
+        states.stamp,
+        states.oldest_stamp,
+        states.stamp_received,
+        states.velocity_estimated,
+    )

@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Fields of the monitor's messages: about one state, or with a leading axis about many."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+FLAGS = "stamp_is_receive_time", "velocity_estimated"
+"""Fields of most messages that a RobotState has, too."""
+
+OF_STATE = "position", "velocity", "effort", *FLAGS
+"""Fields that are attributes of a RobotState."""
+
+QUANTITIES = {"total": "kinetic_energy", "power": "effort_power"}
+"""Quantities of an Evaluation by the fields that have another name."""
+
+OF_EFFORT = "effort", "epsilon", "kappa", "power"
+"""Fields that are empty or zero without effort."""
+
+LAST_LIMITS = "contact_torque_norm_threshold", "contact_threshold"
+"""Fields of the last two limits of a contact."""
+
+
+class CollisionThresholds(NamedTuple):
+    """Thresholds of external torque by joint, and the joints whose collision lasts.
+
+    Attributes
+    ----------
+    limits : ndarray, shape (nv + 2,)
+        Of an AlarmDetector: thresholds of the joints [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s].
+    joints : ndarray of bool, shape (nv,)
+        Which joints keep the alarm up.
+    """
+
+    limits: np.ndarray
+    joints: np.ndarray
+
+    def fields(self, valid):
+        """Fields of ExternalTorque, with a result or without."""
+        limits = self.limits.T  # a row for each state becomes a column
+        fields = {"torque_threshold": limits[:-2].T, "torque_norm_threshold": limits[-2]}
+        return fields | ({"joint_collision": self.joints} if valid else {})
+
+
+class ContactThresholds(NamedTuple):
+    """Thresholds of contact, as in CollisionThresholds, and whether there is a contact."""
+
+    limits: np.ndarray
+    on: bool
+
+    def fields(self):
+        """Fields of ExternalTorque."""
+        limits = self.limits.T
+        fields = {"contact": self.on, "contact_torque_threshold": limits[:-2].T}
+        return fields | dict(zip(LAST_LIMITS, limits[-2:], strict=True))
+
+
+def texts_of(topic, model, revision):
+    """Return the fields of a topic that are the same for all states of a model."""
+    texts = {"dof_names": list(model.dof_names)}
+    if topic == "kinetic_energy":
+        texts["link_names"] = list(model.link_names)
+    if topic == "state":
+        has_names = model.coordinate_names != model.dof_names
+        texts["position_names"] = list(model.coordinate_names) if has_names else []
+    if topic in ("state", "mass_matrix_factors"):
+        texts["model_revision"] = revision
+    return texts
+
+
+def flags_of(state):
+    """Return the flags of a RobotState by field."""
+    return {field: getattr(state, field) for field in FLAGS}
+
+
+def evaluated_fields(names, s, state, with_effort, **others):
+    """Return values by field, of these names, from an Evaluation and its RobotState.
+
+    Those that require efforts are None without. `others` are computed elsewhere: friction, which
+    may be None, and link_energy.
+    """
+    values = {}
+    for name in names:
+        if name in others:
+            values[name] = others[name]
+        elif name == "friction_valid":
+            values[name] = others["friction"] is not None
+        elif name in ("effort_valid", "power_valid"):
+            values[name] = with_effort
+        elif name in OF_EFFORT and not with_effort:
+            values[name] = None
+        else:
+            source = state if name in OF_STATE else s
+            values[name] = getattr(source, QUANTITIES.get(name, name))
+    return values
+
+
+def matrix_fields(topic, dynamics, state, with_inverse):
+    """Return values by field of m, D and, if requested, ℓ; or of M, c and g."""
+    q, qd = state.position, state.velocity
+    if topic == "joint_space_dynamics":
+        values = {"mass_matrix": dynamics.mass_matrix(q), "bias": dynamics.bias(q, qd)}
+        return flags_of(state) | values | {"gravity": dynamics.gravity_torque(q)}
+    m, inverse, _, d = zip(*map(dynamics.factors, np.atleast_2d(q)), strict=True)
+    values = {"nv": dynamics.model.nv, "m": np.array(m), "d": np.array(d)}
+    values |= {"l": np.array(inverse) if with_inverse else None, "l_valid": with_inverse}
+    return values | {"stamp_is_receive_time": state.stamp_is_receive_time}
+
+
+def torque_fields(seen, valid, state, observation, alarming, contact, confidence):
+    """Return values by field of results of an observer, empty where they are not `valid`.
+
+    `seen` is a Disturbance or many, `alarming` are CollisionThresholds or None, `contact`
+    ContactThresholds or None, `confidence` is that of the touched link.
+    """
+    values = flags_of(state) | {"valid": valid, "collision": seen.collision}
+    values |= {"norm": 0.0, "torque_norm": 0.0}
+    if valid:
+        names = "residual", "external_torque", "norm", "torque_norm"
+        values |= {name: getattr(seen, name) for name in names}
+    values |= {"threshold": observation.threshold, "release_threshold": observation.release}
+    values |= {"torque_norm_threshold": math.inf, "contact_threshold": math.inf}
+    values |= {"contact_torque_norm_threshold": math.inf, "touched_link_confidence": confidence}
+    values |= alarming.fields(valid) if alarming else {}
+    return values | (contact.fields() if contact else {})
