@@ -6,14 +6,16 @@
 import json
 import threading
 import time
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.exceptions import SingularMassMatrixError
 from diag_dynamics.model import end_effector_link
 from diag_dynamics.page.forces import NO_FORCES
 from diag_dynamics.page.frames import FrameMaker, States
-from diag_dynamics.page.layout import thresholds_of
+from diag_dynamics.page.layout import links_of_dofs, thresholds_of
 
 STALE = 1.0
 """Age of the last state above which a robot is not alive [s]."""
@@ -49,13 +51,15 @@ class Newest(NamedTuple):
 
 def compile_frames(dynamics, forces):
     """Compile what frames of a robot need, or load it from the cache."""
-    q, zero = dynamics.model.start, np.zeros(dynamics.model.nv)
-    maker, last = FrameMaker(dynamics, (), forces), len(dynamics.model.link_names) - 1
-    states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
-    pushed = states._replace(external_torque=zero[None], norm=np.ones(1), collision=True)
-    for link in (np.nan, last):
-        maker.frames(pushed._replace(touched_link=link))
-    maker.chosen(q, zero, dynamics.model.root_link)
+    model = dynamics.model
+    q, zero, maker = model.start, np.zeros(model.nv), FrameMaker(dynamics, (), forces)
+    with suppress(SingularMassMatrixError):  # at the start alone: other states can be shown
+        states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
+        pushed = states._replace(external_torque=zero[None], norm=np.ones(1), collision=True)
+        touched = model.link_names.index(links_of_dofs(model)[-1])
+        for link in (np.nan, touched):
+            maker.frames(pushed._replace(touched_link=link))
+    maker.chosen(q, zero, model.root_link)
 
 
 class RobotStream:

@@ -18,13 +18,25 @@ import trimesh
 import diag_dynamics as dd
 import page_fixture
 from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import GAP, FrameMaker, States
 from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass, tree_of
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
-from diag_dynamics.page.stream import Received, RobotStream
+from diag_dynamics.page.stream import Received, RobotStream, compile_frames
+from examples import some_of
 from oracles import Oracle
-from robots import description, joint, link, random_robots, robot, robot_path
+from robots import (
+    EXCLUDED,
+    SINGULAR,
+    all_robots,
+    description,
+    joint,
+    link,
+    random_robots,
+    robot,
+    robot_path,
+)
 
 PANDA, TALOS = "panda_description/urdf/panda.urdf", "talos_data/robots/talos_reduced.urdf"
 BLOCK = (1.2, (0.1, 0.0, 0.2), (0.05, 0.0, 0.0, 0.06, 0.0, 0.03))
@@ -295,6 +307,8 @@ def test_half_mass():
 
 # --- Streams ---
 
+SHOWN = [id for id in all_robots() if id not in EXCLUDED or EXCLUDED[id].reason == SINGULAR]
+
 
 def test_a_frame_is_made_once_for_each_link(panda):
     """An unknown link is the end effector. Thresholds and points of contact start a new layout."""
@@ -319,6 +333,28 @@ def test_a_frame_is_made_once_for_each_link(panda):
     number, layout = stream.newest().layout
     assert (number, json.loads(layout)["thresholds"]["norm"]) == (2, 8.0)
     assert json.loads(layout)["contact"]["points"] == [{"name": "tool", "link": "panda_hand"}]
+
+
+@pytest.mark.parametrize("id", some_of(SHOWN, 14))
+@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
+def test_example_robots_are_shown(id):
+    """The first frame of a collision has K and a force, also where no joint moves the last link."""
+    path = robot_path(id)
+    model = dd.load_urdf(path, mimic="free", massless="lock")
+    dyn, forces = dd.DiagonalDynamics(model), ForceOptions(np.eye(model.nv))
+    compile_frames(dyn, forces)
+    q, qd, tau = (rows[0] for rows in some(model))
+    s = dyn.evaluate(q, qd, tau)
+    observed = {"external_torque": tau[None], "norm": np.ones(1), "collision": True}
+    stream = RobotStream("/robot", lambda _: Received(States.of(1.0, q, qd, tau, s, **observed), 0))
+    stream.set_robot(dyn, scene_of(model, path), forces=forces)
+    newest, layout = stream.newest(), Layout(model)
+    frame = np.frombuffer(newest.frame, layout.dtype)[0]
+    np.testing.assert_allclose(value(frame, layout, "K"), s.kinetic_energy, rtol=FLOAT)
+    touched = int(value(frame, layout, "touched_link")[0])
+    if touched >= 0:
+        assert np.isfinite(value(frame, layout, "touch_force")).all()
+        assert json.loads(newest.layout[1])["tree"]["links"][touched]["dofs"]
 
 
 def test_why_no_state_comes():
