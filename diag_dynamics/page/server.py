@@ -23,6 +23,14 @@ logger = logging.getLogger(__name__)
 
 STATIC = Path(__file__).parent / "static"
 
+FILES = {
+    "": ("index.html", "text/html"),
+    "page.js": ("page.js", "text/javascript"),
+    "page.css": ("page.css", "text/css"),
+    "licences.txt": ("licences.txt", "text/plain"),
+}
+"""The page's files by path: name in the folder and type."""
+
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src "
     "'self'; img-src 'self' data: blob:; font-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -38,6 +46,12 @@ SEND_BUFFER, MAX_UNSENT = 64 * 1024, 4 * 1024
 
 READ_TIMEOUT = 20.0
 """Time after which a reader whose socket stays full is disconnected [s]."""
+
+MAX_CONNECTIONS = 64
+"""Connections, above which the next one is refused."""
+
+ACCEPT_RETRY_PERIOD, ACCEPT_LOG_PERIOD = 1.0, 60.0
+"""Time until the next attempt to accept connections after an error, and between two logs [s]."""
 
 KEEPALIVE_TIMEOUT = 15.0
 """Time after which a connection without requests is closed [s]."""
@@ -85,6 +99,10 @@ class PageServer:
     def __init__(self, robots, host="127.0.0.1", port=0, rate=60.0, max_streams=8, on_push=None):
         self._robots, self._host, self._rate, self._max_streams = robots, host, rate, max_streams
         self._news, self._started, self._on_push = set(), threading.Event(), on_push
+        self._files = {
+            path: ((STATIC / name).read_bytes(), kind) for path, (name, kind) in FILES.items()
+        }
+        self._accept_error_logged = -ACCEPT_LOG_PERIOD
         self._socket = listen(host, port)
         address, port = self._socket.getsockname()[:2]
         name = (
@@ -121,18 +139,15 @@ class PageServer:
             "/layout": self._get_layout,
             "/mesh/{sha}": self._get_mesh,
         }
-        routes |= {"/stream": self._get_stream, "/": self._get_page}
+        routes |= {"/stream": self._get_stream, "/{file:[a-z.]*}": self._get_file}
         app.add_routes(
             [web.get(path, handler, allow_head=False) for path, handler in routes.items()]
         )
-        app.router.add_static(
-            "/", STATIC, follow_symlinks=True
-        )  # which colcon --symlink-install makes
         runner = web.AppRunner(
             app, access_log=None, shutdown_timeout=0.1, keepalive_timeout=KEEPALIVE_TIMEOUT
         )
         await runner.setup()
-        await web.SockSite(runner, self._socket).start()
+        accepting = asyncio.ensure_future(self._accept_connections(runner.server))
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
         self._started.set()
         while not self._end.is_set():
@@ -140,7 +155,28 @@ class PageServer:
                 await asyncio.wait_for(self._end.wait(), HEARTBEAT / 2.0)
             for news in self._news:
                 news.set()
+        accepting.cancel()
         await runner.cleanup()
+
+    async def _accept_connections(self, server):
+        """Accept connections: servers of asyncio have no maximum and log every error."""
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                connection, _ = await loop.sock_accept(self._socket)
+                if len(server.connections) >= MAX_CONNECTIONS:
+                    connection.close()
+                else:
+                    await loop.connect_accepted_socket(server, connection)
+            except OSError as error:  # as without free file descriptors
+                self._log_accept_error(error)
+                await asyncio.sleep(ACCEPT_RETRY_PERIOD)
+
+    def _log_accept_error(self, error):
+        now = time.monotonic()
+        if now - self._accept_error_logged >= ACCEPT_LOG_PERIOD:
+            self._accept_error_logged = now
+            logger.warning("The page accepts no connections: %s. Close other programs.", error)
 
     @web.middleware
     async def _guard(self, request, handler):
@@ -169,8 +205,12 @@ class PageServer:
             )
         return robots[name]
 
-    async def _get_page(self, _):
-        return web.FileResponse(STATIC / "index.html")
+    async def _get_file(self, request):
+        name = request.match_info["file"]
+        if name not in self._files:
+            raise web.HTTPNotFound
+        body, kind = self._files[name]
+        return web.Response(body=body, content_type=kind, charset="utf-8")
 
     async def _get_robots(self, _):
         return web.json_response([robot.about() for robot in self._robots()])
@@ -274,6 +314,8 @@ class PageServer:
             if new.diagnostics[0] != diagnostics:
                 diagnostics, texts["diagnostics"] = new.diagnostics
             if texts or now >= beat:
+                if robot not in self._robots():
+                    return await ws.close(code=4404, message=b"The monitor has gone.")
                 beat, about = (
                     now + HEARTBEAT,
                     {"link": new.link, "hz": 1.0 / period, "streams": self.streams},
@@ -296,16 +338,21 @@ def listen(host, port):
         if not host or not 0 <= port <= 65535:
             raise OSError("expected an address (0.0.0.0 for all) and a port from 0 to 65535")
         place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        return socket.create_server(place[4][:2], family=place[0])
+        server = socket.create_server(place[4][:2], family=place[0])
     except (OSError, UnicodeError) as error:
         why = getattr(error, "strerror", None) or error
         text = f"The page cannot be served on host '{plain(host)}', port {port}: {why}. Port 0 is any free one."
         raise InputError(text) from error
+    server.setblocking(False)
+    return server
 
 
 def is_own(request, host):
     """Return whether a request has this server's name (DNS rebinding) and, if of a page, is of its own page."""
-    name, origin = (request.url.host or "").lower(), request.headers.get("Origin")
+    try:
+        name, origin = (request.url.host or "").lower(), request.headers.get("Origin")
+    except ValueError:  # a port above 65535
+        return False
     if origin is not None and origin.partition("://")[2] != request.host:
         return False  # browsers let every page open a websocket
     own = socket.gethostname().lower()

@@ -4,6 +4,8 @@
 """The page's server over real connections. A test waits for messages and answers, never for time to pass."""
 
 import contextlib
+import errno
+import http.client
 import itertools
 import queue
 import socket
@@ -130,6 +132,7 @@ def test_only_get_by_its_own_name_and_its_own_page(address):
         "127.0.0.1": 200,
         "[::1]:80": 200,
         "robot.local": 403,
+        "localhost:65536": 403,
         f"{socket.gethostname()}.local:80": 200,
     }
     assert {name: get(address, "/robots", Host=name)[0] for name in names} == names
@@ -139,6 +142,48 @@ def test_only_get_by_its_own_name_and_its_own_page(address):
     }.items():
         with Stream(address, origin=origin, robot="/arm") as stream:
             assert answer in stream.head
+
+
+def test_connections_above_the_maximum_are_refused(address):
+    """Idle ones count. A connection that closes makes room."""
+    where = "127.0.0.1", int(address.split(":")[-1].strip("/"))
+    with contextlib.ExitStack() as stack:
+        others = [
+            stack.enter_context(socket.create_connection(where, HANG))
+            for _ in range(server.MAX_CONNECTIONS)
+        ]
+        with socket.create_connection(where, HANG) as refused:
+            assert refused.recv(1) == b""
+        others[-1].sendall(b"GET /robots HTTP/1.0\r\nHost: localhost\r\n\r\n")
+        assert others[-1].recv(12) == b"HTTP/1.0 200"
+        others.pop().close()
+        assert get_json_when_free(address)
+
+
+def get_json_when_free(address):
+    """Return the list of robots when the server has noticed that a connection has closed."""
+    for _ in range(1000):
+        with contextlib.suppress(ConnectionError, http.client.BadStatusLine):
+            return get_json(address, "/robots")
+    raise AssertionError("no room after a connection has closed")
+
+
+def test_errors_of_accepting_are_logged_once_a_minute(serve, arm, monkeypatch, caplog):
+    """The server accepts connections again after errors, as without free file descriptors."""
+    monkeypatch.setattr(server, "ACCEPT_RETRY_PERIOD", 0.0)
+    errors = iter(100 * [OSError(errno.EMFILE, "Too many open files")])
+    accept = socket.socket.accept
+
+    def fail(listening):
+        for error in errors:
+            raise error
+        return accept(listening)
+
+    monkeypatch.setattr(socket.socket, "accept", fail)
+    address = serve(arm.stream)
+    assert get(address, "/robots")[0] == 200
+    assert next(errors, None) is None
+    assert [record.message.count("Too many open files") for record in caplog.records] == [1]
 
 
 def test_addresses_that_cannot_be_served(address):
