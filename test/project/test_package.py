@@ -68,19 +68,38 @@ def imported_packages(source):
     )
 
 
+def requirements(name):
+    """Return a list of pyproject.toml: `dependencies`, or those of an extra."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    return set(json.loads(re.search(rf"^{name} = (\[.*\])$", text, re.M)[1]))
+
+
+def rosdep_keys(kind=""):
+    """Return the keys of package.xml, of all kinds or of one."""
+    package = ET.parse(ROOT / "package.xml").getroot()
+    return {element.text for element in package if element.tag.endswith(f"{kind}depend")}
+
+
+def test_installers_of_rosdep_keys_are_listed():
+    """rosdep rejects keys of pip unless the variable of the README is set."""
+    text = (ROOT / "RELEASING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (apt|pip)\b.* \| (`.*`) \|$", text, re.M)
+    listed = [(key, installer) for installer, keys in rows for key in keys.strip("`").split("` `")]
+    assert sorted(key for key, _ in listed) == sorted(rosdep_keys())
+    assert all((installer == "pip") == key.endswith("-pip") for key, installer in listed)
+    commands = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert "    PIP_BREAK_SYSTEM_PACKAGES=1 rosdep install " in commands
+
+
 def test_package_xml_declares_what_is_imported():
     """But for what recordings need, which pip alone has: `pip install diag_dynamics[recordings]`."""
-    package = ET.parse(ROOT / "package.xml").getroot()
-    declared = {element.text for element in package if element.tag.endswith("depend")}
+    declared = rosdep_keys()
     keys = {
         name: f"python3-{name}"
         for name in ("aiohttp", "numba", "numpy", "lxml", "rich", "matplotlib", "scipy", "yaml")
     }
     keys |= {"yourdfpy": "python3-yourdfpy-pip", "llvmlite": keys["numba"]}
-    extra = re.search(
-        r"^recordings = (\[.*\])$", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M
-    )[1]
-    declared |= {re.split("[<>=]", name)[0] for name in json.loads(extra)}
+    declared |= {re.split("[<>=]", name)[0] for name in requirements("recordings")}
     packages = (
         set().union(*map(imported_packages, SOURCES.values()))
         - sys.stdlib_module_names
