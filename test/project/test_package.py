@@ -91,6 +91,18 @@ def test_installers_of_rosdep_keys_are_listed():
     assert "    PIP_BREAK_SYSTEM_PACKAGES=1 rosdep install " in commands
 
 
+def test_the_image_installs_the_dependencies():
+    """Those of pyproject.toml with their versions, and the Python packages of package.xml."""
+    text = (ROOT / "deploy" / "Dockerfile").read_text(encoding="utf-8")
+    command = re.search(r"&& pip install (?:.*\\\n)*.*", text)[0]
+    installed = set(re.findall(r'"([^"]+)"', command))
+    declared = set().union(*map(requirements, ("dependencies", "nodes", "plots")))
+    versions = {re.split("[<>=]", name)[0] for name in declared}
+    pips = {re.sub("^python3-|-pip$", "", key) for key in rosdep_keys("exec_") if "python3" in key}
+    pips = {"pyyaml" if name == "yaml" else name for name in pips}
+    assert installed == declared | (pips - versions)
+
+
 def test_package_xml_declares_what_is_imported():
     """But for what recordings need, which pip alone has: `pip install diag_dynamics[recordings]`."""
     declared = rosdep_keys()
