@@ -54,6 +54,24 @@ class Sent(NamedTuple):
     silent: bool = False  # whether there is no command, because a ramp to zero has ended
 
 
+def require_consistent(values):
+    """Raise InputError if values of the controller's parameters contradict each other."""
+    hold_time, max_age = values["hold_time"], values["max_state_age"]
+    if hold_time < 2.0 * max_age:
+        raise InputError(
+            f"parameter 'hold_time' is {hold_time:g} s; expected at least twice "
+            f"max_state_age = {max_age:g} s. Else a single invalid state lets the robot go."
+        )
+    if values["initial_mode"] == POSE and not values["controlled_link"]:
+        raise InputError(
+            "parameter 'controlled_link' is ''; expected a link because initial_mode is pose."
+        )
+    if values["pose_damping_ratio"] and any(values["pose_damping"]):
+        raise InputError(
+            "parameters 'pose_damping' and 'pose_damping_ratio' are both set; expected one of them."
+        )
+
+
 class ControlLoop:
     """Laws, filters and safety of one RobotModel, without ROS.
 
@@ -65,6 +83,7 @@ class ControlLoop:
     """
 
     def __init__(self, model, values, compensated, points=None):
+        require_consistent(values)
         self.dynamics = dynamics = DiagonalDynamics(model)
         self.efforts = Efforts(dynamics, values, compensated, points)
         self._scale_timeout, self._scale = (
@@ -74,18 +93,11 @@ class ControlLoop:
         allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
         self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
         self._slow = SLOW * self.modes[DAMPING].max_speed
-        gain, hold_time, max_age = (
-            values[name] for name in ("observer_gain", "hold_time", "max_state_age")
-        )
+        gain = values["observer_gain"]
         self._observer = (
             DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
         )
-        if hold_time < 2.0 * max_age:
-            limit = f"twice max_state_age = {max_age:g} s: else a single invalid state lets the robot go"
-            raise InputError(
-                f"parameter 'hold_time' is {hold_time:g} s, expected at least {limit}."
-            )
-        self.supervisor = Supervisor(max_age, hold_time)
+        self.supervisor = Supervisor(values["max_state_age"], values["hold_time"])
         self._initial_mode = self._mode_of(values["initial_mode"])
         self.following = None  # of the last trajectory
         self.tolerances = Tolerances.of_parameters(values, model.dof_names)

@@ -136,10 +136,6 @@ class PoseMode(Mode):
             (values["position_stiffness"], values["orientation_stiffness"]),
             values["pose_damping_ratio"],
         )
-        if ratio and any(values["pose_damping"]):
-            raise InputError(
-                "parameters 'pose_damping' and 'pose_damping_ratio' are both set; expected one of them."
-            )
         gain = None if ratio else _gains(dynamics, values, "pose_damping", POSE_DAMPING)
         options = {"damping_ratio": ratio or None, "null_frequency": values["pose_null_frequency"]}
         super().__init__(

@@ -40,11 +40,11 @@ from diag_dynamics.nodes.support.messages import MessageMaker, doubles, to_time
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
 from diag_dynamics.nodes.support.requests import read_state
 from diag_dynamics.nodes.support.topics import NODES
-from diag_dynamics.parameters.shared import payloads_of
+from diag_dynamics.parameters.shared import check_entries, payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
 from diag_dynamics.simulation.drives import TIMED_OUT
 from diag_dynamics.simulation.pace import COMMAND_TIMEOUT, Lockstep, Pace
-from diag_dynamics.simulation.plant import Plant
+from diag_dynamics.simulation.plant import Plant, require_consistent
 from diag_dynamics.srv import SetState, Step
 from diag_dynamics.text import plain
 
@@ -173,6 +173,8 @@ class SimulatorNode(TableNode, Node):
             raise InputError(
                 "parameter 'robot_description' is empty; expected a URDF or the path of one."
             )
+        require_consistent(values)
+        check_entries(values)
         self._keeps_time = values["publish_clock"] or values["lockstep"]
         self._plant, self._lockstep = None, Lockstep()
         self._paused, self._timeless, self._failure = False, False, ""

@@ -3,11 +3,28 @@
 
 """Parameters of the controller."""
 
+from diag_dynamics.control.loop import require_consistent
 from diag_dynamics.control.modes import MODES, TRACKING
+from diag_dynamics.entries import assignments
 from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
+from diag_dynamics.parameters.contact import ContactOptions
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
-from diag_dynamics.parameters.shared import ROBOT
+from diag_dynamics.parameters.shared import ROBOT, check_entries
 from diag_dynamics.parameters.spec import Spec, while_unconfigured
+
+BY_JOINT = (
+    "damping",
+    "pose_damping",
+    "regulation_stiffness",
+    "tracking_gain",
+    "tracking_convergence",
+    "path_tolerance",
+    "goal_tolerance",
+    "joint_energy_limit",
+    "effort_limit",
+    "effort_rate",
+)
+"""Parameters whose entries are joint=number."""
 
 COMPENSATES = "robot_compensates_gravity"
 """The one parameter that has no default."""
@@ -173,3 +190,12 @@ AUTOSTART = Spec(
 
 PARAMETERS = {"autostart": AUTOSTART} | while_unconfigured(_WHILE_UNCONFIGURED)
 """Specs of all parameters but :data:`COMPENSATES`, by name."""
+
+
+def check_values(values):
+    """Raise InputError for values that are wrong for every robot, alone or together."""
+    require_consistent(values)
+    check_entries(values)
+    for name in BY_JOINT:
+        assignments(name, values[name])
+    ContactOptions.from_values(values)

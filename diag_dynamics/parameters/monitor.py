@@ -465,8 +465,20 @@ class Settings(NamedTuple):
             raise InputError(
                 "parameter external_torque.gain is 0, expected a number above 0 because external_wrench.frames is set."
             )
+        settings.check_load()
         settings.check_reaction()
         return settings
+
+    def check_load(self):
+        """Reject a link of the load without an observer whose noise is known."""
+        link, observation = self.values["load.link"], self.observation
+        is_known = observation and observation.settles_on == "torque" and observation.covariance
+        if link and not is_known:
+            raise InputError(
+                f"parameter 'load.link' is '{link}'; expected external_torque.gain above 0, "
+                "external_torque.settles_on 'torque' and an external_torque.covariance beside it. "
+                "Calibrate (diag-dynamics calibrate)."
+            )
 
     def check_reaction(self):
         """Reject a service that would never be called, or a call that would change no controller."""

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.entries import LARGEST, assignments
+from diag_dynamics.entries import ALL, LARGEST, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
 from diag_dynamics.model.options import LARGEST_GRAVITY, MAX_COUPLED
@@ -82,6 +82,15 @@ def payloads_of(entries):
         xx, yy, zz, xy, xz, yz = inertia
         payloads[link] = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     return payloads
+
+
+def check_entries(values):
+    """Raise InputError for values of PARAMETERS that are wrong for every robot of a node."""
+    payloads_of(values["payloads"])
+    for name in ("locked_joints", "armature"):
+        if ALL in values[name]:
+            raise InputError(f"parameter '{name}' has '{ALL}'; expected names of joints.")
+        assignments(name, values[name])
 
 
 def payload_entry(link, payload):

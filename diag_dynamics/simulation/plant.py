@@ -107,7 +107,7 @@ class Plant:
                 "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, and joint "
                 f"'{next(iter(model.flexible_joints))}' is flexible."
             )
-        _require_consistent(model, values)
+        require_consistent(values)
         period = 1.0 / values["rate"]
         step = period / math.ceil(
             period / values["step"] - 1e-9
@@ -229,8 +229,8 @@ class Plant:
         self.sensors.restart()
 
 
-def _require_consistent(model, values):
-    """Raise InputError for values that contradict each other or lie outside of ranges that Spec cannot express."""
+def require_consistent(values):
+    """Raise InputError for values that contradict each other or lie outside of their ranges."""
     factor = values["real_time_factor"]
     if values["seed"] < 0:
         raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")

@@ -58,7 +58,12 @@ from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact import bounded_points
-from diag_dynamics.parameters.controller import COMPENSATES, PARAMETERS, WHY_REQUIRED
+from diag_dynamics.parameters.controller import (
+    COMPENSATES,
+    PARAMETERS,
+    WHY_REQUIRED,
+    check_values,
+)
 from diag_dynamics.parameters.spec import Spec
 from diag_dynamics.text import plain
 
@@ -86,6 +91,7 @@ class ControllerNode(ManagedNode):
         self.values[COMPENSATES] = self.declare_parameter(
             COMPENSATES, Parameter.Type.BOOL, required
         ).value
+        check_values(self.values)
         self._loop = self._states = self._descriptions = self._watch = self._trajectories = None
         self._activity = None  # of the effort controller
         self._description, self._refused, self._other = None, "", None
@@ -129,6 +135,7 @@ class ControllerNode(ManagedNode):
         self._commands = self._publisher(Float64MultiArray, COMMANDS)
         self._activity = ControllerActivity(self, self._commands.topic_name, self._take_activity)
         self._status = self._publisher(ControllerStatus, "~/status")
+        check_values(self.values)  # which may have changed since the start
         self._status_limit = RateLimit(self.values["max_rate.status"])
         if self.values["controlled_link"] and self._transforms is None:
             self._transforms = Transforms.if_installed(self)

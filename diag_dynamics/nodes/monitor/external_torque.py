@@ -119,23 +119,12 @@ class LoadWatch:
         )
 
 
-def check_load_link(model, settings):
-    """Raise InputError if parameters of the load do not fit the model or each other."""
-    link, observation = settings.values["load.link"], settings.observation
-    if not link:
-        return
-    if link not in model.link_names or not model.placement_in_body(link)[0]:
+def check_load_link(model, link):
+    """Raise InputError if the model lacks the link of the load."""
+    if link and (link not in model.link_names or not model.placement_in_body(link)[0]):
         raise InputError(
-            f"parameter 'load.link' is '{link}'; expected a link of robot '{model.name}' that a joint moves."
-        )
-    if (
-        observation is None
-        or observation.settles_on != "torque"
-        or observation.covariance_of(model.dof_names) is None
-    ):
-        raise InputError(
-            f"parameter 'load.link' is '{link}'; expected external_torque.gain above 0, external_torque.settles_on "
-            "'torque' and an external_torque.covariance beside it. Calibrate (diag-dynamics calibrate)."
+            f"parameter 'load.link' is '{link}'; expected a link of robot '{model.name}' "
+            "that a joint moves."
         )
 
 

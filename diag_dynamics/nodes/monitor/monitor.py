@@ -31,7 +31,7 @@ from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.publishing import connected
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, require_thresholds
-from diag_dynamics.parameters.shared import payload_entry, payloads_of
+from diag_dynamics.parameters.shared import check_entries, payload_entry, payloads_of
 from diag_dynamics.text import plain
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
@@ -55,6 +55,7 @@ class MonitorNode(TableNode, Node):
         self._outputs = Outputs(self)
         for topic in TYPES:
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
+        check_entries(self.values)
         self._outputs.use_frames(self._settings.frames)
         self._reaction = Reaction(self)
         self._commands = EffortCommands(self)

@@ -126,7 +126,7 @@ class MonitoredRobot:
                 f"parameter 'external_wrench.frames' has '{wrong[0]}', expected links of robot '{model.name}' that a joint "
                 "moves."
             )
-        check_load_link(model, settings)
+        check_load_link(model, settings.values["load.link"])
         if settings.observation:
             for thresholds in filter(
                 None, (settings.observation.alarms, settings.observation.contact)
