@@ -8,7 +8,8 @@ Least squares over physical inertias and positive friction, by Newton's method a
     min ½ xᵀA x − bᵀx + Σ γ [tr(J₀⁻¹J) − ln det J] − γ' Σ ln x_k
 
 J is the pseudo-inertia of a body, linear in x, and J₀ that of the model. The barrier of J is its prior,
-smallest at J = J₀. Plain Newton crawls along the boundary of the cone; from large γ downward it does not.
+smallest at J = J₀. Plain Newton crawls along the boundary of the cone. Logarithms with large weights that
+fall do not, if tr(J₀⁻¹J) keeps its weight.
 """
 
 from typing import NamedTuple
@@ -258,7 +259,7 @@ def solve(problem, start):
 
 
 def _minimize(problem, x, scale, goal):
-    """Return x where the squared Newton decrement is below a goal, and the Hessian; barriers times a scale."""
+    """Return x where the squared Newton decrement is below a goal, and the Hessian; logarithms times a scale."""
     quadratic = (
         QUADRATIC
         * scale
@@ -282,7 +283,7 @@ def _minimize(problem, x, scale, goal):
 
 
 def _evaluate(problem, x, scale):
-    """Return the function, its gradient and its Hessian, barriers times a scale; infinity outside of the cones."""
+    """Return function, gradient and Hessian, logarithms times a scale; infinity outside of the cones."""
     k, weight = problem.positive, scale * problem.positive_weight
     if (x[k] <= 0.0).any():
         return np.inf, None, None
@@ -299,8 +300,9 @@ def _evaluate(problem, x, scale):
             return np.inf, None, None
         inverse, inverse_prior = np.linalg.inv(J), np.linalg.inv(body.prior)
         turned = inverse @ inertias.BASIS
-        value += weight * (np.sum(inverse_prior * J) - 2.0 * np.log(diagonal).sum())
-        gradient[own] += weight * np.tensordot(inertias.BASIS, inverse_prior - inverse, 2)
+        value += body.weight * np.sum(inverse_prior * J) - 2.0 * weight * np.log(diagonal).sum()
+        pull = body.weight * inverse_prior - weight * inverse
+        gradient[own] += np.tensordot(inertias.BASIS, pull, 2)
         hessian[own, own] += weight * np.einsum("aij,bji->ab", turned, turned)
     return value, gradient, hessian
 
