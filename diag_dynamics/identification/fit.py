@@ -12,6 +12,7 @@ smallest at J = J₀. Plain Newton crawls along the boundary of the cone. Logari
 fall do not, if tr(J₀⁻¹J) keeps its weight.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,11 @@ STAGE_DECREMENT, LAST_DECREMENT = (
 QUADRATIC = 0.05  # squared decrement over the smallest weight below which convergence is quadratic
 ROUNDING = 1e-14  # relative error of the function's value
 REGULAR = 1e-12  # added to the scaled Hessian, whose rounding errors are smaller
-MAX_STEPS, MAX_HALVINGS = 400, 60
+MAX_STEPS, MAX_STEPS_NEAR, MAX_HALVINGS = 400, 25, 60
+
+
+class ConvergenceError(DiagDynamicsError):
+    """A fit that does not converge."""
 
 
 class Carrier(NamedTuple):
@@ -154,20 +159,26 @@ class Layout:
         return A, b
 
 
-def fit_rows(layout, rows, free, weight):
-    """Return the :class:`Fit` of `free` unknowns to rows; `weight` is γ. Negative payloads are physical with their body."""
+def fit_rows(layout, rows, free, weight, similar=None):
+    """Return the :class:`Fit` of `free` unknowns to rows, from that to `similar` rows.
+
+    `weight` is γ. Negative payloads are physical with their body.
+    """
     if layout.payload:
         _, body, placement = layout.payload
         base = inertias.moved(
             inertias.parameters_of_record(layout.model.bodies[body]), np.linalg.inv(placement)
         )
+        if similar:
+            base = base if similar.x[layout.robot] < 0.0 else None
+            return _fit(layout, rows, free, weight, base, similar)
         lighter = _fit(layout, rows, free, weight, base) if base[0] > 0.0 else None
         if lighter and lighter.x[layout.robot] < 0.0:
             return lighter
-    return _fit(layout, rows, free, weight, None)
+    return _fit(layout, rows, free, weight, None, similar)
 
 
-def _fit(layout, rows, free, weight, base):
+def _fit(layout, rows, free, weight, base, similar=None):
     index, x = np.flatnonzero(free), layout.known.copy()
     covariance, determined = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
     if not len(index):
@@ -176,20 +187,21 @@ def _fit(layout, rows, free, weight, base):
     bodies = [body._replace(first=int(np.searchsorted(index, body.first))) for body in bodies]
     known, positive = np.where(free, 0.0, layout.known), np.flatnonzero(layout.positive[index])
     variance = scale = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
+    if similar:
+        start = similar.x
+        variance = np.maximum(layout.mean_squares(rows, start), MIN_VARIANCE * scale)
     for turn in range(MAX_ROUNDS):
         A, b = layout.weighted(rows, variance)
         problem = Problem(
             A[np.ix_(index, index)], (b - A @ known)[index], bodies, positive, POSITIVE_WEIGHT
         )
-        x[index], hessian = solve(problem, x[index] if turn else start[index])
+        near = turn > 0 or similar is not None
+        x[index], hessian = solve(problem, x[index] if turn else start[index], near)
         before, variance = variance, np.maximum(layout.mean_squares(rows, x), MIN_VARIANCE * scale)
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):
             break
-    units = 1.0 / np.sqrt(np.diag(hessian))
-    inverse = (
-        np.linalg.pinv(hessian * units[:, None] * units, hermitian=True) * units[:, None] * units
-    )
+    inverse = _solve_scaled(hessian, np.eye(len(index)))
     covariance[np.ix_(index, index)] = inverse
     determined[index] = np.einsum("ij,ji->i", inverse, problem.A)
     return Fit(x, covariance, determined)
@@ -248,76 +260,115 @@ class Problem(NamedTuple):
     positive_weight: float
 
 
-def solve(problem, start):
-    """Return x at the minimum and the Hessian there, from a start within all cones; raises DiagDynamicsError."""
-    smallest = min((body.weight for body in problem.bodies), default=problem.positive_weight)
-    first, x = _newton_step(*_evaluate(problem, start, 1.0)[1:])[0], start
+class _Logarithms(NamedTuple):
+    """Logarithms of a problem: −Σ `weights` ln det J of bodies at `places`, (B, 10), and −Σ γ' ln x of `positive`."""
+
+    places: np.ndarray
+    fixed: np.ndarray
+    weights: np.ndarray
+    positive: np.ndarray
+    positive_weight: float
+
+    def scaled(self, scale):
+        """Return logarithms times a scale."""
+        weights, positive_weight = scale * self.weights, scale * self.positive_weight
+        return self._replace(weights=weights, positive_weight=positive_weight)
+
+    @property
+    def smallest(self):
+        """The smallest weight."""
+        return min(self.positive_weight, self.weights.min(initial=np.inf))
+
+
+def solve(problem, start, near=False):
+    """Return x at the minimum and the Hessian there, from a start within all cones that may be near the minimum.
+
+    Raises ConvergenceError.
+    """
+    bodies = problem.bodies
+    places = np.array([body.first for body in bodies], dtype=int)[:, None] + np.arange(PARAMETERS)
+    weights, fixed = np.array([body.weight for body in bodies]), [body.fixed for body in bodies]
+    fixed = np.reshape(fixed, (-1, 4, 4))
+    logs = _Logarithms(places, fixed, weights, problem.positive, problem.positive_weight)
+    b = problem.b.copy()
+    for place, body in zip(places, bodies, strict=True):
+        b[place] -= body.weight * np.tensordot(inertias.BASIS, np.linalg.inv(body.prior), 2)
+    function = partial(_evaluate, problem.A, b)
+    if near:
+        try:
+            return _minimize(function, logs, start, LAST_DECREMENT, MAX_STEPS_NEAR)
+        except ConvergenceError:
+            pass
+    return _follow_path(function, logs, start)
+
+
+def _follow_path(function, logs, start):
+    """Return x at the minimum and the Hessian there, by logarithms whose weights fall by decades."""
+    smallest, x = logs.weights.min(initial=np.inf), start
+    smallest = smallest if len(logs.weights) else logs.positive_weight
+    first = _newton_step(*function(logs, x)[1:])[0]
     stages = max(0, int(np.ceil(np.log10(max(first, smallest) / smallest))))
     for scale in 10.0 ** np.arange(stages, 0, -1):
-        x, _ = _minimize(problem, x, scale, STAGE_DECREMENT * smallest * scale)
-    return _minimize(problem, x, 1.0, LAST_DECREMENT)
+        goal = STAGE_DECREMENT * smallest * scale
+        x, _ = _minimize(function, logs.scaled(scale), x, goal, MAX_STEPS)
+    return _minimize(function, logs, x, LAST_DECREMENT, MAX_STEPS)
 
 
-def _minimize(problem, x, scale, goal):
-    """Return x where the squared Newton decrement is below a goal, and the Hessian; logarithms times a scale."""
-    quadratic = (
-        QUADRATIC
-        * scale
-        * min([problem.positive_weight, *(body.weight for body in problem.bodies)])
-    )
-    before, (value, gradient, hessian) = np.inf, _evaluate(problem, x, scale)
-    for _ in range(MAX_STEPS):
+def _minimize(function, logs, x, goal, steps):
+    """Return x where the squared Newton decrement is below a goal, and the Hessian."""
+    quadratic = QUADRATIC * logs.smallest
+    before, (value, gradient, hessian) = np.inf, function(logs, x)
+    for _ in range(steps):
         squared, direction = _newton_step(gradient, hessian)
         # A whole step squares the decrement near the minimum; if not, only rounding is left.
         if squared <= goal or (before < quadratic and squared > 0.5 * before):
             return x, hessian
         for length in 0.5 ** np.arange(MAX_HALVINGS):
-            reached = _evaluate(problem, x + length * direction, scale)
+            reached = function(logs, x + length * direction)
             if reached[0] <= value - 0.1 * length * squared + ROUNDING * abs(value):
                 break
         else:
             return x, hessian
         x, before = x + length * direction, squared if length == 1.0 else np.inf
         value, gradient, hessian = reached
-    raise DiagDynamicsError(f"The identification did not converge within {MAX_STEPS} Newton steps.")
+    raise ConvergenceError(f"The identification did not converge within {steps} Newton steps.")
 
 
-def _evaluate(problem, x, scale):
-    """Return function, gradient and Hessian, logarithms times a scale; infinity outside of the cones."""
-    k, weight = problem.positive, scale * problem.positive_weight
+def _evaluate(A, b, logs, x):
+    """Return ½ xᵀA x − bᵀx with logarithms, its gradient and its Hessian; infinity outside of the cones."""
+    k, weight = logs.positive, logs.positive_weight
+    J = np.tensordot(x[logs.places], inertias.BASIS, 1) + logs.fixed
+    try:
+        diagonals = np.diagonal(np.linalg.cholesky(J), axis1=1, axis2=2)
+    except np.linalg.LinAlgError:
+        return np.inf, None, None
     if (x[k] <= 0.0).any():
         return np.inf, None, None
-    value = x @ (0.5 * problem.A @ x - problem.b) - weight * np.log(x[k]).sum()
-    gradient, hessian = problem.A @ x - problem.b, problem.A.copy()
+    value = x @ (0.5 * A @ x - b) - weight * np.log(x[k]).sum()
+    value -= 2.0 * logs.weights @ np.log(diagonals).sum(axis=1)
+    gradient, hessian = A @ x - b, A.copy()
     gradient[k] -= weight / x[k]
     hessian[k, k] += weight / x[k] ** 2
-    for body in problem.bodies:
-        own, weight = slice(body.first, body.first + PARAMETERS), scale * body.weight
-        J = np.tensordot(x[own], inertias.BASIS, 1) + body.fixed
-        try:
-            diagonal = np.diag(np.linalg.cholesky(J))
-        except np.linalg.LinAlgError:
-            return np.inf, None, None
-        inverse, inverse_prior = np.linalg.inv(J), np.linalg.inv(body.prior)
-        turned = inverse @ inertias.BASIS
-        value += body.weight * np.sum(inverse_prior * J) - 2.0 * weight * np.log(diagonal).sum()
-        pull = body.weight * inverse_prior - weight * inverse
-        gradient[own] += np.tensordot(inertias.BASIS, pull, 2)
-        hessian[own, own] += weight * np.einsum("aij,bji->ab", turned, turned)
+    inverse = np.linalg.inv(J)
+    pulls = np.tensordot(inverse, inertias.BASIS, ([1, 2], [1, 2]))
+    gradient[logs.places] -= logs.weights[:, None] * pulls
+    turned = inverse[:, None] @ inertias.BASIS
+    flat, other = (y.reshape(-1, PARAMETERS, 16) for y in (turned, turned.swapaxes(-1, -2)))
+    curvatures = logs.weights[:, None, None] * (flat @ other.swapaxes(-1, -2))
+    hessian[logs.places[:, :, None], logs.places[:, None]] += curvatures
     return value, gradient, hessian
 
 
 def _newton_step(gradient, hessian):
-    """Return the squared Newton decrement and the step, the Hessian scaled by its diagonal because units differ."""
-    linalg, scale = (
-        require("scipy.linalg", "identify"),
-        1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300)),
-    )
-    scaled, right = (
-        hessian * scale[:, None] * scale + REGULAR * np.eye(len(scale)),
-        -gradient * scale,
-    )
-    direction = linalg.cho_solve(
-        linalg.cho_factor(scaled), right
-    )  # threads of an LU factorization mostly wait
-    return float(direction @ right), direction * scale
+    """Return the squared Newton decrement and the step."""
+    direction = -_solve_scaled(hessian, gradient)
+    return float(-gradient @ direction), direction
+
+
+def _solve_scaled(hessian, right):
+    """Return H⁻¹ times a vector or columns, the Hessian scaled by its diagonal because units differ."""
+    linalg = require("scipy.linalg", "identify")
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled = hessian * scale[:, None] * scale + REGULAR * np.eye(len(scale))
+    factor = linalg.cho_factor(scaled)  # threads of an LU factorization mostly wait
+    return (linalg.cho_solve(factor, (right.T * scale).T).T * scale).T

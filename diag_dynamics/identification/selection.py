@@ -123,9 +123,8 @@ class Selection:
 
     def left_out(self):
         """Return the fits of the steps that were taken without each block in turn, (blocks, size), with gains without it."""
-        return np.array(
-            [self._fit_to(sums, self.free(self.taken)).x for sums in self._data.left_out()]
-        )
+        free = self.free(self.taken)
+        return np.array([self._fit_to(sums, free).x for sums in self._data.left_out()])
 
     def with_payload(self, payload):
         """Return mass and score of a payload that is fitted beside the steps that were taken."""
@@ -157,10 +156,10 @@ class Selection:
             ]
         )
 
-    def _fit_to(self, sums, free):
+    def _fit_to(self, sums, free, similar=None):
         """Return the fit of the free unknowns to normal equations and to those of references."""
         beside = [] if self._data.unloaded is None else [(self._data.unloaded, False)]
-        return fit_rows(self.layout, [(sums, True), *beside], free, self._weight)
+        return fit_rows(self.layout, [(sums, True), *beside], free, self._weight, similar)
 
     def _update_load(self):
         """Let the load of gears be that of the inertias that were fitted."""
@@ -170,9 +169,9 @@ class Selection:
 
     def cross_validate(self, free):
         """Return unknowns fitted without each block in turn, and the squared residuals of that block."""
-        fits = np.array(
-            [self._fit_to(self._data.fitted - block, free).x for block in self._data.blocks]
-        )
+        whole = self._fit_to(self._data.fitted, free)
+        parts = [self._data.fitted - block for block in self._data.blocks]
+        fits = np.array([self._fit_to(part, free, whole).x for part in parts])
         return fits, self.squares_of(fits)
 
     def _score_of(self, squares):
