@@ -37,7 +37,7 @@ FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(
 class Described(NamedTuple):
     """A robot as the text of a URDF, and what a URDF cannot say.
 
-    `options` of :func:`load_urdf` are floating_base, gravity and armature of an MJCF; none of a URDF.
+    `options` of :func:`load_urdf` are floating_base, gravity, armature and locked_joints of an MJCF; none of a URDF.
     """
 
     text: str
@@ -56,7 +56,8 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for gravity, floating_base,
     armature and estimate_inertias, which the file has.
 
-    Joints that an equality couples are mimic joints; connect and weld are rigid closed loops. Names are the file's, or
+    Joints that an equality couples are mimic joints; one without joint2 locks its joint at polycoef[0], unless locked_joints
+    has another position. Connect and weld are rigid closed loops. Names are the file's, or
     ``body<number>`` and ``joint<number>``. A single free body is a floating base. Degrees of freedom are in the order of
     :class:`RobotModel`, which need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs:
     a ModelWarning names them, and `RobotModel.omitted` has them.
@@ -66,8 +67,8 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     UrdfError
         MuJoCo rejects the file.
     UnsupportedError
-        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities other than a coupling of two
-        joints, connect or weld, or armature of a free joint, a tendon, or an actuator elsewhere than at a hinge or slide.
+        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities other than that of a joint,
+        connect or weld, or armature of a free joint, a tendon, or an actuator elsewhere than at a hinge or slide.
     """
     for name in OPTIONS:
         if name in options:
@@ -80,13 +81,15 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
 def loaded(described: Described, **options: Any) -> RobotModel:
     """Build the model of a description; options of :func:`load_urdf` have precedence over those that the file says.
 
-    Parameters beside the file, and `armature`, replace the armature of the joints that they name.
+    Parameters beside the file, `armature` and `locked_joints` replace values of the joints that they name.
     """
     armature = dict(described.options.get("armature", {}))
     if (beside := options.get("parameters")) is not None:
         armature |= read_parameters(beside).by_joint("armature")
     armature |= options.get("armature") or {}
-    model = load_urdf(described.text, **{**described.options, **options, "armature": armature})
+    locked = described.options.get("locked_joints", {}) | (options.get("locked_joints") or {})
+    by_joint = {"armature": armature, "locked_joints": locked}
+    model = load_urdf(described.text, **{**described.options, **options, **by_joint})
     if described.omitted:
         text = f"Forward and inverse dynamics of robot '{model.name}' omit: {'; '.join(described.omitted)}. "
         warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=4)
@@ -121,7 +124,12 @@ def read_mjcf(source: str | os.PathLike[str]) -> Described:
     floating = len(c.free) == 1 and len(top) == 1
     gravity = np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy()
     armature = {c.name("joint", j): float(c.armature[c.m.jnt_dofadr[j]]) for j in c.single}
-    options = {"floating_base": floating, "gravity": gravity, "armature": armature}
+    options = {
+        "floating_base": floating,
+        "gravity": gravity,
+        "armature": armature,
+        "locked_joints": c.locked_joints(),
+    }
     text = etree.tostring(_Writer(c, floating).robot, encoding="unicode")
     return Described(text, options, tuple(_omitted(c)))
 
@@ -209,6 +217,15 @@ class _Compiled:
         """Return the position of a hinge or slide at which its body is where the file has it [rad, m]."""
         return float(self.m.qpos0[self.m.jnt_qposadr[j]])
 
+    def locked_joints(self):
+        """Return positions, by name, of joints that equalities without joint2 lock."""
+        equalities = [e for e in self.equalities if self.equality_kinds[e] == "joint"]
+        locked = [(e, self.m.eq_obj1id[e]) for e in equalities if self.m.eq_obj2id[e] < 0]
+        return {
+            self.name("joint", j): self.reference(j) + float(self.m.eq_data[e, 0])
+            for e, j in locked
+        }
+
     def rotation(self, quaternion):
         """Return the rotation matrix of a quaternion (w, x, y, z)."""
         matrix = np.zeros(9)
@@ -279,12 +296,12 @@ def _reject_unsupported(c):
         if kind in ("connect", "weld"):
             if all(c.m.body_mocapid[c.m.body_rootid[b]] < 0 for b, _, _ in c.ends(e)):
                 continue
-        elif kind == "joint" and c.m.eq_obj2id[e] >= 0 and joint not in coupled:
+        elif kind == "joint" and joint not in coupled:
             coupled.add(joint)
             continue
         raise UnsupportedError(
             f"equality '{c.name('equality', e)}' ({kind}) is neither a connect or weld of bodies of the robot nor the one "
-            'coupling of a joint to another one, and is not supported. Remove it, or set active="false".'
+            'equality of a joint, and is not supported. A model without it (active="false") has more degrees of freedom.'
         )
 
 
@@ -372,7 +389,9 @@ class _Writer:
         self._c, self._m, self._floating = c, c.m, floating
         self._effort = _effort_limits(c)
         self._equality = {
-            int(c.m.eq_obj1id[e]): e for e in c.equalities if c.equality_kinds[e] == "joint"
+            int(c.m.eq_obj1id[e]): e
+            for e in c.equalities
+            if c.equality_kinds[e] == "joint" and c.m.eq_obj2id[e] >= 0
         }
         self.robot = etree.Element(
             "robot", name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf"

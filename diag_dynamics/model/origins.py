@@ -55,6 +55,13 @@ def local_name(element: Any) -> str:
     return str(element.tag).rpartition("}")[2].rpartition(":")[2]
 
 
+def is_xacro(element: Any) -> bool:
+    """Return whether an element is of xacro's namespace or prefix."""
+    tag = str(element.tag)
+    is_prefixed = element.prefix == "xacro" or tag.startswith("xacro:")
+    return is_prefixed or "xacro" in tag.rpartition("}")[0]
+
+
 def short(value: object) -> str:
     """Return a value as messages show it."""
     text = repr(value)

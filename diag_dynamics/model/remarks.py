@@ -56,6 +56,10 @@ MISPLACED = (
     "rpy",
     "axes",
 )  # elements of formats or places beside
+# Parts of the names of simulators' plugins that couple links or joints, lower case
+COUPLING_PLUGINS = ("attach", "coupl", "detach", "gearbox", "loop_joint", "closed_loop", "mimic")
+COUPLING_REMEDY = "Describe it by <loop_joint>, loops, <mimic> or payloads."
+MIMIC = ("mimicJoint", "mimic_joint")  # elements of such plugins that name a joint with a source
 MAX_ANGLE = (
     2.0 * math.pi + 1e-3
 )  # largest angle of an origin or a mimic offset [rad]: a full turn, rounded
@@ -83,7 +87,25 @@ def remarks_of(robot: Any) -> list[Remark]:
             remarks.append(
                 Remark("joint", joint.get("name") or "", what, "Forward dynamics lacks its forces.")
             )
-    return remarks
+    return remarks + list(_couplings_of_plugins(robot))
+
+
+def _couplings_of_plugins(robot: Any) -> Iterator[Remark]:
+    """Yield plugins of a simulator that couple joints or links, unless each coupled joint has a <mimic>."""
+    mimics = {mimic.getparent().get("name") for mimic in robot.iterfind("joint/mimic")}
+    for plugin in robot.iterfind("gazebo//plugin"):
+        names = [plugin.get("name") or "", plugin.get("filename") or ""]
+        joints = {(one.text or "").strip() for tag in MIMIC for one in plugin.iterfind(tag)}
+        is_coupling = any(part in "\n".join(names).lower() for part in COUPLING_PLUGINS)
+        if is_coupling and not (joints and joints <= mimics):
+            shown = short(next(filter(None, names)))
+            what = f"plugin {shown} of <gazebo> couples links or joints and is not modelled"
+            yield Remark("robot", robot.get("name") or "robot", what, COUPLING_REMEDY)
+    for parameter in robot.iterfind("ros2_control/joint/param[@name='mimic']"):
+        joint = parameter.getparent().get("name") or ""
+        if joint not in mimics:
+            what = "parameter 'mimic' of <ros2_control> is not modelled"
+            yield Remark("joint", joint, what, "Give the joint a <mimic>.")
 
 
 def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:

@@ -13,9 +13,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from lxml import etree
+
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.model.origins import short
+from diag_dynamics.model.origins import is_xacro, local_name, short
 from diag_dynamics.model.remarks import warn
 
 MAX_BYTES = (
@@ -32,6 +34,12 @@ FORMATS = {  # first bytes of files that are no XML: their kind, and what to do
     b"\x1f\x8b": "compressed by gzip. Unpack it",
     b"PK\x03\x04": "a zip archive. Unpack it, and load the URDF in it",
 }
+
+DEFINITIONS = ("property", "macro", "arg")  # elements of xacro that define something for others
+
+NO_CALL = (
+    "The file has no <link>: it defines macros and calls none. Load the xacro file that calls them."
+)
 
 _OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
 _AMPERSAND = re.compile(r"&(?!#?\w[\w.:-]*;)")
@@ -218,16 +226,26 @@ def expanded(source: Any, arguments: Any) -> Any:
     }
     mappings = _Arguments(texts)
     try:
-        text = xacro.process_file(path, mappings=mappings).toxml()
+        document = xacro.process_file(path, mappings=mappings)
     except Exception as error:  # it has exceptions of a dozen modules
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
         if missing := sorted(mappings.used.difference(mappings)):
             reason += f". Give {missing[0]}:=VALUE behind the path, or xacro_args={{'{missing[0]}': VALUE}}."
         raise UrdfError(f"xacro cannot expand '{path}': {reason}") from error
+    if not document.getElementsByTagName("link") and _only_defines(path):
+        raise UrdfError(f"'{path}': {NO_CALL}")
     if unused := [name for name in texts if name not in mappings.used]:
         used = ", ".join(sorted(mappings.used)) or "none"
         listed = ", ".join(map(repr, unused))
         warn(
             f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.", stacklevel=4
         )
-    return text
+    return document.toxml()
+
+
+def _only_defines(path: str) -> bool:
+    """Return whether a xacro file has elements of xacro, but none that calls a macro."""
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, recover=True)
+    elements = etree.parse(path, parser).getroot().iterchildren(etree.Element)
+    names = {local_name(element) for element in elements if is_xacro(element)}
+    return bool(names) and names <= {*DEFINITIONS, "include"}

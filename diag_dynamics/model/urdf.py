@@ -16,10 +16,10 @@ from diag_dynamics.checks import listed
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES
 from diag_dynamics.model.loop_elements import ENDS, loops_of
-from diag_dynamics.model.origins import local_name, numbers_of, placement_of, short
+from diag_dynamics.model.origins import is_xacro, local_name, numbers_of, placement_of, short
+from diag_dynamics.model.sources import DEFINITIONS, NO_CALL
 
 MAX_JOINTS = 2000  # largest number of joints, by default; the largest public robots have some 200
-DEFINITIONS = ("property", "macro", "arg")  # elements of xacro that define something for others
 
 ROOTS = {  # root elements of files that are no URDF: their kind, and what to do
     "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
@@ -32,6 +32,10 @@ UNEXPANDED = (
 
 # Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case
 LOOPS = ("loop", "constraint", "coupling", "gear_joint", "gearjoint")
+TREE = (
+    "expected a tree. Describe a loop by <loop_joint>, <constraint> or a file of loops "
+    "(load_urdf: loops, commands: --loops, nodes: loops_file)."
+)
 CONTAINERS = ("robot", "link", "joint", "gazebo")  # elements whose children may close loops
 
 # Elements that dynamics needs, each with the attributes that hold numbers. Limits may be infinite.
@@ -91,9 +95,7 @@ def _reject_loops(robot):
         ):
             shown = short(f"{element.prefix}:{tag}" if element.prefix else element.tag)[1:-1]
             name = f" name={short(element.get('name'))}" if element.get("name") else ""
-            raise UrdfError(
-                f"<{shown}{name}> is not supported; expected a tree of <joint>. Remove the element."
-            )
+            raise UrdfError(f"<{shown}{name}> is not supported; {TREE}")
 
 
 def parse_urdf(text, comments=False):
@@ -138,26 +140,15 @@ def _reject_xacro(robot):
     stack = [robot]
     while stack:
         for element in stack.pop().iterchildren(etree.Element):
-            if not _is_xacro(element):
+            if not is_xacro(element):
                 stack.append(element)
             elif local_name(element) not in DEFINITIONS:
                 raise UrdfError(f"The URDF contains <xacro:{local_name(element)}>: {UNEXPANDED}")
 
 
-def _is_xacro(element):
-    return (
-        "xacro" in element.tag.rpartition("}")[0]
-        or element.prefix == "xacro"
-        or element.tag.startswith("xacro:")
-    )
-
-
 def _reject_no_links(robot):
-    for element in robot.iterchildren(etree.Element):
-        if _is_xacro(element):
-            raise UrdfError(
-                f"The URDF has no <link>, but <xacro:{local_name(element)}>: {UNEXPANDED}"
-            )
+    if any(map(is_xacro, robot.iterchildren(etree.Element))):  # definitions: _reject_xacro
+        raise UrdfError(NO_CALL)
     raise UrdfError("The URDF has no <link>. Is the file an SRDF of MoveIt?")
 
 
@@ -221,8 +212,8 @@ def _add_joints(robot, reduced):
             etree.SubElement(copy, end, link=link)
         if link in parents:
             raise UrdfError(
-                f"link '{link}' is the child of two joints, '{parents[link].get('name')}' and '{name}': the URDF has a "
-                "loop, and only trees can be modelled. Cut it at one of the two."
+                f"link '{link}' is the child of two joints, '{parents[link].get('name')}' and '{name}'; "
+                f"{TREE} Remove the joint that closes it."
             )
         parents[link] = copy
         _copy_numbers(joint, copy, JOINT, where)
@@ -300,5 +291,5 @@ def _root_link(links, parents):
         reached.update(dict.fromkeys(outboard))
         stack += outboard
     if lost := next((link for link in links if link not in reached), None):
-        raise UrdfError(f"link '{lost}' is part of a loop of joints; expected a tree.")
+        raise UrdfError(f"link '{lost}' is part of a loop of joints; {TREE}")
     return roots[0]

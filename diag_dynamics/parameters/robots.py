@@ -70,7 +70,7 @@ def model_of(description, values, recorded=None):
         joints, names = single_joints(model), recorded(model)
         if names & set(joints):  # other names are a finding of the reader
             model = model.with_locked_joints(
-                locked | {name: rest for name in joints if name not in names}
+                model.locked_joints | {name: rest for name in joints if name not in names}
             )
     return model
 

@@ -147,6 +147,11 @@ def test_xacro_errors(xacro_file, monkeypatch):
     assert_error(dd.UrdfError, "no such file", "nowhere.xacro")
     assert_error(dd.InputError, "xacro_args has mass", UR5, xacro_args={"mass": 1})
     assert_error(dd.InputError, "xacro_args is 3", xacro_file, xacro_args=3)
+    macros = XACRO[: XACRO.index('<link name="base"/>')] + "</robot>"
+    xacro_file.write_text(macros)
+    assert_error(dd.UrdfError, "arm.urdf.xacro.*defines macros and calls none", xacro_file)
+    xacro_file.write_text(macros.replace("</robot>", '<xacro:if value="false"/></robot>'))
+    assert_error(dd.UrdfError, "SRDF", xacro_file)
     xacro_file.write_text(XACRO.replace("${0.1 * 2}", "${nothing}"))
     assert_error(dd.UrdfError, "xacro cannot expand .*nothing", xacro_file)
     xacro_file.write_text(
@@ -356,6 +361,20 @@ def test_mjcf_joints(mujoco):
     coupled = dd.load_mjcf(changed(END, equality + END)).mimics["other"]
     assert (coupled.leader, coupled.multiplier) == ("turn", -1.5)
     assert coupled.offset == pytest.approx(0.2 + 1.5 * 0.4)  # the source's ref is 0.4
+
+
+@pytest.mark.parametrize("joint", ["turn", "shift"])
+def test_equality_without_a_second_joint(mujoco, joint):
+    """It locks the joint where MuJoCo's constraint holds, whatever its ref; locked_joints has precedence."""
+    equality = f'<equality><joint joint1="{joint}" polycoef="0.3 5"/></equality>'
+    text = changed(END, equality + END)
+    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
+    assert model.nv == m.nv - 1 and joint not in model.dof_names
+    d = mujoco.MjData(m)
+    d.joint(joint).qpos[:] = model.locked_joints[joint]
+    mujoco.mj_forward(m, d)
+    assert d.ne == 1 and abs(d.efc_pos[0]) < 1e-12
+    assert dd.load_mjcf(text, locked_joints={joint: 0.1}).locked_joints == {joint: 0.1}
 
 
 OTHER, TENDON = (

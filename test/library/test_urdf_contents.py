@@ -82,6 +82,15 @@ LIMIT = '<limit lower="-10" upper="10" effort="100" velocity="100"/>'
 JOINT_ORIGIN = '<origin xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"/>'
 FOLLOWER = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="shoulder"{}/></joint>'
 
+
+def plugin(filename, name, follower=""):
+    """Return a plugin of a simulator, of a mimic joint if one is given."""
+    content = (
+        f"<mimicJoint>{follower}</mimicJoint>" if follower else "<parent_link>upper</parent_link>"
+    )
+    return f'<gazebo><plugin filename="{filename}" name="{name}">{content}</plugin></gazebo>'
+
+
 MISTAKES = {
     # the text, and what the warning names
     "attribute of the robot": (
@@ -188,6 +197,25 @@ MISTAKES = {
         ),
         "joint 'g': <joint> of <gazebo> is ignored",
     ),
+    "DetachableJoint": (
+        with_more(plugin("gz-sim", "gz::sim::systems::DetachableJoint")),
+        "robot 'arm': plugin 'gz::sim::systems::DetachableJoint' of <gazebo> couples",
+    ),
+    "link attacher": (
+        with_more(plugin("libgazebo_ros_link_attacher.so", "")),
+        "plugin 'libgazebo_ros_link_attacher.so'",
+    ),
+    "plugin for another mimic joint": (
+        with_more(plugin("libmimic.so", "a", "finger")),
+        "plugin 'a' of <gazebo> couples",
+    ),
+    "mimic of ros2_control": (
+        with_more(
+            '<ros2_control><joint name="shoulder"><param name="mimic">x</param></joint>'
+            "</ros2_control>"
+        ),
+        "joint 'shoulder': parameter 'mimic' of <ros2_control> is not modelled",
+    ),
 }
 
 NO_MISTAKES = {
@@ -208,6 +236,10 @@ NO_MISTAKES = {
         '<dynamics D="1" K="7000" damping="0.003" mu_coulomb="0" mu_viscous="16"/></joint>',
     ),
     "ANYmal": changed("<limit", '<limit command_effort="80" current="10" gear_velocity="10"'),
+    "plugin for a mimic joint": arm(
+        link("l", **BOX), FOLLOWER.format(""), plugin("libmimic.so", "mimic", "follower")
+    ),
+    "plugin without a coupling": with_more(plugin("libgazebo_ros_control.so", "gazebo")),
     "Unitree": changed('type="revolute"', 'type="revolute" dont_collapse="true"'),
 }
 
