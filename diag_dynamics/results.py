@@ -418,7 +418,8 @@ class ExternalWrench(NamedTuple):
     wrench : ndarray, shape (6,)
         f̂ [N, N m] of the environment on the robot: zero along the directions that are not observed.
     covariance : ndarray, shape (6, 6)
-        Of the observed part, [N², N² m, N² m²]: Σ deviation² d dᵀ over the observed directions d.
+        Σ deviation² d dᵀ over the observed directions d [N², N² m, N² m²]. Variances of components
+        in which an unobserved direction has a part are infinite.
     directions : ndarray, shape (6, 6)
         Rows are wrenches d [N, N m] with independent estimates, orthonormal in units of
         `max_deviation`. The best known one is the first.
@@ -426,7 +427,7 @@ class ExternalWrench(NamedTuple):
         Standard deviation of the estimate along each direction, as a fraction of d; inf if no joint
         moves along it, or if it is not estimated.
     observed : ndarray of bool, shape (6,)
-        Whether it is at most 1.
+        Whether it is at most 1; without a covariance, whether it is finite.
     chi_square : float
         Squared length of Σ^−½(τ̂ − Jᵀf̂): what the wrench does not explain. For a contact at the point
         its mean is nv less the number of observed directions.

@@ -533,7 +533,7 @@ class DiagonalDynamics:
         """Return the wrench f̂ = (JΣ⁻¹Jᵀ)⁻¹JΣ⁻¹τ̂ at a point of a link that explains external torque τ̂.
 
         It acts from the environment on the robot. Directions with a standard deviation above
-        `max_deviation` are not estimated: they are zero in the wrench and named in the result.
+        `max_deviation` are not estimated: they are zero in the wrench and unknown in the result.
 
         Parameters
         ----------
@@ -545,8 +545,8 @@ class DiagonalDynamics:
         link, point, frame
             Point of application and axes of the wrench, as of :meth:`jacobian`.
         covariance : array_like, shape (nv, nv), optional
-            Σ: second moment of m r without contact, in the order of ``model.dof_names``; by default
-            the identity.
+            Σ: second moment of m r without contact, in the order of ``model.dof_names``. Without it
+            f̂ is J⁻ᵀτ̂, or the wrench of least |τ̂ − Jᵀf̂| that `max_deviation` does not limit.
         force_only : bool
             Whether the moment about the point is zero.
         max_deviation : tuple of float

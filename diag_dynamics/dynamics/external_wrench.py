@@ -21,6 +21,9 @@ from diag_dynamics.sweeps import external
 ROUNDING = 1e-13
 """Singular value below which a direction is rounding error, as a fraction of the largest one."""
 
+MIXED = 1e-6
+"""Entry of an unobserved direction, in its unit, above which that component of a wrench is unknown."""
+
 BLOCK = 512
 """Number of states that are decomposed at once."""
 
@@ -35,6 +38,7 @@ class PointOfWrench(NamedTuple):
     scale: Array  # max_deviation of each of six numbers
     weight: Array  # S: the scale, and zeros for the moment if there is a force alone
     whitening: Array  # Wᵀ, where WᵀW = Σ⁻¹, with columns of zeros up to six
+    largest: float  # deviation of an observed direction, infinite without a covariance
 
 
 def point_of_wrench(
@@ -62,6 +66,7 @@ def point_of_wrench(
         scale=np.repeat(scale, 3),
         weight=np.repeat(scale * (1.0, not force_only), 3),
         whitening=np.pad(W.T, ((0, 0), (0, max(0, 6 - model.nv)))),
+        largest=np.inf if covariance is None else 1.0,
     )
 
 
@@ -72,7 +77,7 @@ def estimate(robot: int, point: PointOfWrench, Q: Array, TAU: Array) -> External
     place = point.body, point.point, point.rotation, point.in_world, point.weight
     valid = external.jacobians(robot, *place, Q, G)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        return _decompose(G[:valid] @ point.whitening, point.scale)
+        return _decompose(G[:valid] @ point.whitening, point)
 
 
 def estimate_each(
@@ -90,7 +95,7 @@ def estimate_each(
     return end
 
 
-def _decompose(G: Array, scale: Array) -> ExternalWrench:
+def _decompose(G: Array, point: PointOfWrench) -> ExternalWrench:
     """Return the wrenches of S J Wᵀ and, below it, Wτ, before the first that is not finite.
 
     Of S J Wᵀ = U diag(z) Vᵀ the columns of S U are directions with independent estimates VᵀWτ/z,
@@ -100,10 +105,14 @@ def _decompose(G: Array, scale: Array) -> ExternalWrench:
     y = G[:, 6:]
     U, z, Vt = np.linalg.svd(G[:, :6], full_matrices=False)
     deviation = np.where(z > ROUNDING * z[:, :1], 1.0 / z, np.inf)
-    observed = deviation <= 1.0
-    directions = scale * U.swapaxes(1, 2)
+    observed = np.isfinite(deviation) & (deviation <= point.largest)
+    units = U.swapaxes(1, 2)
+    directions = point.scale * units
     factor = np.where(observed, deviation, 0.0)[:, :, None] * directions
     covariance = factor.swapaxes(1, 2) @ factor
+    is_mixed = (np.abs(units) > MIXED) & ~observed[:, :, None] & (point.weight > 0.0)
+    state, component = is_mixed.any(axis=1).nonzero()
+    covariance[state, component, component] = np.inf
     along = observed[:, None] * (y @ Vt.swapaxes(1, 2))
     wrench = along @ factor
     rest = y - along @ Vt

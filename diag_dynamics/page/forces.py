@@ -12,9 +12,6 @@ from diag_dynamics.page.layout import center_of_body
 UPPER = np.triu_indices(3)
 """Entries of a symmetric matrix that a frame has, row by row."""
 
-MIXED = 1e-3
-"""Entry of an unobserved direction [N, N m] above which that component of a wrench is unknown."""
-
 
 class ForceOptions(NamedTuple):
     """What forces are estimated with; none without a covariance Σ of the external torque, shape (nv, nv)."""
@@ -102,10 +99,11 @@ class Forces:
         NaN where a direction of the force is not observed.
         """
         w = force_at_center(self._dynamics, q, torque, self._names[k], "world", **self._options)
-        values, axes = np.linalg.eigh(w.covariance[:, :3, :3])
-        root = np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(values, 0.0)), axes)
         unobserved = 3 - w.observed.sum(axis=1)
-        root[unobserved > 0] = np.nan
+        whole = unobserved == 0
+        values, axes = np.linalg.eigh(w.covariance[whole, :3, :3])
+        root = np.full((len(whole), 3, 3), np.nan)
+        root[whole] = np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(values, 0.0)), axes)
         return {
             "touch_force": w.wrench[:, :3],
             "touch_root": root[:, UPPER[0], UPPER[1]],
@@ -130,7 +128,5 @@ def component_deviations(w):
 
     It is NaN where an unobserved direction has a part in the component.
     """
-    mixed = (np.abs(w.directions) > MIXED) & ~w.observed[..., None]
-    return np.where(
-        mixed.any(axis=-2), np.nan, np.sqrt(np.diagonal(w.covariance, axis1=-2, axis2=-1))
-    )
+    variances = np.diagonal(w.covariance, axis1=-2, axis2=-1)
+    return np.where(np.isinf(variances), np.nan, np.sqrt(variances))

@@ -237,7 +237,11 @@ def arguments(name, moment):
     found = None
     if moment.effort and model.nv:
         found = dyn.wrench(
-            q, tau, links[moment.seed % len(links)], max_deviation=(10.0 * scale, scale)
+            q,
+            tau,
+            links[moment.seed % len(links)],
+            np.eye(model.nv),
+            max_deviation=(10.0 * scale, scale),
         )
     seen = Disturbance(True, "", r, tau, float(np.linalg.norm(r)), moment.estimated)
     seen = seen if moment.effort else Disturbance(False, "")

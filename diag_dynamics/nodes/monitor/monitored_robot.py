@@ -302,9 +302,11 @@ class MonitoredRobot:
             values["external_wrench.max_force_deviation"],
             values["external_wrench.max_torque_deviation"],
         )
-        torque = watch.contact_torque
+        torque, covariance = watch.contact_torque, watch.covariance
+        if covariance is None:  # noise of 1 N m: near a singularity J⁻ᵀτ̂ has no bound
+            covariance = np.eye(self.model.nv)
         return self.dynamics.wrench(
-            self.state.position, torque, frame, watch.covariance, max_deviation=most
+            self.state.position, torque, frame, covariance, max_deviation=most
         )
 
     def friction_power(self, s):
