@@ -6,6 +6,7 @@
 import json
 import re
 
+from diag_dynamics.atomic_file import write_text
 from diag_dynamics.recordings.tables.conventions import find_quantity, match_time
 from diag_dynamics.recordings.tables.headers import QUANTITIES
 from diag_dynamics.recordings.tables.table import unit_of_size
@@ -31,8 +32,7 @@ def write_template(path, table, joints):
         groups = _group(table.columns, key, joints) or [None]
         proposals += [(key, group) for group in groups]
     lines += ["#", *(f"# {key}: {_text(value)}" for key, value in proposals)]
-    with open(path, "x", encoding="utf-8") as file:
-        file.write(_HEAD.format(path=_text(table.path)) + "\n".join(lines) + "\n")
+    write_text(path, _HEAD.format(path=_text(table.path)) + "\n".join(lines) + "\n")
 
 
 def _text(value):
